@@ -13,6 +13,7 @@ import numpy.typing as npt
 from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream, StreamedSegment
+from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.notes import note_unwritten_materials, note_unwritten_tracks
 from meshreel.formats.options import WriteOptions, origin_of
@@ -275,6 +276,8 @@ def _save(
 ) -> list[Path]:
     """Write a stream to checked paths, which appear together; return them and those of images."""
     found = output_format_of(Path(output))
+    if isinstance(found, SequenceFormat) and found.has_image_folder:
+        stream = sharing_materials(stream)
     images = _image_files(found, paths[0], stream)
     with replace_all_when_done(
         [*images, *paths],
@@ -324,7 +327,7 @@ def _image_files(
     """Return images that are stored as separate files; sets the stream's image folder."""
     if not (isinstance(found, SequenceFormat) and found.has_image_folder):
         return {}
-    [images] = [one.surface.images for one in stream.meshes()]
+    images = next(stream.meshes()).surface.images
     if not images:
         return {}
     folder = image_folder(path)

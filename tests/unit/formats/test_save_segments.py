@@ -151,7 +151,7 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path):
     assert len(notes) == len(set(notes)) > 0
 
 
-@pytest.mark.parametrize("extension", [".vtkhdf", ".abc"])
+@pytest.mark.parametrize("extension", [".vtkhdf", ".abc", ".usdc", ".usda", ".usdz"])
 def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
     notes = []
     meshreel.save(textured, tmp_path / f"a{extension}", notes=notes)
@@ -162,7 +162,7 @@ def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
     assert not any("segments" in note for note in notes)
 
 
-@pytest.mark.parametrize("extension", [".vtkhdf", ".abc"])
+@pytest.mark.parametrize("extension", [".vtkhdf", ".abc", ".usdc"])
 def test_one_file_of_segments_with_different_data(changing, tmp_path, extension):
     notes = []
     meshreel.save(changing, tmp_path / f"a{extension}", notes=notes)
@@ -210,7 +210,7 @@ def test_the_alembic_library_reads_the_faces_of_each_frame(textured, tmp_path):
         np.testing.assert_array_equal(corners.reshape(-1, 3)[:, ::-1], frame.faces)
 
 
-@pytest.mark.parametrize("extension", [".abc"])
+@pytest.mark.parametrize("extension", [".abc", ".usdc"])
 def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
     grids = [textured_grid(2, 4, 3), textured_grid(2, 3, 5)]
     for number, grid in enumerate(grids):
@@ -274,12 +274,18 @@ def test_trimesh_reads_the_meshes_of_all_segments(textured, tmp_path):
     assert n_faces == sum(len(one.faces) for one in textured.segments)
 
 
-def test_gltf_keeps_materials_of_each_segment(tmp_path):
+def dressed_segments():
+    """Return two sheets, the materials of the second of which have another roughness."""
     sheets = [replace(dressed_sheet(n), fps=FPS) for n in (2, 1)]
     materials = sheets[1].surface.materials
     other = tuple(replace(one, roughness=0.125) for one in materials)
     surface = replace(sheets[1].surface, materials=other)
-    sheets[1] = replace(sheets[1], surface=surface)
+    return [sheets[0], replace(sheets[1], surface=surface)]
+
+
+def test_gltf_keeps_materials_of_each_segment(tmp_path):
+    sheets = dressed_segments()
+    materials = sheets[1].surface.materials
     meshreel.save(meshreel.concatenate(sheets), tmp_path / "a.glb")
     document = Glb.read((tmp_path / "a.glb").read_bytes()).document
     names = [one["name"] for one in document["materials"] if "name" in one]
@@ -299,3 +305,46 @@ def test_error_bound_of_gltf_holds_for_decoded_segments(changing, tmp_path):
         distance, _ = cKDTree(one.vertices).query(other.vertices)
         assert distance.max() <= 1.001e-3 * diagonal
     assert any("against the original the largest error is at most 0.0" in one for one in notes)
+
+
+def test_usd_has_the_faces_and_primvars_of_each_frame(textured, tmp_path):
+    usd, geometry = (pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdGeom"))
+    meshreel.save(textured, tmp_path / "a.usdc")
+    stage = usd.Stage.Open(str(tmp_path / "a.usdc"))
+    [prim] = [one for one in stage.Traverse() if one.IsA(geometry.Mesh)]
+    mesh, primvars = geometry.Mesh(prim), geometry.PrimvarsAPI(prim)
+    first = stage.GetStartTimeCode()
+    for number, frame in enumerate(textured):
+        segment, code = textured.segments[textured.segment_of(number)], first + number
+        np.testing.assert_array_equal(mesh.GetPointsAttr().Get(code), frame.vertices)
+        corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(code)).reshape(-1, 3)
+        np.testing.assert_array_equal(corners, frame.faces)
+        assert list(mesh.GetFaceVertexCountsAttr().Get(code)) == [3] * len(frame.faces)
+        uv, weight = segment.surface.attributes[0], segment.surface.attributes[2]
+        np.testing.assert_array_equal(primvars.GetPrimvar("st").Get(code), uv.values)
+        found = np.array(primvars.GetPrimvar("weight").Get(code))
+        np.testing.assert_array_equal(found, weight.values[:, 0])
+        for subset in geometry.Subset.GetAllGeomSubsets(geometry.Imageable(prim)):
+            label = ("skin", "cloth").index(subset.GetPrim().GetName())
+            faces = np.flatnonzero(segment.surface.groups[0].numbers == label)
+            np.testing.assert_array_equal(subset.GetIndicesAttr().Get(code), faces)
+
+
+@pytest.mark.parametrize("extension", [".usdc", ".usdz"])
+def test_usd_keeps_materials_and_images_of_each_segment(tmp_path, extension):
+    shade = pytest.importorskip("pxr.UsdShade")
+    usd = pytest.importorskip("pxr.Usd")
+    sheets = dressed_segments()
+    written = meshreel.save(meshreel.concatenate(sheets), tmp_path / f"a{extension}")
+    images = sheets[0].surface.images
+    assert len(written) == (1 + len(images) if extension == ".usdc" else 1)
+    stage = usd.Stage.Open(str(tmp_path / f"a{extension}"))
+    found = [one for one in stage.Traverse() if one.IsA(shade.Material)]
+    used = {label for one in sheets for label in one.surface.groups[0].labels}
+    assert len(found) == 2 * len(used)
+    roughness = [
+        one.GetAttribute("inputs:roughness").Get()
+        for one in stage.Traverse()
+        if one.IsA(shade.Shader) and one.HasAttribute("inputs:roughness")
+    ]
+    assert roughness.count(0.125) == len([one for one in roughness if one is not None]) / 2

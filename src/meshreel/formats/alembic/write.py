@@ -256,7 +256,6 @@ class _PartWriter:
             self._schema, attribute_sampling, labels, self._names, notes
         )
         self._n_samples = 0
-        self._has_indexed_texture = False
 
     def begin(self, part: PartMesh) -> None:
         """Begin a segment with the part in it."""
@@ -300,9 +299,7 @@ class _PartWriter:
                 name = unique_name(clean(texture.name, IN_METADATA), {one.name for one in others})
                 note_name("attribute", texture.name, name, ".abc", self._notes)
                 self._schema.setUVSourceName(name)
-                self._has_indexed_texture = texture.indices is not None
-            is_indexed = self._has_indexed_texture
-            sample.setUVs(texture_sample(texture, counts, self._notes, is_indexed=is_indexed))
+            sample.setUVs(texture_sample(texture, counts, self._notes))
         if is_first:
             self._tracks.begin(self._schema)
             if self._shading is not None:

@@ -1,7 +1,6 @@
 """Writing the attributes and face groups of a part to an Alembic mesh."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,11 +29,8 @@ def is_texture(attribute: Attribute) -> bool:
     return attribute.kind is Kind.UV and attribute.values.shape[1] == 2
 
 
-def texture_sample(
-    attribute: Attribute, counts: Integers, notes: list[str], *, is_indexed: bool
-) -> Any:
+def texture_sample(attribute: Attribute, counts: Integers, notes: list[str]) -> Any:
     """Return texture coordinates as the UV sample of the first frame of a segment."""
-    attribute = _with_indices(attribute, is_indexed=is_indexed)
     return _sample("V2f", attribute, _converted(attribute, "V2f", notes), counts)
 
 
@@ -100,9 +96,8 @@ class AttributeWriter:
         if self._params is None:
             self._params = [self._param(one) for one in attributes]
         for param, attribute in zip(self._params, attributes, strict=True):
-            indexed = _with_indices(attribute, is_indexed=param.isIndexed())
-            kind, _ = _kind_of(indexed)
-            param.set(_sample(kind, indexed, _converted(indexed, kind, self._notes), counts))
+            kind, _ = _kind_of(attribute)
+            param.set(_sample(kind, attribute, _converted(attribute, kind, self._notes), counts))
         for one in groups:
             if one.name == "material":
                 self._write_face_sets(one)
@@ -184,14 +179,6 @@ def mark_attributes(schema: Any, names: Sequence[str]) -> None:
     """
     mark = ALEMBIC.load("Abc").OStringProperty(schema.getUserProperties(), SEGMENT_ATTRIBUTES)
     mark.setValue("/".join(names))
-
-
-def _with_indices(attribute: Attribute, *, is_indexed: bool) -> Attribute:
-    """Return an attribute with or without indices, and the same value of each item."""
-    if is_indexed == (attribute.indices is not None):
-        return attribute
-    indices = np.arange(len(attribute.values), dtype=np.int32) if is_indexed else None
-    return replace(attribute, values=attribute.per_item(), indices=indices)
 
 
 def _kind_of(attribute: Attribute) -> tuple[str, int]:

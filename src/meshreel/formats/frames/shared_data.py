@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
 from meshreel.formats.notes import listed, note_unwritten_tracks
 from meshreel.formats.scenes.merged_surfaces import MaterialTable
@@ -25,10 +27,12 @@ class SharedData:
     ----------
     attributes, groups, tracks : tuple of tuple
         Keys of the data of all segments, in the order of the first segment.
+    indexed : set of tuple
+        Keys of attributes that have indices in the first segment, and get them in the others.
     labels : dict of tuple to tuple of str
         Labels of all segments, by key of the groups.
     parts : tuple of str
-        Names of the parts, if they are the same in all segments.
+        Names of the parts, if they are the same in all segments, with faces in each.
     has_hard_edges : bool
         Whether a segment has hard edges.
     other_data, other_tracks : tuple of str
@@ -38,6 +42,7 @@ class SharedData:
     attributes: tuple[Key, ...]
     groups: tuple[Key, ...]
     tracks: tuple[Key, ...]
+    indexed: frozenset[Key]
     labels: Mapping[Key, tuple[str, ...]]
     parts: tuple[str, ...]
     has_hard_edges: bool
@@ -51,6 +56,7 @@ class SharedData:
         others: list[dict[str, None]] = [{}, {}, {}]
         labels: dict[Key, dict[str, None]] = {}
         parts: tuple[str, ...] = ()
+        indexed: frozenset[Key] = frozenset()
         has_hard_edges = False
         for number, mesh in enumerate(stream.meshes()):
             found = [dict.fromkeys(keys) for keys in _keys(mesh)]
@@ -60,12 +66,16 @@ class SharedData:
             part_names = tuple(part.name for part in mesh.surface.parts)
             if number == 0:
                 shared, parts = found, part_names
-                continue
+                named = _attributes(mesh.surface)
+                indexed = frozenset(key for key, one in named.items() if one.indices is not None)
             for names, known, own in zip(others, shared, found, strict=True):
                 names.update((str(key[0]), None) for key in sorted(known.keys() ^ own.keys()))
                 for key in known.keys() - own.keys():
                     del known[key]
-            if part_names != parts:
+            is_empty = stream.n_segments > 1 and any(
+                not part.n_faces for part in mesh.surface.parts
+            )
+            if part_names != parts or is_empty:
                 others[1]["the names of parts"] = None
                 parts = ()
         attributes, groups, tracks = map(tuple, shared)
@@ -74,6 +84,7 @@ class SharedData:
             attributes,
             groups,
             tracks,
+            indexed,
             {key: tuple(labels[key]) for key in groups},
             parts,
             has_hard_edges,
@@ -84,7 +95,10 @@ class SharedData:
     def attributes_of(self, surface: Surface) -> dict[Key, Attribute]:
         """Return the shared attributes of a segment."""
         found = _attributes(surface)
-        return {key: found[key] for key in self.attributes}
+        return {
+            key: _with_indices(found[key], is_indexed=key in self.indexed)
+            for key in self.attributes
+        }
 
     def groups_of(self, surface: Surface) -> dict[Key, FaceGroups]:
         """Return the shared groups of a segment."""
@@ -127,6 +141,14 @@ def sharing_materials(stream: SegmentedStream) -> SegmentedStream:
         return replace(mesh, surface=surface)
 
     return stream.changed(share) if stream.n_segments > 1 else stream
+
+
+def _with_indices(attribute: Attribute, *, is_indexed: bool) -> Attribute:
+    """Return an attribute with or without indices, and the same value of each item."""
+    if is_indexed == (attribute.indices is not None):
+        return attribute
+    indices = np.arange(len(attribute.values), dtype=np.int32) if is_indexed else None
+    return replace(attribute, values=attribute.per_item(), indices=indices)
 
 
 def _keys(mesh: SegmentMesh) -> Iterable[Iterable[Key]]:

@@ -25,6 +25,9 @@ TRACK_KIND, TRACK_NAME, UNIT = "meshreel:kind", "meshreel:name", "meshreel:unit"
 COMPUTED = "meshreel:computed"
 """Key of the custom data of normals that meshreel computes from hard edges; they are no track."""
 
+IS_ATTRIBUTE = "meshreel:attribute"
+"""Key of the custom data of primvars that change only with the faces; they are no track."""
+
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
@@ -68,7 +71,7 @@ class Quantity:
         """Return whether it is a track: marked as one, or not constant over these time codes."""
         if self.custom_data(TRACK_KIND):
             return True
-        if self.attribute.GetCustomDataByKey(COMPUTED):
+        if any(self.attribute.GetCustomDataByKey(key) for key in (COMPUTED, IS_ATTRIBUTE)):
             return False
         if len(codes) < 2 or not self.attribute.ValueMightBeTimeVarying():
             return False

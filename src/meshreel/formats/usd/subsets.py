@@ -40,6 +40,8 @@ def read_groups(
         material = materials.bound_label(subset.GetPrim()) if family == MATERIALS else ""
         label = material or label_of(subset.GetPrim())
         faces = subset.GetIndicesAttr().Get(code)
+        if not faces and subset.GetIndicesAttr().ValueMightBeTimeVarying():
+            continue  # a label of other times
         members = families.setdefault(family, [])
         members.append((label, np.asarray([] if faces is None else faces, np.int32)))
     groups = []

@@ -7,6 +7,7 @@ text files and packages are made from that file.
 import re
 import tempfile
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ import numpy as np
 from meshreel.errors import FormatError
 from meshreel.formats.extras import USD
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.shared_data import SharedData, sharing_materials
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.scenes.parts import split_parts
+from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.surfaces.images import image_names
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.diagnostics import usd_errors
@@ -27,6 +30,7 @@ from meshreel.formats.usd.prim_names import mesh_paths
 from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.formats.usd.track_writing import TrackWriter, track_writers
+from meshreel.model.materials import Image
 from meshreel.model.sequence import Corners
 from meshreel.model.tracks import TrackKind
 
@@ -38,8 +42,10 @@ NOT_PORTABLE = r"[^A-Za-z0-9_-]"
 """Characters to replace in names of files in packages."""
 
 
-def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a sequence to a USD file, in the format that its extension selects.
+
+    If the faces change, faces, primvars and subsets are sampled.
 
     Positions are float32, as in USD. If float64 positions are so far from the origin that this
     would move them, they are written relative to a nearby point, with a float64 transform.
@@ -50,6 +56,10 @@ def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
         If USD cannot write the file.
     """
     is_package = path.suffix.lower() == ".usdz"
+    stream = sharing_materials(stream)
+    shared = SharedData.of(stream)
+    shared.note_others(path.suffix.lower(), stream.notes)
+    stream = stream.changed(shared.only)
     with (
         # A failure to remove temporary files is harmless.
         tempfile.TemporaryDirectory(dir=path.parent, ignore_cleanup_errors=True) as folder,
@@ -57,8 +67,8 @@ def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     ):
         binary = Path(folder) / f"{re.sub(NOT_PORTABLE, '_', stream.name) or 'mesh'}.usdc"
         if is_package:
-            _write_images(Path(folder) / PACKAGE_FOLDER, stream)
-        _write_binary(binary, stream, is_package=is_package)
+            _write_images(Path(folder) / PACKAGE_FOLDER, next(stream.meshes()).surface.images)
+        _write_binary(binary, stream, shared, is_package=is_package)
         if is_package:
             asset = USD.load("Sdf").AssetPath(str(binary))
             is_written = USD.load("UsdUtils").CreateNewUsdzPackage(asset, str(path))
@@ -71,40 +81,43 @@ def write_usd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
             raise FormatError(f"USD cannot write {path.name}, and gives no reason")
 
 
-def _write_images(folder: Path, stream: FrameStream) -> None:
+def _write_images(folder: Path, images: Sequence[Image]) -> None:
     """Write the images of a package, which are added to it together with the stage."""
-    if stream.surface.images:
+    if images:
         folder.mkdir()
-    for name, image in zip(image_names(images := stream.surface.images), images, strict=True):
+    for name, image in zip(image_names(images), images, strict=True):
         (folder / name).write_bytes(image.data)
 
 
-def _write_binary(path: Path, stream: FrameStream, *, is_package: bool) -> None:
+def _write_binary(
+    path: Path, stream: SegmentedStream, shared: SharedData, *, is_package: bool
+) -> None:
     stage = USD.load("Usd").Stage.CreateNew(str(path))
     codes = _write_time_codes(stage, stream)
-    origin = _origin(stream)
-    images = stream.surface.images
-    folder = PACKAGE_FOLDER if is_package else stream.image_folder
-    textures = TextureWriter(
-        stage,
-        images,
-        [f"./{folder}/{name}" for name in image_names(images)],
-        uv_primvars(stream.surface),
-        is_package=is_package,
-    )
-    meshes = _write_meshes(stage, stream, origin, textures)
-    tracks = [track for mesh in meshes for track in track_writers(mesh, stream)]
+    scene: _SceneWriter | None = None
     n_unsaved, is_rounded = 0, False
-    for index, (code, frame) in enumerate(zip(codes, stream.frames(), strict=True)):
-        local = frame - origin if origin.any() else frame
-        single = local.astype(np.float32, copy=False)
-        is_rounded = is_rounded or not np.array_equal(single, local)
-        for mesh in meshes:
-            mesh.write_points(single, code)
-        n_unsaved += single.nbytes + _write_tracks(tracks, stream, index, code)
-        if n_unsaved > UNSAVED_BYTES:
-            stage.GetRootLayer().Save()
-            n_unsaved = 0
+    for segment, (start, stop) in zip(stream.segments(), pairwise(stream.starts), strict=True):
+        if scene is None:
+            folder = PACKAGE_FOLDER if is_package else stream.image_folder
+            changing = shared if stream.n_segments > 1 else None
+            scene = _SceneWriter(stage, segment, folder, changing, is_package=is_package)
+        scene.begin(segment, codes[start:stop])
+        tracks = [track for mesh in scene.meshes for track in track_writers(mesh, segment)]
+        origin = scene.origin
+        n_unsaved += segment.faces.nbytes + segment.surface.size_bytes
+        frames = zip(codes[start:stop], segment.frames(), strict=True)
+        for index, (code, frame) in enumerate(frames):
+            local = frame - origin if origin.any() else frame
+            single = local.astype(np.float32, copy=False)
+            is_rounded = is_rounded or not np.array_equal(single, local)
+            for mesh in scene.meshes:
+                mesh.write_points(single, code)
+            n_unsaved += single.nbytes + _write_tracks(tracks, segment, index, code)
+            if n_unsaved > UNSAVED_BYTES:
+                stage.GetRootLayer().Save()
+                n_unsaved = 0
+    assert scene is not None  # there is at least one segment
+    scene.materials.note_unused()
     stage.GetRootLayer().Save()
     if is_rounded:
         stream.notes.append("positions are rounded to float32, as USD stores them")
@@ -120,7 +133,7 @@ def _write_tracks(
     return sum(one.nbytes for one in values.values())
 
 
-def _write_time_codes(stage: Any, stream: FrameStream) -> list[float | None]:
+def _write_time_codes(stage: Any, stream: SegmentedStream) -> list[float | None]:
     """Write the rate and range of the stage, and return the time code of each frame, if any."""
     if stream.n_frames == 1 and not (stream.fps or stream.start_s):
         return [None]
@@ -149,34 +162,94 @@ def _origin(stream: FrameStream) -> Corners:
     return origin
 
 
-def _write_meshes(
-    stage: Any, stream: FrameStream, origin: Corners, textures: TextureWriter
-) -> list[MeshWriter]:
-    """Write the prims of the meshes with everything but points and tracks."""
-    geometry = USD.load("UsdGeom")
-    geometry.SetStageUpAxis(stage, geometry.Tokens.y)
-    geometry.SetStageMetersPerUnit(stage, 1.0)
-    split = split_parts(stream.faces, stream.surface, stream.n_verts, stream.name or "mesh")
-    parts = []
-    for part in split:
+class _SceneWriter:
+    """The meshes of a stage, with everything but points and tracks.
+
+    Parameters
+    ----------
+    first : FrameStream
+        The first segment.
+    folder : str
+        Folder of the images next to the file or in the package.
+    changing : SharedData, optional
+        Data of all segments, if there are several.
+
+    Attributes
+    ----------
+    origin : float64 array of shape (3,)
+        The point to which positions are relative.
+    meshes : list of MeshWriter
+    materials : Materials
+    """
+
+    def __init__(
+        self,
+        stage: Any,
+        first: FrameStream,
+        folder: str,
+        changing: SharedData | None,
+        *,
+        is_package: bool,
+    ) -> None:
+        geometry = USD.load("UsdGeom")
+        self._changing = changing
+        self.origin = _origin(first)
+        images = first.surface.images
+        textures = TextureWriter(
+            stage,
+            images,
+            [f"./{folder}/{name}" for name in image_names(images)],
+            uv_primvars(first.surface),
+            is_package=is_package,
+        )
+        geometry.SetStageUpAxis(stage, geometry.Tokens.y)
+        geometry.SetStageMetersPerUnit(stage, 1.0)
+        parts = _parts(first)
+        paths = mesh_paths([part.name for part in parts], first.name or "scene")
+        root = "/" + paths[0].split("/")[1]
+        transform = geometry.Xform.Define(stage, root)
+        stage.SetDefaultPrim(transform.GetPrim())
+        if self.origin.any():
+            operation = transform.AddTranslateOp(geometry.XformOp.PrecisionDouble)
+            operation.Set(tuple(self.origin.tolist()))
+        names, looks = {path.split("/")[2] for path in paths}, first.surface.materials
+        self.materials = Materials(stage, root, names, looks, textures, first.notes)
+        has_track = any(one.kind is TrackKind.NORMAL for one in first.tracks.values())
+        self.meshes = []
+        for part, path in zip(parts, paths, strict=True):
+            has_hard_edges = part.surface.hard_edges is not None
+            if changing is not None:
+                has_hard_edges = changing.has_hard_edges
+            mesh = MeshWriter(stage, path, part, has_normals=has_hard_edges and not has_track)
+            self.meshes.append(mesh)
+
+    def begin(self, segment: FrameStream, codes: Sequence[float | None]) -> None:
+        """Write faces, attributes and groups of a segment.
+
+        Parameters
+        ----------
+        codes : sequence of float or None
+            Time codes of its frames.
+        """
+        labels = None if self._changing is None else self._changing.labels
+        when: Sequence[float | None] = [None]
+        if labels is not None:
+            when = codes if len(codes) == 1 else [codes[0], codes[-1]]
+        for mesh, part in zip(self.meshes, _parts(segment), strict=True):
+            mesh.begin(part, when[0])
+            write_surface(
+                mesh.prim, part.surface, len(part.counts), self.materials, segment.notes,
+                when, labels,
+            )  # fmt: skip
+
+
+def _parts(stream: FrameStream) -> list[PartMesh]:
+    """Return the parts of a mesh that have faces; notes of the stream name the others."""
+    found = []
+    for part in split_parts(stream.faces, stream.surface, stream.n_verts, stream.name or "mesh"):
         if len(part.counts):
-            parts.append(part)
+            found.append(part)
         else:
-            stream.notes.append(f"part {part.name} is left out, since it is empty")
-    paths = mesh_paths([part.name for part in parts], stream.name or "scene")
-    root = "/" + paths[0].split("/")[1]
-    transform = geometry.Xform.Define(stage, root)
-    stage.SetDefaultPrim(transform.GetPrim())
-    if origin.any():
-        transform.AddTranslateOp(geometry.XformOp.PrecisionDouble).Set(tuple(origin.tolist()))
-    names, looks = {path.split("/")[2] for path in paths}, stream.surface.materials
-    materials = Materials(stage, root, names, looks, textures, stream.notes)
-    meshes = []
-    has_track = any(one.kind is TrackKind.NORMAL for one in stream.tracks.values())
-    for part, path in zip(parts, paths, strict=True):
-        has_normals = part.surface.hard_edges is not None and not has_track
-        mesh = MeshWriter(stage, path, part, has_normals=has_normals)
-        write_surface(mesh.prim, part.surface, len(part.counts), materials, stream.notes)
-        meshes.append(mesh)
-    materials.note_unused()
-    return meshes
+            note = f"part {part.name} is left out, since it is empty"
+            stream.notes.extend([note] if note not in stream.notes else [])
+    return found
