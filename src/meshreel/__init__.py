@@ -1,4 +1,4 @@
-"""meshreel compresses animated triangle meshes of fixed connectivity.
+"""meshreel compresses animated triangle meshes.
 
     import meshreel
 

@@ -50,7 +50,7 @@ def _print_completion(context: click.Context, _param: click.Parameter, shell: st
 )
 @click.pass_context
 def app(context: click.Context) -> None:
-    """Compress and decompress animated triangle meshes of fixed connectivity."""
+    """Compress and decompress animated triangle meshes."""
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 
