@@ -79,7 +79,7 @@ def main() -> None:
 def _usage_message(error: Any) -> str:
     context = getattr(error, "ctx", None)
     command = f"{context.info_name} " if context and context.parent else ""
-    return f"{error.format_message()} (meshreel {command}--help shows what is allowed)"
+    return f"{error.format_message()} (meshreel {command}--help lists the options)"
 
 
 def _fail(message: str) -> None:

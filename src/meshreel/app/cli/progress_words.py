@@ -27,7 +27,7 @@ class PaceClock:
     def words(self, fraction: float) -> str:
         """Text such as "12 of 175 frames, 8.4 frames/s, 0:19 left"; empty if nothing is counted.
 
-        The pace is measured anew when the unit or total changes, or the count falls.
+        The pace restarts when the unit or total changes, or the count falls.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Every test here ends, whatever becomes of the processes it waits for."""
+"""Time limit of each test, in case a process hangs."""
 
 import pytest
 

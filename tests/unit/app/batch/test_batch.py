@@ -1,4 +1,4 @@
-"""What a run of a batch does, leaves alone, does again and refuses."""
+"""Runs of a batch: encoded, unchanged, failed and rejected inputs."""
 
 import json
 import os
@@ -334,7 +334,7 @@ def test_folder_of_outputs_may_be_that_of_inputs(inputs):
 
 
 def check_deaths(inputs, out, engine, monkeypatch):
-    """One input kills its worker once and is encoded; one always, and fails alone."""
+    """One input kills its worker once and is encoded; another always, and only it fails."""
     monkeypatch.setattr("meshreel.app.batch.run.encode_input", encode_or_die)
     for name in ("deadly", "dies_once"):
         meshreel.save(waving_grid(), inputs / f"{name}.npz")
@@ -413,7 +413,7 @@ def test_input_that_kills_its_workers_fails_alone_on_a_cluster(
 
 
 class TightWorkers(InlineWorkers):
-    """Workers whose memory is too little for blocks of the share that is asked for at first."""
+    """Workers with too little memory for the initial block size."""
 
     def __init__(self, error, least_share):
         super().__init__()

@@ -1,4 +1,4 @@
-"""Which inputs there are under a folder, and what becomes of their names."""
+"""Inputs in a folder, and their names."""
 
 import os
 

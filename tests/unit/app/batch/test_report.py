@@ -1,4 +1,4 @@
-"""The page of a batch: what failed, what stands out, and every input."""
+"""Report of a batch: failures, outliers and all inputs."""
 
 import re
 from html.parser import HTMLParser
@@ -24,7 +24,7 @@ def done(ratio, error):
 
 
 def written(folder, input_dir, records):
-    """The page of these records, as it is written."""
+    """Return the HTML report of these records."""
     write_report(Manifest(LocalFolder(folder), input_dir, records))
     return (folder / REPORT_NAME).read_text()
 
