@@ -87,30 +87,32 @@ def decode_segments(
     limit = memory_limit(memory)
     progress("decoding connectivity", 0.0)
     file = whole_file(bytes(data), limit)
-    wanted = frame_range(frames, file.info.n_frames)
-    _require_segments(file, wanted, limit)
+    requested = frame_range(frames, file.info.n_frames)
+    _require_segments(file, requested, limit)
     segments = []
     for number, place in enumerate(file.segments):
-        first = max(wanted.start, place.first_frame)
-        stop = min(wanted.stop, place.first_frame + place.n_frames)
+        first = max(requested.start, place.first_frame)
+        stop = min(requested.stop, place.first_frame + place.n_frames)
         if first < stop:
             opened = OpenStream(file, limit, number)
             opened.require_mesh()
             local = range(first - place.first_frame, stop - place.first_frame)
             segments.append(_decode_frames(opened, local, n_modes, silent))
             opened.file.close()
-            progress("decoding", Count(stop - wanted.start, len(wanted), "frames"))
+            progress("decoding", Count(stop - requested.start, len(requested), "frames"))
     return SegmentedSequence(segments)
 
 
-def _require_segments(file: OpenFile, wanted: range, limit: MemoryLimit) -> None:
+def _require_segments(file: OpenFile, requested: range, limit: MemoryLimit) -> None:
     """Raise MemoryLimitError if the positions of frames of all segments exceed the limit."""
     needed = 0
     for place in file.segments:
-        first = max(wanted.start, place.first_frame)
-        stop = min(wanted.stop, place.first_frame + place.n_frames)
+        first = max(requested.start, place.first_frame)
+        stop = min(requested.stop, place.first_frame + place.n_frames)
         needed += max(0, stop - first) * 3 * POSITION_BYTES * place.n_verts
-    limit.require(needed, f"frames {wanted.start}:{wanted.stop} of {len(file.segments)} segments")
+    limit.require(
+        needed, f"frames {requested.start}:{requested.stop} of {len(file.segments)} segments"
+    )
 
 
 def _decode_frames(
