@@ -212,7 +212,7 @@ def test_errors_of_tracks_are_those_of_the_original(new_page, original_url, fold
     wanted = np.abs(original["stress"].values - decoded["stress"])[9, :, 0]
     np.testing.assert_allclose(values_of(page), wanted, rtol=1e-4, atol=1e-4)
     caption = page.locator("#heat-bar figcaption").inner_text()
-    assert re.fullmatch(r"error of stress, at most [\d.]+ Pa", caption)
+    assert re.fullmatch(r"error of stress, up to [\d.]+ Pa", caption)
     page.evaluate("player.setHeat('track 2')")
     faces = meshreel.decode((folder / "flag.reel").read_bytes()).faces
     off = np.abs(original["heat"].values - decoded["heat"])[9, :, 0].astype(np.float64)

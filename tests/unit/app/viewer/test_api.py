@@ -210,7 +210,7 @@ def test_facts_contain_tracks_of_the_original_when_there_is_one():
     assert [heat["kind"] for heat in facts["track_heats"]] == ["track 0", "track 1"]
     assert [heat["track"] for heat in facts["track_heats"]] == ["height", "heat"]
     first = facts["track_heats"][0]
-    assert first["label"].startswith("error of height, at most ")
+    assert first["label"].startswith("error of height, up to ")
     assert (first["unit"], first["range"]) == ("m", bound)
     for name, answer in zip(facts["tracks"], values, strict=True):
         np.testing.assert_array_equal(answer, grid.tracks[name].values[2].ravel())
