@@ -1,6 +1,7 @@
 """Sequences whose faces change, written and read back."""
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -151,12 +152,15 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path):
     assert len(notes) == len(set(notes)) > 0
 
 
-@pytest.mark.parametrize("extension", [".vtkhdf", ".abc", ".usdc", ".usda", ".usdz"])
+@pytest.mark.parametrize(
+    "extension", [".vtkhdf", ".abc", ".usdc", ".usda", ".usdz", ".pvd", ".xdmf"]
+)
 def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
     notes = []
     meshreel.save(textured, tmp_path / f"a{extension}", notes=notes)
     found = meshreel.load_segments(tmp_path / f"a{extension}")
-    assert (found.fps, found.name) == (FPS, "mesh")
+    name = "a" if extension == ".pvd" else "mesh"  # a collection has no name
+    assert (found.fps, found.name) == (FPS, name)
     assert_same_frames(found, textured)
     assert_data_as_of_single_segments(found, textured, tmp_path, f"a{extension}")
     assert not any("segments" in note for note in notes)
@@ -348,3 +352,31 @@ def test_usd_keeps_materials_and_images_of_each_segment(tmp_path, extension):
         if one.IsA(shade.Shader) and one.HasAttribute("inputs:roughness")
     ]
     assert roughness.count(0.125) == len([one for one in roughness if one is not None]) / 2
+
+
+def test_grids_of_xdmf_refer_to_the_faces_of_their_segment(textured, tmp_path):
+    h5py = pytest.importorskip("h5py")
+    meshreel.save(textured, tmp_path / "a.xdmf")
+    grids = ElementTree.parse(tmp_path / "a.xdmf").findall("Domain/Grid/Grid")
+    with h5py.File(tmp_path / "a.xdmf.h5") as file:
+        for grid, frame in zip(grids, textured, strict=True):
+            places = [grid.findtext(f"{one}/DataItem") for one in ("Topology", "Geometry")]
+            faces, points = (file[place.strip().removeprefix("a.xdmf.h5:")][:] for place in places)
+            np.testing.assert_array_equal(faces, frame.faces)
+            np.testing.assert_array_equal(points, frame.vertices)
+
+
+def test_vtk_reads_the_pieces_of_a_collection(textured, tmp_path):
+    xml = pytest.importorskip("vtkmodules.vtkIOXML")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    meshreel.save(textured, tmp_path / "a.pvd")
+    pieces = sorted((tmp_path / "a_frames").iterdir())
+    for piece, frame in zip(pieces, textured, strict=True):
+        reader = xml.vtkXMLPolyDataReader()
+        reader.SetFileName(str(piece))
+        reader.Update()
+        mesh = reader.GetOutput()
+        np.testing.assert_array_equal(vtk_to_numpy(mesh.GetPoints().GetData()), frame.vertices)
+        corners = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray())
+        np.testing.assert_array_equal(corners.reshape(-1, 3), frame.faces)

@@ -173,6 +173,7 @@ class _FileFrames:
         self._files, self._notes = files, notes
         self._checksums: dict[Key, int] = {}
         self._changing: set[Key] = set()
+        self._attributes: set[Key] = set()
         self._fields: dict[int, dict[Key, Field]] = {}
         self._last: tuple[int, VtkMesh] | None = None
 
@@ -185,6 +186,8 @@ class _FileFrames:
                 values, key = array.values, (domain, array.name)
                 add_field(fields, key, array.field)
                 checksum = zlib.crc32(np.ascontiguousarray(values).data)
+                if array.kind and not array.is_track:
+                    self._attributes.add(key)
                 if self._checksums.setdefault(key, checksum) != checksum:
                     self._changing.add(key)
             self._fields[index] = fields
@@ -229,7 +232,8 @@ class _FileFrames:
         counts = Counter(key for key, _ in everything)
         declared = {key for key, field in everything if field.is_track}
         incomplete = {key for key in counts if counts[key] < len(self._fields)}
-        return self._changing | declared | incomplete
+        # Attributes written by meshreel change only with the faces.
+        return (self._changing | declared | incomplete) - self._attributes
 
     def _read(self, index: int) -> VtkMesh:
         if self._last is None or self._last[0] != index:

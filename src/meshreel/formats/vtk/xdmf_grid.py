@@ -118,7 +118,7 @@ class GridFrames:
 
     @cached_property
     def _changing(self) -> set[tuple[str, str]]:
-        """Center and name of the data that differ between steps, or that are declared tracks."""
+        """Center and name of data that are declared tracks, or differ and are not attributes."""
         steps: list[dict[tuple[str, str], list[Any]]] = []
         for index in range(len(self._steps)):
             keys: dict[tuple[str, str], list[Any]] = {}
@@ -126,17 +126,16 @@ class GridFrames:
                 keys.setdefault(place, []).append(self._items.key(self._items.item_of(attribute)))
             steps.append(keys)
         places = {place for keys in steps for place in keys}
-        declared = {
-            place
-            for index in range(len(self._steps))
-            for place, attribute in self._attributes(index)
-            if TRACK_KIND in attribute.attrib
-        }
-        return declared | {
+        elements = [pair for index in range(len(self._steps)) for pair in self._attributes(index)]
+        declared = {place for place, one in elements if TRACK_KIND in one.attrib}
+        # Attributes written by meshreel change only with the faces.
+        attributes = {place for place, one in elements if ATTRIBUTE_KIND in one.attrib}
+        differing = {
             place
             for place in places
             if any(keys.get(place) != steps[0].get(place) for keys in steps)
         }
+        return declared | (differing - attributes)
 
     def _attributes(self, index: int) -> list[tuple[tuple[str, str], Element]]:
         """Return ((center, name), element) of the node and cell data of a step."""

@@ -1,5 +1,6 @@
 """Writer for XDMF: a temporal collection of grids in XML, with numbers in an HDF5 file."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -8,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.hdf.reading import Node
-from meshreel.formats.hdf.writing import hdf_output
+from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.output_arrays import (
     FRAME_RATE,
@@ -36,35 +38,27 @@ def xdmf_data_files(path: Path, n_frames: int) -> list[Path]:
     return [path.with_name(f"{path.name}.h5")]
 
 
-def write_xdmf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_xdmf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write the XML file and its HDF5 file, which has a dataset for each array of each frame."""
     if not stream.fps:
         stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
-    arrays = output_arrays(stream.surface, stream.tracks, ".xdmf", stream.notes)
     [(name, data_path)] = stream.data_files
-    grids = []
+    grids: list[str] = []
     with hdf_output(data_path) as output:
-        numbers = _HdfItems(output.root, name)
-        topology = _topology(numbers, stream)
-        static = {
-            number: numbers.item(f"data/{number}", _flat(one.values))
-            for number, one in enumerate(arrays)
-            if one.values is not None
-        }
-        for index, frame in output.frames(stream):
-            points = numbers.item(f"points/{index}", frame)
-            values = stream.values(index)
-            items = static | {
-                number: numbers.item(f"data/{number}/{index}", _flat(values[one.track]))
-                for number, one in enumerate(arrays)
-                if one.track
-            }
-            data = "".join(_attribute(one, items[number]) for number, one in enumerate(arrays))
-            time = stream.start_s + index / (stream.fps or FRAME_RATE)
-            grids.append(
-                f'<Grid Name="frame {index}" GridType="Uniform">\n<Time Value="{time!r}"/>\n'
-                f'{topology}<Geometry GeometryType="XYZ">\n{points}</Geometry>\n{data}</Grid>\n'
-            )
+        for number, segment in enumerate(stream.segments()):
+            root = output.root
+            above = ""
+            if stream.n_segments > 1:
+                above = f"segments/{number}/"
+                root = root.create_group(above)
+            numbers = _HdfItems(root, f"{name}:/{above}")
+            for index, grid in enumerate(_grids(numbers, segment, output)):
+                frame = stream.starts[number] + index
+                time = stream.time_of(frame, FRAME_RATE)
+                grids.append(
+                    f'<Grid Name="frame {frame}" GridType="Uniform">\n'
+                    f'<Time Value="{time!r}"/>\n{grid}</Grid>\n'
+                )
     title = quoteattr(xml_text(stream.name) or path.stem)
     text = [
         '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n',
@@ -75,11 +69,32 @@ def write_xdmf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     path.write_text("".join(text), encoding="utf-8")
 
 
+def _grids(numbers: "_HdfItems", segment: FrameStream, output: HdfOutput) -> Iterator[str]:
+    """Yield the contents of the grid of each frame of a segment."""
+    arrays = output_arrays(segment.surface, segment.tracks, ".xdmf", segment.notes)
+    topology = _topology(numbers, segment)
+    static = {
+        number: numbers.item(f"data/{number}", _flat(one.values))
+        for number, one in enumerate(arrays)
+        if one.values is not None
+    }
+    for index, frame in output.frames(segment):
+        points = numbers.item(f"points/{index}", frame)
+        values = segment.values(index)
+        items = static | {
+            number: numbers.item(f"data/{number}/{index}", _flat(values[one.track]))
+            for number, one in enumerate(arrays)
+            if one.track
+        }
+        data = "".join(_attribute(one, items[number]) for number, one in enumerate(arrays))
+        yield f'{topology}<Geometry GeometryType="XYZ">\n{points}</Geometry>\n{data}'
+
+
 class _HdfItems:
     """Writes datasets to the HDF5 file, and returns the XML elements that refer to them."""
 
-    def __init__(self, root: Node, file: str) -> None:
-        self._root, self._file = root, file
+    def __init__(self, root: Node, place: str) -> None:
+        self._root, self._place = root, place
 
     def item(self, place: str, values: npt.NDArray[Any]) -> str:
         """Write an array to a path in the file; return its DataItem element."""
@@ -88,7 +103,7 @@ class _HdfItems:
         number = BYTE_TYPES.get(kind, "") if width == 1 else NUMBER_TYPES[kind]
         dimensions = " ".join(map(str, values.shape))
         facts = f'Dimensions="{dimensions}" NumberType="{number}" Precision="{width}"'
-        text = f"{self._file}:/{place}".replace("&", "&amp;").replace("<", "&lt;")
+        text = f"{self._place}{place}".replace("&", "&amp;").replace("<", "&lt;")
         return f'<DataItem {facts} Format="HDF">{text}</DataItem>\n'
 
 

@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.cells import POLYGON
 from meshreel.formats.vtk.output_arrays import (
@@ -76,17 +76,20 @@ def pvd_pieces(path: Path, n_frames: int) -> list[Path]:
     return [folder / f"{path.stem}_{index:0{width}d}.vtp" for index in range(n_frames)]
 
 
-def write_pvd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
-    """Write a collection and a VTP file for each frame."""
+def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write a collection and a VTP file for each frame, with the data of its segment."""
     if not stream.fps:
         stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
-    encode = _encoder(stream.faces, stream.surface, stream.notes, stream.tracks, ".pvd")
-    rows = []
-    pieces = zip(stream.frames(), stream.data_files, strict=True)
-    for index, (frame, (name, piece)) in enumerate(pieces):
-        piece.write_bytes(encode(frame, stream.values(index)))
-        time = stream.start_s + index / (stream.fps or FRAME_RATE)
-        rows.append(f'<DataSet timestep="{time!r}" group="" part="0" file={quoteattr(name)}/>\n')
+    rows: list[str] = []
+    pieces = iter(stream.data_files)
+    for segment in stream.segments():
+        encode = _encoder(segment.faces, segment.surface, segment.notes, segment.tracks, ".pvd")
+        for index, frame in enumerate(segment.frames()):
+            name, piece = next(pieces)
+            piece.write_bytes(encode(frame, segment.values(index)))
+            time = stream.time_of(len(rows), FRAME_RATE)
+            file = quoteattr(name)
+            rows.append(f'<DataSet timestep="{time!r}" group="" part="0" file={file}/>\n')
     text = "".join(
         [
             '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n',
