@@ -24,6 +24,9 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count
 
+COMPARING = "comparing"
+"""Stage of progress while the faces of all frames are compared."""
+
 
 @staged("reading")
 def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
@@ -103,7 +106,15 @@ def _check_second_frame(found: SourceFiles) -> None:
 
 
 def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequence:
-    segments = [segment.open() for segment in find_segments(found, options)]
+    def comparing(stage: str, share: float) -> None:
+        if stage == COMPARING:  # others count the frames of one segment
+            options.progress(stage, share)
+
+    several = find_segments(found, replace(options, progress=comparing))
+    segments = []
+    for one in several:
+        segments.append(one.open())
+        options.progress("reading", Count(one.stop, several[-1].stop, "frames"))
     sequence = SegmentedSequence(segments)
     options.notes[:] = _combined(options.notes)
     options.notes.append(
@@ -205,5 +216,5 @@ def _same_faces(
         if mesh.difference(first):
             borders.append(index)
             first = mesh
-        options.progress("comparing", Count(index + 1, n_frames, "frames"))
+        options.progress(COMPARING, Count(index + 1, n_frames, "frames"))
     return list(pairwise([*borders, n_frames]))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
+from meshreel.formats.load import load_segments
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.segments import find_segments
@@ -27,6 +28,17 @@ def test_changing_faces_begin_a_new_segment(changing):
     np.testing.assert_array_equal(positions_of(first.open()), waving_grid(3).vertices)
     np.testing.assert_array_equal(positions_of(second.open()), quad_sheet(2).vertices)
     assert (second.open().start_s, second.open().fps) == (0.3, 10)
+
+
+def test_progress_counts_the_frames_of_all_segments(changing):
+    stages = {}
+
+    def progress(stage, share):
+        stages.setdefault(stage, []).append((share.done, share.total))
+
+    load_segments(changing, progress=progress)
+    assert stages["reading"][-2:] == [(3, 5), (5, 5)]
+    assert stages["comparing"] == [(one, 5) for one in range(2, 6)]
 
 
 def test_segment_paths_have_frame_ranges(changing, tmp_path):
