@@ -441,6 +441,19 @@ def _end(process: int, file: "OpenFile", handle: ctypes.c_void_p) -> None:
         _function("end")(handle)
 
 
+def _closer(file: "OpenFile") -> "finalize[[int, _Host, ctypes.c_void_p], OpenFile]":
+    """Close the file in the core when the object is deleted, or when the result is called."""
+    closer = finalize(file, _close, os.getpid(), file._host, file.handle)
+    closer.atexit = False
+    return closer
+
+
+def _close(process: int, host: _Host, handle: ctypes.c_void_p) -> None:
+    """Close a file of the core, which releases its memory through the callbacks of `host`."""
+    if process == os.getpid():
+        _function("close")(handle)
+
+
 class OpenFile:
     """A `.reel` file whose container was parsed; mesh and surface are decoded on demand.
 
@@ -495,6 +508,7 @@ class OpenFile:
             ctypes.byref(self.handle),
         )
         self.is_open = True
+        self._close = _closer(self)
         self.info = self.whole = self._info()
         self.offset = self.first_frame = 0
 
@@ -516,6 +530,7 @@ class OpenFile:
         place, found = self._segment(number), copy(self)
         found.handle = _POINTER()
         self.call("open_segment", self.handle, _U32(number), ctypes.byref(found.handle))
+        found._close = _closer(found)
         found.info = found._info()
         found.offset = place.offset if number else 0
         found.first_frame = place.first_frame
@@ -703,7 +718,7 @@ class OpenFile:
         """Release what the file holds, after its decoders."""
         if self.is_open:
             self.is_open = False
-            _function("close")(self.handle)
+            self._close()
 
 
 def _stream_error(error: _Error) -> Exception:

@@ -1,5 +1,6 @@
 """Sequences whose faces change, encoded as one stream with one target."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -145,3 +146,17 @@ def test_folders_of_changing_meshes_are_encoded_as_segments(tmp_path):
         data = meshreel.encode(tmp_path, lossless=True)
     assert meshreel.decode_segments(data).starts == (0, 2, 4, 6)
     assert meshreel.load_segments(tmp_path).starts == (0, 2, 4, 6)
+
+
+def test_memory_does_not_grow_with_the_segments_that_are_read(tmp_path):
+    frames = [replace(GRID, vertices=GRID.vertices[i : i + 1]) for i in range(12)]
+    peaks = []
+    for n_copies in (1, 4):
+        path = tmp_path / f"{n_copies}.reel"
+        path.write_bytes(meshreel.encode(meshreel.concatenate(n_copies * frames)))
+        tracemalloc.start()
+        with meshreel.open_segments(path) as reel:
+            assert sum(1 for _ in reel) == 12 * n_copies
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.5 * peaks[0]
