@@ -18,7 +18,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.segmented_file import SegmentedReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
-from meshreel.formats.load import load, open_for_encoding
+from meshreel.formats.load import load_any, open_for_encoding
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel.reading import open as open_reel
 from meshreel.formats.reel.reading import read_info
@@ -295,8 +295,7 @@ def _loaded(sequence: Any) -> MeshSequence | SegmentedSequence:
     """A sequence with all frames in memory if its connectivity is constant."""
     if _is_path(sequence):
         notes: list[str] = []
-        with local_copy(sequence) as files:
-            loaded = load(files, notes=notes)
+        loaded = load_any(sequence, ReadOptions(notes=notes))
         _warn(notes)
         return loaded
     source = _sequence(sequence)

@@ -74,3 +74,16 @@ def test_compare_refuses_what_it_cannot_compare(files, words, message):
     done = run(*[files[word] if isinstance(word, int) else word for word in words])
     assert done.exit_code == 1
     assert message in with_option_names(str(done.exception))
+
+
+def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):
+    folder, stream = tmp_path / "frames", tmp_path / "a.reel"
+    sheets = [meshreel.load(path) for path in files[:2]]
+    for name, sheet in zip("ab", sheets, strict=True):
+        meshreel.save(sheet, folder / f"{name}_%d.ply")
+    stream.write_bytes(meshreel.encode(meshreel.load_segments(folder, fps=25)))
+    figures = json.loads(run(folder, stream, "--samples", 400, "--json").stdout)
+    assert figures["reason"] == "the faces change over time"
+    assert 0 < figures["to_decoded"]["mean_percent"] < 0.1
+    with pytest.warns(UserWarning, match="6 frames in 2 segments"):
+        assert meshreel.compare(folder, stream, n_samples=400).reason == figures["reason"]

@@ -136,10 +136,17 @@ def load_segments(source: Source, **options: Any) -> SegmentedSequence:
     Parameters and errors are those of `load`, which refuses changing faces.
     """
     given = {name: value for name, value in options.items() if value is not None}
-    read = ReadOptions(**given)
-    with local_copy(source, read.notes) as files:
-        opened = open_any(find_files(files), read)
+    opened = load_any(source, ReadOptions(**given))
     return SegmentedSequence(segments_of(opened), opened.name, opened.start_s)
+
+
+def load_any(source: Source, options: ReadOptions) -> MeshSequence | SegmentedSequence:
+    """Load a sequence whose faces may change, with options that do not limit the loaded bytes."""
+    with local_copy(source, options.notes) as files:
+        sequence = open_any(find_files(files), options)
+    if not isinstance(sequence, MeshSequence | SegmentedSequence):
+        raise TypeError(f"expected a loaded sequence; got a {type(sequence).__name__}")
+    return sequence
 
 
 def load_with(source: Source, options: ReadOptions, purpose: str = "load") -> MeshSequence:

@@ -71,12 +71,13 @@ def compare_command(
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.app.cli.figures import distance_rows, quality_rows
-    from meshreel.formats.load import load_with
+    from meshreel.formats.load import load_any
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import Quality, measure_quality
+    from meshreel.model.segments import single_segment
     from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
@@ -90,14 +91,17 @@ def compare_command(
     notes = reading.notes
     with progress_bar() as progress:
         reading = replace(reading, progress=progress)
-        first = load_with(original, supported_only(reading, original))
-        second = load_with(decoded, supported_only(replace(reading, animation=None), decoded))
+        first = load_any(original, supported_only(reading, original))
+        second = load_any(decoded, supported_only(replace(reading, animation=None), decoded))
         quality = measure_quality(
             first, second, surface=surface or None, n_samples=n_samples, progress=progress
         )
         if isinstance(quality, Quality):
+            purpose = "alignment"
             errors, label = quality.nmsve, "NMSVE (positions in diagonals)"
-            if alignment := find_alignment(first, second):
+            if alignment := find_alignment(
+                *(single_segment(one, purpose) for one in (first, second))
+            ):
                 notes.append(str(alignment))
         else:
             errors, label = quality.mean_percent_of_frames, "mean distance (% of the diagonal)"
