@@ -102,7 +102,7 @@ def test_json_has_the_errors_of_tracks(folder):
         (["b.reel", "--track", "heat"], "takes a name and a bound, as in stress=0.1%; got 'heat'"),
         (["b.reel", "--track", "heat=1", "--track", "heat=2"], "names 'heat' twice"),
         (["b.reel", "--track", "hat=1"], "did you mean 'heat'?"),
-        (["b.npz", "--track", "heat=1"], "--track has no effect on b.npz"),
+        (["b.npz", "--track", "heat=1"], "--track applies to .reel outputs, not to b.npz"),
     ],
 )
 def test_impossible_bounds_are_refused_with_a_message(folder, words, told):

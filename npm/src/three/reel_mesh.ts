@@ -557,9 +557,10 @@ export class ReelMesh extends THREE.Mesh<
       this.#colors?.fields(block, signal),
       this.#prepareSegment(number, reel, signal),
     ]);
-    if (colors) this.#pendingColors.set(fields, colors);
-    // Blocks of other methods have no modes that could be omitted.
-    return reel.info.method === "reel" ? fields : { ...fields, nBlockModes: 0 };
+    const isReel = reel.info.method === "reel";
+    const loaded = isReel ? fields : { ...fields, nBlockModes: 0 };
+    if (colors) this.#pendingColors.set(loaded, colors);
+    return loaded;
   }
 
   async #prepareSegment(number: number, reel: OpenReel, signal: AbortSignal): Promise<void> {
