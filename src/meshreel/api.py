@@ -295,7 +295,8 @@ def _loaded(sequence: Any) -> MeshSequence | SegmentedSequence:
     """A sequence with all frames in memory if its connectivity is constant."""
     if _is_path(sequence):
         notes: list[str] = []
-        loaded = load_any(sequence, ReadOptions(notes=notes))
+        with local_copy(sequence) as files:
+            loaded = load_any(files, ReadOptions(notes=notes))
         _warn(notes)
         return loaded
     source = _sequence(sequence)

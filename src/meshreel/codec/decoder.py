@@ -139,18 +139,20 @@ def _decode_frames(
             end = min(begin + FRAMES_PER_REPORT, last)
             reader.fill(vertices[begin - selected.start : end - selected.start], begin)
             progress("decoding", Count(end - selected.start, len(selected), "frames"))
-    reader.close()
     try:
+        faces, surface = opened.file.faces, opened.surface
+        reader.close()
+        opened.file.close()
         decoded: dict[str, Track] = {}
         for track, out in zip(tracks.values(), values, strict=True):
             decoded[track.name] = Track(out, track.domain, track.kind, track.unit)
         return MeshSequence(
             vertices,
-            opened.file.faces,
+            faces,
             opened.fps,
             opened.name,
             start_s,
-            opened.surface,
+            surface,
             decoded,
         )
     except InvalidInputError as error:
