@@ -24,10 +24,8 @@ from meshreel.formats.reel.reading import open as open_reel
 from meshreel.formats.reel.reading import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
-from meshreel.model.frame_choice import start_of
-from meshreel.model.segments import AnySequence, SegmentedSequence
+from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of
 from meshreel.model.sequence import FrameSource, MeshSequence
-from meshreel.model.tracks import read_track
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
 from meshreel.runtime.stores.transfer import read_whole
@@ -304,15 +302,7 @@ def _loaded(sequence: Any) -> MeshSequence | SegmentedSequence:
         source = source.segments[0]
     if isinstance(source, MeshSequence | SegmentedSequence):
         return source
-    return MeshSequence(
-        source.read(0, source.n_frames),
-        source.faces,
-        source.fps,
-        source.name,
-        source.start_s,
-        source.surface,
-        {name: read_track(track, range(source.n_frames)) for name, track in source.tracks.items()},
-    )
+    return frames_of(source, range(source.n_frames))
 
 
 def _sequence(sequence: Any) -> AnySequence:
@@ -346,15 +336,7 @@ def _is_path(source: Any) -> bool:
 def _decode_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
     numbers = reel.frame_range(frames)
     reel.require_frames(numbers)
-    return MeshSequence(
-        reel.read(numbers.start, numbers.stop),
-        reel.faces,
-        reel.fps,
-        reel.name,
-        start_of(numbers, reel.start_s, reel.fps),
-        reel.surface,
-        {name: read_track(track, numbers) for name, track in reel.tracks.items()},
-    )
+    return frames_of(reel, numbers)
 
 
 def _warn(notes: list[str]) -> None:

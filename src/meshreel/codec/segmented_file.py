@@ -11,7 +11,7 @@ from meshreel.codec.memory import memory_limit
 from meshreel.codec.reel_file import ReelFile
 from meshreel.kernel.files import OpenFile
 from meshreel.model.frame_choice import chosen_frames
-from meshreel.model.segments import MeshFrame, segment_containing
+from meshreel.model.segments import MeshFrame, frame_at
 from meshreel.runtime.counting import counted
 from meshreel.runtime.stores.positional_file import with_own_position
 from meshreel.runtime.stores.ranged_file import RangedFile
@@ -90,9 +90,7 @@ class SegmentedReelFile:
 
     def frame(self, number: int) -> MeshFrame:
         """Return a frame of 0..T-1; only its block is decoded."""
-        segment = segment_containing(self.starts, number)
-        reel, local = self.segment(segment), number - self.starts[segment]
-        return MeshFrame(reel.read(local, local + 1)[0], reel.faces)
+        return frame_at(self, number)
 
     def __len__(self) -> int:
         return self.n_frames

@@ -13,7 +13,7 @@ from meshreel.codec.track_bounds import Measure, TrackBound, TrackTargets, kept_
 from meshreel.errors import InvalidInputError
 from meshreel.model.segments import SegmentedSequence, tracks_of_all
 from meshreel.model.sequence import Extent
-from meshreel.model.surface_selection import Names, describe_missing, missing_names, select
+from meshreel.model.surface_selection import Names, describe_missing, missing_everywhere, select
 from meshreel.model.tracks import track_by_name, value_range
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
@@ -66,13 +66,12 @@ def encode_segments(
 
 def _check_names(sequence: SegmentedSequence, attributes: Names, tracks: TrackTargets) -> None:
     """Raise InvalidInputError if no segment has an attribute or track of a name."""
-    missing = set.intersection(
-        *(set(missing_names(segment.surface, attributes)) for segment in sequence.segments)
-    )
-    if missing:
-        raise InvalidInputError(describe_missing(sequence.segments[0].surface, sorted(missing)))
+    surfaces = [segment.surface for segment in sequence.segments]
+    if missing := missing_everywhere(surfaces, attributes):
+        raise InvalidInputError(describe_missing(surfaces[0], missing))
+    all_tracks = tracks_of_all(sequence)
     for name in tracks:
-        track_by_name(tracks_of_all(sequence), name)
+        track_by_name(all_tracks, name)
 
 
 def _range_size(sequence: SegmentedSequence, name: str) -> float:

@@ -110,7 +110,11 @@ def load(
         fps, object, merge, _path(topology), dataset, None, progress,
         notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
     )  # fmt: skip
-    return load_with(source, options)
+    with local_copy(source, options.notes) as files:
+        sequence = open_constant(find_files(files), options)
+    if not isinstance(sequence, MeshSequence):
+        raise TypeError(f"expected a loaded sequence; got a {type(sequence).__name__}")
+    return sequence
 
 
 def _with_parameters_of(
@@ -135,8 +139,9 @@ def load_segments(source: Source, **options: Any) -> SegmentedSequence:
 
     Parameters and errors are those of `load`, which refuses changing faces.
     """
+    signature(load).bind(source, **options)  # raises TypeError for unknown names
     given = {name: value for name, value in options.items() if value is not None}
-    opened = load_any(source, ReadOptions(**given))
+    opened = load_any(source, ReadOptions(**{**given, "topology": _path(options.get("topology"))}))
     return SegmentedSequence(segments_of(opened), opened.name, opened.start_s)
 
 
@@ -145,15 +150,6 @@ def load_any(source: Source, options: ReadOptions) -> MeshSequence | SegmentedSe
     with local_copy(source, options.notes) as files:
         sequence = open_any(find_files(files), options)
     if not isinstance(sequence, MeshSequence | SegmentedSequence):
-        raise TypeError(f"expected a loaded sequence; got a {type(sequence).__name__}")
-    return sequence
-
-
-def load_with(source: Source, options: ReadOptions, purpose: str = "load") -> MeshSequence:
-    """Load a sequence as `load` does, with options that do not limit the loaded bytes."""
-    with local_copy(source, options.notes) as files:
-        sequence = open_constant(find_files(files), options, purpose)
-    if not isinstance(sequence, MeshSequence):
         raise TypeError(f"expected a loaded sequence; got a {type(sequence).__name__}")
     return sequence
 

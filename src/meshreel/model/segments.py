@@ -16,6 +16,7 @@ from meshreel.model.frame_choice import FrameChoice, chosen_frames, start_of
 from meshreel.model.sequence import (
     Extent,
     Faces,
+    FrameContents,
     FrameSource,
     MeshSequence,
     Vertices,
@@ -145,14 +146,7 @@ class SegmentedSequence:
 
     def frame(self, number: int) -> MeshFrame:
         """Return a frame of 0..T-1."""
-        index = self.segment_of(number)
-        segment, local = self.segments[index], number - self.starts[index]
-        return MeshFrame(segment.read(local, local + 1)[0], segment.faces)
-
-    def start_of_segment(self, number: int) -> float:
-        """Return the time of the first frame of a segment, in seconds."""
-        first = self.starts[number]
-        return start_of(range(first, first + 1), self.start_s, self.fps)
+        return frame_at(self, number)
 
     def __len__(self) -> int:
         return self.n_frames
@@ -184,9 +178,7 @@ class SegmentedSequence:
         return SegmentedSequence(segments, self.name, start_of(frames, self.start_s, self.fps))
 
     def __iter__(self) -> Iterator[MeshFrame]:
-        for segment in self.segments:
-            for number in range(segment.n_frames):
-                yield MeshFrame(segment.read(number, number + 1)[0], segment.faces)
+        return map(self.frame, range(self.n_frames))
 
     def __add__(self, other: "AnySequence") -> "SegmentedSequence":
         return concatenate([self, other])
@@ -243,6 +235,13 @@ def tracks_of_all(sequence: AnySequence) -> dict[str, TrackSource]:
 def segment_containing(starts: tuple[int, ...], frame: int) -> int:
     """Return the number of the segment that contains a frame, given the first frame of each."""
     return bisect_right(starts, frame) - 1
+
+
+def frame_at(sequence: HasSegments, number: int) -> MeshFrame:
+    """Return frame 0..T-1 of a sequence or a file in segments."""
+    index = segment_containing(sequence.starts, number)
+    segment, local = sequence.segment(index), number - sequence.starts[index]
+    return MeshFrame(segment.read(local, local + 1)[0], segment.faces)
 
 
 def segments_of(sequence: AnySequence) -> tuple[FrameSource, ...]:
@@ -303,7 +302,7 @@ def with_rate(sequence: SegmentedSequence, fps: float, name: str) -> SegmentedSe
     return SegmentedSequence(segments, name, sequence.start_s)
 
 
-def frames_of(segment: FrameSource, wanted: range) -> MeshSequence:
+def frames_of(segment: FrameContents, wanted: range) -> MeshSequence:
     """Return consecutive frames of a sequence of constant connectivity, with their tracks."""
     return MeshSequence(
         segment.read(wanted.start, wanted.stop),

@@ -39,19 +39,8 @@ class Extent:
     mean_diagonal: float
 
 
-class FrameSource(Protocol):
-    """An animated mesh whose frames are read on demand.
-
-    A `MeshSequence` is one; so are frame files that need not fit into memory together.
-    """
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames, T."""
-
-    @property
-    def n_verts(self) -> int:
-        """Number of vertices, V."""
+class FrameContents(Protocol):
+    """Frames of constant connectivity, and what belongs to them."""
 
     @property
     def faces(self) -> Faces:
@@ -77,6 +66,24 @@ class FrameSource(Protocol):
     def tracks(self) -> Mapping[str, TrackSource]:
         """Quantities that change over time, other than the positions, by name."""
 
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
+
+
+class FrameSource(FrameContents, Protocol):
+    """An animated mesh whose frames are read on demand.
+
+    A `MeshSequence` is one; so are frame files that need not fit into memory together.
+    """
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+
     @property
     def dtype(self) -> np.dtype[np.floating]:
         """Number type of the positions: float32 or float64."""
@@ -88,9 +95,6 @@ class FrameSource(Protocol):
     @property
     def is_portable(self) -> bool:
         """Whether another process can read the frames through a pickled copy without frames."""
-
-    def read(self, start: int, stop: int) -> Vertices:
-        """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
 
 
 @dataclass(frozen=True, eq=False)

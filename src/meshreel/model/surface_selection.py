@@ -48,6 +48,12 @@ def missing_names(surface: Surface, names: Names) -> list[str]:
     return [name for name in listed_names(names) if name not in existing]
 
 
+def missing_everywhere(surfaces: Sequence[Surface], names: Names) -> list[str]:
+    """Return the names that no attribute or group of any surface has."""
+    first, *others = (missing_names(surface, names) for surface in surfaces)
+    return [name for name in first if all(name in missing for missing in others)]
+
+
 def describe_missing(surface: Surface, names: Sequence[str]) -> str:
     """A message with names that do not exist, and the existing names."""
     contents: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]

@@ -24,7 +24,7 @@ from meshreel.formats.remote import local_copy
 from meshreel.formats.supported_options import supported_only
 from meshreel.model.segments import AnySequence, segments_of, tracks_of_all
 from meshreel.model.sequence import positions_size_bytes
-from meshreel.model.surface_selection import ALL, describe_missing, missing_names, select
+from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.runtime.counting import counted
 from meshreel.runtime.engine.engine import Engine
 
@@ -170,12 +170,7 @@ def _suited(
     """The input with its selected attributes, and the options that apply to it."""
     config, names = options.config, options.reading.attributes
     surfaces = [segment.surface for segment in segments_of(opened)]
-    missing = [
-        name
-        for name in missing_names(surfaces[0], names)
-        if all(name in missing_names(surface, names) for surface in surfaces)
-    ]
-    if missing:
+    if missing := missing_everywhere(surfaces, names):
         notes.append(describe_missing(surfaces[0], missing))
     sequence = with_surfaces(
         opened, [select(surface, names, ignore_missing=True) for surface in surfaces]
