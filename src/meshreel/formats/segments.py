@@ -45,7 +45,6 @@ def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
     check_read_options(found.format, options)
     attempt = replace(options, notes=[])
     try:
-        _check_second_frame(found)
         opened = _open_constant(found, attempt)
     except ConnectivityChangeError:
         attempt.notes.clear()
@@ -84,6 +83,9 @@ def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
     path = found.paths[0]
     if not isinstance(found.format, SequenceFormat):
         files = MeshFiles(found.paths, found.format)
+        if len(files) > 1:  # before attributes of many frames are compared
+            first = files.mesh(0)
+            files.require_same_faces(1, files.mesh(1), first)
         frames = open_mesh_files(files, found.name, options)
         return select_attributes(frames, options.attributes, path)
     opened = found.format.open(path, options)
@@ -91,18 +93,6 @@ def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
         return select_attributes(opened, options.attributes, path)
     segments = [select_attributes(one, options.attributes, path) for one in opened.segments]
     return SegmentedSequence(segments, opened.name, opened.start_s)
-
-
-def _check_second_frame(found: SourceFiles) -> None:
-    """Raise ConnectivityChangeError if the second frame file already has other faces.
-
-    In captures the faces change in every frame: reading attributes of the first run is futile.
-    """
-    if isinstance(found.format, SequenceFormat) or len(found.paths) < 2:
-        return
-    files = MeshFiles(found.paths[:2], found.format)
-    if difference := files.mesh(1).difference(files.mesh(0)):
-        raise ConnectivityChangeError(f"{found.paths[1]} has {difference} in frame 0")
 
 
 def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequence:

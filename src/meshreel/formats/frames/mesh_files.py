@@ -63,14 +63,19 @@ class MeshFiles:
         first = self.mesh(0)
         for index, path in enumerate(self.paths):
             mesh = self.mesh(index) if index else first
-            if difference := mesh.difference(first):
-                raise ConnectivityChangeError(
-                    f"{path} (frame {index}) has {difference} in frame 0 ({self.paths[0].name})"
-                )
+            self.require_same_faces(index, mesh, first)
             with errors_naming(path):
                 validate_finite(mesh.vertices[np.newaxis], first_frame=index)
             yield mesh
             progress(stage, Count(index + 1, len(self), "frames"))
+
+    def require_same_faces(self, index: int, mesh: PolygonMesh, first: PolygonMesh) -> None:
+        """Raise ConnectivityChangeError if a frame has not the vertices and faces of the first."""
+        if difference := mesh.difference(first):
+            raise ConnectivityChangeError(
+                f"{self.paths[index]} (frame {index}) has {difference} in frame 0 "
+                f"({self.paths[0].name})"
+            )
 
     def mesh(self, index: int) -> PolygonMesh:
         """Return a frame, checked to be the same as when it was first read.
