@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.memory import MemoryLimit, memory_limit
+from meshreel.codec.memory import memory_limit
 from meshreel.codec.open_stream import OpenStream, whole_file, whole_stream
 from meshreel.codec.reel_track import tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.files import OpenFile
 from meshreel.model.frame_choice import frame_range, start_of
 from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import MeshSequence
@@ -19,9 +18,6 @@ from meshreel.runtime.progress import Count, Progress, silent
 
 FRAMES_PER_REPORT = 256
 """Most frames between two progress reports."""
-
-POSITION_BYTES = 4
-"""Least size of a coordinate; the exact one is known once a segment is open."""
 
 
 def decode(
@@ -88,8 +84,8 @@ def decode_segments(
     progress("decoding connectivity", 0.0)
     file = whole_file(bytes(data), limit)
     requested = frame_range(frames, file.info.n_frames)
-    _require_segments(file, requested, limit)
-    segments = []
+    segments: list[MeshSequence] = []
+    held_bytes = 0
     for number, place in enumerate(file.segments):
         first = max(requested.start, place.first_frame)
         stop = min(requested.stop, place.first_frame + place.n_frames)
@@ -97,22 +93,12 @@ def decode_segments(
             opened = OpenStream(file, limit, number)
             opened.require_mesh()
             local = range(first - place.first_frame, stop - place.first_frame)
+            what = f"frames {requested.start}:{stop} of {number + 1} segments"
+            limit.require(held_bytes + opened.frames_size_bytes(local), what)
             segments.append(_decode_frames(opened, local, n_modes, silent))
-            opened.file.close()
+            held_bytes += segments[-1].raw_size_bytes
             progress("decoding", Count(stop - requested.start, len(requested), "frames"))
     return SegmentedSequence(segments)
-
-
-def _require_segments(file: OpenFile, requested: range, limit: MemoryLimit) -> None:
-    """Raise MemoryLimitError if the positions of frames of all segments exceed the limit."""
-    needed = 0
-    for place in file.segments:
-        first = max(requested.start, place.first_frame)
-        stop = min(requested.stop, place.first_frame + place.n_frames)
-        needed += max(0, stop - first) * 3 * POSITION_BYTES * place.n_verts
-    limit.require(
-        needed, f"frames {requested.start}:{requested.stop} of {len(file.segments)} segments"
-    )
 
 
 def _decode_frames(

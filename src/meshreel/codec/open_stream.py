@@ -137,12 +137,17 @@ class OpenStream:
         with_tracks : bool, default False
             Count the values of all tracks too.
         """
-        frame_bytes, tracks = self.n_verts * 3 * self.dtype.itemsize, ""
-        if with_tracks and self.tracks:
-            frame_bytes += sum(track.frame_bytes for track in self.tracks)
-            tracks = ", with their tracks,"
+        has_tracks = with_tracks and self.tracks
+        tracks = ", with their tracks," if has_tracks else ""
         what = f"frames {frames.start}:{frames.stop} of {self.n_verts} vertices{tracks}"
-        self.limit.require(len(frames) * frame_bytes, what)
+        self.limit.require(self.frames_size_bytes(frames, with_tracks=with_tracks), what)
+
+    def frames_size_bytes(self, frames: range, *, with_tracks: bool = True) -> int:
+        """Bytes of the decoded positions of some frames, and of their tracks."""
+        frame_bytes = self.n_verts * 3 * self.dtype.itemsize
+        if with_tracks:
+            frame_bytes += sum(track.frame_bytes for track in self.tracks)
+        return len(frames) * frame_bytes
 
     @property
     def internal_faces(self) -> Faces:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.errors import InvalidInputError
+from meshreel.codec.reel.encoding import segments, whole
+from meshreel.errors import InvalidInputError, MemoryLimitError
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
@@ -160,3 +161,29 @@ def test_memory_does_not_grow_with_the_segments_that_are_read(tmp_path):
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.5 * peaks[0]
+
+
+def test_memory_limit_holds_for_all_segments_together():
+    long = replace(GRID, vertices=np.tile(GRID.vertices, (5, 1, 1)))
+    sequence = meshreel.concatenate(25 * [long, SMALL])
+    data = meshreel.encode(sequence)
+    limit = sequence.raw_size_bytes - 100_000
+    assert len(meshreel.decode_segments(data, frames=slice(30, 60), memory=limit)) == 30
+    with pytest.raises(MemoryLimitError, match="segments would take"):
+        meshreel.decode_segments(data, memory=limit)
+
+
+def test_progress_of_long_segments_counts_the_frames_of_all(sequence, monkeypatch):
+    monkeypatch.setattr(segments, "SMALL_POSITIONS", 0)
+    counts = []
+    meshreel.encode(sequence, progress=lambda stage, count: counts.append((stage, count)))
+    done = [count.done for stage, count in counts if stage == "encoding"]
+    assert done == sorted(done)
+    assert {count.total for stage, count in counts if stage == "encoding"} == {18}
+    assert (done[0], done[-1]) == (0, 18)
+
+
+def test_kg_search_with_little_memory_finds_the_same_step(sequence, monkeypatch):
+    data = meshreel.encode(sequence, kg=0.5)
+    monkeypatch.setattr(whole, "CACHED_POSITION_BYTES", 1 << 30)
+    assert meshreel.encode(sequence, kg=0.5, memory="1GB") == data
