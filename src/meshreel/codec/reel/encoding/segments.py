@@ -60,7 +60,10 @@ def encode_segments(
     total, done = sum(source.n_frames for source in sources), 0
     for several in _coded_together(sources):
         progress("encoding", Count(done, total, "frames"))
-        yield from _encode_each(encode, several, engine)
+        if len(several) == 1:
+            yield encode(several[0], _after(progress, done, total), engine)
+        else:
+            yield from _encode_together(encode, several)
         done += sum(source.n_frames for source in several)
     progress("encoding", Count(done, total, "frames"))
 
@@ -81,13 +84,22 @@ def _coded_together(sources: Sequence[Source]) -> Iterator[list[Source]]:
         yield run
 
 
-def _encode_each(
-    encode: EncodeOne, sources: Sequence[Source], engine: Engine | None
-) -> list[bytes]:
+def _after(progress: Progress, n_done: int, total: int) -> Progress:
+    """Return a callback for one segment that reports the frames of all."""
+
+    def report(stage: str, share: float) -> None:
+        if isinstance(share, Count) and share.unit == "frames":
+            progress(stage, Count(n_done + share.done, total, "frames"))
+
+    return report
+
+
+def _encode_together(encode: EncodeOne, sources: Sequence[Source]) -> list[bytes]:
+    """Encode segments in parallel in this process, without workers."""
     streams = [b""] * len(sources)
 
     def encode_one(number: int) -> None:
-        streams[number] = encode(sources[number], silent, engine)
+        streams[number] = encode(sources[number], silent, None)
 
     in_threads(encode_one, range(len(sources)))
     return streams
@@ -97,17 +109,20 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     """Return the step, in diagonals, with which all segments together meet the target."""
     config = sources[0].config
     kind, numbers = config.target.kind, count(1)
+    needed = whole.CACHED_POSITION_BYTES * sum(map(_n_positions, sources))
+    fits = config.memory_bytes is None or needed <= config.memory_bytes / 2
+    cached = list(_searches(sources)) if fits else None
 
     def measure(step: float) -> float:
         progress(f"encoding, trial {next(numbers)}", 0.0)
         if kind is TargetKind.KG:
             meter = KgMeter()
-            for source in sources:
-                whole.RateSearch(source, silent, None).add_errors(step, meter)
+            for search in cached or _searches(sources):
+                search.add_errors(step, meter)
             return meter.value
         encode = partial(whole.encode, step=step)
         runs = _coded_together(sources)
-        streams = [data for run in runs for data in _encode_each(encode, run, None)]
+        streams = [data for run in runs for data in _encode_together(encode, run)]
         size_bytes = len(join_streams(streams))
         if kind is TargetKind.SIZE:
             return float(size_bytes)
@@ -116,6 +131,11 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     start = quality_step(FIRST_QUALITY) * sources[0].model_size
     has_tracks = any(source.bounds for source in sources)
     return step_within_limit(config, measure, start, has_tracks=has_tracks)
+
+
+def _searches(sources: Sequence[Source]) -> Iterator[whole.RateSearch]:
+    """Yield a search for each segment, which keeps its blocks for further steps."""
+    return (whole.RateSearch(source, silent, None) for source in sources)
 
 
 def _n_positions(source: Source) -> int:
