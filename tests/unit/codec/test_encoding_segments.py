@@ -11,6 +11,7 @@ from meshreel.codec.reel.encoding import segments, whole
 from meshreel.errors import InvalidInputError, MemoryLimitError
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
+from meshreel.runtime.progress import Count
 from samples.meshes import quad_sheet, waving_grid
 
 GRID, SHEET = (replace(one, fps=25.0) for one in (waving_grid(12, 9, 8), quad_sheet(5)))
@@ -176,10 +177,15 @@ def test_memory_limit_holds_for_all_segments_together():
 def test_progress_of_long_segments_counts_the_frames_of_all(sequence, monkeypatch):
     monkeypatch.setattr(segments, "SMALL_POSITIONS", 0)
     counts = []
-    meshreel.encode(sequence, progress=lambda stage, count: counts.append((stage, count)))
-    done = [count.done for stage, count in counts if stage == "encoding"]
+
+    def progress(stage, share):
+        if stage == "encoding" and isinstance(share, Count):
+            counts.append(share)
+
+    meshreel.encode(sequence, progress=progress)
+    done = [count.done for count in counts]
     assert done == sorted(done)
-    assert {count.total for stage, count in counts if stage == "encoding"} == {18}
+    assert {count.total for count in counts} == {18}
     assert (done[0], done[-1]) == (0, 18)
 
 
