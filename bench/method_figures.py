@@ -42,10 +42,21 @@ QUALITY_60_STEP = 1e-4 * 2 ** (20 / 12)
 """Quantization step of a position at quality 60, in diagonals of the bounding box."""
 
 CROP_M = 0.42
-"""Side of the enlarged part of the flag."""
+STENCIL_CROP_M = 0.175
+"""Sides of the enlarged parts of the flag, with the hierarchy and with a stencil."""
 
 COARSER_COLOR = "#222222"
 LEVEL_COLORS = ("#D55E00", "#0072B2", "#56B4E9")
+SEQUENCE_STYLES = (
+    ("o", "#D55E00"),
+    ("s", "#0072B2"),
+    ("D", "#009E73"),
+    ("^", "#4B0092"),
+    ("v", "#B8860B"),
+    ("P", "#222222"),
+)
+"""Marker and color of each sequence of the ablations."""
+
 SIGNED = "RdBu_r"
 
 
@@ -146,22 +157,30 @@ def draw_stencil(flag: Flag) -> Any:
     finest = finest[(mesh.stencil[finest] >= 0).all(axis=1)]
     row = int(finest[np.argmin(np.linalg.norm(flag.flat[order[finest]] - corner, axis=1))])
     target, around = order[row], order[mesh.stencil[row]]
-    figure, panels = plt.subplots(1, 2, figsize=(9.5, 4.6), layout="constrained")
+    low, high = flag.flat[around].min(axis=0), flag.flat[around].max(axis=0)
+    figure, panels = plt.subplots(1, 2, figsize=(9.5, 4.9), layout="constrained")
     titles = ("first weights, from connectivity", f"after {N_KNOWN} decoded fields")
     for panel, title, weights in zip(
         panels, titles, (weights_of(flag, row, 0), weights_of(flag, row, N_KNOWN)), strict=True
     ):
         draw_edges(panel, flag.flat, undirected_edges(flag.faces))
         drawn = panel.scatter(
-            *flag.flat[around].T, s=330, c=weights, cmap=SIGNED, norm=CenteredNorm(halfrange=0.6),
-            edgecolors="#555555", zorder=3,
+            *flag.flat[around].T, s=620, c=weights, cmap=SIGNED, norm=CenteredNorm(halfrange=0.6),
+            edgecolors="#555555", zorder=3, label="vertex of the stencil, with its weight",
         )  # fmt: skip
-        for place, weight in zip(flag.flat[around], weights, strict=True):
-            panel.text(*place, f"{weight:.2f}", ha="center", va="center", fontsize=6.5, zorder=4)
-        panel.scatter(*flag.flat[target], s=150, marker="s", c="#222222", zorder=3)
-        panel.set_title(title, fontsize=10)
-        crop(panel, flag, 0.2, flag.flat[target])
+        for place, weight in zip(flag.flat[around], weights.round(2) + 0.0, strict=True):
+            panel.text(*place, f"{weight:.2f}", ha="center", va="center", fontsize=8.5, zorder=4)
+        panel.scatter(
+            *flag.flat[target], s=260, marker="s", c=COARSER_COLOR, zorder=3,
+            label="predicted vertex",
+        )  # fmt: skip
+        panel.set_title(title, fontsize=11)
+        crop(panel, flag, STENCIL_CROP_M, (low + high) / 2)
     figure.colorbar(drawn, ax=panels, label="weight", shrink=0.8)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="outside lower center", ncols=2, frameon=False, markerscale=0.5,
+    )  # fmt: skip
     return figure
 
 
@@ -169,21 +188,25 @@ def draw_modes(flag: Flag) -> Any:
     """Fields on the flag at rest, with the basis vectors of their modes below."""
     chosen = (0, 1, 2, 4, 12)
     figure, panels = plt.subplots(
-        2, len(chosen), figsize=(13, 3.9), height_ratios=(3, 2), layout="constrained", sharey="row"
+        2, len(chosen), figsize=(13, 4.2), height_ratios=(3, 2), layout="constrained", sharey="row"
     )
     n_frames = len(flag.vectors) // 3
     for field_panel, time_panel, mode in zip(*panels, chosen, strict=True):
-        draw_field(field_panel, flag, flag.fields[:, mode], None)
-        field_panel.set_title(f"mode {mode + 1}", fontsize=10)
+        field = flag.fields[:, mode]
+        drawn = draw_field(field_panel, flag, field / np.abs(field).max(), 1.0)
+        field_panel.set_title(f"mode {mode + 1}", fontsize=12)
         for axis, color in zip("xyz", ("#D55E00", "#009E73", "#0072B2"), strict=True):
             values = flag.vectors.reshape(3, n_frames, -1)["xyz".index(axis), :, mode]
-            time_panel.plot(values, color=color, lw=0.9, label=axis)
-        time_panel.set_xlabel("frame", fontsize=8)
-        time_panel.tick_params(labelsize=7)
+            time_panel.plot(values, color=color, lw=1.1, label=axis)
+        time_panel.set_xlabel("frame", fontsize=10)
+        time_panel.tick_params(labelsize=9)
         time_panel.spines[["top", "right"]].set_visible(False)
-    panels[0][0].set_ylabel("field", fontsize=9)
-    panels[1][0].set_ylabel("basis vector", fontsize=9)
-    panels[1][1].legend(fontsize=8, frameon=False, ncols=3, loc="lower center")
+    panels[0][0].set_ylabel("field", fontsize=11)
+    panels[1][0].set_ylabel("basis vector", fontsize=11)
+    bar = figure.colorbar(drawn, ax=panels[0], aspect=12, pad=0.01)
+    bar.set_label("field / its largest\nmagnitude", fontsize=10)
+    handles, labels = panels[1][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
@@ -217,7 +240,7 @@ def draw_prediction(flag: Flag) -> Any:
 
 
 def draw_ablation() -> Any:
-    """Effect of parts of the method, from the table of docs/codec.md, with a dot per sequence."""
+    """Effect of parts of the method, from the table of docs/codec.md, with a mark per sequence."""
     text = (ROOT / "docs" / "codec.md").read_text(encoding="utf-8")
     table = text[text.index("| KG, STED |") :].split("\n\n")[0].splitlines()
     sequences = [cell.strip() for cell in table[0].split("|")[2:-1]]
@@ -226,21 +249,35 @@ def draw_ablation() -> Any:
         for cells in (line.split("|") for line in table[2:])
     }
     shown = [name for name in rows if not name.startswith("blocks")]
-    figure, panels = plt.subplots(1, 2, figsize=(11, 6), sharey=True, layout="constrained")
+    figure, panels = plt.subplots(1, 2, figsize=(11, 7), sharey=True, layout="constrained")
     for panel, column, measure in zip(panels, (0, 1), ("KG error", "STED"), strict=True):
-        for place, name in enumerate(reversed(shown)):
+        for place, name in enumerate(shown):
             values = rows[name][:, column]
-            panel.barh(place, values.mean(), color="#C9D3E3", height=0.7)
-            for value, marker, sequence in zip(values, "osD^vP", sequences, strict=True):
+            mean = values.mean()
+            panel.barh(
+                place, mean, color="#D9DFE8", height=0.75, label="mean" if not place else None
+            )
+            panel.text(
+                max(values.max(), 0), place, f"  {mean:+.1f}",
+                va="center", fontsize=8.5, color="#444444",
+            )  # fmt: skip
+            for value, style, sequence in zip(values, SEQUENCE_STYLES, sequences, strict=True):
+                marker, color = style
                 panel.plot(
-                    value, place, marker, color="#4B0092", ms=4, alpha=0.8,
+                    value, place, marker, color=color, fillstyle="none", ms=5, mew=1.1,
                     label=sequence if not place else None, ls="none",
                 )  # fmt: skip
         panel.axvline(0, color="#222222", lw=0.8)
-        panel.set_xlabel(f"rate at equal {measure}, change in %")
+        panel.margins(x=0.12, y=0.01)
+        panel.grid(axis="x", alpha=0.3)
+        panel.set_axisbelow(True)
+        panel.set_title(f"at equal {measure}", fontsize=11)
+        panel.set_xlabel("change of the rate, %")
         panel.spines[["top", "right"]].set_visible(False)
-    panels[0].set_yticks(range(len(shown)), reversed(shown), fontsize=9)
-    panels[1].legend(fontsize=8, frameon=False, loc="center right")
+    panels[0].set_yticks(range(len(shown)), shown, fontsize=9.5)
+    panels[0].invert_yaxis()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=7, frameon=False)
     return figure
 
 
