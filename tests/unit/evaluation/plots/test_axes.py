@@ -26,3 +26,9 @@ def test_lines_follow_the_lower_envelope_and_points_are_all_shown():
     assert drawn[0] == sorted(CURVES["a"])
     assert drawn[1] == [(0.5, 20.0), (3.0, 1.0), (4.0, 2e-5)]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("rate", "error")
+
+
+def test_legend_lists_envelopes_by_ascending_rate():
+    axes = Figure().add_subplot()
+    draw_envelopes(axes, {"slow": [(4.0, 1.0)], **CURVES, "lossless": [(9.0, 0.0)]}, "error")
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["b", "a", "slow"]
