@@ -13,6 +13,12 @@ from meshreel.rendering.views import View
 MIN_DISTANCE_RATIO = 1.15
 """A camera follows the mesh by default if that brings it nearer by this factor."""
 
+MAX_TRAVEL = 0.12
+"""In a picture of several frames, a camera also follows a mesh whose mean vertex would travel by
+more than this fraction of a view: otherwise meshes would be off-center."""
+
+PROBE_PX = 512
+
 
 @dataclass(frozen=True, eq=False)
 class _Centered:
@@ -49,7 +55,13 @@ class Framing:
         return [replace(near, eye=near.eye + _middle(frame)) for frame in frames]
 
 
-def framing_of(view: View, frames: ChosenFrames, *, is_followed: bool | None = None) -> Framing:
+def framing_of(
+    view: View,
+    frames: ChosenFrames,
+    *,
+    is_followed: bool | None = None,
+    max_travel: float = np.inf,
+) -> Framing:
     """Decide whether the camera follows the mesh.
 
     Parameters
@@ -57,13 +69,21 @@ def framing_of(view: View, frames: ChosenFrames, *, is_followed: bool | None = N
     frames : ChosenFrames
         A representative sample.
     is_followed : bool, optional
-        Default: if the mesh travels and would otherwise be small.
+        Default: if the mesh travels, and would otherwise be small or exceed ``max_travel``.
+    max_travel : float, optional
+        Longest path of the mean vertex without following, as a fraction of a view.
     """
     if is_followed is None:
         middles = np.array([_middle(frame) for frame in frames])
-        still, near = (view.camera(points, 512, 512) for points in (frames, _Centered(frames)))
+        static, near = (
+            view.camera(points, PROBE_PX, PROBE_PX) for points in (frames, _Centered(frames))
+        )
         near_distance = _distance(near, np.zeros((1, 3)))
-        is_followed = _distance(still, middles) > MIN_DISTANCE_RATIO * near_distance
+        travel_px = np.ptp(static.project(middles)[0], axis=0).max()
+        is_followed = bool(
+            _distance(static, middles) > MIN_DISTANCE_RATIO * near_distance
+            or travel_px > max_travel * PROBE_PX
+        )
     return Framing(view, is_followed)
 
 

@@ -32,8 +32,8 @@ TRACK_HEAT = "track"
 HEAT_NAMES = (*HEATS, TRACK_HEAT)
 """Kinds of heat maps: errors of positions, or errors of the track."""
 
-GLOW = 0.9
-"""Unlit share of colors that represent numbers, so that shading hardly changes them."""
+GLOW = 0.5
+"""Unlit share of colors that represent numbers: near the color bar, with visible folds."""
 
 WHITE: Color = (255, 255, 255)
 

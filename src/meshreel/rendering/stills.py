@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from PIL import Image as PillowImage
 
-from meshreel.rendering.framing import framing_of
+from meshreel.rendering.framing import MAX_TRAVEL, framing_of
 from meshreel.rendering.layout import Size
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import ChosenFrames, Scene
@@ -44,7 +44,7 @@ def still(
     caption : str
         At the bottom.
     is_followed : bool, optional
-        Whether the camera follows the mesh. Default: if it would otherwise be small.
+        Whether the camera follows the mesh. Default: if it would otherwise be small or off-center.
     progress : Progress, default silent
 
     Raises
@@ -57,7 +57,7 @@ def still(
     labels = [label for number in numbers for label in frame_labels(scene, number)]
     words = scene_words(scene, scales, labels if n_views > 1 else (), caption)
     sample = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
-    framing = framing_of(view, sample, is_followed=is_followed)
+    framing = framing_of(view, sample, is_followed=is_followed, max_travel=MAX_TRAVEL)
     layout = plan_sheet(words, n_views, framing.aspect(sample), size, STILL_PX)
     cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
     views: list[Image] = []

@@ -99,7 +99,8 @@ VIEW, BACKGROUND = "30,12", "white"
 @option(
     "--follow/--no-follow",
     default=None,
-    help="Whether the camera follows the mesh. Default: if the mesh would look small.",
+    help="Whether the camera follows the mesh. Default: if the mesh would look small, "
+    "or off-center in a picture.",
     panel=LOOK,
 )
 @option(
