@@ -19,9 +19,9 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILE_CORE = "core/compile.py"
 HEADERS = ("meshreel.h", "meshreel_threads.hpp")
-"""Of `core/include`, for programs in C and C++."""
-# There is no such extra. pip names the requirement where it cannot be had, and so says what else
-# would do.
+"""Files of `core/include`, for programs in C and C++."""
+# This extra does not exist: if the package is unavailable, pip prints the requirement and with it
+# the alternatives.
 COMPILER = "ziglang[or-install-gcc-or-clang]>=0.13"
 ELSEWHERE = "MESHREEL_TARGET"
 

@@ -26,7 +26,7 @@ class Imported:
     objects : list of bpy.types.Object
         One per part of the file.
     notes : list of str
-        A sentence for whatever Blender cannot hold.
+        A sentence for each part that Blender cannot represent.
     """
 
     objects: list[Any] = field(default_factory=list)

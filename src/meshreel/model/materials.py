@@ -195,7 +195,9 @@ def validated_materials(
     """
     for name, number in Counter(material.name for material in materials).items():
         if number > 1:
-            raise InvalidInputError(f"{number} materials are named {name!r}; names must be unique")
+            raise InvalidInputError(
+                f"{number} materials have the name {name!r}; names must be unique"
+            )
     return tuple(_validated(material, len(images)) for material in materials)
 
 

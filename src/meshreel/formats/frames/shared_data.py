@@ -129,7 +129,7 @@ class SharedData:
 def sharing_materials(stream: SegmentedStream) -> SegmentedStream:
     """Return the stream with the materials and images of all segments in each of them.
 
-    Different materials of the same name are told apart by numbers.
+    Different materials with the same name are numbered.
     """
     table = MaterialTable()
     for mesh in stream.meshes():
