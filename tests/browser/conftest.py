@@ -18,10 +18,9 @@ ALLOWED_ERROR = 0.02
 
 
 def pytest_collection_modifyitems(config, items):
-    """
-    Where tests may run again, as in `.ci/run`, those in pages do so once, which is reported.
+    """Let tests in pages rerun once if reruns are enabled, as in `.ci/run`.
 
-    Pages play in real time, and are drawn without a GPU beside other tests.
+    Pages play in real time and are drawn without a GPU while other tests run.
     """
     if not config.getoption("reruns", 0):
         return

@@ -84,7 +84,7 @@ def read(page, address, **options):
         ({"cors": "plain"}, False),
         ({"ranges": "no"}, False),
         ({"ranges": "no", "cors": "plain", "cut": 70_000, "cuts": 1}, False),
-        # Chromium takes no compressed ranges.
+        # Chromium rejects compressed ranges.
         ({"gzip": "yes"}, False),
         ({"gzip": "ranges", "cors": "plain"}, False),
         ({"fault": "noRange"}, False),
@@ -103,7 +103,7 @@ def test_bytes_are_right_when_a_server_misbehaves(page, address_of, content, how
     ("how", "options", "message"),
     [
         ({"changeAfter": 1}, {}, "has changed since it was opened; open it again"),
-        # Chromium would give the old ETag with bytes that its cache has asked for by If-Range.
+        # Chromium would report the old ETag with bytes that its cache requested by If-Range.
         ({"changeAfter": 1, "ifRange": "no"}, {}, "has changed"),
         ({"changeAfter": 1}, {"cache": "default"}, "has changed"),
         ({"cors": "none"}, {"retries": 1}, "that the server sends Access-Control-Allow-Origin"),

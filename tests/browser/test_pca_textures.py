@@ -31,7 +31,7 @@ GODOT = Path(os.environ.get("MESHREEL_GODOT", "none"))
 
 N_FRAMES, FRAMES = 36, (0.0, 35.0, 12.25)
 ROUNDING = 1e-6
-"""Of float32, in the length of the flag."""
+"""Tolerance of float32, in lengths of the flag."""
 
 PAGE = b"""<!doctype html><title>pca</title><link rel="icon" href="data:,">
 <script type="importmap">{"imports": {"three": "/three/three.module.js",
@@ -53,11 +53,11 @@ void fragment() {
 	ALBEDO = vec3((floatBitsToUint(seen) >> uvec3(uint(bit))) & uvec3(1u));
 }
 """
-"""The end of the shader of Godot, in place of its own: a pixel for each vertex, a bit at a time."""
+"""Replaces the end of the Godot shader: draws one bit of each vertex as a pixel."""
 
 
 class Written:
-    """A folder as the command writes it, and what it plays."""
+    """A folder of textures written by the command, and the values that it plays."""
 
     def __init__(self, folder):
         self._sequence = sequence = meshreel.simulate_flag(N_FRAMES, n_rows=16, n_columns=18)
@@ -82,7 +82,7 @@ class Written:
         return found / np.linalg.norm(found, axis=1, keepdims=True)
 
     def mean_angle_deg(self, normals, number):
-        """Between normals of a frame and those of the sequence itself, or between two frames."""
+        """Angle between played and original normals, at a frame or between two."""
         first, second = (self._sequence.vertices[(int(number) + k) % N_FRAMES] for k in (0, 1))
         own = (1 - number % 1) * first + number % 1 * second
         cosines = (normals * vertex_normals(own, self._sequence.faces)).sum(axis=1)
@@ -127,7 +127,7 @@ def ask(new_page, site):
 
 
 @pytest.mark.slow
-def test_three_js_moves_vertices_and_normals_as_python_does(ask, written):
+def test_three_js_plays_vertices_and_normals_like_python(ask, written):
     found = ask("(frames) => readThree(frames)", FRAMES)
     seen = [np.reshape(one, (-1, 4))[:, :3] for one in found]
     for number, positions in zip(FRAMES, seen[::2], strict=True):
@@ -142,7 +142,7 @@ def test_three_js_moves_vertices_and_normals_as_python_does(ask, written):
     reason="needs glslangValidator and spirv-cross",
 )
 @pytest.mark.parametrize("engine", ["unity", "unreal"])
-def test_hlsl_moves_vertices_as_python_does(ask, written, tmp_path, engine):
+def test_hlsl_plays_vertices_like_python(ask, written, tmp_path, engine):
     rest = written.rest.copy()
     places = texel_coordinates(written.texels, written.n_verts).astype(float)
     mirror = np.array([-1, 1, 1]) if engine == "unity" else np.ones(3)
@@ -172,7 +172,7 @@ def test_hlsl_moves_vertices_as_python_does(ask, written, tmp_path, engine):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not GODOT.is_dir(), reason="needs Godot for web pages (MESHREEL_GODOT)")
-def test_godot_moves_vertices_as_python_does(browser, written):
+def test_godot_plays_vertices_like_python(browser, written):
     with serving(godot_files(written)) as (url, _):
         page = browser.new_page()
         page.goto(f"{url}/index.html")
@@ -192,7 +192,7 @@ def test_godot_moves_vertices_as_python_does(browser, written):
 
 
 def godot_files(written):
-    """A project that reads back what the shader does, and the program that runs it."""
+    """Return the files of a Godot project that reads back the output of the shader."""
     code = (SHADERS / "meshreel_pca.gdshader").read_text()
     reading = "uniform int what; uniform int bit; uniform vec2 size; varying flat vec3 seen;"
     head, _, _ = code.replace(

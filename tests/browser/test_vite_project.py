@@ -1,4 +1,4 @@
-"""What `npm pack` makes plays in a project of `npm create vite`, built and as it is developed."""
+"""The packed package plays in a Vite project, built and on the development server."""
 
 import os
 import re
@@ -72,7 +72,7 @@ def assert_plays(new_page, url, data):
     page.close()  # while the server is there
 
 
-def test_built_page_plays_and_its_types_are_right(new_page, project, data):
+def test_built_page_plays_and_passes_type_checks(new_page, project, data):
     npm("run", "build", folder=project)  # which begins with tsc
     with serving(files_below(project / "dist")) as (url, _):
         assert_plays(new_page, f"{url}/index.html", data)

@@ -1,4 +1,4 @@
-"""Files without modes in a page: a mesh on the GPU shows them where they are."""
+"""Files without modes in a page: the mesh shows exact positions."""
 
 import numpy as np
 import pytest

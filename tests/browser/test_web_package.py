@@ -60,22 +60,26 @@ def _package():
     built_package()
 
 
-def said_of_streams():
-    """What is said of the streams that pages decode, by name."""
-    said = {path.stem: json.loads(path.read_text("utf-8")) for path in FOLDER.glob("*.json")}
+def stream_descriptions():
+    """Return the descriptions of the streams that pages decode, by name."""
+    descriptions = {
+        path.stem: json.loads(path.read_text("utf-8")) for path in FOLDER.glob("*.json")
+    }
     played = "reel", "lossless", "grid"
-    return {name: one for name, one in said.items() if one["method"] in played}
+    return {name: one for name, one in descriptions.items() if one["method"] in played}
 
 
 def streams_with_tracks():
-    """Names of streams, and hashes of the values of each track of theirs."""
-    said = {name: one["tracks"] for name, one in said_of_streams().items() if one.get("tracks")}
+    """Return the names of streams with tracks, and hashes of the values of each track."""
+    descriptions = {
+        name: one["tracks"] for name, one in stream_descriptions().items() if one.get("tracks")
+    }
     hashes = {
         f"{name}: {track['name']}": track["hash of values"]
-        for name, tracks in said.items()
+        for name, tracks in descriptions.items()
         for track in tracks
     }
-    return sorted(said), hashes
+    return sorted(descriptions), hashes
 
 
 def hash_of(sequence):
@@ -84,23 +88,23 @@ def hash_of(sequence):
 
 @pytest.fixture(scope="module")
 def sheet():
-    """A stream of many blocks that is larger than what is read at first."""
+    """A stream of many blocks, larger than the first request."""
     return meshreel.encode(meshreel.simulate_flag(120, n_rows=40, n_columns=40), block_frames=10)
 
 
-def test_positions_are_those_of_every_stream(new_page):
-    said = said_of_streams()
-    assert len(said) >= 96
-    files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in said}
+def test_positions_of_every_stream_match(new_page):
+    descriptions = stream_descriptions()
+    assert len(descriptions) >= 96
+    files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in descriptions}
     with serving(files) as (url, _):
         page = new_page(url, is_shown=False)
-        found = page.evaluate(HASHES, sorted(said))
-    wanted = {name: [one["hash of positions"], True] for name, one in said.items()}
+        found = page.evaluate(HASHES, sorted(descriptions))
+    wanted = {name: [one["hash of positions"], True] for name, one in descriptions.items()}
     assert found == wanted
 
 
 @pytest.mark.parametrize("policy", ["worker-src blob:", "worker-src 'none'"])
-def test_values_of_tracks_are_those_of_every_stream(new_page, policy):
+def test_track_values_of_every_stream_match(new_page, policy):
     names, wanted = streams_with_tracks()
     assert len(wanted) >= 8
     files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in names}
@@ -110,14 +114,14 @@ def test_values_of_tracks_are_those_of_every_stream(new_page, policy):
 
 
 @pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
-def test_positions_and_tracks_are_those_of_every_stream_in_firefox():
-    said = said_of_streams()
+def test_positions_and_tracks_match_in_firefox():
+    descriptions = stream_descriptions()
     with_tracks, hashes = streams_with_tracks()
-    files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in said}
+    files = {f"/{name}.reel": (FOLDER / f"{name}.reel").read_bytes() for name in descriptions}
     script = f"""
       const text = (error) => error.name + ": " + error.message;
       const both = async () => ({{
-        ...(await ({HASHES})({json.dumps(sorted(said))})),
+        ...(await ({HASHES})({json.dumps(sorted(descriptions))})),
         ...(await ({TRACK_HASHES})({json.dumps(with_tracks)})),
       }});
       both()
@@ -134,11 +138,11 @@ def test_positions_and_tracks_are_those_of_every_stream_in_firefox():
         try:
             found = json.loads(posted.get(timeout=FIREFOX_S))
         except Empty:
-            pytest.fail(f"Firefox said nothing for {FIREFOX_S} s")
+            pytest.fail(f"Firefox descriptions nothing for {FIREFOX_S} s")
         finally:
             process.terminate()
             process.wait()
-    positions = {name: [one["hash of positions"], True] for name, one in said.items()}
+    positions = {name: [one["hash of positions"], True] for name, one in descriptions.items()}
     assert found == {**positions, **hashes}
 
 

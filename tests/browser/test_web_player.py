@@ -203,7 +203,7 @@ STATES = {
 
 
 @pytest.mark.parametrize("state", STATES)
-def test_nobody_is_shut_out(shown, state):
+def test_axe_finds_no_violations(shown, state):
     page = shown(f"{STATES[state]}</reel-player>", script=GATE)
     if state in ("missing", "refused"):
         until(page, "player.error")
@@ -258,14 +258,14 @@ def test_keys_play_seek_and_turn(shown):
     assert np.abs(picture(page) - before).max(axis=2).mean() < 0.1
 
 
-def test_arrows_step_where_the_camera_is_not_theirs(shown):
+def test_arrow_keys_step_frames_unless_they_move_the_camera(shown):
     page = shown('<reel-player src="/flag.reel"></reel-player>')
     settled(page)
     press(page, "canvas", "ArrowRight", "ArrowRight", "ArrowRight", "ArrowLeft")
     until(page, "player.mesh.frame === 2")
 
 
-def test_everything_is_reached_by_the_tab_key_and_shows_it(shown):
+def test_every_control_is_focusable_with_a_visible_focus(shown):
     page = shown('<reel-player src="/sheet.reel" controls texture="/walk.webm"></reel-player>')
     settled(page)
     until(page, "player.mesh.video")
@@ -305,7 +305,7 @@ def test_reduced_motion_disables_autoplay(shown):
     assert page.locator("reel-player button.start").is_hidden()
 
 
-def test_waiting_is_seen(shown):
+def test_waiting_for_data_is_visible(shown):
     page = shown('<reel-player src="/slow.reel" autoplay></reel-player>', script=GATE)
     page.wait_for_timeout(400)
     assert text_of(page, ".waiting") == "Loading…"
@@ -428,7 +428,7 @@ def test_a_track_colors_the_mesh_with_a_legend(shown):
     assert page.evaluate("player.error") is None
 
 
-def test_a_track_that_is_not_there_is_an_error_with_those_that_are(shown):
+def test_error_for_an_unknown_track_lists_the_tracks(shown):
     page = shown('<reel-player src="/stress.reel" track="strain"></reel-player>')
     until(page, "player.error")
     assert 'available: "stress", "part", "paint"' in text_of(page, "[role=alert]")
@@ -439,7 +439,7 @@ def test_removed_players_release_everything(shown):
     page = shown("", script=HOLDING, width=480, height=320)
     warnings = []
     page.on("console", lambda message: warnings.append(message.text))
-    n_players = 17  # Chromium takes the first of 17 contexts away
+    n_players = 17  # Chromium loses the first of 17 contexts
     for _ in range(n_players):
         page.evaluate(
             """() => {
@@ -461,7 +461,7 @@ def test_removed_players_release_everything(shown):
     settled(page)
 
 
-def test_a_player_that_is_moved_plays_on(shown):
+def test_player_moved_in_the_page_continues(shown):
     page = shown('<reel-player src="/flag.reel" autoplay loop></reel-player><section></section>')
     settled(page)
     page.evaluate("window.before = player.mesh; document.querySelector('section').append(player)")
@@ -481,7 +481,7 @@ def test_nothing_is_drawn_without_changes_or_off_screen(shown):
     until(page, f"drawn > {before} + 5")
     page.evaluate("scrollTo(0, 3000)")
     until(page, "!player.mesh.isPlaying")
-    page.wait_for_timeout(300)  # for a picture that was asked for before
+    page.wait_for_timeout(300)  # for a picture that was requested before
     drawn, time = page.evaluate("[drawn, player.currentTime]")
     page.wait_for_timeout(400)
     assert page.evaluate("[drawn, player.currentTime]") == [drawn, time]
@@ -500,12 +500,12 @@ def test_several_players_play_on_one_page(shown):
 
 
 @pytest.mark.parametrize("is_chosen", [False, True])
-def test_the_wheel_scrolls_the_page_until_the_picture_is_chosen(shown, is_chosen):
+def test_wheel_scrolls_the_page_until_the_picture_has_focus(shown, is_chosen):
     body = '<reel-player src="/flag.reel" camera-controls></reel-player><div class="far"></div>'
     page = shown(body)
     page.evaluate("document.querySelector('.far').style.height = '4000px'")
     settled(page)
-    before = drawn_fraction(page)  # which has the page scroll to where all of the player is seen
+    before = drawn_fraction(page)  # focus scrolls the whole player into view
     top = page.evaluate("scrollY")
     page.mouse.move(320, 200)
     if is_chosen:
@@ -529,7 +529,7 @@ def test_the_canvas_has_the_pixels_of_the_screen_and_no_more_than_twice(shown):
 
 @pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
 @pytest.mark.parametrize(("up", "least"), [("y", 0.7), ("z", 0.5)])  # z: the post points at us
-def test_all_of_the_motion_is_seen_and_fills_the_picture(shown, size, up, least):
+def test_whole_motion_is_visible_and_fills_the_picture(shown, size, up, least):
     page = shown(f'<reel-player src="/walk.reel" up="{up}"></reel-player>')
     page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
     page.evaluate("Object.assign(player.style, { display: 'block', height: '60vh' })")

@@ -1,4 +1,4 @@
-"""The programs on the page of the package for pages: strict TypeScript, and they play."""
+"""Programs in the README of the npm package pass strict TypeScript and play."""
 
 import json
 import subprocess
@@ -74,4 +74,4 @@ def test_program_of_three_plays_a_model_in_millimeters_without_scroll_bars(new_p
         found = page.evaluate(f"(({{ {sizes[1:-1]} }}) => {sizes})(document.documentElement)")
         assert found == [640, 400, 640, 400]
         assert_shown(page.screenshot())
-        page.close()  # while the server is there
+        page.close()  # while the server runs

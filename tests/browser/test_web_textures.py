@@ -1,4 +1,4 @@
-"""Images and videos on a mesh: the frame of the mesh is that of the picture that is shown."""
+"""Images and videos on a mesh, which shows the frame of the current picture."""
 
 import io
 import json
@@ -45,7 +45,7 @@ STEPS = """
   stand.dispose();
   return { frames, wrong, n, bad };
 """
-"""Seeks, plays, loops, and seeks while it plays."""
+"""Script that seeks, plays, loops, and seeks during playback."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -89,7 +89,7 @@ def site(files):
 
 @pytest.fixture
 def ask(new_page, site):
-    """The answer of a script that gets a stand of some file and texture."""
+    """Return the result of a script called with a stand for a file and a texture."""
 
     def answer(setting, body, **given):
         page = new_page(f"{site}/index.html", is_shown=False, **given)
@@ -100,7 +100,7 @@ def ask(new_page, site):
 
 
 def two_colors():
-    """An orange image whose upper fourth is blue."""
+    """Return an orange image whose upper quarter is blue."""
     pixels = np.full((64, 64, 3), (200, 100, 50), np.uint8)
     pixels[:16] = (20, 40, 180)
     file = io.BytesIO()
@@ -124,8 +124,8 @@ def test_the_mesh_matches_each_video_frame_while_playing_seeking_and_looping(ask
 def test_the_mesh_follows_a_video_without_frame_callbacks(ask):
     script = "delete HTMLVideoElement.prototype.requestVideoFrameCallback"
     found = ask('{ texture: "/same.webm" }', STEPS, script=script)
-    # The time of a video may be that of another picture by now, which is why this is no proof of
-    # more than that the mesh follows.
+    # The time of a video may already be that of another picture, so this test only shows that
+    # the mesh follows.
     assert all(abs(mesh - video) <= 1 for _, mesh, video in found["frames"])
     assert found["bad"] == []
     assert found["n"] > 9
@@ -134,7 +134,7 @@ def test_the_mesh_follows_a_video_without_frame_callbacks(ask):
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
 @pytest.mark.parametrize("numbers", [False, True])
-def test_mesh_is_of_the_frame_of_each_picture_in_firefox(files, numbers):
+def test_mesh_matches_each_picture_in_firefox(files, numbers):
     options = f"frameNumber: {NUMBERS}" if numbers else ""
     script = f"""
       const text = (error) => error.name + ": " + error.message;
@@ -166,7 +166,7 @@ def test_mesh_is_of_the_frame_of_each_picture_in_firefox(files, numbers):
     assert [[frame] * 3 for frame, _, _ in found["frames"]] == found["frames"]
     assert found["bad"] == []
     assert found["n"] > 9
-    # Busy, Firefox tells times of other pictures than it draws: then only numbers can be believed.
+    # A busy Firefox reports times of other pictures than it draws; only frame numbers are reliable.
     assert found["wrong"] == [] or not numbers
 
 
@@ -286,7 +286,7 @@ def test_playback_covers_the_common_duration(ask, film, last):
 
 
 @pytest.mark.slow
-def test_numbers_in_pictures_count_more_than_times(ask):
+def test_numbers_in_pictures_override_times(ask):
     found = ask(
         f'{{ texture: "/slow.webm", options: {{ frameNumber: {NUMBERS} }} }}',
         """
@@ -381,8 +381,8 @@ ERRORS = {
 
 
 @pytest.mark.slow
-def test_textures_that_cannot_be_are_refused_in_words(ask):
-    """One page tries all of them: a dozen pages would all go on drawing."""
+def test_invalid_textures_are_rejected_with_a_message(ask):
+    """One page tries all of them, because a dozen pages would keep drawing."""
     tried = []
     for call in ERRORS:
         given, _, setting = call.partition("|")
@@ -466,7 +466,7 @@ def test_changed_and_disposed_textures_are_released(ask):
           };
         """,
     )
-    counts = found["counts"][1:]  # three.js makes some of its own at first
+    counts = found["counts"][1:]  # three.js creates some initially
     assert counts == counts[:3] * 3
     assert counts[:2] == [counts[2] + 1] * 2
     assert found["videos"] == [None, "AbortError"] * 3

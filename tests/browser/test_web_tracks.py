@@ -1,4 +1,4 @@
-"""Tracks in a page have the values of Python, and color the mesh."""
+"""Tracks in a page have the values of Python and color the mesh."""
 
 import numpy as np
 import pytest
@@ -151,7 +151,7 @@ def page(new_page, stream):
         yield new_page(f"{url}/index.html", is_shown=False)
 
 
-def test_values_and_facts_are_those_of_python(page, decoded):
+def test_values_and_descriptions_match_python(page, decoded):
     for name, values in decoded.items():
         answer = page.evaluate(VALUES, name)
         found = np.array(answer["frames"], values.dtype).reshape(values.shape)
@@ -232,7 +232,7 @@ def test_range_of_a_track_of_colors_is_refused(page):
     assert "consists of colors, to which range does not apply" in page.evaluate(refused)
 
 
-def test_other_values_are_colored_like_those_of_the_mesh(page):
+def test_color_values_matches_the_colors_of_the_mesh(page):
     found = page.evaluate(OF_VALUES)
     refused = found.pop("refused")
     assert max(found.values()) < 2e-3, found

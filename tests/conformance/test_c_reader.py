@@ -1,4 +1,4 @@
-"""The decoder in C finds the bits that the package finds, and refuses what it refuses."""
+"""The C decoder agrees with the package bit for bit, and refuses the same streams."""
 
 import ctypes
 import threading
@@ -36,8 +36,8 @@ ROOT = Path(__file__).parents[2]
 NORMAL = 3
 """`MESHREEL_TRACK_NORMAL`."""
 
-OF_THE_PAPER = [name for name in STREAMS if name.startswith("paper_")]
-OF_OURS = [name for name in STREAMS if name not in OF_THE_PAPER]
+PAPER_STREAMS = [name for name in STREAMS if name.startswith("paper_")]
+DECODABLE = [name for name in STREAMS if name not in PAPER_STREAMS]
 VARIED = (
     "corners_in_rows",
     "everything_quantised",
@@ -58,13 +58,13 @@ def stored(name):
 
 
 def decoded_all(file):
-    """Bits of all that a file holds: triangles, and values of each track."""
+    """Return the bytes of the triangles and of the values of each track."""
     values = [file.values(number).tobytes() for number in range(file.info.n_tracks)]
     return [file.triangles.tobytes(), *values]
 
 
 def everything_of(data, host, source=None):
-    """Decode all of a file, the surface too, and release it."""
+    """Decode a whole file with its surface, close it, and return `decoded_all`."""
     with File(source or in_memory(data), host) as file:
         file.read_surface()
         return decoded_all(file)
@@ -81,8 +81,8 @@ def same(found, wanted):
 
 
 @pytest.mark.every_case
-@pytest.mark.parametrize("name", OF_OURS)
-def test_positions_tracks_and_surface_are_those_of_the_package(name):
+@pytest.mark.parametrize("name", DECODABLE)
+def test_positions_tracks_and_surface_equal_those_of_the_package(name):
     data = stored(name)
     wanted = meshreel.decode(data)
     with File(data) as file:
@@ -90,9 +90,9 @@ def test_positions_tracks_and_surface_are_those_of_the_package(name):
         assert same(file.values(), wanted.vertices)
         assert [str(track.name) for track in file.tracks[1:]] == list(wanted.tracks)
         for number, track in enumerate(wanted.tracks.values(), 1):
-            said = file.track(number)
-            assert (*kind_of(said), str(said.unit)) == (track.kind, track.domain, track.unit)
-            assert same(file.values(number), np.asarray(track.values)), said.name
+            info = file.track(number)
+            assert (*kind_of(info), str(info.unit)) == (track.kind, track.domain, track.unit)
+            assert same(file.values(number), np.asarray(track.values)), info.name
         assert_same_surface(file.surface(data), wanted.surface)
 
 
@@ -105,7 +105,7 @@ def test_threads_and_sources_do_not_change_bits(name):
 
 
 @pytest.mark.parametrize("n_modes", [1, 8, 30])
-def test_previews_are_those_of_the_package(n_modes):
+def test_previews_equal_those_of_the_package(n_modes):
     for name in ("key_blocks", "reused_fields", "corrections", "doubles", "max_error"):
         data = stored(name)
         wanted = meshreel.decode(data, n_modes=n_modes).vertices
@@ -113,7 +113,7 @@ def test_previews_are_those_of_the_package(n_modes):
             assert same(file.values(n_modes=n_modes), wanted), name
 
 
-def test_a_preview_does_not_change_what_is_decoded_after_it():
+def test_preview_does_not_affect_later_frames():
     data = stored("key_blocks")
     with File(data) as file, Decoder(file) as decoder:
         wanted = decoder.frames()
@@ -123,10 +123,10 @@ def test_a_preview_does_not_change_what_is_decoded_after_it():
         assert same(decoder.frames(n_modes=2), preview)
 
 
-def test_modes_of_a_block_are_its_values_in_any_order_of_blocks():
+def test_modes_of_a_block_reproduce_its_values():
     rng = np.random.default_rng(6)
     n_checked = 0
-    for name in OF_OURS:
+    for name in DECODABLE:
         with File(stored(name)) as file, Decoder(file) as decoder:
             blocks = [file.block(number) for number in range(file.info.n_blocks)]
             wanted = [file.values(number) for number in range(file.info.n_tracks)]
@@ -150,7 +150,7 @@ def test_modes_of_a_block_are_its_values_in_any_order_of_blocks():
 
 
 @pytest.mark.parametrize("name", VARIED)
-def test_any_range_of_frames_of_any_track_is_a_part_of_the_whole(name):
+def test_ranges_of_frames_equal_those_of_the_whole(name):
     rng = np.random.default_rng(3)
     with File(stored(name)) as file, Decoder(file) as decoder:
         n_frames, n_tracks = file.info.n_frames, file.info.n_tracks
@@ -163,37 +163,37 @@ def test_any_range_of_frames_of_any_track_is_a_part_of_the_whole(name):
 
 
 @pytest.mark.parametrize("name", ["doubles", "tracks_of_polygons", "corners_in_rows"])
-def test_values_go_to_where_strides_say_and_nothing_else_is_written(name):
+def test_only_strided_values_are_written(name):
     with File(stored(name)) as file, Decoder(file) as decoder:
         for number, track in enumerate(file.tracks):
             wanted = file.values(number)
             n_frames, n_items, width = wanted.shape
-            room = np.full((n_frames, n_items + 1, width + 2), 7, wanted.dtype)
-            size = room.itemsize
+            buffer = np.full((n_frames, n_items + 1, width + 2), 7, wanted.dtype)
+            size = buffer.itemsize
             layout = Layout(
                 value_stride=(width + 2) * size, frame_stride=(n_items + 1) * (width + 2) * size
             )
-            decoder.decode(room, number, 0, n_frames, layout=layout)
-            assert same(room[:, :n_items, :width], wanted), track.name
-            assert (room[:, n_items:] == 7).all()
-            assert (room[:, :, width:] == 7).all()
+            decoder.decode(buffer, number, 0, n_frames, layout=layout)
+            assert same(buffer[:, :n_items, :width], wanted), track.name
+            assert (buffer[:, n_items:] == 7).all()
+            assert (buffer[:, :, width:] == 7).all()
 
 
 @pytest.mark.parametrize("name", ["doubles", "lossless_doubles", "grid_doubles", "exact_f8"])
-def test_floats_of_doubles_are_the_doubles_rounded(name):
+def test_float64_values_decode_to_rounded_float32(name):
     with File(stored(name)) as file, Decoder(file) as decoder:
         for number, track in enumerate(file.tracks):
             wanted = file.values(number)
             if wanted.dtype != np.float64:
                 continue
             assert same(decoder.frames(number, dtype=np.float32), wanted.astype(np.float32))
-            room = np.full((len(wanted), *wanted.shape[1:-1], track.n_columns + 1), 7, np.float32)
+            buffer = np.full((len(wanted), *wanted.shape[1:-1], track.n_columns + 1), 7, np.float32)
             layout = Layout(type=c_reader.FLOAT32, value_stride=4 * (track.n_columns + 1))
-            decoder.decode(room, number, 0, len(wanted), layout=layout)
-            assert same(room[..., :-1], wanted.astype(np.float32))
+            decoder.decode(buffer, number, 0, len(wanted), layout=layout)
+            assert same(buffer[..., :-1], wanted.astype(np.float32))
 
 
-def test_doubles_beyond_float_are_refused_as_floats_only():
+def test_float64_values_beyond_float32_are_refused_only_as_float32():
     huge = np.array([[0.0, 0, 0], [1e300, 0, 0], [0, 1e300, 0]])
     sequence = meshreel.MeshSequence(np.stack([huge, huge / 2]), [[0, 1, 2]])
     with File(meshreel.encode(sequence, method="lossless")) as file, Decoder(file) as decoder:
@@ -201,7 +201,7 @@ def test_doubles_beyond_float_are_refused_as_floats_only():
         assert np.array_equal(decoder.frames(), sequence.vertices)
 
 
-def test_normals_are_those_of_the_core():
+def test_normals_equal_those_of_the_core():
     for name in ("sphere", "doubles"):
         with File(stored(name)) as file, Decoder(file) as decoder:
             positions = decoder.frames(first=2, count=1)
@@ -209,10 +209,10 @@ def test_normals_are_those_of_the_core():
             assert same(decoder.normals(positions[0]), wanted.astype(positions.dtype))
 
 
-# ---- what a file says of itself ----
+# ---- information about a file ----
 
 
-def test_structures_lie_as_the_header_says():
+def test_structures_have_the_layout_of_the_header():
     found = []
     for name, structure in c_reader.STRUCTURES.items():
         found.append(f"size meshreel_{name} {ctypes.sizeof(structure)}")
@@ -225,27 +225,27 @@ def test_structures_lie_as_the_header_says():
     assert set(codes) <= set(wanted)
 
 
-def test_a_file_says_of_itself_what_the_plain_reader_says():
+def test_info_agrees_with_the_plain_reader():
     for name in STREAMS:
         data = stored(name)
         container = read_container(data)
         header = container.header
         with File(data, mesh=False) as file:
-            said = file.info
-            assert header.n_frames in (0, said.n_frames), name
-            assert (said.n_verts, said.n_triangles) == (header.n_verts, header.n_faces), name
-            assert (said.diagonal, tuple(said.center)) == (header.scale, header.origin), name
-            assert (said.n_blocks, said.n_tracks) == (
+            info = file.info
+            assert header.n_frames in (0, info.n_frames), name
+            assert (info.n_verts, info.n_triangles) == (header.n_verts, header.n_faces), name
+            assert (info.diagonal, tuple(info.center)) == (header.scale, header.origin), name
+            assert (info.n_blocks, info.n_tracks) == (
                 len(container.blocks),
                 1 + len(container.all_of("TRACK")),
             ), name
-            assert (said.fps, said.order) == (header.fps, header.order), name
-            assert (said.laplacian, str(said.name)) == (header.laplacian, header.name), name
-            assert METHODS[said.method] == header.method, name
-            assert said.is_whole, name
+            assert (info.fps, info.order) == (header.fps, header.order), name
+            assert (info.laplacian, str(info.name)) == (header.laplacian, header.name), name
+            assert METHODS[info.method] == header.method, name
+            assert info.is_whole, name
 
 
-def test_sections_follow_one_another_to_the_end_of_the_file():
+def test_sections_are_contiguous_up_to_the_end():
     for name in ("everything", "paper_blocks", "live"):
         data = stored(name)
         with File(data, mesh=False) as file:
@@ -261,13 +261,13 @@ def test_sections_follow_one_another_to_the_end_of_the_file():
 
 
 def refused_end(file, offset):
-    """The refusal of a section that is not there."""
+    """Return the refusal at the end of the sections; None before it."""
     refused = refusal(lambda: file.section(offset))
     assert refused is None or refused.code == Code.INVALID
     return refused
 
 
-def test_blocks_hold_all_frames_in_order_and_their_bytes_do_not_overlap():
+def test_blocks_cover_all_frames_in_order_without_overlap():
     for name in ("key_blocks", "corners_in_rows", "grid_with_tracks"):
         with File(stored(name)) as file:
             frame, at = 0, 0
@@ -284,7 +284,7 @@ def test_blocks_hold_all_frames_in_order_and_their_bytes_do_not_overlap():
 
 
 @pytest.mark.parametrize("check", [True, False])
-def test_a_block_tells_its_modes_and_its_key_block(check):
+def test_group_reports_modes_and_key_block(check):
     data = stored("reused_fields")
     with File(data) as file:
         groups = [file.group(number, check=check) for number in range(file.info.n_blocks)]
@@ -294,8 +294,8 @@ def test_a_block_tells_its_modes_and_its_key_block(check):
     assert groups[-1].key_block < len(groups) - 1
 
 
-def test_methods_of_the_paper_have_triangles_but_no_decoder():
-    for name in OF_THE_PAPER:
+def test_streams_of_the_paper_have_triangles_but_no_decoder():
+    for name in PAPER_STREAMS:
         data = stored(name)
         with File(data) as file:
             assert np.array_equal(file.triangles, meshreel.decode(data).faces), name
@@ -305,7 +305,7 @@ def test_methods_of_the_paper_have_triangles_but_no_decoder():
 # ---- arguments ----
 
 
-def test_arguments_out_of_range_are_refused_and_the_decoder_goes_on():
+def test_decoder_still_works_after_refused_arguments():
     with File(stored("tracks")) as file, Decoder(file) as decoder:
         n_frames, n_tracks = file.info.n_frames, file.info.n_tracks
         before = decoder.frames()
@@ -331,9 +331,9 @@ def test_arguments_out_of_range_are_refused_and_the_decoder_goes_on():
 
 
 def misaligned(values):
-    """A copy of floats that does not begin at a multiple of their size."""
-    room = np.zeros(values.nbytes + 1, np.uint8)[1:]
-    found = room.view(values.dtype).reshape(values.shape)
+    """Return a copy of floats at a misaligned address."""
+    buffer = np.zeros(values.nbytes + 1, np.uint8)[1:]
+    found = buffer.view(values.dtype).reshape(values.shape)
     found[...] = values
     return found
 
@@ -350,7 +350,7 @@ def test_null_pointers_are_refused():
     library().meshreel_end(None)
 
 
-def test_a_decoder_needs_the_mesh():
+def test_decoder_requires_the_mesh():
     with File(stored("torus"), mesh=False) as file:
         assert file.triangles is None
         assert code_of(lambda: Decoder(file)) == Code.INVALID
@@ -362,7 +362,7 @@ def test_a_decoder_needs_the_mesh():
 
 
 @pytest.mark.parametrize("name", VARIED)
-def test_every_allocation_may_fail_and_nothing_leaks(name):
+def test_failing_allocations_leak_nothing(name):
     data = stored(name)
     host = Host()
     everything_of(data, host)
@@ -375,7 +375,7 @@ def test_every_allocation_may_fail_and_nothing_leaks(name):
         assert not failing.held, number
 
 
-def test_a_call_that_ran_out_of_memory_succeeds_when_it_is_repeated():
+def test_call_without_memory_succeeds_when_repeated():
     data = stored("corners_in_rows")
     with File(data) as file:
         wanted = file.surface(data), decoded_all(file)
@@ -392,7 +392,7 @@ def test_a_call_that_ran_out_of_memory_succeeds_when_it_is_repeated():
 
 
 def until_it_succeeds(host, act):
-    """How often an act is refused, if each time one more allocation succeeds."""
+    """Repeat a call with one more successful allocation each; return the number of refusals."""
     for n_failures in range(10_000):
         host.fails_at = host.n_allocations + n_failures
         before = sum(host.held.values())
@@ -402,11 +402,11 @@ def until_it_succeeds(host, act):
             return n_failures
         assert code == Code.NO_MEMORY
         assert sum(host.held.values()) <= before + 2**22  # memory of earlier steps may be kept
-    raise AssertionError("it never succeeds")
+    raise AssertionError("the call never succeeds")
 
 
 @pytest.mark.parametrize("name", ["key_blocks", "corners_in_rows", "lossless"])
-def test_a_limit_is_kept_and_what_would_be_needed_is_told(name):
+def test_memory_limit_holds_and_refusals_state_the_required_size(name):
     data = stored(name)
     host = Host()
     wanted = everything_of(data, host)
@@ -425,7 +425,7 @@ def test_a_limit_is_kept_and_what_would_be_needed_is_told(name):
     assert limit <= host.largest
 
 
-def test_blocks_in_any_order_need_no_more_memory_than_in_order():
+def test_order_of_blocks_does_not_affect_memory():
     data = stored("key_blocks")
     host = Host()
     with File(data, host) as file, Decoder(file) as decoder:
@@ -442,28 +442,28 @@ def test_blocks_in_any_order_need_no_more_memory_than_in_order():
 
 
 @pytest.mark.parametrize("name", ["two_frames", "everything", "tracks_of_polygons"])
-def test_a_read_that_fails_can_be_repeated_wherever_it_fails(name):
+def test_failed_reads_can_be_repeated(name):
     data = stored(name)
     with File(data) as file:
         wanted = [file.triangles.tobytes(), *decoded_all(file)]
     for piece in (len(data) // 3, 700):
-        here = set()  # numbers of pieces that were fetched
+        fetched_pieces = set()  # numbers of pieces that were fetched
         source = by_calls(
             data,
-            lambda begin, end, here=here, piece=piece: all(
-                number in here for number in range(begin // piece, (end - 1) // piece + 1)
+            lambda begin, end, fetched_pieces=fetched_pieces, piece=piece: all(
+                number in fetched_pieces for number in range(begin // piece, (end - 1) // piece + 1)
             ),
         )
 
-        def fetched(act, here=here, piece=piece):
-            """Repeat an act until all that it reads was fetched."""
+        def fetched(act, fetched_pieces=fetched_pieces, piece=piece):
+            """Repeat a call until all bytes that it reads are fetched."""
             while refused := refusal(act):
                 assert refused.code == Code.UNREADABLE
                 end = refused.offset + refused.size
                 assert end <= len(data)
-                new = set(range(refused.offset // piece, (end - 1) // piece + 1)) - here
+                new = set(range(refused.offset // piece, (end - 1) // piece + 1)) - fetched_pieces
                 assert new
-                here |= new
+                fetched_pieces |= new
 
         opened = []
         fetched(lambda source=source, opened=opened: opened.append(File(source, mesh=False)))
@@ -480,7 +480,7 @@ def test_a_read_that_fails_can_be_repeated_wherever_it_fails(name):
             assert found == wanted
 
 
-def test_what_cannot_be_read_is_told_apart_from_damage():
+def test_failing_reads_are_not_reported_as_damage():
     data = stored("two_frames")
     for place in range(len(data)):
         source = by_calls(data, lambda begin, end, place=place: not begin <= place < end)
@@ -494,7 +494,7 @@ def test_what_cannot_be_read_is_told_apart_from_damage():
 # ---- threads ----
 
 
-def test_decoders_of_a_file_work_on_threads_at_the_same_time():
+def test_decoders_of_one_file_run_concurrently():
     data = stored("corners_in_rows")
     with File(by_calls(data), Host(n_threads=2)) as file:
         wanted, found = decoded_all(file), {}
@@ -515,7 +515,7 @@ def test_decoders_of_a_file_work_on_threads_at_the_same_time():
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("path", sorted(REFUSED_FOLDER.glob("*.reel")), ids=lambda path: path.stem)
-def test_what_every_reader_refuses_is_refused(path):
+def test_streams_that_break_a_rule_are_refused(path):
     host = Host()
     refused = refusal(lambda: everything_of(path.read_bytes(), host))
     assert refused.code in DAMAGED
@@ -524,7 +524,7 @@ def test_what_every_reader_refuses_is_refused(path):
 
 
 @pytest.mark.parametrize("name", ["no_index", "sphere"])
-def test_bytes_behind_the_end_of_a_file_are_named(name):
+def test_bytes_after_the_end_are_reported(name):
     data = stored(name)
     with File(data + b"more") as file:
         assert not file.info.is_whole
@@ -533,7 +533,7 @@ def test_bytes_behind_the_end_of_a_file_are_named(name):
 
 
 def read_leniently(data):
-    """What the package reads of a file that may be damaged: triangles and positions, or None."""
+    """Return triangles and positions decoded by the package; None if it refuses the file."""
     try:
         opened = ReelFile(BytesIO(data))
         return opened.faces, opened.read(0, len(opened))
@@ -542,14 +542,14 @@ def read_leniently(data):
 
 
 @pytest.mark.parametrize("name", ["two_frames", "live_with_bound"])
-def test_a_stream_that_is_cut_off_holds_the_same_frames_as_for_the_package(name):
+def test_truncated_stream_decodes_as_in_the_package(name):
     data = stored(name)
     for size in range(0, len(data), 1 + len(data) // draws(300)):
         compare_leniently(data[:size])
 
 
 @pytest.mark.parametrize("name", ["corrections", "grid_live", "lossless_in_blocks", "key_blocks"])
-def test_a_damaged_stream_is_refused_or_the_same_frames_as_for_the_package(name):
+def test_damaged_stream_decodes_as_in_the_package(name):
     rng, data = np.random.default_rng(7), stored(name)
     for place in rng.choice(len(data), min(len(data), draws(60)), replace=False):
         damaged = bytearray(data)
@@ -558,7 +558,7 @@ def test_a_damaged_stream_is_refused_or_the_same_frames_as_for_the_package(name)
 
 
 def compare_leniently(data):
-    """The decoder in C and the package make the same of bytes that may be damaged."""
+    """Assert that the C decoder and the package agree on bytes that may be damaged."""
     wanted = read_leniently(data)
     host = Host()
     if wanted is None:
@@ -571,6 +571,6 @@ def compare_leniently(data):
 
 
 def read_positions(data, host):
-    """Triangles and positions of all frames."""
+    """Return triangles and the positions of all frames."""
     with File(data, host) as file:
         return file.triangles, file.values()

@@ -1,8 +1,8 @@
-"""Mutation testing: put faults into clones of the repository, and run the tests on each.
+"""Mutation testing: insert faults into clones of the repository, and run the tests on each.
 
 `PYTHONPATH=tests:core python -m mutation.run --work DIR` clones the repository into DIR and records
 once which quick tests execute which line (this needs `pip install coverage`). It samples mutants
-from all packages and the core, and prints how many the tests of their own package detect. Results
+from all packages and the core, and prints how many the tests of the package detect. Results
 are in DIR/results.jsonl; a second run continues them. `--again` updates the clones and tests
 survivors with all cases of their package. Nothing outside of DIR is written. The core is compiled
 with -O1 for this machine, Linux or macOS.

@@ -1,4 +1,4 @@
-"""The decoder in C, `core/include/meshreel.h`, called by ctypes as a program would call it."""
+"""The C library of `core/include/meshreel.h`, called through ctypes."""
 
 import ctypes
 from concurrent.futures import ThreadPoolExecutor
@@ -46,7 +46,7 @@ RUN = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_void_p, c_uint32)
 
 
 def fields(**types):
-    """Fields of a structure; a name may hold several, separated by two underscores."""
+    """Fields of a structure; two underscores separate fields of the same type."""
     return [(name, kind) for names, kind in types.items() for name in names.split("__")]
 
 
@@ -220,7 +220,7 @@ libc.free.argtypes = [c_void_p]
 
 
 class RefusalError(Exception):
-    """A call that did not succeed."""
+    """A call returned an error code."""
 
     def __init__(self, code, error=None):
         message = error.message.decode() if error else ""
@@ -231,7 +231,7 @@ class RefusalError(Exception):
 
 
 def refusal(act):
-    """The refusal of an act; None if it succeeds."""
+    """Return the error of a call; None if it succeeds."""
     try:
         act()
     except RefusalError as refused:
@@ -240,7 +240,7 @@ def refusal(act):
 
 
 def code_of(act):
-    """The code that an act is refused with."""
+    """Return the error code of a call."""
     refused = refusal(act)
     return refused.code if refused else Code.OK
 
@@ -256,14 +256,14 @@ def call(name, *arguments):
 
 
 def returned(name, kind, *arguments):
-    """What a function returns that cannot fail."""
+    """Return the result of a function that cannot fail."""
     function = library()["meshreel_" + name]
     function.restype = kind
     return function(*arguments)
 
 
 def array_at(address, shape, dtype):
-    """A copy of numbers in C memory."""
+    """Copy an array from C memory."""
     dtype = np.dtype(dtype)
     size = int(np.prod(shape)) * dtype.itemsize
     data = ctypes.string_at(address, size) if size else b""
@@ -271,7 +271,7 @@ def array_at(address, shape, dtype):
 
 
 class Host:
-    """Memory and threads for the library, which count what is held.
+    """Memory and threads for the library; tracks its allocations.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ class Host:
     limit : int
         `memory_limit`.
     fails_at : int, optional
-        The number of the allocation that returns NULL, from 0.
+        Index of the allocation that returns NULL.
     """
 
     def __init__(self, n_threads=1, limit=0, fails_at=None):
@@ -334,12 +334,12 @@ class File:
     def __init__(self, source, host=None, mesh=True, whole=None, number=0):
         self.source = in_memory(source) if isinstance(source, bytes) else source
         self.host = host or Host()
-        self.at = c_void_p()
+        self.handle = c_void_p()
         if whole:
-            call("open_segment", whole.at, c_uint32(number), byref(self.at))
+            call("open_segment", whole.handle, c_uint32(number), byref(self.handle))
         else:
-            call("open", byref(self.source), byref(self.host.c), byref(self.at))
-        self.info = returned("info_of", ctypes.POINTER(Info), self.at).contents
+            call("open", byref(self.source), byref(self.host.c), byref(self.handle))
+        self.info = returned("info_of", ctypes.POINTER(Info), self.handle).contents
         try:
             if mesh:
                 self.read_mesh()
@@ -354,18 +354,18 @@ class File:
         self.close()
 
     def close(self):
-        """Release it; its decoders must be closed."""
-        library().meshreel_close(self.at)
-        self.at = c_void_p()
+        """Close the file; its decoders must be closed."""
+        library().meshreel_close(self.handle)
+        self.handle = c_void_p()
 
     def open_segment(self, number, mesh=True):
-        """A segment as a separate file."""
+        """Open a segment as a separate file."""
         return File(self.source, self.host, mesh, whole=self, number=number)
 
     def segment(self, number):
         """Frames, mesh and bytes of a segment."""
         found = Segment()
-        code = library().meshreel_segment_of(self.at, c_uint32(number), byref(found))
+        code = library().meshreel_segment_of(self.handle, c_uint32(number), byref(found))
         if code:
             raise RefusalError(code)
         return found
@@ -377,22 +377,22 @@ class File:
 
     def segment_of_frame(self, frame):
         """Number of the segment of a frame."""
-        return returned("segment_of_frame", c_uint32, self.at, c_uint32(frame))
+        return returned("segment_of_frame", c_uint32, self.handle, c_uint32(frame))
 
     def read_mesh(self):
         """Decode triangles and the order of vertices."""
-        call("read_mesh", self.at)
+        call("read_mesh", self.handle)
 
     @property
     def triangles(self):
         """Of shape (M, 3), or None before the mesh is decoded."""
-        address = returned("triangles", c_void_p, self.at)
+        address = returned("triangles", c_void_p, self.handle)
         return array_at(address, (self.info.n_triangles, 3), np.uint32) if address else None
 
     def track(self, number):
-        """What is stored as track `number`."""
+        """Return the description of a track."""
         found = Track()
-        code = library().meshreel_track_of(self.at, c_uint32(number), byref(found))
+        code = library().meshreel_track_of(self.handle, c_uint32(number), byref(found))
         if code:
             raise RefusalError(code)
         return found
@@ -405,37 +405,37 @@ class File:
     def block(self, number, track=0):
         """Frames and bytes of a track in a block."""
         found = Block()
-        arguments = self.at, c_uint32(number), c_uint32(track), byref(found)
+        arguments = self.handle, c_uint32(number), c_uint32(track), byref(found)
         code = library().meshreel_block_of(*arguments)
         if code:
             raise RefusalError(code)
         return found
 
     def group(self, number, track=0, check=True):
-        """What a block says of a track."""
+        """Return the header of a track in a block."""
         found = Group()
         numbers = c_uint32(number), c_uint32(track), c_int(check)
-        call("group_of", self.at, *numbers, byref(found))
+        call("group_of", self.handle, *numbers, byref(found))
         return found
 
     def block_of_frame(self, frame):
         """Number of the block of a frame."""
-        return returned("block_of_frame", c_uint32, self.at, c_uint32(frame))
+        return returned("block_of_frame", c_uint32, self.handle, c_uint32(frame))
 
     def section(self, offset, check=True):
-        """The section at a byte."""
+        """Return the section that begins at a byte."""
         found = Section()
-        call("section_at", self.at, c_uint64(offset), c_int(check), byref(found))
+        call("section_at", self.handle, c_uint64(offset), c_int(check), byref(found))
         return found
 
     def read_surface(self):
         """Decode the surface."""
-        call("read_surface", self.at)
+        call("read_surface", self.handle)
 
     def surface(self, data):
-        """The surface as the package has it; images are cut from the bytes of the file."""
+        """Return the surface as a value of the package; `data` are the bytes of the file."""
         self.read_surface()
-        c = returned("surface_of", ctypes.POINTER(CSurface), self.at).contents
+        c = returned("surface_of", ctypes.POINTER(CSurface), self.handle).contents
         n_faces = self.info.n_faces
         sizes = array_at(c.face_sizes, n_faces, np.uint32) if c.face_sizes else None
         return Surface(
@@ -450,13 +450,13 @@ class File:
         ).validated(self.info.n_verts, self.info.n_triangles)  # fmt: skip
 
     def values(self, track=0, n_modes=0):
-        """All frames of a track, decoded at once by a decoder of their own."""
+        """Decode all frames of a track with a new decoder."""
         with Decoder(self) as decoder:
             return decoder.frames(track, 0, self.info.n_frames, n_modes)
 
 
 def attribute_of(c):
-    """An attribute as the package has it."""
+    """Convert an attribute."""
     values = array_at(c.values, (c.n_rows, c.width), NUMBER_TYPES[c.type])
     rows = array_at(c.rows, c.n_items, np.int32) if c.rows else None
     if not c.is_indexed and rows is not None:
@@ -465,13 +465,13 @@ def attribute_of(c):
 
 
 def groups_of(c, n_faces):
-    """Groups as the package has them."""
+    """Convert face groups."""
     labels = tuple(str(c.labels[i]) for i in range(c.n_labels))
     return FaceGroups(str(c.name), labels, array_at(c.of_faces, n_faces, np.int32))
 
 
 def material_of(c):
-    """A material as the package has it."""
+    """Convert a material."""
     textures = {slot: texture_of(one) for slot, one in zip(SLOTS, c.textures, strict=True)}
     return Material(
         str(c.name), tuple(c.base_color), c.metallic, c.roughness, tuple(c.emissive),
@@ -481,12 +481,12 @@ def material_of(c):
 
 
 def image_of(c, data):
-    """An image as the package has it, with its bytes from the file."""
+    """Convert an image, with its bytes from the file."""
     return Image(str(c.name), str(c.media_type), data[c.offset : c.offset + c.size])
 
 
 def texture_of(c):
-    """A texture as the package has it, or None."""
+    """Convert a texture; None without an image."""
     if c.image == NONE:
         return None
     return Texture(
@@ -497,7 +497,7 @@ def texture_of(c):
 
 
 def filter_of(code):
-    """A filter as the package has it; 0 is any."""
+    """Convert a filter; 0 is unspecified."""
     return FILTERS[code - 1] if code else None
 
 
@@ -505,8 +505,8 @@ class Decoder:
     """A decoder of an open file."""
 
     def __init__(self, file):
-        self.file, self.at = file, c_void_p()
-        call("begin", file.at, byref(self.at))
+        self.file, self.handle = file, c_void_p()
+        call("begin", file.handle, byref(self.handle))
 
     def __enter__(self):
         return self
@@ -515,18 +515,18 @@ class Decoder:
         self.close()
 
     def close(self):
-        """Release it."""
-        library().meshreel_end(self.at)
-        self.at = c_void_p()
+        """Release the decoder."""
+        library().meshreel_end(self.handle)
+        self.handle = c_void_p()
 
     def load(self, track, block, n_modes=0):
         """Load a track of a block."""
-        call("load", self.at, c_uint32(track), c_uint32(block), c_uint32(n_modes))
+        call("load", self.handle, c_uint32(track), c_uint32(block), c_uint32(n_modes))
 
     def values_of_modes(self, track, block):
-        """Values of a block, of shape (T, N, C), by its modes; None where it has none."""
+        """Compute the values of a block from its modes, of shape (T, N, C); None without modes."""
         modes = CModes()
-        call("modes_of", self.at, c_uint32(track), c_uint32(block), byref(modes))
+        call("modes_of", self.handle, c_uint32(track), c_uint32(block), byref(modes))
         if not modes.n_modes:
             return None
         n_frames, n_items, n_columns = modes.n_frames, modes.n_items, modes.n_columns
@@ -546,33 +546,33 @@ class Decoder:
             np.add.at(found, (frames, items), moves.reshape(-1, n_columns))
         found = modes.scale * found + array_at(modes.origin, n_columns, np.float64)
         if modes.shared:
-            n_places = self.file.track(track).n_items
-            found = found[:, array_at(modes.shared, n_places, np.int32)]
+            n_corners = self.file.track(track).n_items
+            found = found[:, array_at(modes.shared, n_corners, np.int32)]
         return found
 
     def decode(self, out, track, first, count, n_modes=0, layout=None):
         """Decode frames to an array."""
-        where = byref(layout) if layout else None
+        layout_pointer = byref(layout) if layout else None
         numbers = (c_uint32(number) for number in (track, first, count, n_modes))
-        call("decode", self.at, *numbers, where, c_void_p(out.ctypes.data))
+        call("decode", self.handle, *numbers, layout_pointer, c_void_p(out.ctypes.data))
 
     def frames(self, track=0, first=0, count=None, n_modes=0, dtype=None):
-        """Values of frames, of shape (count, N, C)."""
-        what = self.file.track(track)
+        """Decode frames, of shape (count, N, C)."""
+        track_info = self.file.track(track)
         count = self.file.info.n_frames - first if count is None else count
-        out = np.empty((count, what.n_items, what.n_columns), dtype or what.dtype)
+        out = np.empty((count, track_info.n_items, track_info.n_columns), dtype or track_info.dtype)
         layout = Layout(type=FLOAT32) if dtype == np.float32 else None
         self.decode(out, track, first, count, n_modes, layout)
         return out
 
     def normals(self, positions):
-        """Normals at the vertices of one frame."""
+        """Compute vertex normals of one frame."""
         out = np.empty_like(positions)
         places = (c_void_p(array.ctypes.data) for array in (positions, out))
-        call("normals", self.at, c_uint32(positions.itemsize), *places)
+        call("normals", self.handle, c_uint32(positions.itemsize), *places)
         return out
 
 
 def kind_of(track):
-    """Kind and domain of a track as the package has them."""
+    """Convert kind and domain of a track."""
     return KINDS[track.kind], DOMAINS[track.domain]

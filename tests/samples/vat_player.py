@@ -1,6 +1,6 @@
 """Plays vertex animation textures like the shaders of engines, in float32.
 
-Written from those programs' sources, and of nothing but the files: see
+Written from the sources of those programs; uses only the files. See
 docs/guides/vertex_textures.md. Vectors come back in the axes and units of the glTF file.
 """
 

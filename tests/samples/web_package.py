@@ -62,10 +62,10 @@ def _is_current():
 def serving(files, headers=None, posted=None):
     """Serve bytes by path; return the address and the requested ranges.
 
-    `headers` come with every answer. Videos come in ranges too. The path "/" is an empty page.
-    What a page posts is put into the queue `posted`.
+    Every answer has these `headers`. The path "/" is an empty page. Data that a page posts are put
+    into the queue `posted`.
     """
-    asked = []
+    requested = []
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
@@ -85,12 +85,12 @@ def serving(files, headers=None, posted=None):
                 ".webm": "video/webm",
                 ".png": "image/png",
             }
-            wanted = self.headers.get("Range")
-            if wanted and path.endswith((".reel", ".webm")):
-                begin, _, end = wanted.removeprefix("bytes=").partition("-")
+            range_header = self.headers.get("Range")
+            if range_header and path.endswith((".reel", ".webm")):
+                begin, _, end = range_header.removeprefix("bytes=").partition("-")
                 first, last = int(begin), min(int(end or len(body)), len(body) - 1)
                 if path.endswith(".reel"):
-                    asked.append((first, last))
+                    requested.append((first, last))
                 self.send_response(206)
                 self.send_header("Content-Range", f"bytes {first}-{last}/{len(body)}")
                 self.send_header("ETag", '"same"')
@@ -115,6 +115,6 @@ def serving(files, headers=None, posted=None):
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
-            yield f"http://127.0.0.1:{server.server_port}", asked
+            yield f"http://127.0.0.1:{server.server_port}", requested
         finally:
             server.shutdown()

@@ -10,10 +10,10 @@ from pathlib import Path
 class WebServer:
     """Server of the files of a folder at `address`.
 
-    `requests` lists what was asked for: method, path, and the range or None; `sent_bytes` counts
-    the bytes of all answers. `faults` says how it fails: "no ranges" ignores them, "no length"
-    says nothing of sizes, "cut" ends answers to GET in the middle, "short" answers ranges with
-    half of them, "refuse" wants credentials.
+    `requests` lists method, path and range (or None) of each request; `sent_bytes` counts the bytes
+    of all answers. `faults` selects failures: "no ranges" ignores ranges, "no length" omits sizes,
+    "cut" truncates answers to GET, "short" answers with half of the range, "refuse" requires
+    credentials.
     """
 
     def __init__(self, folder):
@@ -40,8 +40,8 @@ class WebServer:
         self.address = f"http://127.0.0.1:{self._httpd.server_port}"
 
     def answer(self, handler, *, with_body):
-        asked = handler.headers.get("Range")
-        self.requests.append((handler.command, handler.path, asked))
+        requested = handler.headers.get("Range")
+        self.requests.append((handler.command, handler.path, requested))
         path = self.folder / handler.path.split("?")[0].lstrip("/")
         if "refuse" in self.faults or not path.is_file():
             handler.send_response(403 if "refuse" in self.faults else 404)
@@ -49,8 +49,8 @@ class WebServer:
             handler.end_headers()
             return
         data = path.read_bytes()
-        if asked and "no ranges" not in self.faults:
-            first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", asked).groups())
+        if requested and "no ranges" not in self.faults:
+            first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", requested).groups())
             last = min(last, len(data) - 1)
             handler.send_response(206)
             handler.send_header("Content-Range", f"bytes {first}-{last}/{len(data)}")

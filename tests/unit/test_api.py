@@ -1,4 +1,4 @@
-"""The functions of the package, on whatever a user has: sequences, paths, bytes, open files."""
+"""Functions of the package with sequences, paths, bytes and open files."""
 
 import inspect
 import pickle
@@ -32,7 +32,7 @@ def folder(tmp_path_factory):
 
 
 def sources(folder):
-    """The same sequence in all its guises."""
+    """Return every kind of input with the same sequence."""
     return {
         "sequence": GRID,
         "text": str(folder / "grid.npz"),
@@ -42,33 +42,33 @@ def sources(folder):
 
 
 @pytest.mark.parametrize("kind", ["sequence", "text", "path", "stored frames"])
-def test_encode_gives_the_bytes_of_the_sequence_whatever_it_comes_as(folder, kind):
+def test_encode_accepts_every_kind_of_sequence(folder, kind):
     expected = encode_sequence(meshreel.load(folder / "grid.npz"), quality=60, block_frames=4)
     given = sources(folder)[kind]
     assert meshreel.encode(given, quality=60, block_frames=4) == expected
 
 
-def test_encode_takes_folders_and_lists_of_frames(folder):
+def test_encode_accepts_folders_and_lists_of_frames(folder):
     frames = sorted((folder / "frames").iterdir())
     expected = encode_sequence(meshreel.load(folder / "frames"))
     assert meshreel.encode(folder / "frames") == expected
     assert meshreel.encode(frames) == expected
 
 
-def test_encode_takes_memory_in_words_for_files(folder):
+def test_encode_parses_memory_given_as_text(folder):
     data = meshreel.encode(folder / "grid.npz", memory="1GB")
     assert data == meshreel.encode(folder / "grid.npz")
     with pytest.raises(InvalidInputError, match="memory= takes a size such as 100kB"):
         meshreel.encode(folder / "grid.npz", memory="much")
 
 
-def test_encode_takes_its_first_argument_by_name(folder):
+def test_encode_accepts_its_first_argument_by_name(folder):
     encode: Any = meshreel.encode
     assert encode(sequence=folder / "grid.npz") == meshreel.encode(folder / "grid.npz")
 
 
 @pytest.mark.parametrize("kind", [bytes, bytearray, memoryview])
-def test_streams_come_as_bytes_of_any_kind(kind):
+def test_functions_accept_every_bytes_type(kind):
     data = kind(DATA)
     np.testing.assert_array_equal(meshreel.decode(data).vertices, decode_bytes(DATA).vertices)
     assert meshreel.info(data) == meshreel.info(DATA)
@@ -77,14 +77,14 @@ def test_streams_come_as_bytes_of_any_kind(kind):
 
 
 @pytest.mark.parametrize("kind", [str, Path])
-def test_decode_and_info_take_the_path_of_a_stream(folder, kind):
+def test_decode_and_info_accept_the_path_of_a_stream(folder, kind):
     path = kind(folder / "grid.reel")
     found = meshreel.decode(path, frames=slice(2, 7))
     np.testing.assert_array_equal(found.vertices, decode_bytes(DATA).vertices[2:7])
     assert meshreel.info(path) == meshreel.info(DATA)
 
 
-def test_decode_and_info_take_an_open_file(folder):
+def test_decode_and_info_accept_an_open_file(folder):
     with meshreel.open(folder / "grid.reel") as reel:
         found = meshreel.decode(reel, frames=slice(2, 7))
         assert meshreel.info(reel) == meshreel.info(DATA)
@@ -94,7 +94,7 @@ def test_decode_and_info_take_an_open_file(folder):
     assert (found.fps, found.name, found.start_s) == (expected.fps, expected.name, expected.start_s)
 
 
-def test_decode_refuses_modes_of_a_file_that_was_opened_with_all(folder):
+def test_decode_rejects_n_modes_for_an_open_file(folder):
     with (
         meshreel.open(folder / "grid.reel") as reel,
         pytest.raises(InvalidInputError, match=r"to meshreel\.open"),
@@ -102,7 +102,7 @@ def test_decode_refuses_modes_of_a_file_that_was_opened_with_all(folder):
         meshreel.decode(reel, n_modes=2)
 
 
-def test_compare_measures_the_same_whatever_the_two_come_as(folder):
+def test_compare_accepts_every_kind_of_input(folder):
     expected = repr(meshreel.compare(GRID, decode_bytes(DATA)))
     reel = folder / "grid.reel"
     assert repr(meshreel.compare(GRID, reel)) == expected
@@ -114,7 +114,7 @@ def test_compare_measures_the_same_whatever_the_two_come_as(folder):
 
 @pytest.mark.parametrize("kind", [str, Path])
 @pytest.mark.parametrize("function", ["encode", "decode", "info", "compare"])
-def test_functions_name_the_file_that_is_not_there(tmp_path, function, kind):
+def test_error_names_a_missing_file(tmp_path, function, kind):
     arguments = [GRID] if function == "compare" else []
     missing = kind(tmp_path / "nope.reel")
     with pytest.raises(InvalidInputError, match=r"nope\.reel' does not exist|no file .*nope\.reel"):
@@ -122,33 +122,33 @@ def test_functions_name_the_file_that_is_not_there(tmp_path, function, kind):
 
 
 @pytest.mark.parametrize("function", ["decode", "info"])
-def test_functions_say_that_a_folder_is_no_stream(tmp_path, function):
+def test_folder_is_rejected_as_stream(tmp_path, function):
     with pytest.raises(InvalidInputError, match="is a folder"):
         getattr(meshreel, function)(tmp_path)
 
 
 @pytest.mark.parametrize("function", ["decode", "info"])
-def test_functions_name_the_file_that_is_damaged(tmp_path, function):
+def test_error_names_a_damaged_file(tmp_path, function):
     path = tmp_path / "cut.reel"
     path.write_bytes(DATA[:-30])
     with pytest.raises(TruncatedStreamError, match=r"cut\.reel: "):
         getattr(meshreel, function)(path)
 
 
-def test_decode_names_the_file_that_is_no_stream(folder):
+def test_error_names_a_file_that_is_not_a_stream(folder):
     with pytest.raises(CorruptStreamError, match=r"grid\.npz: not a \.reel stream"):
         meshreel.decode(folder / "grid.npz")
 
 
 @pytest.mark.parametrize("given", [3, None, {"vertices": 1}, np.zeros((2, 3, 3), np.float32)])
 @pytest.mark.parametrize("function", ["encode", "decode", "info", "compare"])
-def test_functions_say_what_they_take_when_something_else_came(function, given):
+def test_error_names_the_type_of_an_invalid_argument(function, given):
     arguments = [GRID] if function == "compare" else []
     with pytest.raises(InvalidInputError, match=f"got {type(given).__name__}"):
         getattr(meshreel, function)(*arguments, given)
 
 
-def test_encode_warns_of_what_reading_changed(tmp_path):
+def test_encode_warns_with_the_notes_of_load(tmp_path):
     path, notes = tmp_path / "grid.stl", []
     meshreel.save(waving_grid(1), path)
     meshreel.load(path, notes=notes)
@@ -164,7 +164,7 @@ def test_encode_has_the_options_of_the_codec():
 
 
 @pytest.mark.parametrize("function", ["encode", "decode", "info", "compare"])
-def test_functions_can_be_sent_to_other_processes(function):
+def test_functions_can_be_pickled(function):
     assert pickle.loads(pickle.dumps(getattr(meshreel, function))) is getattr(meshreel, function)
 
 
@@ -172,17 +172,17 @@ def test_dir_lists_the_api_and_nothing_else():
     assert [name for name in dir(meshreel) if not name.startswith("__")] == sorted(meshreel.__all__)
 
 
-def test_every_name_of_the_api_is_there_and_documented():
+def test_every_name_of_the_api_has_a_docstring():
     for name in meshreel.__all__:
         assert inspect.getdoc(getattr(meshreel, name)), name
 
 
-def test_help_names_the_whole_api_before_anything_else():
+def test_help_begins_with_the_whole_api():
     head = pydoc.plain(pydoc.render_doc(meshreel)).partition("PACKAGE CONTENTS")[0]
     assert [name for name in meshreel.__all__ if name not in head] == []
 
 
-def test_help_shows_functions_and_classes_with_their_text():
+def test_help_contains_docstrings_of_functions_and_classes():
     text = pydoc.plain(pydoc.render_doc(meshreel))
     assert "Encode a sequence to the bytes of a `.reel` stream." in text
     assert "class MeshSequence" in text

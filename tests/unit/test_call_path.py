@@ -1,4 +1,4 @@
-"""A call goes through few files: a reader can follow it."""
+"""Calls pass through few files, so that a reader can follow them."""
 
 import importlib.util
 from functools import partial
@@ -19,17 +19,17 @@ def file_changes(function):
 
 
 @pytest.mark.parametrize(("options", "most"), [({}, 135), ({"max_error": 0.5}, 525)], ids=str)
-def test_encoding_changes_file_seldom(options, most):
+def test_encoding_rarely_changes_file(options, most):
     sequence = meshreel.simulate_flag(30, n_rows=20, n_columns=20)
     assert file_changes(partial(meshreel.encode, sequence, **options)).total() <= most
 
 
-def test_decoding_changes_file_seldom():
+def test_decoding_rarely_changes_file():
     data = meshreel.encode(meshreel.simulate_flag(30, n_rows=20, n_columns=20))
     assert file_changes(partial(meshreel.decode, data)).total() <= 32
 
 
-def test_changes_are_counted_by_the_names_of_files():
+def test_changes_are_counted_by_file():
     found = file_changes(lambda: meshreel.simulate_flag(2, n_rows=4, n_columns=4))
     assert all(first != second for first, second in found)
     assert any(second == "model/sequence.py" for _, second in found)

@@ -1,4 +1,4 @@
-"""docs/equations.md says where each equation of the paper lives; the code must agree."""
+"""docs/equations.md locates each equation of the paper; the code must agree."""
 
 import ast
 import re
@@ -21,14 +21,14 @@ ROWS = re.findall(
 def docstrings(path):
     documented = ast.Module | ast.ClassDef | ast.FunctionDef
     text = path.read_text(encoding="utf-8")
-    if "paper " not in text:  # most modules name no equation, and need not be parsed
+    if "paper " not in text:  # skip parsing of most modules, which name no equation
         return ""
     nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, documented)]
     return "\n".join(ast.get_docstring(node) or "" for node in nodes)
 
 
 def homes(equation):
-    """Files with a docstring that names the equation as the paper's."""
+    """Return files with a docstring that names the equation of the paper."""
     pattern = re.compile(rf"paper {re.escape(equation)}\b")
     return {
         str(path.relative_to(SOURCE))
@@ -45,10 +45,10 @@ def test_ledger_lists_every_equation_of_the_paper():
 
 
 @pytest.mark.parametrize(("equation", "home", "test"), ROWS)
-def test_equation_has_the_home_that_the_ledger_names(equation, home, test):
+def test_ledger_names_the_module_of_an_equation(equation, home, test):
     assert homes(equation) == {home}
 
 
 @pytest.mark.parametrize(("equation", "home", "test"), ROWS)
-def test_equation_is_named_in_the_test_that_the_ledger_names(equation, home, test):
+def test_ledger_names_the_test_of_an_equation(equation, home, test):
     assert re.search(rf"{re.escape(equation)}\b", (TESTS / test).read_text(encoding="utf-8"))

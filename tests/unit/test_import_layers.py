@@ -1,4 +1,4 @@
-"""Modules import only what `docs/architecture.md` places below them."""
+"""Modules import only modules that `docs/architecture.md` places below them."""
 
 import ast
 import re
@@ -43,14 +43,14 @@ RANKS = ranks()
 
 
 def unit_of(name):
-    """The module or part of the tables that has a module, by its name below `meshreel`."""
+    """Return the module or part of the tables that contains a Python module."""
     words = name.split(".")
     part = ".".join(words[:2])
     return part if part in RANKS else words[0]
 
 
 def imported_units(source):
-    """Modules and parts that a module's text imports, or names in strings, anywhere in it."""
+    """Return modules and parts that a source imports, or names in strings."""
     tree = ast.parse(source)
     names = []
     for node in ast.walk(tree):

@@ -1,4 +1,4 @@
-"""Faults that `mutation.run` puts into sources, and the tests of each package."""
+"""Faults that `mutation.run` inserts into sources, and the tests of each package."""
 
 import ast
 from pathlib import Path
@@ -38,7 +38,7 @@ def changes(source, edits):
     return {(one.kind, data[one.start : one.end].decode(), one.new) for one in edits}
 
 
-def test_python_is_changed_where_it_decides_something():
+def test_python_decisions_are_edited():
     edits = python_edits(PYTHON.encode())
     assert changes(PYTHON, edits) == {
         ("constant", "3", "4"), ("constant", "3", "2"), ("constant", "0.5", "1.0"),
@@ -57,7 +57,7 @@ def test_python_is_changed_where_it_decides_something():
         ast.parse(mutant_of(edit, "modules", "a.py", PYTHON.encode()).applied(PYTHON))
 
 
-def test_c_is_changed_where_it_decides_something():
+def test_c_decisions_are_edited():
     assert changes(C, c_edits(C.encode())) == {
         ("condition", "(n >= 2 && given[0] != '4')", "(!(n >= 2 && given[0] != '4'))"),
         ("comparison", ">=", ">"), ("constant", "2", "3"), ("constant", "2", "1"),
@@ -67,7 +67,7 @@ def test_c_is_changed_where_it_decides_something():
     }  # fmt: skip
 
 
-def test_mutant_is_found_again_when_its_lines_have_moved():
+def test_mutant_is_found_after_its_lines_have_moved():
     edit = next(one for one in python_edits(PYTHON.encode()) if one.kind == "returned")
     mutant = mutant_of(edit, "modules", "a.py", PYTHON.encode())
     assert mutant.applied("x = 1\n" + PYTHON).endswith("    record(given)\n    return 0\n")
@@ -76,7 +76,7 @@ def test_mutant_is_found_again_when_its_lines_have_moved():
 
 
 @pytest.mark.parametrize("package", sources(ROOT))
-def test_every_package_has_tests_of_its_own(package):
+def test_every_package_has_tests(package):
     paths = [path.relative_to(ROOT).as_posix() for path in ROOT.glob("tests/**/test_*.py")]
     for prefix in own_prefixes(package):
         assert any(path.startswith(prefix) for path in paths), prefix

@@ -1,4 +1,4 @@
-"""Tables of options are made of the fields of options."""
+"""Tables of options are generated from the fields of the options."""
 
 import importlib.util
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What objects show of themselves at the prompt: a line."""
+"""Representations of objects in one line."""
 
 from io import BytesIO
 
@@ -22,14 +22,14 @@ DATA = meshreel.encode(GRID, block_frames=4)
     ],
     ids=lambda shown: type(shown).__name__,
 )
-def test_repr_is_one_line_that_begins_with_the_kind_of_object(shown):
+def test_repr_is_one_line_that_begins_with_the_type(shown):
     text = repr(shown)
     assert text.startswith(f"<{type(shown).__name__}")
     assert "\n" not in text
     assert len(text) < 200
 
 
-def test_repr_of_quality_says_how_large_the_errors_are():
+def test_repr_of_quality_contains_the_errors():
     quality = meshreel.compare(GRID, DATA)
     assert f"KG error {quality.kg_error_percent:.4g} %" in repr(quality)
     assert f"STED {quality.sted:.4g}" in repr(quality)
@@ -37,14 +37,14 @@ def test_repr_of_quality_says_how_large_the_errors_are():
     assert "9 frames" in repr(quality)
 
 
-def test_repr_of_stream_info_says_what_the_stream_holds_and_takes():
+def test_repr_of_stream_info_contains_shape_and_size():
     stream = meshreel.info(DATA)
     assert f"9 frames, {GRID.n_verts} vertices, {GRID.n_faces} faces" in repr(stream)
     assert f"reel, {len(DATA)} bytes, {stream.ratio:.1f} x smaller" in repr(stream)
     assert "cut off" not in repr(stream)
 
 
-def test_repr_of_encoder_says_how_far_it_is():
+def test_repr_of_encoder_contains_its_progress():
     encoder = meshreel.Encoder(GRID.faces, BytesIO(), fps=25, block_frames=9)
     assert repr(encoder) == (
         f"<Encoder, open: 0 frames pushed, 0 bytes written, {GRID.n_faces} faces, 25 fps>"

@@ -1,4 +1,4 @@
-"""Tracks of a sequence: what they are made of, and what is refused."""
+"""Tracks of a sequence: valid and invalid values."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def sequence(surface=None, tracks=None, **named):
     return meshreel.MeshSequence(np.zeros((5, 16, 3)), faces, tracks=tracks or named, **given)
 
 
-def test_arrays_become_tracks_of_the_domain_that_has_as_many():
+def test_arrays_become_tracks_of_the_domain_of_their_size():
     found = sequence(
         a=np.zeros((5, 16)), b=np.zeros((5, 18, 3), np.float32), c=np.zeros((5, 54, 9), np.int16)
     ).tracks
@@ -29,7 +29,7 @@ def test_arrays_become_tracks_of_the_domain_that_has_as_many():
     assert sequence(QUADS, x=np.zeros((5, 9))).tracks["x"].domain is Domain.FACE
 
 
-def test_values_are_kept_and_cannot_be_changed():
+def test_values_are_stored_read_only():
     values = np.arange(80.0).reshape(5, 16)
     track = sequence(x=values).tracks["x"]
     np.testing.assert_array_equal(track[2][:, 0], values[2])
@@ -51,7 +51,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("words", REFUSED)
-def test_tracks_are_refused_when_they_do_not_fit(words):
+def test_tracks_that_do_not_fit_are_rejected(words):
     with pytest.raises(InvalidInputError, match=f"track 'x'.*{words}"):
         sequence(x=REFUSED[words])
 
@@ -68,22 +68,22 @@ def test_tracks_are_refused_when_they_do_not_fit(words):
         ((5, 16, 4), float, {"kind": "vector"}, r"vector have 2 numbers \(2 or 3\); got 4"),
     ],
 )
-def test_a_track_is_refused_when_it_cannot_be_of_its_kind(shape, dtype, given, words):
+def test_values_that_do_not_suit_the_kind_are_rejected(shape, dtype, given, words):
     with pytest.raises(InvalidInputError, match=words):
         meshreel.Track(np.zeros(shape, dtype), **given)
 
 
 @pytest.mark.parametrize(("kind", "n_columns"), [("color", 3), ("vector", 2), ("scalar", 1)])
-def test_a_track_has_integers_when_its_kind_may(kind, n_columns):
+def test_integers_are_accepted_by_some_kinds(kind, n_columns):
     assert meshreel.Track(np.zeros((5, 16, n_columns), np.uint8), kind=kind).kind == kind
 
 
-def test_a_track_is_refused_when_it_has_no_name():
+def test_empty_name_is_rejected():
     with pytest.raises(InvalidInputError, match="needs a non-empty name; got ''"):
         sequence(tracks={"": np.zeros((5, 16))})
 
 
-def test_range_is_of_finite_numbers_of_each_column():
+def test_range_covers_the_finite_numbers_of_each_column():
     values = np.zeros((5, 16, 2))
     values[3, 4] = [7, np.nan]
     values[1, 2] = [np.inf, -2]
@@ -94,7 +94,7 @@ def test_range_is_of_finite_numbers_of_each_column():
     assert np.isnan([low, high]).all()
 
 
-def test_part_of_a_track_has_its_frames():
+def test_slice_of_a_track_has_its_frames():
     track = meshreel.Track(np.arange(40.0).reshape(10, 4), unit="Pa")
     part = TrackPart(track, range(3, 8))
     assert (part.shape, part.unit, part.kind) == ((5, 4, 1), "Pa", track.kind)

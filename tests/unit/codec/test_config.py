@@ -99,7 +99,7 @@ def test_config_reports_allowed_values_of_an_option(options, message):
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 1000, 1001])
-def test_reel_cuts_into_equal_blocks_within_memory_by_default(n_frames):
+def test_blocks_within_memory_are_of_equal_length(n_frames):
     n_verts = MAX_BLOCK_POSITIONS // 300
     size = EncoderConfig().frames_in_block(n_frames, n_verts, 4)
     assert size * n_verts <= MAX_BLOCK_POSITIONS
@@ -107,7 +107,7 @@ def test_reel_cuts_into_equal_blocks_within_memory_by_default(n_frames):
     assert n_blocks == -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
 
 
-def test_reel_does_not_cut_when_memory_allows():
+def test_one_block_is_used_if_memory_allows():
     assert EncoderConfig().frames_in_block(5000, 100, 4) == 5000
     assert EncoderConfig(block_frames=30).frames_in_block(5000, 100, 4) == 30
 
@@ -129,16 +129,16 @@ def test_a_million_vertices_and_200_frames_are_one_block_in_6_gigabytes():
 
 
 @pytest.mark.parametrize("n_verts", [100, 10**6])
-def test_smaller_blocks_are_smaller_where_all_in_one_would_take_less(n_verts):
+def test_memory_for_blocks_of_100_frames_gives_such_blocks(n_verts):
     config = EncoderConfig().with_blocks_of(100, n_verts, 4)
     assert config.frames_in_block(200, n_verts, 4) == 100
 
 
-def test_much_memory_changes_no_blocks():
+def test_abundant_memory_does_not_change_blocks():
     assert EncoderConfig(memory="1TB").frames_in_block(10_000, 10_000, 4) == 500
 
 
-def test_reel_cuts_long_sequences_of_many_vertices_into_equal_blocks():
+def test_long_sequences_of_many_vertices_have_blocks_of_equal_length():
     assert EncoderConfig().frames_in_block(10_000, 10_000, 4) == 500
     assert EncoderConfig().frames_in_block(1024, 10_000, 4) == 1024
     assert EncoderConfig().frames_in_block(1025, 10_000, 4) == 342

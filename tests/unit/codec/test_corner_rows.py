@@ -54,7 +54,7 @@ def test_codes_refer_to_the_previous_corner_of_the_row():
     )
 
 
-def test_rows_are_few_bytes_when_a_vertex_has_very_many_corners():
+def test_rows_of_a_vertex_with_many_corners_take_few_bytes():
     vertices = np.zeros(40_000, np.int64)
     rows = numbered_rows(np.arange(40_000) % 2, vertices, 1)
     payload = write_corner_rows(rows, vertices, 1)
@@ -101,7 +101,7 @@ def other(numbers, place, number):
         *("all flags", "too many", "longer", "a zero behind", "empty"),
     ],
 )
-def test_rows_are_refused_when_they_are_not_those_of_the_corners(seam, damaged):
+def test_rows_that_contradict_the_corners_are_refused(seam, damaged):
     stream, header = seam
     n_stored, position = read_varint(header.rows, 0)
     numbers = decode_integers(header.rows[position:], [9, n_stored])

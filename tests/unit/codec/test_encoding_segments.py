@@ -106,7 +106,7 @@ def test_targets_that_need_constant_connectivity_are_refused(sequence):
         meshreel.encode(sequence, method="pca-qp")
 
 
-def test_one_segment_gives_the_stream_of_its_sequence():
+def test_single_segment_gives_the_stream_of_its_sequence():
     assert meshreel.encode(meshreel.concatenate([GRID])) == meshreel.encode(GRID)
 
 

@@ -13,7 +13,7 @@ def test_bound_without_a_unit_is_percent_of_the_diagonal(given):
     assert bound_of(given).share(7.0) == 0.1 / 100
 
 
-def test_bound_is_a_share_of_the_diagonal_when_it_is_in_model_units():
+def test_bound_in_model_units_is_converted_to_percent_of_the_diagonal():
     assert bound_of("0.5u") == ErrorBound(0.5, is_length=True)
     assert bound_of("0.5u").share(10.0) == 0.05
     assert bound_of("0.5 U").percent(10.0) == 5.0
@@ -32,7 +32,7 @@ def test_bound_is_a_share_of_the_diagonal_when_it_is_in_model_units():
         ("1km", "m", 1000.0),
     ],
 )
-def test_length_is_converted_when_the_unit_of_the_model_is_known(given, unit, in_units):
+def test_length_is_converted_for_a_model_with_a_known_unit(given, unit, in_units):
     bound = bound_of(given, unit)
     assert bound.is_length
     assert bound.amount == pytest.approx(in_units, rel=1e-15)

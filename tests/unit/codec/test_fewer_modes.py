@@ -32,7 +32,7 @@ def test_all_modes_decode_the_whole_stream(sequence, more):
     assert (found.fps, found.name) == (whole.fps, whole.name)
 
 
-def test_error_falls_with_every_mode_when_the_step_is_fine(sequence):
+def test_error_falls_with_every_mode(sequence):
     data = encode(sequence, step=1e-6)
     (n_modes,) = info(data).n_modes
     errors = [
@@ -57,7 +57,7 @@ def test_error_is_at_most_that_of_the_truncated_basis(sequence, n_modes):
 
 @pytest.mark.parametrize("n_modes", [1, 4])
 @pytest.mark.parametrize("block_frames", [None, 8])
-def test_mean_shape_of_each_block_is_that_of_the_strong_modes_when_few_move(
+def test_mean_shape_of_a_block_does_not_depend_on_the_number_of_modes(
     sequence, block_frames, n_modes
 ):
     data = encode(sequence, step=1e-4, block_frames=block_frames)
@@ -69,7 +69,7 @@ def test_mean_shape_of_each_block_is_that_of_the_strong_modes_when_few_move(
         np.testing.assert_allclose(mean, whole[frames].mean(axis=0), atol=5e-3)
 
 
-def test_movement_is_of_one_rank_for_each_axis_when_one_mode_moves(sequence):
+def test_one_mode_moves_with_rank_one_along_each_axis(sequence):
     decoded = decode(encode(sequence, step=1e-4), n_modes=1).vertices
     for axis in range(3):
         moved = decoded[:, :, axis] - decoded[:, :, axis].mean(axis=0)
@@ -89,7 +89,7 @@ def test_every_block_is_limited_to_a_number_of_modes():
 
 
 @pytest.mark.parametrize("frames", [slice(0, 1), slice(3, 12), slice(-2, None)])
-def test_part_equals_that_of_the_whole_when_modes_are_left_out(sequence, frames):
+def test_range_of_frames_with_fewer_modes_equals_that_of_the_whole(sequence, frames):
     data = encode(sequence, step=1e-4, block_frames=8)
     np.testing.assert_allclose(
         decode(data, frames=frames, n_modes=2).vertices,
@@ -109,7 +109,7 @@ def test_vertices_equal_those_of_the_whole_stream_in_every_order(order):
     assert kg_error_percent(whole.vertices, coarse.vertices) < 15  # another order: above 100
 
 
-def test_corrections_are_left_out_when_modes_are_counted():
+def test_corrections_are_omitted_with_fewer_modes():
     sequence = irregular_sequence(20)
     data = encode(sequence, max_error=1.0)
     assert info(data).budget_bytes["corrections"] > 30

@@ -65,7 +65,7 @@ def test_each_section_is_visited_once_and_leading_ones_again_for_the_surface(mon
     assert calls["group_of"] == 5
 
 
-def test_damage_anywhere_in_a_file_is_found(tmp_path):
+def test_damage_anywhere_in_a_file_is_detected(tmp_path):
     data = bytearray(meshreel.encode(dressed(), block_frames=4))
     start, stop = Stream(bytes(data)).groups[1][2]  # of the second track
     data[(start + stop) // 2] ^= 1

@@ -25,12 +25,12 @@ def test_sizes_are_parsed_to_bytes(given, expected):
 
 
 @pytest.mark.parametrize("given", ["", "kB", "100 apples", "-5kB", "1..2", "nan", "0x10", "10k"])
-def test_text_is_refused_when_it_is_not_a_size(given):
+def test_text_that_is_not_a_size_is_refused(given):
     with pytest.raises(InvalidInputError, match="size= takes a size such as 100kB or 1GiB"):
         bytes_of(given, "size")
 
 
 @pytest.mark.parametrize("given", [0, "0kB", -1, float("nan"), float("inf"), "1e999"])
-def test_size_is_refused_when_it_is_not_above_0(given):
+def test_size_not_above_0_is_refused(given):
     with pytest.raises(InvalidInputError, match="memory must be above 0"):
         bytes_of(given, "memory")

@@ -82,7 +82,7 @@ def test_config_refuses_what_the_table_does_not_allow(name):
 
 @pytest.mark.parametrize("name", OPTIONS)
 @pytest.mark.parametrize("method", METHOD_NAMES)
-def test_option_is_refused_by_methods_without_it(method, name):
+def test_methods_refuse_options_that_they_lack(method, name):
     option = OPTIONS[name]
     value = 0.5 if option.range is None else max(option.range.low, 1)
     given = next((one for one in option.names if one != option.default), value)
@@ -119,7 +119,7 @@ def test_config_has_the_options_of_the_table():
 
 
 @pytest.mark.parametrize("name", OPTIONS)
-def test_encode_passes_every_option_on(name):
+def test_encode_forwards_every_option(name):
     option = OPTIONS[name]
     with pytest.raises(InvalidInputError, match=rf"\b{name}\b"):
         encode(waving_grid(1), **{name: "none of them" if option.names else -1})
@@ -129,7 +129,7 @@ def test_encode_passes_every_option_on(name):
     ("name", "advice"),
     [("qualty", "did you mean 'quality'?"), ("modes", "did you mean 'n_modes'?"), ("zzz", "kg")],
 )
-def test_unknown_option_is_refused_with_the_nearest(name, advice):
+def test_error_for_an_unknown_option_suggests_the_nearest(name, advice):
     for call in (config_of, lambda options: meshreel.encode(waving_grid(1), **options)):
         with pytest.raises(InvalidInputError, match=f"option '{name}' is unknown") as refused:
             call({name: 1})
@@ -164,7 +164,7 @@ class Baking:
     silent: bool = False
 
 
-def test_fields_are_options_when_they_are_annotated_so():
+def test_annotated_fields_are_options():
     heat, grill = options_of_fields(Baking)
     assert (heat.name, heat.flag, heat.types, heat.default) == ("heat", "--heat", (float,), None)
     assert (grill.name, grill.flag, grill.types, grill.default) == (

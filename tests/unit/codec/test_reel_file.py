@@ -41,7 +41,7 @@ def reel(method):
         yield opened
 
 
-def test_frames_in_any_order_equal_those_of_the_whole(reel, method):
+def test_frames_in_any_order_equal_decode(reel, method):
     for number in (22, 0, 13, 13, 4, -1, 7):
         assert_nearly_equal(reel[number], WHOLE[method].vertices[number])
 
@@ -50,16 +50,16 @@ def test_frames_in_any_order_equal_those_of_the_whole(reel, method):
     "part",
     [slice(3, 14), slice(None), slice(20, None), slice(5, 5), slice(2, 20, 5), slice(9, 2, -3)],
 )
-def test_parts_are_those_of_the_whole_when_they_span_blocks(reel, method, part):
+def test_ranges_across_blocks_equal_decode(reel, method, part):
     assert_nearly_equal(reel[part], WHOLE[method].vertices[part])
     assert reel[part].dtype == WHOLE[method].vertices.dtype
 
 
-def test_all_frames_come_in_order_when_it_is_iterated(reel, method):
+def test_iteration_yields_all_frames_in_order(reel, method):
     assert_nearly_equal(np.stack(list(reel)), WHOLE[method].vertices)
 
 
-def test_facts_are_known_when_nothing_is_decoded(reel, method, monkeypatch):
+def test_opening_decodes_nothing(reel, method, monkeypatch):
     monkeypatch.setattr(type(reel), "_frames", None)
     assert (len(reel), reel.n_frames) == (23, 23)
     assert (reel.fps, reel.name) == (WHOLE[method].fps, WHOLE[method].name)
@@ -84,7 +84,7 @@ def test_only_needed_blocks_are_read():
         assert fetched == needed
 
 
-def test_frames_before_the_cut_of_a_file_are_decoded(method):
+def test_complete_blocks_of_a_truncated_file_are_decoded(method):
     for number, groups in enumerate(Stream(STREAMS[method]).groups[1:], start=1):
         with ReelFile(BytesIO(STREAMS[method][: groups[-1][1] - 1])) as reel:
             assert not reel.is_whole
@@ -105,7 +105,7 @@ def test_limited_modes_give_a_coarser_animation():
         np.testing.assert_array_equal(reel[:], decode(data, n_modes=1).vertices)
 
 
-def test_damage_is_reported_when_a_damaged_block_is_read(method):
+def test_damage_is_reported_on_reading_the_damaged_block(method):
     data = bytearray(STREAMS[method])
     data[Stream(STREAMS[method]).groups[2][-1][1] - 1] ^= 1
     with ReelFile(BytesIO(bytes(data))) as reel:
@@ -114,14 +114,14 @@ def test_damage_is_reported_when_a_damaged_block_is_read(method):
             reel[8]
 
 
-def test_opening_names_the_file_when_it_is_no_stream(tmp_path):
+def test_error_of_opening_another_file_names_it(tmp_path):
     path = tmp_path / "short.reel"
     path.write_bytes(STREAMS["reel"][:100])
     with pytest.raises(TruncatedStreamError, match=r"short\.reel: "):
         meshreel.open(path)
 
 
-def test_a_file_is_closed_when_it_was_used_in_a_with_statement(tmp_path):
+def test_with_statement_closes_the_file(tmp_path):
     path = tmp_path / "walk.reel"
     path.write_bytes(STREAMS["reel"])
     with meshreel.open(path) as reel:
@@ -163,7 +163,7 @@ class Paused(BytesIO):
         return found
 
 
-def test_stored_bytes_and_frames_are_right_when_threads_read_them_at_the_same_time(method):
+def test_threads_can_read_bytes_and_frames_concurrently(method):
     file = Paused(STREAMS[method])
     with ReelFile(file) as reel, ThreadPoolExecutor(2) as pool:
         file.armed = True

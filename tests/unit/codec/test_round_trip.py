@@ -30,7 +30,7 @@ def test_number_type_round_trips(dtype):
     assert decode(encode(waving_grid(dtype=dtype))).vertices.dtype == dtype
 
 
-def test_bytes_are_the_same_when_encoded_twice():
+def test_encoding_is_deterministic():
     assert encode(irregular_sequence()) == encode(irregular_sequence())
 
 
@@ -41,12 +41,12 @@ def test_vertices_keep_their_order(order):
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.02
 
 
-def test_faces_are_lossless_when_the_order_is_kept():
+def test_order_keep_preserves_faces():
     sequence = irregular_sequence()
     np.testing.assert_array_equal(decode(encode(sequence)).faces, sequence.faces)
 
 
-def test_mesh_is_the_same_up_to_order_when_the_order_is_dropped():
+def test_order_drop_preserves_the_mesh_up_to_order():
     sequence = waving_grid(4, dtype=np.float64)
     decoded = decode(encode(sequence, step=1e-5, order="drop"))
     centers, centers_hat = (
@@ -57,7 +57,7 @@ def test_mesh_is_the_same_up_to_order_when_the_order_is_dropped():
     assert sorted(partner) == list(range(sequence.n_faces))
 
 
-def test_dropping_the_order_saves_bytes_when_it_has_no_structure():
+def test_dropping_a_random_order_saves_bytes():
     grid = waving_grid(3, 30, 30)
     shuffle = np.random.default_rng(0).permutation(900)
     shuffled = MeshSequence(grid.vertices[:, np.argsort(shuffle)], shuffle[grid.faces])
@@ -66,12 +66,12 @@ def test_dropping_the_order_saves_bytes_when_it_has_no_structure():
     assert sizes[2] < sizes[1] - 900
 
 
-def test_one_frame_comes_back_when_there_is_only_one():
+def test_single_frame_round_trips():
     sequence = waving_grid(1)
     assert kg_error_percent(sequence.vertices, decode(encode(sequence)).vertices) < DEFAULT_KG
 
 
-def test_still_sequence_comes_back_when_nothing_moves():
+def test_static_sequence_round_trips():
     still = np.repeat(waving_grid(1).vertices, 50, axis=0)
     sequence = MeshSequence(still, waving_grid(1).faces)
     decoded = decode(encode(sequence))
@@ -81,13 +81,13 @@ def test_still_sequence_comes_back_when_nothing_moves():
     assert info(encode(sequence, "pca-qp")).n_modes == (1,)
 
 
-def test_all_vertices_come_back_when_they_coincide():
+def test_coincident_vertices_round_trip():
     sequence = MeshSequence(np.full((3, 3, 3), 5.0), np.array([[0, 1, 2]]))
     np.testing.assert_allclose(decode(encode(sequence)).vertices, 5.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("offset", "size"), [(1e6, 1.0), (0.0, 1e-6), (-3e7, 10.0)])
-def test_error_is_the_same_when_the_model_is_moved_or_scaled(offset, size):
+def test_error_is_invariant_to_translation_and_scale(offset, size):
     here = waving_grid(dtype=np.float64)
     there = MeshSequence(here.vertices * size + offset * size, here.faces)
     expected = kg_error_percent(here.vertices, decode(encode(here)).vertices)
@@ -105,7 +105,7 @@ def test_separately_coded_blocks_are_joined(block_frames):
 
 
 @pytest.mark.parametrize("frames", [slice(0, 1), slice(3, 9), slice(-2, None), slice(None)])
-def test_part_equals_that_of_the_whole_when_frames_are_chosen(frames):
+def test_selected_frames_equal_those_of_the_whole(frames):
     data = encode(waving_grid(12), block_frames=5)
     np.testing.assert_allclose(
         decode(data, frames=frames).vertices, decode(data).vertices[frames], atol=1e-6
@@ -113,12 +113,12 @@ def test_part_equals_that_of_the_whole_when_frames_are_chosen(frames):
 
 
 @pytest.mark.parametrize("frames", [slice(5, 5), slice(12, 20), slice(0, 12, 2)])
-def test_decoding_refuses_when_no_frame_or_a_step_is_named(frames):
+def test_decoding_refuses_empty_and_strided_ranges(frames):
     with pytest.raises(InvalidInputError, match="frames"):
         decode(encode(waving_grid(12)), frames=frames)
 
 
-def test_number_of_modes_is_the_requested_one_when_frames_allow():
+def test_number_of_modes_is_the_requested_one_up_to_the_frames():
     sequence = waving_grid(12)
     assert info(encode(sequence, "pca-qp", n_modes=3)).n_modes == (3,)
     assert info(encode(sequence, "pca-qp", n_modes=40)).n_modes == (12,)
@@ -141,20 +141,20 @@ def test_stream_without_anchors_is_decoded():
     assert kg_error_percent(sequence.vertices, decode(data).vertices) < 0.2
 
 
-def test_budget_sums_to_the_file_when_every_part_is_counted():
+def test_budget_sums_to_the_file_size():
     stream = info(encode(irregular_sequence()))
     assert sum(stream.budget_bytes.values()) == stream.size_bytes
     assert sum(stream.part_bytes.values()) == stream.size_bytes
     assert stream.rate_bpvf == 8 * stream.size_bytes / (stream.n_verts * stream.n_frames)
 
 
-def test_input_is_unchanged_when_it_is_encoded():
+def test_encoding_does_not_change_its_input():
     vertices = waving_grid().vertices.copy()
     encode(MeshSequence(vertices, waving_grid().faces))
     np.testing.assert_array_equal(vertices, waving_grid().vertices)
 
 
-def test_progress_ends_at_one_when_done():
+def test_progress_ends_at_one():
     reported = []
     data = encode(waving_grid(), progress=lambda stage, share: reported.append((stage, share)))
     decode(data, progress=lambda stage, share: reported.append((stage, share)))

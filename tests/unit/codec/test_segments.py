@@ -29,7 +29,7 @@ def path(tmp_path):
 
 
 @pytest.mark.parametrize("number", range(3))
-def test_a_chosen_segment_is_decoded_as_the_stream_that_was_joined(path, number):
+def test_selected_segment_equals_the_joined_stream(path, number):
     wanted = meshreel.decode(STREAMS[number])
     for given in (DATA, path):
         found = meshreel.decode(given, segment=number)
@@ -41,7 +41,7 @@ def test_a_chosen_segment_is_decoded_as_the_stream_that_was_joined(path, number)
         assert reel.start_s == 2.0 + [0, 4, 9][number] / 25
 
 
-def test_stream_of_several_segments_requires_a_choice(path):
+def test_stream_of_several_segments_requires_a_selection(path):
     for act in (meshreel.decode, meshreel.open, meshreel.load):
         with pytest.raises(InvalidInputError, match="3 segments") as refused:
             act(path)
@@ -53,7 +53,7 @@ def test_stream_of_several_segments_requires_a_choice(path):
             meshreel.open(path, segment=number)
 
 
-def test_a_stream_of_one_segment_has_segment_0_alone():
+def test_stream_of_one_segment_has_only_segment_0():
     assert np.array_equal(
         meshreel.decode(STREAMS[0], segment=0).vertices, meshreel.decode(STREAMS[0]).vertices
     )
@@ -61,7 +61,7 @@ def test_a_stream_of_one_segment_has_segment_0_alone():
         meshreel.decode(STREAMS[0], segment=1)
 
 
-def test_a_segment_of_an_open_file_is_chosen_when_it_is_opened(path):
+def test_open_reel_selects_a_segment(path):
     with meshreel.open(path, segment=1) as reel:
         for function in (meshreel.decode, meshreel.info):
             with pytest.raises(InvalidInputError, match=r"to meshreel\.open"):
@@ -81,7 +81,7 @@ def test_info_lists_segments_and_sums_their_bytes(path):
 
 
 @pytest.mark.parametrize("number", range(3))
-def test_info_of_a_segment_is_of_its_own_bytes(path, number):
+def test_info_of_a_segment_describes_only_its_bytes(path, number):
     info, wanted = meshreel.info(path, segment=number), meshreel.info(STREAMS[number])
     assert info.size_bytes == sum(info.budget_bytes.values()) == sum(info.part_bytes.values())
     assert (info.n_modes, info.block_bytes) == (wanted.n_modes, wanted.block_bytes)
@@ -90,7 +90,7 @@ def test_info_of_a_segment_is_of_its_own_bytes(path, number):
         assert reel.info() == info
 
 
-def test_a_cut_off_file_has_its_complete_segments(path):
+def test_truncated_file_has_its_complete_segments(path):
     place = meshreel.info(DATA).segments[1]
     path.write_bytes(DATA[: len(DATA) - place.size_bytes // 2])
     with meshreel.open(path, segment=0) as reel:

@@ -32,7 +32,7 @@ class PicklingWorkers(InlineWorkers):
 @pytest.mark.parametrize(
     "target", slow_but([{}], [{}, {"max_error": 0.4}, {"size": 3000}, {"step": 0.01}])
 )
-def test_bytes_are_the_same_when_workers_code_the_blocks(target):
+def test_workers_give_the_same_bytes(target):
     sequence = irregular_sequence(23)
     workers = PicklingWorkers()
     spread = encode(sequence, block_frames=5, engine=Engine(workers), **target)
@@ -48,7 +48,7 @@ def test_errors_are_measured_in_this_process():
     assert workers.calls == []
 
 
-def test_only_frames_of_a_block_are_sent_when_the_sequence_is_in_memory():
+def test_only_the_frames_of_a_block_are_sent_for_a_sequence_in_memory():
     sequence = waving_grid(200)
     pieces = list(Source(sequence, EncoderConfig(block_frames=10)).pieces())
     assert len(pickle.dumps(pieces[3])) < sequence.vertices.nbytes / 10
@@ -56,7 +56,7 @@ def test_only_frames_of_a_block_are_sent_when_the_sequence_is_in_memory():
     assert (restored.read() == pieces[3].read()).all()
 
 
-def test_frames_are_read_by_the_worker_when_they_are_in_files(tmp_path):
+def test_workers_read_frames_from_files(tmp_path):
     sequence = waving_grid(200)
     save(sequence, tmp_path / "grid.npz")
     source = Source(open_source(tmp_path / "grid.npz"), EncoderConfig(block_frames=10))
@@ -67,7 +67,7 @@ def test_frames_are_read_by_the_worker_when_they_are_in_files(tmp_path):
 
 
 @pytest.mark.parametrize("extension", ["ply", "abc", "usdc", "h5", "vtkhdf", "mdd"])
-def test_piece_is_sent_with_its_frames_when_they_stay_in_files(tmp_path, extension):
+def test_piece_of_an_open_file_is_sent_with_its_frames(tmp_path, extension):
     """Open files cannot be sent to another process."""
     sequence = waving_grid(40, 20, 20)
     source = tmp_path / f"grid.{extension}"
@@ -79,7 +79,7 @@ def test_piece_is_sent_with_its_frames_when_they_stay_in_files(tmp_path, extensi
     np.testing.assert_array_equal(found, sequence.vertices[20:30, pieces[2].order])
 
 
-def test_mesh_is_the_same_object_when_a_process_gets_it_twice():
+def test_process_reuses_a_mesh_that_it_received_before():
     sequence = waving_grid(5)
     source = Source(sequence, EncoderConfig())
     sent = pickle.dumps(coder_of(source.mesh, source.frame))
@@ -87,7 +87,7 @@ def test_mesh_is_the_same_object_when_a_process_gets_it_twice():
 
 
 @pytest.mark.slow
-def test_bytes_are_the_same_when_processes_code_the_blocks():
+def test_processes_give_the_same_bytes():
     sequence = waving_grid(40)
     with time_limit(TEST_S, "two processes that code blocks"), open_engine(2) as engine:
         spread = encode(sequence, block_frames=5, engine=engine)

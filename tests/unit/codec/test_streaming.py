@@ -41,7 +41,7 @@ def pushed(sequence, **options):
         ("pca-qp", {}),
     ],
 )
-def test_frames_are_those_of_the_whole_when_one_block_holds_all(method, options):
+def test_frames_of_one_block_equal_those_of_encode(method, options):
     sequence = irregular_sequence(9)
     online = decode(pushed(sequence, method=method, block_frames=9, **options))
     at_once = decode(encode(sequence, method, block_frames=9, **options))
@@ -50,13 +50,13 @@ def test_frames_are_those_of_the_whole_when_one_block_holds_all(method, options)
 
 
 @pytest.mark.parametrize("method", ["reel", "blocks", "pca-qp", "v2v"])
-def test_error_is_small_when_frames_are_pushed_in_many_blocks(method):
+def test_error_is_small_with_many_blocks(method):
     data = pushed(SEQUENCE, method=method, block_frames=10)
     assert info(data).block_frames == (10, 10, 10, 10, 3)
     assert kg_error_percent(SEQUENCE.vertices, decode(data).vertices) < 2.5
 
 
-def test_later_blocks_cost_less_when_they_refer_to_the_first():
+def test_later_blocks_take_fewer_bytes_than_the_first():
     sequence = waving_grid(60, 40, 41)
     data = pushed(sequence, block_frames=20)
     alone = [
@@ -67,13 +67,13 @@ def test_later_blocks_cost_less_when_they_refer_to_the_first():
     assert sum(info(data).block_bytes[1:]) < 0.8 * (sum(alone) - 2 * connectivity)
 
 
-def test_latency_sets_the_block_when_it_is_left_open():
+def test_latency_determines_the_block_length():
     data = pushed(SEQUENCE, max_latency_s=0.5)
     expected = int(0.5 * 15 / 16 * (SEQUENCE.fps or 25))
     assert info(data).block_frames[0] == expected
 
 
-def test_promise_holds_when_later_frames_leave_the_first_box():
+def test_error_bound_holds_for_frames_outside_the_first_box():
     growing = meshreel.MeshSequence(
         SEQUENCE.vertices * np.linspace(1, 30, 43, dtype=np.float32)[:, None, None], SEQUENCE.faces
     )
@@ -83,7 +83,7 @@ def test_promise_holds_when_later_frames_leave_the_first_box():
     assert found <= 0.5
 
 
-def test_file_opens_up_to_the_last_block_when_the_encoder_is_at_work(tmp_path):
+def test_growing_file_is_readable_up_to_the_last_block(tmp_path):
     path = tmp_path / "live.reel"
     encoder = Encoder(SEQUENCE.faces, path, block_frames=10)
     for frame in SEQUENCE.vertices[:25]:
@@ -117,7 +117,7 @@ RECORDING = """
 
 
 @pytest.mark.slow
-def test_file_plays_up_to_the_last_block_when_the_encoder_is_killed(tmp_path):
+def test_file_of_a_killed_encoder_is_readable_up_to_the_last_block(tmp_path):
     path = tmp_path / "killed.reel"
     command = [sys.executable, "-c", textwrap.dedent(RECORDING), str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -135,7 +135,7 @@ def test_file_plays_up_to_the_last_block_when_the_encoder_is_killed(tmp_path):
     assert os.path.getsize(path) == n_written
 
 
-def test_what_was_pushed_is_kept_when_the_source_fails(tmp_path):
+def test_pushed_frames_are_kept_when_the_source_fails(tmp_path):
     path = tmp_path / "stopped.reel"
 
     def record():
@@ -151,14 +151,14 @@ def test_what_was_pushed_is_kept_when_the_source_fails(tmp_path):
         assert (len(reel), reel.is_whole) == (17, True)
 
 
-def test_no_file_is_left_when_no_frame_was_pushed(tmp_path):
+def test_no_file_is_left_without_pushed_frames(tmp_path):
     path = tmp_path / "empty.reel"
     with pytest.raises(InvalidInputError, match="no frame was pushed"):
         Encoder(SEQUENCE.faces, path).close()
     assert not path.exists()
 
 
-def test_a_file_is_kept_when_it_is_there_already(tmp_path):
+def test_existing_file_is_kept(tmp_path):
     path = tmp_path / "there.reel"
     path.write_bytes(b"mine")
     with pytest.raises(InvalidInputError, match="exists"):
@@ -166,7 +166,7 @@ def test_a_file_is_kept_when_it_is_there_already(tmp_path):
     assert path.read_bytes() == b"mine"
 
 
-def test_a_path_is_refused_when_it_does_not_end_in_reel(tmp_path):
+def test_path_without_the_extension_reel_is_refused(tmp_path):
     with pytest.raises(InvalidInputError, match=r"live\.glb must end in \.reel; got \.glb"):
         Encoder(SEQUENCE.faces, tmp_path / "live.glb")
     assert list(tmp_path.iterdir()) == []
@@ -187,7 +187,7 @@ FILLING = """
 
 
 @pytest.mark.slow
-def test_the_file_is_named_when_it_grows_too_large(tmp_path):
+def test_error_names_a_file_that_grows_too_large(tmp_path):
     pytest.importorskip("resource")
     path = tmp_path / "live.reel"
     command = [sys.executable, "-c", textwrap.dedent(FILLING), str(path)]
@@ -196,7 +196,7 @@ def test_the_file_is_named_when_it_grows_too_large(tmp_path):
 
 
 @pytest.mark.parametrize("target", [{"kg": 1.0}, {"sted": 0.1}, {"bpvf": 1.0}, {"size": 1e6}])
-def test_targets_are_refused_when_they_need_the_whole_sequence(target):
+def test_targets_that_need_the_whole_sequence_are_refused(target):
     with pytest.raises(InvalidInputError, match="needs the whole sequence"):
         Encoder(SEQUENCE.faces, BytesIO(), **target)
 
@@ -210,7 +210,7 @@ def test_targets_are_refused_when_they_need_the_whole_sequence(target):
         ({"fps": -1}, "fps"),
     ],
 )
-def test_options_are_refused_when_they_are_none(options, message):
+def test_invalid_options_are_refused(options, message):
     with pytest.raises(InvalidInputError, match=message):
         Encoder(SEQUENCE.faces, BytesIO(), **options)
 
@@ -224,7 +224,7 @@ def test_options_are_refused_when_they_are_none(options, message):
         (SEQUENCE.vertices, r"shape \(V, 3\)"),
     ],
 )
-def test_recording_goes_on_when_a_frame_is_refused(frame, message):
+def test_recording_continues_after_a_refused_frame(frame, message):
     file = BytesIO()
     with Encoder(SEQUENCE.faces, file, block_frames=2) as encoder:
         encoder.push(SEQUENCE.vertices[0])
@@ -234,7 +234,7 @@ def test_recording_goes_on_when_a_frame_is_refused(frame, message):
     assert info(file.getvalue()).n_frames == 2
 
 
-def test_pushed_frames_are_copied_when_the_caller_reuses_its_array():
+def test_pushed_frames_are_copied():
     frame, file = np.empty_like(SEQUENCE.vertices[0]), BytesIO()
     with Encoder(SEQUENCE.faces, file, block_frames=43) as encoder:
         for one in SEQUENCE.vertices:
@@ -244,7 +244,7 @@ def test_pushed_frames_are_copied_when_the_caller_reuses_its_array():
     np.testing.assert_array_equal(decode(file.getvalue()).vertices, expected)
 
 
-def test_latency_is_measured_when_blocks_are_written():
+def test_latency_is_measured_until_blocks_are_written():
     start = time.perf_counter()
     with Encoder(SEQUENCE.faces, BytesIO(), block_frames=10) as encoder:
         for frame in SEQUENCE.vertices:
@@ -252,7 +252,7 @@ def test_latency_is_measured_when_blocks_are_written():
     assert 0 < encoder.latency_s <= time.perf_counter() - start
 
 
-def test_an_error_of_a_block_is_told_when_the_next_one_is_complete():
+def test_error_of_a_block_is_raised_when_the_next_one_is_complete():
     far = SEQUENCE.vertices * np.float32(1e12)
     encoder = Encoder(SEQUENCE.faces, BytesIO(), block_frames=5, max_error=1e-3)
     for frame in SEQUENCE.vertices[:5]:

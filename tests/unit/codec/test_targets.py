@@ -96,14 +96,14 @@ def test_size_is_close_to_its_target(share):
     assert len(encoded("grid", size=limit)) > 0.95 * limit
 
 
-def test_size_is_that_of_a_rate_when_both_name_the_same_bytes():
+def test_size_and_rate_of_the_same_bytes_give_the_same_stream():
     limit = 8 * 800 / (12 * 99)
     assert encoded("grid", bpvf=limit) == encoded("grid", size=800)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["size", "bpvf"])
-def test_error_falls_when_the_budget_grows(kind):
+def test_error_falls_as_the_budget_grows(kind):
     unit = measured("grid", encoded("grid"))[kind]
     errors = [
         measured("grid", encoded("grid", **{kind: share * unit}))["kg"] for share in (0.5, 1, 2)
@@ -112,13 +112,13 @@ def test_error_falls_when_the_budget_grows(kind):
 
 
 @pytest.mark.parametrize("kind", ERRORS)
-def test_stream_grows_when_less_error_is_allowed(kind):
+def test_stream_grows_as_the_allowed_error_falls(kind):
     sizes = [len(encoded("grid", **{kind: limit})) for limit in ERRORS[kind]]
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[0] > 1.5 * sizes[-1]
 
 
-def test_error_falls_by_half_when_quality_rises_by_twelve():
+def test_twelve_points_of_quality_halve_the_error():
     errors = [measured("grid", encoded("grid", quality=one))["kg"] for one in (52, 64, 76, 88)]
     for coarse, fine in pairwise(errors):
         assert 1.4 < coarse / fine < 2.8
@@ -128,7 +128,7 @@ def test_default_quality_applies_without_a_target():
     assert encoded("grid") == encoded("grid", quality=DEFAULT_QUALITY)
 
 
-def test_quality_does_not_depend_on_the_travel_when_the_model_moves_away():
+def test_quality_does_not_depend_on_the_travel_of_the_model():
     """A step is relative to the size of the model, not to the box of all frames."""
     grid = waving_grid(12, dtype=np.float64)
     path = np.linspace(0, 50, 12)[:, None, None] * [1.0, 0.2, 0.0]
@@ -173,7 +173,7 @@ def test_size_reported_as_smallest_is_the_smallest():
         encoded("grid", size=smallest - 1)
 
 
-def test_advice_on_a_size_is_not_to_drop_the_order_when_it_is_dropped():
+def test_advice_on_a_size_omits_dropping_a_dropped_order():
     with pytest.raises(InvalidInputError, match=r"bytes; allow more$"):
         encoded("grid", size=10, order="drop")
 
@@ -188,7 +188,7 @@ def test_too_small_error_is_refused_with_the_smallest_possible(kind, limit):
     assert limit < reached < 1e-4
 
 
-def test_maximum_error_is_refused_when_the_number_type_is_too_coarse():
+def test_maximum_error_below_the_precision_of_the_number_type_is_refused():
     far = meshreel.MeshSequence(waving_grid().vertices + np.float32(1e5), waving_grid().faces)
     spacing = 100 * np.spacing(np.float32(1e5)) / np.linalg.norm(np.ptp(far.vertices, axis=(0, 1)))
     with pytest.raises(InvalidInputError, match=r"cannot be guaranteed.* float32 .*as float64"):
@@ -199,13 +199,13 @@ def test_maximum_error_is_refused_when_the_number_type_is_too_coarse():
 
 
 @pytest.mark.parametrize("percent", [1e-7, 1e-12])
-def test_maximum_error_is_kept_down_to_the_last_bits_when_positions_are_float64(percent):
+def test_maximum_error_near_the_precision_of_float64_is_met(percent):
     fine = meshreel.MeshSequence(waving_grid().vertices.astype(np.float64), waving_grid().faces)
     decoded = meshreel.decode(meshreel.encode(fine, max_error=percent))
     assert meshreel.compare(fine, decoded).max_error_percent <= percent
 
 
-def test_maximum_error_is_refused_when_the_last_bits_of_float64_reach_it():
+def test_maximum_error_below_the_precision_of_float64_is_refused():
     fine = meshreel.MeshSequence(waving_grid().vertices.astype(np.float64), waving_grid().faces)
     with pytest.raises(
         InvalidInputError, match="percent of the diagonal; encode losslessly"
@@ -221,7 +221,7 @@ def test_maximum_error_is_refused_when_the_last_bits_of_float64_reach_it():
     slow_but([{"order": "drop"}], [{"order": "drop"}, {"order": "vertices"}, {"block_frames": 5}]),
 )
 @pytest.mark.parametrize(("kind", "limit"), [("kg", 0.2), ("sted", 0.01), ("max_error", 0.05)])
-def test_error_is_met_when_vertices_are_reordered_or_frames_cut(options, kind, limit):
+def test_error_target_is_met_for_every_order_and_block_length(options, kind, limit):
     grid = waving_grid()
     shuffled = np.random.default_rng(1).permutation(grid.n_verts)
     sequence = meshreel.MeshSequence(grid.vertices[:, np.argsort(shuffled)], shuffled[grid.faces])
@@ -246,7 +246,7 @@ def test_info_reports_the_guaranteed_error():
     assert meshreel.info(encoded("grid", kg=0.3)).max_error_percent is None
 
 
-def test_more_effort_takes_fewer_bytes_when_the_mesh_is_large_enough():
+def test_more_effort_takes_fewer_bytes():
     sequence = waving_grid(40, 40, 40)
     low, high = (len(meshreel.encode(sequence, kg=0.3, effort=effort)) for effort in (1, 9))
     assert high < low
@@ -278,7 +278,7 @@ def test_default_target_is_quality():
 
 
 @pytest.mark.parametrize("kind", TargetKind)
-def test_target_is_the_one_that_has_a_number(kind):
+def test_target_is_the_option_with_a_number(kind):
     assert target_of(**{one.value: 1.0 if one is kind else None for one in TargetKind}) == Target(
         kind, 1.0
     )
@@ -292,7 +292,7 @@ def test_error_lists_all_targets_when_there_are_several():
 @pytest.mark.parametrize(
     ("one", "other"), [("kg", "size"), ("quality", "max_error"), ("step", "bpvf")]
 )
-def test_encoding_refuses_when_several_targets_are_given(one, other):
+def test_encoding_refuses_several_targets(one, other):
     with pytest.raises(InvalidInputError, match=f"{one}= and {other}= exclude each other"):
         meshreel.encode(waving_grid(2), **{one: 1.0, other: 1.0})
 
@@ -342,18 +342,18 @@ def scaled_grid(scale, dtype):
     return meshreel.MeshSequence((grid.vertices * scale).astype(dtype), grid.faces)
 
 
-def test_budget_is_met_when_it_is_larger_than_any_stream():
+def test_budget_larger_than_any_stream_is_met():
     for limit in (30, 60, 90):
         assert measured("grid", encoded("grid", bpvf=limit))["bpvf"] <= limit
 
 
 @pytest.mark.parametrize("limit", [0.4, 0.5, 1.0])
-def test_model_does_not_collapse_when_much_sted_is_allowed(limit):
+def test_large_sted_target_does_not_collapse_the_model(limit):
     found = measured("grid", encoded("grid", sted=limit))
     assert found["kg"] < 60
 
 
-def test_stream_is_read_when_a_huge_error_is_allowed():
+def test_stream_with_a_huge_allowed_error_is_readable():
     meshreel.decode(encoded("grid", max_error=3e8))
 
 
@@ -369,7 +369,7 @@ def test_tiny_maximum_error_is_met_or_refused_in_its_unit():
 
 
 @pytest.mark.parametrize(("scale", "percent"), [(1e-42, 0.1), (1e-43, 1.0)])
-def test_maximum_error_is_met_or_refused_when_positions_are_denormal(scale, percent):
+def test_maximum_error_of_denormal_positions_is_met_or_refused(scale, percent):
     sequence = scaled_grid(scale, np.float32)
     try:
         data = meshreel.encode(sequence, max_error=percent)
@@ -379,13 +379,13 @@ def test_maximum_error_is_met_or_refused_when_positions_are_denormal(scale, perc
     assert found.max_error_percent <= percent
 
 
-def test_maximum_error_is_met_when_the_model_is_smaller_than_its_square():
+def test_maximum_error_is_met_when_squares_of_coordinates_underflow():
     sequence = scaled_grid(1e-300, np.float64)
     found = meshreel.compare(sequence, meshreel.decode(meshreel.encode(sequence, max_error=0.1)))
     assert found.max_error_percent <= 0.1
 
 
-def test_error_is_met_or_refused_when_vertices_coincide_in_every_frame():
+def test_error_target_of_coincident_vertices_is_met_or_refused():
     path = np.array([[0.125, -0.13, 0.64], [-0.118, -0.1416, 0.502]], np.float32)
     sequence = meshreel.MeshSequence(np.repeat(path[:, None], 3, axis=1), np.array([[0, 1, 2]]))
     try:

@@ -74,7 +74,7 @@ def test_any_track_can_be_exact_or_dropped(track, given, bound):
         (COUNTS, "1%", "has integers, which are lossless"),
     ],
 )
-def test_bound_is_refused_when_it_does_not_suit_the_track(track, given, message):
+def test_bound_that_does_not_suit_the_track_is_refused(track, given, message):
     with pytest.raises(InvalidInputError, match=f"track 'x'.*{message}"):
         bound_of_track(given, "x", track)
 

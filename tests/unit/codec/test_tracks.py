@@ -55,7 +55,7 @@ def test_header_of_a_track_round_trips():
 
 
 @pytest.mark.parametrize("place", [0, 1, 2, 3])
-def test_a_track_is_refused_when_a_code_is_unknown(place):
+def test_unknown_code_is_refused(place):
     payload = bytearray(write_track(STRESS))
     payload[place] = 99
     with pytest.raises(UnsupportedVersionError, match="a track needs a newer version"):
@@ -96,17 +96,17 @@ def test_header_of_a_predicted_track_round_trips(coding):
         (Coding.FORWARD, {"domain": Domain.CORNER, "sharing": Sharing.ROWS}),
     ],
 )
-def test_a_track_is_refused_when_positions_do_not_predict_its_kind(coding, changed):
+def test_prediction_of_other_kinds_from_positions_is_refused(coding, changed):
     with pytest.raises(CorruptStreamError, match="does not match its kind"):
         opened(write_track(predicted(coding, **changed)))
 
 
-def test_a_track_is_refused_when_its_rate_is_invalid():
+def test_invalid_rate_is_refused():
     with pytest.raises(CorruptStreamError, match="out of range"):
         opened(write_track(predicted(Coding.CENTRAL, rate=np.inf)))
 
 
-def test_a_track_is_refused_when_it_is_cut_off_or_longer():
+def test_truncated_or_too_long_header_is_refused():
     payload = write_track(STRESS)
     for size in range(len(payload)):
         with pytest.raises((CorruptStreamError, TruncatedStreamError)):
@@ -116,14 +116,14 @@ def test_a_track_is_refused_when_it_is_cut_off_or_longer():
 
 
 @pytest.mark.parametrize("n_columns", [0, MAX_COLUMNS + 1])
-def test_a_track_is_refused_when_it_has_no_columns_or_too_many(n_columns):
+def test_no_columns_and_too_many_are_refused(n_columns):
     wide = TrackHeader("wide", "", "other", Domain.FACE, np.dtype("f8"), 1.0, (0.0,) * n_columns)
     with pytest.raises(CorruptStreamError, match="does not match its kind"):
         opened(write_track(wide))
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_track_is_refused_when_its_scale_is_invalid(scale):
+def test_invalid_scale_is_refused(scale):
     with pytest.raises(CorruptStreamError, match="out of range"):
         opened(write_track(replace(STRESS, scale=scale)))
 
@@ -143,7 +143,7 @@ def test_decoded_values_have_the_shapes_of_the_headers(name):
         assert np.isfinite(values).all() or track.name == "gaps"
 
 
-def test_a_still_track_is_its_origin_when_it_is_decoded():
+def test_static_track_is_decoded_to_its_origin():
     (values,) = track_values(stored("still_track"))
     assert np.all(values == 0.5)
 
@@ -178,14 +178,14 @@ def test_only_bytes_of_the_track_are_read_with_an_index(name):
     assert groups == Stream(without_index(stored(name))).groups
 
 
-def test_a_block_counts_only_when_all_its_tracks_are_complete():
+def test_block_counts_only_with_all_its_tracks():
     data = stored("tracks")
     *ends, whole = [end for _, end in Stream(data).groups[1]]
     assert [len(Stream(data[:end]).groups) for end in ends] == [1, 1, 1]
     assert len(Stream(data[:whole]).groups) == 2
 
 
-def test_a_stream_is_refused_when_a_track_is_missing_in_a_block():
+def test_block_without_a_track_is_refused():
     stream = Stream(stored("tracks_of_triangles"))
     parts = parts_of(stream)
     last = max(number for number, one in enumerate(parts) if one[0] is Section.TRACK_BLOCK)
@@ -196,7 +196,7 @@ def test_a_stream_is_refused_when_a_track_is_missing_in_a_block():
         meshreel.decode(raw_stream(stream.header, [track, *parts]))
 
 
-def test_a_track_is_refused_when_a_block_of_it_is_larger_than_memory_allows():
+def test_block_of_a_track_beyond_the_memory_limit_is_refused():
     grid = waving_grid(40)
     wide = Track(np.ones((40, grid.n_verts, 256), np.float32))
     sequence = meshreel.MeshSequence(grid.vertices, grid.faces, tracks={"wide": wide})
@@ -208,7 +208,7 @@ def test_a_track_is_refused_when_a_block_of_it_is_larger_than_memory_allows():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_hostile_tracks_with_valid_checksums_give_values_or_a_typed_error(name):
+def test_hostile_tracks_with_valid_checksums_decode_or_raise_our_error(name):
     stream = Stream(stored(name))
     rng, n_decoded = np.random.default_rng(8), 0
     parts = parts_of(stream)
@@ -228,7 +228,7 @@ def test_hostile_tracks_with_valid_checksums_give_values_or_a_typed_error(name):
     assert n_decoded
 
 
-def test_hostile_rows_with_valid_checksums_give_values_or_a_typed_error():
+def test_hostile_rows_with_valid_checksums_decode_or_raise_our_error():
     stream = Stream(stored("corners_in_rows"))
     header = next(one for one in track_headers(stored("corners_in_rows")) if one.rows)
     rng, n_decoded = np.random.default_rng(9), 0

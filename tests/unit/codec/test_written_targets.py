@@ -16,12 +16,12 @@ def distances(sequence, decoded):
     return np.linalg.norm(decoded.vertices.astype(float) - sequence.vertices, axis=2)
 
 
-def test_stream_is_the_same_when_percent_is_written_as_text():
+def test_percent_as_text_gives_the_same_stream():
     expected = meshreel.encode(waving_grid(), max_error=0.05)
     assert meshreel.encode(waving_grid(), max_error="0.05%") == expected
 
 
-def test_stream_is_the_same_when_a_size_is_written_as_text():
+def test_size_as_text_gives_the_same_stream():
     assert meshreel.encode(waving_grid(), size="1kB") == meshreel.encode(waving_grid(), size=1000)
 
 
@@ -48,7 +48,7 @@ def test_every_vertex_of_live_frames_is_within_a_bound_in_length_units():
     assert distances(sequence, decoded).max() <= 0.002
 
 
-def test_options_are_numbers_when_given_as_text():
+def test_options_given_as_text_are_numbers():
     config = EncoderConfig(max_error="0.5mm", unit="cm", memory="1kB")
     assert (config.max_error, config.unit, config.memory) == ("0.05u", None, 1000.0)
     assert EncoderConfig(**asdict(config)) == config

@@ -14,6 +14,6 @@ def test_names_are_returned_in_the_order_of_known_names():
     ("names", "problem"),
     [(["pcaqp"], "method 'pcaqp' is unknown"), ([], "name at least one method")],
 )
-def test_known_names_are_listed_when_a_name_is_wrong_or_missing(names, problem):
+def test_error_for_an_unknown_or_missing_name_lists_the_names(names, problem):
     with pytest.raises(InvalidInputError, match=f"{problem}; choose from pca, v2v, gft"):
         checked_names(names, KNOWN, "method")

@@ -8,13 +8,13 @@ from meshreel.evaluation.folder import claim_folder, file_name
 PROGRAM, MARKER = "meshreel paper", "meshreel-paper.json"
 
 
-def test_folder_is_made_and_marked_when_it_is_new(tmp_path):
+def test_new_folder_is_created_and_marked(tmp_path):
     claim_folder(tmp_path / "a" / "b", PROGRAM, "meshreel paper")
     facts = json.loads((tmp_path / "a" / "b" / MARKER).read_text())
     assert facts["command"] == "meshreel paper"
 
 
-def test_folder_is_taken_again_when_it_is_marked(tmp_path):
+def test_marked_folder_is_reused(tmp_path):
     claim_folder(tmp_path, PROGRAM, "first")
     (tmp_path / "report.md").write_text("old")
     claim_folder(tmp_path, PROGRAM, "second")
@@ -22,7 +22,7 @@ def test_folder_is_taken_again_when_it_is_marked(tmp_path):
 
 
 @pytest.mark.parametrize("marker", [None, "", "[]", '{"made_by": "another"}'])
-def test_folder_is_refused_and_kept_when_its_files_are_foreign(tmp_path, marker):
+def test_folder_with_foreign_files_is_rejected_and_unchanged(tmp_path, marker):
     (tmp_path / "thesis.txt").write_text("mine")
     if marker is not None:
         (tmp_path / MARKER).write_text(marker)
@@ -32,7 +32,7 @@ def test_folder_is_refused_and_kept_when_its_files_are_foreign(tmp_path, marker)
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
-def test_file_is_named_when_it_is_given_as_the_folder(tmp_path):
+def test_error_names_a_file_given_as_folder(tmp_path):
     (tmp_path / "report").write_text("")
     with pytest.raises(InvalidInputError, match="report is a file; name a folder"):
         claim_folder(tmp_path / "report", PROGRAM, "meshreel paper")
@@ -41,5 +41,5 @@ def test_file_is_named_when_it_is_given_as_the_folder(tmp_path):
 @pytest.mark.parametrize(
     ("name", "expected"), [("samba", "samba"), ("a/../b c", "a-..-b-c"), ("../", "sequence")]
 )
-def test_names_become_parts_of_file_names_when_they_hold_other_letters(name, expected):
+def test_special_characters_of_names_are_replaced_in_file_names(name, expected):
     assert file_name(name) == expected

@@ -17,7 +17,7 @@ def curve(scale=1.0, power=1.3, rates=RATES):
 
 
 @pytest.mark.parametrize(("scale", "percent"), [(0.5, -50), (1, 0), (2, 100), (0.1, -90)])
-def test_bd_rate_is_the_ratio_when_rates_are_scaled_everywhere(scale, percent):
+def test_bd_rate_of_scaled_rates_is_their_ratio(scale, percent):
     scaled = [(scale * rate, error) for rate, error in curve()]
     found = bd_rate(scaled, curve())
     assert found.percent == pytest.approx(percent, abs=1e-9)
@@ -26,12 +26,12 @@ def test_bd_rate_is_the_ratio_when_rates_are_scaled_everywhere(scale, percent):
     assert found.reason == ""
 
 
-def test_bd_rate_is_the_ratio_when_points_lie_elsewhere_on_the_curves():
+def test_bd_rate_does_not_depend_on_the_sampling_of_curves():
     found = bd_rate(curve(0.5, rates=np.geomspace(0.3, 3, 13)), curve())
     assert found.percent == pytest.approx(-50, abs=1e-6)
 
 
-def test_bd_rate_is_the_mean_log_ratio_when_it_changes_with_the_error():
+def test_bd_rate_is_the_mean_of_the_log_ratio():
     steep, flat = curve(power=2), curve(power=1)
     # Log rates are -e / 2 and -e over the log errors e of the overlap, which is symmetric.
     found = bd_rate(steep[4:], flat[4:])  # errors 1 to 0.1 are common
@@ -40,41 +40,41 @@ def test_bd_rate_is_the_mean_log_ratio_when_it_changes_with_the_error():
     assert (found.low_error, found.high_error) == pytest.approx((0.1, 1))
 
 
-def test_bd_rate_is_unchanged_when_points_are_added_that_others_beat():
+def test_bd_rate_ignores_dominated_points():
     poor = [(3 * rate, 1.5 * error) for rate, error in curve()]
     assert bd_rate(curve(0.5) + poor, curve()) == bd_rate(curve(0.5), curve())
 
 
-def test_bd_rate_passes_over_lossless_points_when_there_are_some():
+def test_bd_rate_ignores_lossless_points():
     assert bd_rate([*curve(0.5), (50.0, 0.0)], curve()) == bd_rate(curve(0.5), curve())
 
 
-def test_bd_rate_says_why_when_no_errors_are_common():
+def test_bd_rate_states_that_no_errors_are_common():
     found = bd_rate(curve(rates=[0.1, 0.2]), curve(rates=[1, 2]))
     assert (found.percent, found.reason) == (None, "no common errors")
 
 
 @pytest.mark.parametrize("points", [[], curve()[:1], [(1.0, 0.5), (2.0, 0.5)]])
-def test_bd_rate_says_why_when_a_codec_has_fewer_than_two_points(points):
+def test_bd_rate_states_that_points_are_missing(points):
     for found in (bd_rate(points, curve()), bd_rate(curve(), points)):
         assert (found.percent, found.reason) == (None, "fewer than 2 points")
 
 
-def test_rate_at_error_is_that_of_the_curve_when_it_is_between_points():
+def test_rate_at_error_interpolates_the_curve():
     assert rate_at_error(curve(0.7), 0.3) == pytest.approx(0.7 * 0.3 ** (-1 / 1.3), rel=1e-9)
 
 
 @pytest.mark.parametrize("error", [1e-9, 1e9])
-def test_rate_at_error_is_none_when_the_curve_does_not_reach_it(error):
+def test_rate_at_error_is_none_outside_the_curve(error):
     assert rate_at_error(curve(), error) is None
 
 
-def test_envelope_keeps_what_no_other_point_beats():
+def test_envelope_contains_the_pareto_optimal_points():
     points = [(3.0, 1.0), (1.0, 4.0), (2.0, 5.0), (2.0, 2.0), (4.0, 1.0)]
     assert lower_envelope(points) == [(1.0, 4.0), (2.0, 2.0), (3.0, 1.0)]
 
 
-def test_envelope_leaves_out_what_a_log_axis_cannot_show():
+def test_envelope_omits_zeros():
     assert lower_envelope([(0.0, 1.0), (1.0, 0.0), (1.0, 2.0)]) == [(1.0, 2.0)]
 
 
@@ -82,7 +82,7 @@ def power_law(rates, factor):
     return [(rate, factor * rate**-1.5) for rate in rates]
 
 
-def test_error_ratio_is_the_factor_between_power_laws_when_rates_overlap():
+def test_error_ratio_of_power_laws_is_their_factor():
     first = power_law(np.geomspace(0.5, 4, 6), 3.0)
     second = power_law(np.geomspace(1, 8, 7), 2.0)
     overlap = compare_at_equal_rate(first, second)
@@ -90,10 +90,10 @@ def test_error_ratio_is_the_factor_between_power_laws_when_rates_overlap():
     assert (overlap.low_bpvf, overlap.high_bpvf) == pytest.approx((1, 4))
 
 
-def test_nothing_is_compared_when_rates_do_not_overlap():
+def test_rates_without_overlap_are_not_compared():
     assert compare_at_equal_rate(power_law([1, 2], 1), power_law([3, 4], 1)) is None
 
 
 @pytest.mark.parametrize("points", [[], [(1.0, 1.0)], [(1.0, 1.0), (2.0, 3.0)]])
-def test_nothing_is_compared_when_an_envelope_is_no_line(points):
+def test_fewer_than_two_pareto_points_are_not_compared(points):
     assert compare_at_equal_rate(points, power_law([0.5, 3], 1)) is None

@@ -93,8 +93,8 @@ def loaded_modules(path):
 def test_load_imports_only_what_a_format_needs(tmp_path, extension, own):
     save(waving_grid(n_frames=1), tmp_path / f"a{extension}")
     found = loaded_modules(tmp_path / f"a{extension}")
-    rooms = {name.split(".")[2] for name in found if name.startswith("meshreel.formats.")}
-    assert rooms & FOLDERS == own
+    folders = {name.split(".")[2] for name in found if name.startswith("meshreel.formats.")}
+    assert folders & FOLDERS == own
     assert not {"scipy", "DracoPy", "h5py", "pxr"} & set(found)
     assert sum(name.split(".")[0] == "meshreel" for name in found) < 85
 

@@ -36,7 +36,7 @@ XML = """<VTKFile type="PolyData" version="1.0"><PolyData>{field}
 
 
 def left_out(source, **options):
-    """Load a file; return its notes on what is left out, without their common prefix."""
+    """Load a file; return its notes on omitted data, without their common prefix."""
     notes = []
     load(source, notes=notes, **options)
     return [note.removeprefix("left out: ") for note in notes if note.startswith("left out: ")]

@@ -135,7 +135,7 @@ def frame_lines(file, decoder):
 def modes_of(decoder):
     """Return numbers and arrays of the modes of a block, in the order of the header."""
     modes = CModes()
-    c_reader.call("modes_of", decoder.at, c_uint32(0), c_uint32(0), byref(modes))
+    c_reader.call("modes_of", decoder.handle, c_uint32(0), c_uint32(0), byref(modes))
     shape = modes.n_frames, modes.n_modes, modes.n_columns, modes.n_items
     if not modes.n_modes:
         return np.array(shape, float)
@@ -159,7 +159,7 @@ def modes_of(decoder):
 
 def surface_lines(file, data):
     surface = file.surface(data)
-    c = c_reader.returned("surface_of", POINTER(CSurface), file.at).contents
+    c = c_reader.returned("surface_of", POINTER(CSurface), file.handle).contents
     edges = c_reader.array_at(c.hard_edges, 2 * c.n_hard_edges, np.int32)
     yield f"faces {hashed(surface.face_sizes)} hard {hashed(edges)}"
     names = {"uint8": "Byte", "int32": "Int32", "float32": "Single", "float64": "Double"}

@@ -9,7 +9,7 @@ def rng():
 
 @pytest.fixture
 def soup(rng):
-    """14 frames of 12 vertices and 15 random faces: no manifold, and more steps than a window."""
+    """14 frames of 12 vertices and 15 random faces: non-manifold, longer than a window of STED."""
     original = rng.normal(size=(14, 12, 3))
     decoded = original + 0.1 * rng.normal(size=original.shape)
     faces = np.array([rng.permutation(12)[:3] for _ in range(15)], np.int32)
@@ -18,7 +18,7 @@ def soup(rng):
 
 @pytest.fixture
 def tube(rng):
-    """9 frames of a closed triangulated torus, 40 vertices, that moves and bends."""
+    """9 frames of a closed torus of 40 vertices that moves and bends."""
     rows, columns = np.divmod(np.arange(40), 8)
     u, v = 2 * np.pi * rows / 5, 2 * np.pi * columns / 8
     right, down = (rows + 1) % 5 * 8 + columns, rows * 8 + (columns + 1) % 8

@@ -22,7 +22,7 @@ def changed(order=(0, 1, 2), signs=(1, 1, 1), scale=1.0, shift=(0, 0, 0), noise=
 
 @pytest.mark.parametrize("order", list(permutations(range(3))))
 @pytest.mark.parametrize("signs", list(product((1, -1), repeat=3)))
-def test_alignment_finds_the_axes_when_they_are_permuted(order, signs):
+def test_alignment_finds_permuted_axes(order, signs):
     alignment = find_alignment(ORIGINAL, changed(order, signs, noise=1e-4))
     if (order, signs) == ((0, 1, 2), (1, 1, 1)):
         assert alignment is None
@@ -35,7 +35,7 @@ def test_alignment_finds_the_axes_when_they_are_permuted(order, signs):
     assert alignment.is_mirrored == (np.linalg.det(matrix) < 0)
 
 
-def test_alignment_finds_scale_and_shift_when_both_differ():
+def test_alignment_finds_scale_and_shift():
     alignment = find_alignment(ORIGINAL, changed(scale=100.0, shift=(500, 0, -20)))
     assert alignment.axes == ("x", "y", "z")
     assert alignment.scale == pytest.approx(100, rel=1e-6)
@@ -43,13 +43,13 @@ def test_alignment_finds_scale_and_shift_when_both_differ():
     assert "it is 100 times as large; it is shifted by (500, " in str(alignment)
 
 
-def test_message_names_the_conversion_when_it_is_y_up_to_z_up():
+def test_message_names_the_conversion_from_y_up_to_z_up():
     message = str(find_alignment(ORIGINAL, changed((0, 2, 1), (1, -1, 1))))
     assert "its x, y, z are x, -z, y of the original (y-up to z-up)" in message
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
-def test_alignment_is_none_when_the_sequences_hardly_differ(noise):
+def test_alignment_of_similar_sequences_is_none(noise):
     assert find_alignment(ORIGINAL, changed(noise=noise)) is None
 
 
@@ -62,7 +62,7 @@ def disturbed(order, signs, share):
 
 
 @pytest.mark.parametrize("share", [0.01, 0.08])
-def test_residual_is_in_percent_of_the_size_when_noise_remains(share):
+def test_residual_is_in_percent_of_the_size(share):
     alignment = find_alignment(ORIGINAL, disturbed((0, 2, 1), (1, -1, 1), share))
     assert alignment.residual_percent == pytest.approx(100 * share, rel=0.05)
 
@@ -74,12 +74,12 @@ def test_residual_is_in_percent_of_the_size_when_noise_remains(share):
         ((1, 2, 0), (1, 1, 1), 0.08),  # a tenth of the difference, which is 0.7 of the size
     ],
 )
-def test_alignment_is_none_when_the_residual_exceeds_a_tenth(order, signs, share):
+def test_alignment_with_a_residual_above_a_tenth_is_none(order, signs, share):
     assert find_alignment(ORIGINAL, disturbed(order, signs, share)) is None
 
 
 @pytest.mark.parametrize(("share", "is_found"), [(0.018, False), (0.022, True)])
-def test_alignment_finds_a_shift_when_it_exceeds_the_threshold(share, is_found):
+def test_alignment_finds_shifts_above_the_threshold(share, is_found):
     vertices = ORIGINAL.vertices.astype(np.float64)
     size = np.sqrt(np.mean(np.sum((vertices - vertices.mean(axis=(0, 1))) ** 2, axis=2)))
     moved = replace(ORIGINAL, vertices=vertices + np.array([share * size, 0, 0]))
@@ -104,7 +104,7 @@ def test_message_lists_only_significant_changes(axes, scale, shift, phrase):
     assert phrase in str(Alignment(axes, scale, shift, 0.123))
 
 
-def test_an_axis_keeps_its_sign_when_the_mesh_is_flat_along_it():
+def test_axis_without_extent_keeps_its_sign():
     vertices = ORIGINAL.vertices.astype(np.float64)[..., [1, 0, 2]]
     rounding = 1e-12 * vertices[..., :1]
     flat = np.concatenate([vertices[..., :2], rounding], axis=2)
@@ -113,14 +113,14 @@ def test_an_axis_keeps_its_sign_when_the_mesh_is_flat_along_it():
     assert alignment.axes == ("x", "y", "z")
 
 
-def test_alignment_is_none_when_the_sequences_differ_otherwise():
+def test_alignment_of_unrelated_sequences_is_none():
     assert find_alignment(ORIGINAL, changed(noise=0.5)) is None
     point = replace(ORIGINAL, vertices=np.zeros_like(ORIGINAL.vertices))
     assert find_alignment(ORIGINAL, point) is None
     assert find_alignment(point, ORIGINAL) is None
 
 
-def test_alignment_finds_the_axes_when_coordinates_are_huge():
+def test_alignment_finds_the_axes_of_huge_coordinates():
     far = replace(ORIGINAL, vertices=ORIGINAL.vertices.astype(np.float64) * 1e200)
     turned = replace(far, vertices=far.vertices[..., [1, 2, 0]])
     assert find_alignment(far, turned).axes == ("y", "z", "x")

@@ -34,23 +34,23 @@ KINDS = [
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_diameter_equals_the_largest_pair_when_the_cloud_is(kind, rng):
+def test_diameter_equals_the_largest_distance_of_two_points(kind, rng):
     points = cloud(kind, rng)
     assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-14, abs=0)
 
 
-def test_diameter_equals_the_largest_pair_when_clouds_are_small_and_many(rng):
+def test_diameter_of_many_small_clouds_is_exact(rng):
     for n_points in rng.integers(2, 20, size=300):
         points = rng.normal(size=(n_points, 3)) * 10.0 ** rng.integers(-3, 1, size=3)
         assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-14, abs=0)
 
 
 @pytest.mark.parametrize("n_points", [1, 2, 50])
-def test_diameter_is_zero_when_all_points_coincide(n_points):
+def test_diameter_of_coincident_points_is_zero(n_points):
     assert diameter(np.full((n_points, 3), 0.1)) == 0
 
 
-def test_diameter_finds_both_poles_when_every_point_is_on_the_hull(rng):
+def test_diameter_of_points_on_a_sphere_is_exact(rng):
     directions = rng.normal(size=(10_000, 3))
     half = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     assert diameter(np.concatenate([half, -half])) == pytest.approx(2, rel=1e-14)

@@ -8,27 +8,27 @@ from meshreel.metrics.reference import bounding_box_reference
 ORIGINAL = np.array([[[0.0, 0, 0], [3, 0, 0]], [[0, 4, 0], [0, 0, 12]]])
 
 
-def test_displacement_max_is_percent_of_whole_diagonal_when_one_vertex_moves():
+def test_displacement_max_is_in_percent_of_the_whole_diagonal():
     decoded = ORIGINAL.copy()
     decoded[1, 0] += [0.3, 0, 0.4]  # 0.5 long: 100 * 0.5 / 13
     errors = displacement_errors_percent(ORIGINAL, decoded)
     assert errors.max_percent == pytest.approx(50 / 13, rel=1e-12)
 
 
-def test_displacement_rms_averages_vertices_and_frames_when_one_vertex_moves():
+def test_displacement_rms_averages_over_vertices_and_frames():
     decoded = ORIGINAL.copy()
     decoded[1, 0] += [0.3, 0, 0.4]  # sqrt(0.25 / 4) = 0.25: 100 * 0.25 / 13
     errors = displacement_errors_percent(ORIGINAL, decoded)
     assert errors.rms_percent == pytest.approx(25 / 13, rel=1e-12)
 
 
-def test_displacement_is_exactly_zero_when_decoded_equals_original():
+def test_displacement_of_equal_sequences_is_exactly_zero():
     errors = displacement_errors_percent(ORIGINAL, ORIGINAL.copy())
     assert (errors.rms_percent, errors.max_percent) == (0, 0)
 
 
 @pytest.mark.parametrize("decoded_x", [0.0, 1.0])
-def test_displacement_is_zero_or_infinite_when_the_original_is_one_point(decoded_x):
+def test_displacement_from_a_single_point_is_zero_or_infinite(decoded_x):
     decoded = np.zeros((2, 3, 3))
     decoded[1, 1, 0] = decoded_x
     errors = displacement_errors_percent(np.zeros((2, 3, 3)), decoded)
@@ -36,17 +36,17 @@ def test_displacement_is_zero_or_infinite_when_the_original_is_one_point(decoded
     assert (errors.rms_percent, errors.max_percent) == (expected, expected)
 
 
-def test_displacement_is_infinite_when_decoded_is_out_of_range_of_float64():
+def test_displacement_beyond_float64_is_infinite():
     decoded = ORIGINAL.copy()
     decoded[0, 0, 0] = 1e300
     assert displacement_errors_percent(ORIGINAL, decoded).max_percent == np.inf
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-6, 1.0, 1e100, 1e300])
-def test_reference_diagonal_is_that_of_the_box_when_scaled(scale):
+def test_reference_diagonal_scales_with_the_box(scale):
     diagonal = bounding_box_reference(ORIGINAL * scale).diagonal
     assert diagonal == pytest.approx(13 * scale, rel=1e-14)
 
 
-def test_reference_diagonal_is_exact_when_the_offset_is_huge():
+def test_reference_diagonal_is_exact_for_huge_offsets():
     assert bounding_box_reference(ORIGINAL + 2.0**40).diagonal == pytest.approx(13, rel=1e-14)

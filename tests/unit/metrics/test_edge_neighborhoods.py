@@ -4,35 +4,35 @@ import pytest
 from meshreel.metrics.edge_neighborhoods import EdgeNeighborhoods
 
 # A path 0-1-2-3-4 with edges a, b, c, d and an isolated vertex 5.
-# Edges that touch a vertex or its neighbours: 0: ab, 1: abc, 2: abcd, 3: bcd, 4: cd, 5: none.
+# Edges that touch a vertex or its neighbors: 0: ab, 1: abc, 2: abcd, 3: bcd, 4: cd, 5: none.
 PATH = EdgeNeighborhoods(np.array([[0, 1], [1, 2], [2, 3], [3, 4]]), 6)
 
 
-def test_neighborhood_holds_the_edges_of_the_ring_when_the_mesh_is_a_path():
+def test_neighborhood_of_a_path_has_the_edges_of_the_ring():
     _, total = PATH.weighted_deviation(np.array([1.0, 10, 100, 1000]), np.zeros(4))
     assert total.tolist() == [11, 111, 1111, 1110, 1100, 0]
 
 
-def test_neighborhood_counts_each_edge_once_when_triangles_share_it():
+def test_neighborhood_counts_shared_edges_once():
     # Tetrahedron plus a tail 3-4: every vertex but 4 sees all 7 edges, 4 the 4 edges at 3 or 4.
     edges = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3], [3, 4]])
     _, total = EdgeNeighborhoods(edges, 5).weighted_deviation(np.ones(7), np.zeros(7))
     assert total.tolist() == [7, 7, 7, 7, 4]
 
 
-def test_deviation_is_weighted_when_weights_differ():
+def test_deviation_is_weighted():
     # Vertex 0 sees a and b: weights 1 and 3, values 0 and 4: mean 3, variance (9 + 3) / 4 = 3.
     deviation, _ = PATH.weighted_deviation(np.array([1.0, 3, 0, 0]), np.array([0.0, 4, 9, 9]))
     assert deviation[0] == pytest.approx(np.sqrt(3), rel=1e-15)
 
 
-def test_deviation_is_zero_when_all_weights_are_zero():
+def test_deviation_with_zero_weights_is_zero():
     deviation, total = PATH.weighted_deviation(np.zeros(4), np.array([1.0, 2, 3, 4]))
     assert not deviation.any()
     assert not total.any()
 
 
-def test_deviation_keeps_its_digits_when_values_share_a_large_offset(rng):
+def test_deviation_is_precise_for_values_with_a_large_offset(rng):
     # Whole numbers up to 2^40 are exact; a formula of raw squares would lose all digits here.
     edges = np.unique(np.sort(rng.integers(0, 20, (60, 2)), axis=1), axis=0)
     edges = edges[edges[:, 0] != edges[:, 1]]
@@ -43,7 +43,7 @@ def test_deviation_keeps_its_digits_when_values_share_a_large_offset(rng):
     np.testing.assert_allclose(far, near, rtol=1e-9)
 
 
-def test_deviation_matches_lists_of_edges_when_a_hub_joins_all_vertices(rng):
+def test_deviation_around_a_hub_matches_lists_of_edges(rng):
     # A fan of 3000 triangles: every vertex sees every spoke, 9 million pairs if listed; vertex
     # v of the rim sees also the four rim edges from v - 2 to v + 2, and the hub sees all.
     rim = np.arange(1, 3001)
@@ -58,7 +58,7 @@ def test_deviation_matches_lists_of_edges_when_a_hub_joins_all_vertices(rng):
         assert deviation[vertex] == pytest.approx(np.sqrt(variance), rel=1e-12)
 
 
-def test_neighborhoods_are_empty_when_there_is_no_edge():
+def test_neighborhoods_without_edges_are_empty():
     empty = EdgeNeighborhoods(np.zeros((0, 2), np.int64), 3)
     deviation, total = empty.weighted_deviation(np.zeros(0), np.zeros(0))
     assert deviation.tolist() == total.tolist() == [0, 0, 0]

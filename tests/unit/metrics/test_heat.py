@@ -20,19 +20,19 @@ SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 
-def test_vertex_distance_percent_is_three_four_five_when_a_vertex_moves_so():
+def test_vertex_distance_percent_is_the_euclidean_distance():
     decoded = SQUARE.copy()
     decoded[2] += [0.3, 0.4, 0]
     assert vertex_distance_percent(SQUARE, decoded, 10.0) == pytest.approx([0, 0, 5, 0])
 
 
-def test_vertex_distance_percent_keeps_its_digits_when_the_model_is_far_away():
+def test_vertex_distance_percent_is_precise_far_from_the_origin():
     far = SQUARE + 1e6
     decoded = far + np.array([2.0**-20, 0, 0])
     assert vertex_distance_percent(far, decoded, 1.0) == pytest.approx([100 / 2**20] * 4, rel=1e-12)
 
 
-def test_vertex_distance_percent_has_the_largest_error_when_compared_with_that(tube):
+def test_maximum_of_vertex_distance_percent_is_the_largest_error(tube):
     original, decoded, _ = tube
     diagonal = bounding_box_reference(original).diagonal
     fields = [
@@ -43,14 +43,14 @@ def test_vertex_distance_percent_has_the_largest_error_when_compared_with_that(t
     assert np.sqrt(np.mean(np.square(fields))) == pytest.approx(expected.rms_percent, rel=1e-12)
 
 
-def test_vertex_distance_percent_is_infinite_when_there_is_no_diagonal():
+def test_vertex_distance_percent_without_a_diagonal_is_infinite():
     point = np.zeros((2, 3))
     moved = point.copy()
     moved[1, 0] = 1
     np.testing.assert_array_equal(vertex_distance_percent(point, moved, 0.0), [0, np.inf])
 
 
-def test_vertex_normal_angle_deg_average_incident_faces_when_one_of_two_tilts():
+def test_vertex_normal_angle_deg_averages_incident_faces():
     # A square of two faces that share the edge 0-1; vertex 2 belongs to the face that tilts by
     # 90 degrees, vertex 3 to the other, vertex 4 to none.
     original = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [5, 5, 5]])
@@ -61,7 +61,7 @@ def test_vertex_normal_angle_deg_average_incident_faces_when_one_of_two_tilts():
     assert found == pytest.approx([45, 45, 90, 0, 0])
 
 
-def test_vertex_normal_angle_deg_leave_out_faces_when_they_are_degenerate():
+def test_vertex_normal_angle_deg_ignores_degenerate_faces():
     original = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]])
     decoded = original.copy()
     decoded[2] = [0, 0, 1]
@@ -70,16 +70,16 @@ def test_vertex_normal_angle_deg_leave_out_faces_when_they_are_degenerate():
     assert found == pytest.approx([90, 90, 90, 0])
 
 
-def test_vertex_normal_angle_deg_name_both_shapes_when_they_differ():
+def test_error_names_both_shapes():
     with pytest.raises(InvalidInputError, match=r"\(1, 3, 3\) and \(1, 4, 3\)"):
         vertex_normal_angle_deg(np.zeros((3, 3)), np.zeros((4, 3)), np.array([[0, 1, 2]], np.int32))
 
 
-def test_vertex_sted_is_zero_when_all_edges_grow_alike():
+def test_vertex_sted_of_uniform_scaling_is_zero():
     assert vertex_sted(SQUARE, 1.5 * SQUARE, SQUARE_FACES) == pytest.approx([0] * 4, abs=1e-12)
 
 
-def test_vertex_sted_is_the_deviation_of_two_edges_when_one_of_them_doubles():
+def test_vertex_sted_is_the_deviation_of_the_incident_edges():
     # Corners on a line: edges 0-1, 1-2 and 0-2, of which each vertex sees all three.
     original = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     decoded = np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]])
@@ -90,21 +90,21 @@ def test_vertex_sted_is_the_deviation_of_two_edges_when_one_of_them_doubles():
     assert found == pytest.approx([expected] * 3)
 
 
-def test_vertex_sted_averages_to_the_spatial_part_when_all_frames_are_taken(tube):
+def test_mean_of_vertex_sted_is_the_spatial_part(tube):
     original, decoded, faces = tube
     local = LocalSted(faces, original.shape[1])
     fields = [local.field(*pair) for pair in zip(original, decoded, strict=True)]
     assert np.mean(fields) == pytest.approx(sted(original, decoded, faces).spatial, rel=1e-12)
 
 
-def test_vertex_sted_is_zero_at_a_vertex_when_no_edge_touches_it():
+def test_vertex_sted_of_an_isolated_vertex_is_zero():
     lonely = np.concatenate([SQUARE, [[9.0, 9, 9]]])
     decoded = lonely + np.array([0.0, 0.1, 0.3, 0.2, 0.9])[:, None]
     assert vertex_sted(lonely, decoded, SQUARE_FACES)[4] == 0
 
 
 @pytest.mark.parametrize("kind", HEATS)
-def test_heat_field_gives_the_field_of_its_kind_when_it_is_asked_for(kind, tube):
+def test_heat_field_returns_the_requested_kind(kind, tube):
     original, decoded, faces = tube[0][3], tube[1][3], tube[2]
     expected = {
         "distance": lambda: vertex_distance_percent(original, decoded, 7.0),
@@ -116,6 +116,6 @@ def test_heat_field_gives_the_field_of_its_kind_when_it_is_asked_for(kind, tube)
     assert found.max() > 0
 
 
-def test_heat_field_names_the_kinds_when_there_is_no_such():
+def test_error_for_an_unknown_kind_lists_the_kinds():
     with pytest.raises(InvalidInputError, match="distance, angle, sted; got 'fire'"):
         heat_field("fire", SQUARE_FACES, 4, 1.0)

@@ -19,28 +19,28 @@ def hinge(y, z):
 @pytest.mark.parametrize(
     ("y", "z", "angle_deg"), [(0, 1, 90), (1, 1, 45), (-1, 0, 180), (1, -1, 45), (-1, 1, 135)]
 )
-def test_normal_angle_is_that_of_the_hinge_when_a_face_tilts(y, z, angle_deg):
+def test_normal_angle_of_a_tilted_face_is_that_of_the_hinge(y, z, angle_deg):
     assert normal_angles(FLAT, hinge(y, z), TRIANGLE).mean_deg == pytest.approx(angle_deg)
 
 
-def test_normal_angle_keeps_its_digits_when_it_is_tiny():
+def test_tiny_normal_angles_are_precise():
     found = normal_angles(FLAT, hinge(1, 1e-12), TRIANGLE).mean_deg
     assert found == pytest.approx(math.degrees(1e-12), rel=1e-9)
 
 
-def test_normal_angle_mean_and_percentile_count_frames_alike_when_one_of_two_tilts():
+def test_mean_and_percentile_weight_frames_equally():
     # Angles 0 and 90: mean 45; the 95th percentile lies 0.95 of the way from 0 to 90.
     original, decoded = np.repeat(FLAT, 2, axis=0), np.concatenate([FLAT, hinge(0, 1)])
     found = normal_angles(original, decoded, TRIANGLE)
     assert (found.mean_deg, found.p95_deg) == pytest.approx((45, 85.5))
 
 
-def test_normal_angle_is_exactly_zero_when_decoded_equals_original(soup):
+def test_normal_angle_of_equal_sequences_is_exactly_zero(soup):
     found = normal_angles(soup[0], soup[0].copy(), soup[2])
     assert (found.mean_deg, found.p95_deg) == (0, 0)
 
 
-def test_normal_angles_leave_out_and_count_faces_when_one_side_is_degenerate():
+def test_degenerate_faces_are_omitted_and_counted():
     # Frame 0 sound in both; frame 1 flat to a line in the original, frame 2 in the decoded.
     original = np.concatenate([FLAT, hinge(0, 0), FLAT])
     decoded = np.concatenate([hinge(1, 1), FLAT, hinge(0, 0)])
@@ -49,13 +49,13 @@ def test_normal_angles_leave_out_and_count_faces_when_one_side_is_degenerate():
     assert found.mean_deg == pytest.approx(45)
 
 
-def test_normal_angles_are_zero_and_all_counted_when_every_face_is_degenerate():
+def test_angles_of_only_degenerate_faces_are_zero():
     found = normal_angles(hinge(0, 0), hinge(0, 0), np.array([[0, 1, 2], [0, 0, 1]], np.int32))
     assert (found.mean_deg, found.p95_deg, found.n_degenerate_face_frames) == (0, 0, 2)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6, 2.0**-900, 2.0**900])
-def test_normal_angles_are_unchanged_when_both_are_scaled(tube, scale):
+def test_normal_angles_are_invariant_to_scale(tube, scale):
     original, decoded, faces = tube
     found, expected = normal_angles(original * scale, decoded * scale, faces), normal_angles(*tube)
     assert found.n_degenerate_face_frames == expected.n_degenerate_face_frames == 0
@@ -65,15 +65,13 @@ def test_normal_angles_are_unchanged_when_both_are_scaled(tube, scale):
 
 @pytest.mark.parametrize(("height", "n_degenerate"), [(1.9e-14, 1), (2.1e-14, 0)])
 @pytest.mark.parametrize("scale", [1.0, 1.5])
-def test_normal_angles_decide_degeneracy_against_the_diagonal_when_a_face_is_thin(
-    height, n_degenerate, scale
-):
+def test_degeneracy_is_relative_to_the_diagonal(height, n_degenerate, scale):
     # Area height / 2 against 1e-14 of diag^2 = 1, and so at any scale.
     thin = scale * hinge(height, 0)
     assert normal_angles(thin, thin, TRIANGLE).n_degenerate_face_frames == n_degenerate
 
 
-def test_normal_angles_decide_degeneracy_against_the_original_when_the_decoded_is_larger():
+def test_degeneracy_is_relative_to_the_original():
     thin = np.concatenate([hinge(1e-10, 0), [[[1.0, 0, 0]]]], axis=1)
     larger = thin.copy()
     larger[0, 3] = 1e6
@@ -81,5 +79,5 @@ def test_normal_angles_decide_degeneracy_against_the_original_when_the_decoded_i
     assert normal_angles(larger, thin, TRIANGLE).n_degenerate_face_frames == 1
 
 
-def test_normal_angles_count_the_face_when_decoded_is_out_of_range_of_float64():
+def test_faces_beyond_float64_are_counted_as_degenerate():
     assert normal_angles(FLAT, 1e300 * FLAT, TRIANGLE).n_degenerate_face_frames == 1

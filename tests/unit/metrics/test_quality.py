@@ -25,7 +25,7 @@ def with_faces(sequence, faces):
     return MeshSequence(sequence.vertices, np.asarray(faces, np.int32))
 
 
-def test_compare_gathers_every_metric_when_sequences_match(pair, tube):
+def test_compare_returns_every_metric(pair, tube):
     quality, perceived, angles = compare(*pair), sted(*tube), normal_angles(*tube)
     displacement, at_rest = displacement_errors_percent(*tube[:2]), rest_motion(*tube[:2])
     expected = {
@@ -51,19 +51,19 @@ def test_compare_gathers_every_metric_when_sequences_match(pair, tube):
     assert quality.as_dict() == expected
 
 
-def test_quality_survives_json_when_taken_as_a_dict(pair):
+def test_quality_as_a_dict_is_serializable(pair):
     plain = compare(*pair).as_dict()
     assert json.loads(json.dumps(plain, allow_nan=False)) == plain
 
 
-def test_compare_gives_zero_errors_when_decoded_equals_original(pair):
+def test_equal_sequences_have_no_error(pair):
     plain = compare(pair[0], pair[0]).as_dict()
     errors = {key: plain[key] for key in plain if "error" in key or "sted" in key or "deg" in key}
     assert not any(errors.values())
     assert not any(plain["nmsve"])
 
 
-def test_compare_gives_the_same_figures_when_faces_are_shuffled_and_turned(pair, rng):
+def test_order_and_first_corner_of_faces_do_not_matter(pair, rng):
     original, decoded = pair
     faces = original.faces[rng.permutation(original.n_faces)]
     turns = rng.integers(0, 3, len(faces))
@@ -72,14 +72,14 @@ def test_compare_gives_the_same_figures_when_faces_are_shuffled_and_turned(pair,
     assert found == compare(original, decoded).as_dict()
 
 
-def test_compare_accepts_degenerate_faces_when_they_are_turned(pair):
+def test_rotated_degenerate_faces_are_accepted(pair):
     faces = [[4, 4, 1], [2, 3, 3], [5, 5, 5], [0, 1, 2]]
     turned = [[5, 5, 5], [1, 4, 4], [3, 3, 2], [2, 0, 1]]
     original, decoded = pair
     assert compare(with_faces(original, faces), with_faces(decoded, turned)).n_verts == 40
 
 
-def test_compare_names_the_face_when_one_is_flipped(pair):
+def test_error_names_a_flipped_face(pair):
     original, decoded = pair
     faces = original.faces.copy()
     faces[17] = faces[17][::-1]
@@ -88,7 +88,7 @@ def test_compare_names_the_face_when_one_is_flipped(pair):
         compare(original, with_faces(decoded, faces))
 
 
-def test_compare_names_the_first_face_when_several_are_missing(pair):
+def test_error_names_the_first_missing_face(pair):
     original, decoded = pair
     faces = original.faces.copy()
     faces[[5, 50]] = faces[0]
@@ -96,30 +96,30 @@ def test_compare_names_the_first_face_when_several_are_missing(pair):
         compare(original, with_faces(decoded, faces))
 
 
-def test_compare_counts_repeats_when_a_face_occurs_twice(pair):
+def test_repeated_faces_are_counted(pair):
     first, second = [[0, 1, 2], [0, 1, 2], [3, 4, 5]], [[0, 1, 2], [3, 4, 5], [3, 4, 5]]
     with pytest.raises(InvalidInputError, match="face 0 of the original"):
         compare(with_faces(pair[0], first), with_faces(pair[1], second))
 
 
-def test_compare_names_both_counts_when_vertices_differ(pair):
+def test_error_names_both_vertex_counts(pair):
     more = np.concatenate([pair[1].vertices, pair[1].vertices[:, :2]], axis=1)
     with pytest.raises(InvalidInputError, match="original has 40 vertices and the decoded 42"):
         compare(pair[0], MeshSequence(more, pair[1].faces))
 
 
-def test_compare_names_both_counts_when_frames_differ(pair):
+def test_error_names_both_frame_counts(pair):
     fewer = MeshSequence(pair[1].vertices[:7], pair[1].faces)
     with pytest.raises(InvalidInputError, match="original has 9 frames and the decoded 7"):
         compare(pair[0], fewer)
 
 
-def test_compare_names_both_counts_when_faces_differ(pair):
+def test_error_names_both_face_counts(pair):
     with pytest.raises(InvalidInputError, match="original has 80 faces and the decoded 79"):
         compare(pair[0], with_faces(pair[1], pair[1].faces[:-1]))
 
 
-def test_compare_measures_float32_in_float64_when_it_is_given(pair):
+def test_float32_sequences_are_measured_in_float64(pair):
     single = [MeshSequence(part.vertices.astype(np.float32), part.faces) for part in pair]
     double = [MeshSequence(part.vertices.astype(np.float64), part.faces) for part in single]
     found, expected = (compare(*both).as_dict() for both in (single, double))
@@ -128,7 +128,7 @@ def test_compare_measures_float32_in_float64_when_it_is_given(pair):
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_compare_reports_growing_fractions_up_to_one_when_listened_to(pair):
+def test_progress_grows_up_to_one(pair):
     heard = []
     compare(*pair, progress=lambda stage, fraction: heard.append((stage, fraction)))
     fractions = [fraction for _, fraction in heard]
@@ -138,7 +138,7 @@ def test_compare_reports_growing_fractions_up_to_one_when_listened_to(pair):
 
 
 @pytest.mark.parametrize("kind", ["point", "line", "plane", "duplicates", "isolated"])
-def test_compare_gives_finite_figures_when_a_mesh_is(kind, pair, rng):
+def test_figures_of_odd_meshes_are_finite(kind, pair, rng):
     vertices, faces = pair[0].vertices.copy(), pair[0].faces.copy()
     if kind == "point":
         faces = np.zeros_like(faces)
@@ -155,7 +155,7 @@ def test_compare_gives_finite_figures_when_a_mesh_is(kind, pair, rng):
     assert np.isfinite([*quality.nmsve, quality.sted, quality.kg_error_percent]).all()
 
 
-def test_rows_of_a_table_say_what_moves_at_rest(pair):
+def test_table_has_a_row_for_motion_at_rest(pair):
     original, decoded = pair
     resting = replace(compare(original, decoded), n_rest_pairs=1, rest_motion_median_percent=0.25)
     assert quality_rows(resting)["motion at rest"].startswith("median 0.2500 % of the model size")

@@ -10,7 +10,7 @@ DIAGONAL = 2.0
 
 
 def walking(n_frames=6, n_verts=50):
-    """A cloud in a box of this diagonal, the first ten vertices of which move by 1 % a frame."""
+    """Return a cloud in a box of this diagonal; ten vertices move by 1 % per frame."""
     side = DIAGONAL / np.sqrt(3.0)
     places = np.random.default_rng(1).uniform(0.0, side, (n_verts, 3))
     places[10:12] = [[0, 0, 0], [side] * 3]
@@ -20,7 +20,7 @@ def walking(n_frames=6, n_verts=50):
     return found
 
 
-def test_only_vertices_that_rest_count():
+def test_only_resting_vertices_count():
     original = walking()
     decoded = original.copy()
     decoded[3, 10:, 1] += 0.002 * DIAGONAL
@@ -44,7 +44,7 @@ def test_vertices_rest_below_the_threshold(share, n_pairs):
     assert rest_motion(original, original).n_pairs == n_pairs
 
 
-def test_a_path_does_not_hide_motion_and_neither_units_nor_places_matter():
+def test_result_is_invariant_to_travel_units_and_position():
     original = walking()
     decoded = original.copy()
     decoded[1::2, :, 1] += 0.001 * DIAGONAL
@@ -58,13 +58,13 @@ def test_a_path_does_not_hide_motion_and_neither_units_nor_places_matter():
     assert walked.median_percent == pytest.approx(found.median_percent)
 
 
-def test_nothing_is_measured_where_nothing_rests():
+def test_nothing_is_measured_without_resting_vertices():
     moving = np.cumsum(np.ones((4, 5, 3)), axis=0) + np.arange(5)[:, None]
     assert rest_motion(moving, moving + 1.0) == RestMotion(0, 0.0, 0.0)
     assert rest_motion(moving[:1], moving[:1]) == RestMotion(0, 0.0, 0.0)
     assert rest_motion(np.ones((4, 5, 3)), np.ones((4, 5, 3))) == RestMotion(0, 0.0, 0.0)
 
 
-def test_shapes_that_differ_are_refused():
+def test_different_shapes_are_rejected():
     with pytest.raises(InvalidInputError, match="same shape"):
         rest_motion(np.zeros((2, 3, 3)), np.zeros((2, 4, 3)))

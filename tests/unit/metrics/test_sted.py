@@ -12,7 +12,7 @@ RIGHT = np.array([[[0.0, 0, 0], [3, 0, 0], [0, 4, 0]]])  # edges of length 3, 4,
 
 
 def slow_sted(original, decoded, faces):
-    """The definition in loops: slow, and nothing else."""
+    """The definition in loops, slow but plain."""
     n_frames, n_verts = original.shape[:2]
     edges = {tuple(sorted(p)) for f in faces.tolist() for p in itertools.combinations(f, 2)}
     ring = {v: {v} for v in range(n_verts)}
@@ -52,7 +52,7 @@ def slow_sted(original, decoded, faces):
 
 @pytest.mark.parametrize("mesh", ["soup", "tube"])
 @pytest.mark.parametrize("n_frames", [2, 5, 9, 14])
-def test_sted_equals_the_definition_in_loops_when_the_mesh_is(mesh, n_frames, request):
+def test_sted_equals_the_definition_in_loops(mesh, n_frames, request):
     original, decoded, faces = request.getfixturevalue(mesh)
     original, decoded = original[:n_frames], decoded[:n_frames]
     found = sted(original, decoded, faces)
@@ -60,7 +60,7 @@ def test_sted_equals_the_definition_in_loops_when_the_mesh_is(mesh, n_frames, re
     assert (found.spatial, found.temporal, found.sted) == pytest.approx(expected, rel=1e-10)
 
 
-def test_sted_spatial_is_the_weighted_deviation_when_one_edge_is_longer():
+def test_spatial_part_is_the_weighted_deviation_of_edges():
     # Vertex 2 turned about vertex 0 to (-4, 0, 0): edges 3 and 4 stay, edge 5 becomes 7.
     # e = 0, 0, -0.4 with weights 3, 4, 5: mean -2/12, mean square 0.8/12,
     # variance 1/15 - 1/36 = 7/180, the same at each vertex.
@@ -69,14 +69,14 @@ def test_sted_spatial_is_the_weighted_deviation_when_one_edge_is_longer():
     assert sted(RIGHT, decoded, TRIANGLE).spatial == pytest.approx(math.sqrt(7 / 180), rel=1e-14)
 
 
-def test_sted_spatial_is_the_mean_over_frames_when_one_of_two_has_error():
+def test_spatial_part_is_the_mean_over_frames():
     original, decoded = np.repeat(RIGHT, 2, axis=0), np.repeat(RIGHT, 2, axis=0)
     decoded[1, 2] = [-4, 0, 0]
     found = sted(original, decoded, TRIANGLE).spatial
     assert found == pytest.approx(math.sqrt(7 / 180) / 2, rel=1e-14)
 
 
-def test_sted_temporal_is_relative_to_the_mean_speed_when_one_vertex_of_three_moves():
+def test_temporal_part_is_relative_to_the_mean_speed():
     # D = 5; the original is static, s = 3e-4. Vertex 2 moves 5 * 4e-4: s^ = 5e-4.
     # |s - s^| / s = 2/3, the mean over three vertices 2/9.
     original, decoded = np.repeat(RIGHT, 2, axis=0), np.repeat(RIGHT, 2, axis=0)
@@ -84,7 +84,7 @@ def test_sted_temporal_is_relative_to_the_mean_speed_when_one_vertex_of_three_mo
     assert sted(original, decoded, TRIANGLE).temporal == pytest.approx(2 / 9, rel=1e-12)
 
 
-def test_sted_temporal_window_is_four_back_and_five_ahead_when_one_step_is_fast():
+def test_temporal_window_is_four_frames_back_and_five_ahead():
     # 13 frames, 12 steps; vertex 0 makes one step of 5 * 4e-4 (s = 5e-4) at frame 6, else 3e-4.
     # Decoded is static. Error 2e-4 at frame 6 only, whose window is frames 2..11, ten steps
     # of mean (9 * 3e-4 + 5e-4) / 10 = 3.2e-4. T = (2 / 3.2) / (3 vertices * 12 steps).
@@ -93,49 +93,49 @@ def test_sted_temporal_window_is_four_back_and_five_ahead_when_one_step_is_fast(
     assert sted(original, decoded, TRIANGLE).temporal == pytest.approx(2 / 3.2 / 36, rel=1e-12)
 
 
-def test_sted_joins_its_parts_with_the_authors_weight_when_both_are_there(tube):
+def test_sted_combines_its_parts_with_the_weight_of_its_authors(tube):
     found = sted(*tube)
     expected = math.sqrt(found.spatial**2 + (9.144e-5 * found.temporal) ** 2)
     assert found.sted == pytest.approx(expected, rel=1e-14)
 
 
-def test_sted_is_exactly_zero_when_decoded_equals_original(tube):
+def test_sted_of_equal_sequences_is_exactly_zero(tube):
     found = sted(tube[0], tube[0].copy(), tube[2])
     assert (found.spatial, found.temporal, found.sted) == (0, 0, 0)
 
 
-def test_sted_temporal_is_zero_when_there_is_one_frame(tube):
+def test_temporal_part_of_one_frame_is_zero(tube):
     original, decoded, faces = tube
     assert sted(original[:1], decoded[:1], faces).temporal == 0
 
 
 @pytest.mark.parametrize("scale", [1e-6, 12.5, 2.0**-900, 2.0**900])
-def test_sted_is_unchanged_when_both_are_scaled(tube, scale):
+def test_sted_is_invariant_to_scale(tube, scale):
     original, decoded, faces = tube
     found, expected = sted(original * scale, decoded * scale, faces), sted(*tube)
     assert found.spatial == pytest.approx(expected.spatial, rel=1e-9)
     assert found.temporal == pytest.approx(expected.temporal, rel=1e-9)
 
 
-def test_sted_spatial_is_unchanged_when_decoded_alone_is_turned_and_moved(tube):
+def test_spatial_part_is_invariant_to_rigid_motion(tube):
     original, decoded, faces = tube
     turned = decoded[..., [1, 2, 0]] + np.array([4.0, 5, 6])
     expected = sted(*tube).spatial
     assert sted(original, turned, faces).spatial == pytest.approx(expected, rel=1e-9)
 
 
-def test_sted_spatial_vanishes_when_decoded_alone_is_scaled(tube):
+def test_spatial_part_of_uniform_scaling_is_zero(tube):
     original, _, faces = tube
     assert sted(original, 1.25 * original, faces).spatial < 1e-12
 
 
-def test_sted_temporal_is_unchanged_when_decoded_alone_is_moved(tube):
+def test_temporal_part_is_invariant_to_translation(tube):
     original, decoded, faces = tube
     moved = sted(original, decoded + np.array([4.0, 5, 6]), faces).temporal
     assert moved == pytest.approx(sted(*tube).temporal, rel=1e-9)
 
 
-def test_sted_keeps_its_digits_when_the_offset_is_huge(tube):
+def test_sted_is_precise_for_huge_offsets(tube):
     # Multiples of 2^-20 plus 2^30 are exact in float64, so only the metric can lose digits.
     original, decoded = (np.round(part * 2**20) / 2**20 for part in tube[:2])
     found = sted(original + 2.0**30, decoded + 2.0**30, tube[2])
@@ -144,7 +144,7 @@ def test_sted_keeps_its_digits_when_the_offset_is_huge(tube):
     assert found.temporal == pytest.approx(expected.temporal, rel=1e-9)
 
 
-def test_sted_spatial_keeps_its_digits_when_errors_are_tiny():
+def test_spatial_part_is_precise_for_tiny_errors():
     # Vertex 0 moves by d = 2^-50 towards vertex 1: to first order the edge of 3 shrinks by d and
     # the others stay, e = d / 3 with weight 3 of 12: mean d / 12, mean square d^2 / 36,
     # variance d^2 (1/36 - 1/144) = d^2 3 / 144.
@@ -154,8 +154,8 @@ def test_sted_spatial_keeps_its_digits_when_errors_are_tiny():
     assert found == pytest.approx(2.0**-50 * math.sqrt(3 / 144), rel=1e-12)
 
 
-def test_sted_spatial_leaves_out_vertices_when_they_are_isolated():
-    # The triangle of the first test beside two vertices without faces: the mean is over three.
+def test_spatial_part_ignores_isolated_vertices():
+    # The triangle of the first test, and two vertices without faces: the mean is over three.
     original = np.concatenate([RIGHT, [[[9.0, 9, 9], [8, 8, 8]]]], axis=1)
     decoded = original.copy()
     decoded[0, 2] = [-4, 0, 0]
@@ -163,8 +163,9 @@ def test_sted_spatial_leaves_out_vertices_when_they_are_isolated():
     assert found == pytest.approx(math.sqrt(7 / 180), rel=1e-14)
 
 
-def test_sted_spatial_gives_zero_edges_no_weight_when_vertices_coincide():
-    # Vertex 3 sits on vertex 0 and both neighbour 1: edges 01, 12, 02 as before, 13 = 3, 03 = 0.
+def test_spatial_part_gives_edges_of_length_zero_no_weight():
+    # Vertices 3 and 0 coincide; both are neighbors of 1: edges 01, 12, 02 as before, 13 = 3,
+    # 03 = 0.
     # All vertices see all edges. Weights 3, 4, 5, 3, 0; e = -0.4 for the edge of 5 only:
     # mean -2/15, mean square 0.8/15, variance 4/75 - 4/225 = 8/225.
     original = np.concatenate([RIGHT, RIGHT[:, :1]], axis=1)
@@ -174,17 +175,17 @@ def test_sted_spatial_gives_zero_edges_no_weight_when_vertices_coincide():
     assert found == pytest.approx(math.sqrt(8 / 225), rel=1e-14)
 
 
-def test_sted_spatial_is_zero_when_every_edge_has_no_length():
+def test_spatial_part_is_zero_if_all_edges_have_length_zero():
     decoded = np.random.default_rng(1).normal(size=(1, 3, 3))
     assert sted(np.ones((1, 3, 3)), decoded, TRIANGLE).spatial == 0
 
 
-def test_sted_spatial_is_zero_when_the_only_face_has_no_edge():
+def test_spatial_part_is_zero_without_edges():
     decoded = RIGHT + 1
     assert sted(RIGHT, decoded, np.zeros((1, 3), np.int32)).spatial == 0
 
 
-def test_sted_temporal_uses_the_whole_diagonal_when_frame_0_is_a_point():
+def test_temporal_part_uses_the_whole_diagonal_if_frame_0_is_a_point():
     # Frame 0 is a point, so D = 5, the diagonal of the box 3 x 4 of frame 1 and the point (0, 0).
     # Original speeds: vertices 0, 1, 2 move 0, 3/5, 4/5 against dt; decoded stays at the point.
     original = np.concatenate([np.zeros_like(RIGHT), RIGHT])
@@ -195,31 +196,31 @@ def test_sted_temporal_uses_the_whole_diagonal_when_frame_0_is_a_point():
 
 
 @pytest.mark.parametrize(("moved", "expected"), [(0.0, 0), (1.0, math.inf)])
-def test_sted_temporal_is_zero_or_infinite_when_the_original_is_one_point(moved, expected):
+def test_temporal_part_of_a_single_point_is_zero_or_infinite(moved, expected):
     decoded = np.ones((3, 3, 3))
     decoded[1] += moved
     assert sted(np.ones((3, 3, 3)), decoded, TRIANGLE).temporal == expected
 
 
-def test_sted_is_infinite_when_decoded_is_out_of_range_of_float64(tube):
+def test_sted_beyond_float64_is_infinite(tube):
     decoded = tube[0].copy()
     decoded[3, 4] = 1e300
     found = sted(tube[0], decoded, tube[2])
     assert (found.spatial, found.temporal) == (math.inf, math.inf)
 
 
-def test_sted_agrees_with_itself_when_vertices_are_taken_in_several_blocks(tube, monkeypatch):
+def test_sted_does_not_depend_on_blocks_of_vertices(tube, monkeypatch):
     expected = sted(*tube).temporal
     monkeypatch.setattr("meshreel.metrics.sted._BLOCK_VALUES", 7 * len(tube[0]))
     assert sted(*tube).temporal == pytest.approx(expected, rel=1e-13)
 
 
-def test_sted_leaves_its_inputs_alone_when_they_are_read_only(tube):
+def test_sted_accepts_read_only_inputs(tube):
     for array in tube:
         array.flags.writeable = False
     assert sted(*tube).sted > 0
 
 
-def test_sted_names_both_shapes_when_they_differ():
+def test_error_names_both_shapes():
     with pytest.raises(InvalidInputError, match=r"\(1, 3, 3\) and \(2, 3, 3\)"):
         sted(RIGHT, np.repeat(RIGHT, 2, axis=0), TRIANGLE)

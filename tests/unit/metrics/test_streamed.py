@@ -40,28 +40,26 @@ def blocks_of(decoded, *cuts):
         (1e-30, 0, np.float32),
     ],
 )
-def test_streamed_errors_are_those_of_the_whole_when_blocks_are_decoded(
-    soup, cuts, scale, offset, dtype
-):
+def test_streamed_errors_equal_those_of_the_whole(soup, cuts, scale, offset, dtype):
     original, decoded = ((part * scale + offset).astype(dtype) for part in soup[:2])
     found = streamed_errors(MeshSequence(original, FACES), blocks_of(decoded, *cuts))
     assert found == whole_errors(original, decoded)
     assert found.kg_error_percent > 0
 
 
-def test_streamed_errors_are_those_of_the_whole_when_blocks_come_in_any_order(soup):
+def test_streamed_errors_do_not_depend_on_the_order_of_blocks(soup):
     original, decoded, _ = soup
     found = streamed_errors(MeshSequence(original, FACES), blocks_of(decoded, 3, 9)[::-1])
     assert astuple(found) == pytest.approx(astuple(whole_errors(original, decoded)), rel=1e-12)
 
 
-def test_streamed_errors_are_exactly_zero_when_decoded_equals_original(soup):
+def test_streamed_errors_of_equal_sequences_are_exactly_zero(soup):
     found = streamed_errors(MeshSequence(soup[0], FACES), blocks_of(soup[0].copy(), 4))
     assert found == StreamedErrors(0, 0, 0)
 
 
 @pytest.mark.parametrize(("moved_x", "expected"), [(0.0, 0.0), (1.0, np.inf)])
-def test_streamed_errors_are_zero_or_infinite_when_the_original_is_one_point(moved_x, expected):
+def test_streamed_errors_of_a_single_point_are_zero_or_infinite(moved_x, expected):
     decoded = np.full((3, 4, 3), 0.1)
     original = decoded.copy()
     decoded[2, 1, 0] += moved_x
@@ -69,14 +67,14 @@ def test_streamed_errors_are_zero_or_infinite_when_the_original_is_one_point(mov
     assert found == StreamedErrors(expected, expected, expected)
 
 
-def test_streamed_errors_are_infinite_when_decoded_is_out_of_range_of_float64(soup):
+def test_streamed_errors_beyond_float64_are_infinite(soup):
     decoded = soup[1].copy()
     decoded[5, 0, 0] = 1e300
     found = streamed_errors(MeshSequence(soup[0], FACES), blocks_of(decoded, 5))
     assert found == StreamedErrors(np.inf, np.inf, np.inf)
 
 
-def test_streamed_errors_are_those_of_the_whole_when_the_original_stays_in_files(tmp_path, soup):
+def test_streamed_errors_of_an_original_in_files_equal_those_of_the_whole(tmp_path, soup):
     original, decoded, faces = soup
     sequence = MeshSequence(original + 1e6, faces)
     save(sequence, tmp_path / "f_%d.ply")
@@ -84,7 +82,7 @@ def test_streamed_errors_are_those_of_the_whole_when_the_original_stays_in_files
     assert found == whole_errors(sequence.vertices, decoded + 1e6)
 
 
-def test_error_sums_take_the_diagonal_of_the_whole_when_a_block_is_smaller(soup):
+def test_error_sums_use_the_diagonal_of_the_whole(soup):
     original, decoded, _ = soup
     sums = ErrorSums(extent_of(original))
     sums.add(original[:1], decoded[:1])
@@ -93,13 +91,13 @@ def test_error_sums_take_the_diagonal_of_the_whole_when_a_block_is_smaller(soup)
     assert sums.errors.max_error_percent == pytest.approx(own * sides[0] / sides[1], rel=1e-12)
 
 
-def test_error_sums_are_refused_when_shapes_differ(soup):
+def test_blocks_of_another_shape_are_rejected(soup):
     sums = ErrorSums(extent_of(soup[0]))
     with pytest.raises(InvalidInputError, match=r"\(14, 12, 3\) and \(14, 11, 3\)"):
         sums.add(soup[0], soup[1][:, :11])
 
 
-def test_error_sums_are_refused_when_there_was_no_frame(soup):
+def test_error_sums_without_frames_are_rejected(soup):
     with pytest.raises(InvalidInputError, match="needs at least one frame"):
         _ = ErrorSums(extent_of(soup[0])).errors
 
@@ -112,14 +110,14 @@ def test_error_sums_are_refused_when_there_was_no_frame(soup):
         ([(0, 5), (4, 14)], "a frame from 4 to 13 was decoded twice"),
     ],
 )
-def test_streamed_errors_are_refused_when_frames_do_not_come_once(soup, ranges, message):
+def test_missing_and_repeated_frames_are_rejected(soup, ranges, message):
     original, decoded, _ = soup
     with pytest.raises(InvalidInputError, match=message):
         streamed_errors(MeshSequence(original, FACES), [(a, decoded[a:b]) for a, b in ranges])
 
 
 @pytest.mark.parametrize("start", [-1, 1])
-def test_streamed_errors_are_refused_when_the_original_lacks_a_frame(soup, start):
+def test_original_with_fewer_frames_is_rejected(soup, start):
     with pytest.raises(InvalidInputError, match="the original has frames 0 to 13"):
         streamed_errors(MeshSequence(soup[0], FACES), [(start, soup[1])])
 
@@ -136,7 +134,7 @@ class Turning:
         return frames * np.linspace(0, 1, 6000, dtype=np.float32).reshape(1, 2000, 3)
 
 
-def test_streamed_errors_take_a_tenth_of_the_whole_when_blocks_are_small():
+def test_small_blocks_need_a_tenth_of_the_memory():
     source = Turning()
     tracemalloc.start()
     try:

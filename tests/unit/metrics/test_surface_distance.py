@@ -29,8 +29,8 @@ def compare(original, decoded, **options):
     return compare_surfaces(*map(Frames, several), **{"n_samples": 2000, **options})
 
 
-def turned(shape, degrees):
-    """The shape turned about the x axis through the middle of the unit cube."""
+def rotated(shape, degrees):
+    """Rotate a shape about the x axis through the center of the unit cube."""
     angle = np.radians(degrees)
     x, y, z = shape[0].T
     y, z = y - 0.5, z - 0.5
@@ -43,7 +43,7 @@ def figures(quality):
                      quality.psnr_db, quality.d1_psnr_db, quality.d2_psnr_db])  # fmt: skip
 
 
-def test_translated_plane_has_its_shift_as_every_distance():
+def test_every_distance_of_a_translated_plane_is_its_shift():
     quality = compare(square(n=3), square(0.01, n=4))
     for way in (quality.to_decoded, quality.to_original):
         for distance in (way.mean_percent, way.rms_percent, way.p95_percent, way.max_percent):
@@ -62,7 +62,7 @@ def test_d2_ignores_shifts_along_the_surface_that_d1_counts():
     assert 40 < quality.d1_psnr_db < 60
 
 
-def test_scaled_sphere_has_its_growth_as_distance():
+def test_distance_of_a_scaled_sphere_is_the_difference_of_radii():
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 161), np.linspace(0, np.pi, 81), indexing="ij")
     ball = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], -1).reshape(-1, 3)
     faces = torus(81, 161)[1]
@@ -75,16 +75,16 @@ def test_scaled_sphere_has_its_growth_as_distance():
 
 
 @pytest.mark.parametrize("degrees", [1e-4, 10, 80])
-def test_tilted_plane_has_its_tilt_as_normal_angle(degrees):
+def test_normal_angle_of_a_tilted_plane_is_its_tilt(degrees):
     plane = square(0.5)
-    way = compare(plane, turned(plane, degrees)).worse
+    way = compare(plane, rotated(plane, degrees)).worse
     assert way.normal_angle_mean_deg == pytest.approx(degrees, rel=1e-6)
     assert way.normal_angle_p95_deg == pytest.approx(degrees, rel=1e-6)
 
 
-def test_turned_cube_turns_the_normals_of_four_of_its_six_sides():
-    way = compare(cube(), turned(cube(), 1.0)).worse
-    # Samples within 0.5 sin(1 degree) of the turned edges meet the neighboring side.
+def test_rotated_cube_changes_the_normals_of_four_of_its_six_sides():
+    way = compare(cube(), rotated(cube(), 1.0)).worse
+    # Samples within 0.5 sin(1 degree) of the rotated edges meet the neighboring side.
     assert way.normal_angle_mean_deg == pytest.approx(4 / 6, abs=2 * np.sin(np.radians(1)) * 90)
     assert way.normal_angle_p95_deg == pytest.approx(1.0, rel=1e-6)
 
@@ -96,14 +96,14 @@ def test_reversed_faces_have_normal_angles_of_180_degrees():
     assert way.max_percent == 0
 
 
-def test_other_triangles_on_the_same_surface_have_no_distance():
+def test_other_triangulations_of_a_surface_have_distance_zero():
     quality = compare(cube(), split_at_centroids(*cube()))
     assert quality.worse.max_percent == 0
     assert quality.worse.normal_angle_p95_deg == pytest.approx(0, abs=1e-6)
     assert {quality.psnr_db, quality.d1_psnr_db, quality.d2_psnr_db} == {np.inf}
 
 
-def test_figures_of_samples_are_those_of_brute_force():
+def test_figures_of_samples_equal_those_of_brute_force():
     shapes, n_samples = [torus(9, 15), torus(8, 17, bend=0.05)], 700
     sets = [triangle_set(vertices, faces, 1e-14) for vertices, faces in shapes]
     quality = compare(*shapes, n_samples=n_samples)
@@ -135,7 +135,7 @@ def test_figures_of_samples_are_those_of_brute_force():
         (torus(30, 40, bend=0.01), 256, 58.8898, 60.2460),
     ],
 )
-def test_d1_and_d2_are_those_of_the_software_of_mpeg(monkeypatch, decoded, n_lines, d1, d2):
+def test_d1_and_d2_equal_those_of_the_mpeg_software(monkeypatch, decoded, n_lines, d1, d2):
     """Points by mpeg-pcc-mmetric 1.1.7 (grid, `useNormal`), PSNR by mpeg-pcc-dmetric 0.14.2.
 
     The latter with the normals of each cloud (`normalCalcModificationEnable`), as in V-DMC.
@@ -147,7 +147,7 @@ def test_d1_and_d2_are_those_of_the_software_of_mpeg(monkeypatch, decoded, n_lin
     assert (quality.d1_psnr_db, quality.d2_psnr_db) == pytest.approx((d1, d2), abs=0.005)
 
 
-def test_directions_trade_places_when_the_arguments_do():
+def test_swapping_the_arguments_swaps_the_directions():
     shapes = torus(9, 15), torus(9, 15, bend=0.02)
     forth, back = compare(*shapes), compare(*shapes[::-1])
     factor = back.diagonal / forth.diagonal
@@ -158,7 +158,7 @@ def test_directions_trade_places_when_the_arguments_do():
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1, 1e6), (1e-30, 0), (1e200, 0), (1e5, 1e9)])
-def test_figures_do_not_change_with_scale_and_place(scale, shift):
+def test_figures_are_invariant_to_scale_and_translation(scale, shift):
     shapes = torus(9, 15), torus(9, 16, bend=0.02)
     moved = [(scale * vertices + shift, faces) for vertices, faces in shapes]
     # Normals vary more: where a closest point lies on an edge, rounding chooses the face.
@@ -168,7 +168,7 @@ def test_figures_do_not_change_with_scale_and_place(scale, shift):
     assert (np.abs(figures(compare(*moved)) - expected) <= tolerances * expected).all()
 
 
-def test_isolated_vertices_and_faces_without_area_change_nothing():
+def test_isolated_vertices_and_faces_without_area_are_ignored():
     vertices, faces = torus(9, 15)
     more = np.concatenate([vertices, [[1e6, 0, 0]]])
     degenerate = np.concatenate([faces, [[0, 0, 7], [3, 4, 4]]]).astype(np.int32)
@@ -233,14 +233,14 @@ def test_quantiles_hardly_change_when_samples_of_many_frames_are_thinned(monkeyp
     assert thinned.mean_percent == whole.mean_percent
 
 
-def test_grid_is_coarser_where_the_surface_is_too_large_for_it(monkeypatch):
+def test_grid_is_coarser_for_very_large_surfaces(monkeypatch):
     monkeypatch.setattr(surface_distance, "MAX_GRID_POINTS", 6_000)
-    quality = compare(cube(), turned(cube(), 1))
+    quality = compare(cube(), rotated(cube(), 1))
     assert quality.n_grid_lines == 32  # 64 lines would meet it in more than 6 * 63**2 points
     assert quality.d1_psnr_db < np.inf
 
 
-def test_frame_without_area_is_named():
+def test_error_names_a_frame_without_area():
     flat = square()[0], np.array([[0, 1, 1]], np.int32)
     with pytest.raises(InvalidInputError, match="frame 1 of the decoded has no face with an area"):
         compare([square(), square()], [square(), flat])
@@ -251,13 +251,13 @@ def test_frame_without_area_is_named():
         compare(point, square())
 
 
-def test_surface_too_far_away_for_squares_is_refused():
+def test_surface_too_far_from_the_origin_is_rejected():
     far = square()[0] + 1e200, square()[1]
     with pytest.raises(InvalidInputError, match="frame 0 of the decoded is more than 1e"):
         compare(square(), far)
 
 
-def test_different_frame_counts_are_refused():
+def test_different_frame_counts_are_rejected():
     with pytest.raises(InvalidInputError, match="1 frame and the decoded 2"):
         compare(square(), [square(), square()])
 

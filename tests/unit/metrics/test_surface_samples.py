@@ -19,7 +19,7 @@ def on_cube(points):
     return np.isclose(np.abs(points - 0.5).max(axis=1), 0.5)
 
 
-def test_triangles_without_area_and_vertices_without_faces_are_left_out():
+def test_triangles_without_area_and_isolated_vertices_are_omitted():
     vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0], [9, 9, 9]]
     triangles = triangles_of(vertices, [[0, 1, 3], [0, 1, 2], [1, 1, 2]])
     assert triangles.n_degenerate == 2
@@ -28,7 +28,7 @@ def test_triangles_without_area_and_vertices_without_faces_are_left_out():
 
 
 @pytest.mark.parametrize("n_samples", [1, 10, 4000])
-def test_each_triangle_gets_its_share_of_the_samples(rng, n_samples):
+def test_samples_per_triangle_are_proportional_to_area(rng, n_samples):
     corners = rng.normal(size=(50, 3, 3))
     triangles = triangles_of(corners.reshape(-1, 3), np.arange(150).reshape(50, 3))
     normals = sample_uniformly(triangles, n_samples).normals

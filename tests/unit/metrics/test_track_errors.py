@@ -20,7 +20,7 @@ def changed(track, place, value):
     return Track(values, track.domain, track.kind, track.unit)
 
 
-def test_an_error_is_the_length_of_the_difference():
+def test_error_is_the_length_of_the_difference():
     track = zeros(4, 6, 3, unit="m/s")
     found = track_errors(track, changed(track, (2, 5), [3, 4, 0]))
     assert (found.largest, found.unit) == (5, "m/s")
@@ -29,12 +29,12 @@ def test_an_error_is_the_length_of_the_difference():
     assert found.rms_of_frames[2] == pytest.approx(5 / np.sqrt(6))
 
 
-def test_an_error_of_a_color_is_that_of_its_worst_number():
+def test_error_of_a_color_is_that_of_its_worst_component():
     track = zeros(2, 3, 4, kind="color")
     assert track_errors(track, changed(track, (0, 1), [0.1, -0.3, 0.2, 0])).largest == 0.3
 
 
-def test_an_error_of_a_normal_is_an_angle():
+def test_error_of_a_normal_is_an_angle():
     up = Track(np.tile([0.0, 0.0, 1.0], (1, 3, 1)), kind="normal")
     turned = changed(up, (0, 1), [0, np.sin(0.2), np.cos(0.2)])
     found = track_errors(up, turned)
@@ -45,14 +45,14 @@ def test_an_error_of_a_normal_is_an_angle():
     assert track_errors(nothing, nothing).largest == 0
 
 
-def test_an_error_of_normals_is_half_a_turn_when_they_are_opposite():
+def test_error_of_opposite_normals_is_180_degrees():
     up = Track(np.tile([0.0, 0.0, 2.0], (1, 3, 1)), kind="normal")
     assert track_errors(up, changed(up, (0, 2), [0, 0, -0.5])).largest == 180
     missing = changed(up, (0, 1), 0)
     assert track_errors(missing, up).largest == 180
 
 
-def test_errors_are_of_all_frames_when_not_all_are_compared_at_once(monkeypatch):
+def test_errors_include_frames_compared_in_pieces(monkeypatch):
     monkeypatch.setattr("meshreel.metrics.track_errors.NUMBERS_PER_CHUNK", 2 * 6)
     track = zeros(5, 6)
     found = track_errors(track, Track(np.arange(5.0)[:, None] * np.ones((5, 6))))
@@ -61,7 +61,7 @@ def test_errors_are_of_all_frames_when_not_all_are_compared_at_once(monkeypatch)
     assert found.rms == pytest.approx(np.sqrt(6))
 
 
-def test_values_of_vertices_are_compared_at_their_decoded_places_and_others_are_not():
+def test_only_vertex_values_follow_the_decoded_vertex_order():
     values, places = np.array([[1.0, 2.0, 3.0]]), np.array([2, 0, 1])
     original = {"of vertices": Track(values), "of faces": Track(values, "face"),
                 "other": Track(values)}  # fmt: skip
@@ -71,14 +71,14 @@ def test_values_of_vertices_are_compared_at_their_decoded_places_and_others_are_
     assert errors_of_tracks(original, decoded)["of vertices"].largest == 2
 
 
-def test_rms_is_zero_when_there_is_no_error_and_infinite_when_one_is():
+def test_rms_is_zero_without_error_and_infinite_with_an_infinite_one():
     track = zeros(2, 3)
     assert track_errors(track, track).rms == 0
     missing = track_errors(track, changed(track, (1, 1), np.nan))
     assert (missing.rms, missing.rms_of_frames[0]) == (np.inf, 0)
 
 
-def test_missing_values_are_equal_to_missing_ones_only():
+def test_missing_values_equal_only_missing_values():
     track = changed(zeros(2, 3, 2), (0, 1, 0), np.nan)
     assert track_errors(track, track).largest == 0
     assert track_errors(track, zeros(2, 3, 2)).largest == np.inf
@@ -91,7 +91,7 @@ def test_integers_are_compared_without_overflow():
     assert track_errors(high, Track(np.full((1, 2), 3, np.uint8))).largest == 247
 
 
-def test_compare_has_the_errors_of_tracks_that_both_have():
+def test_compare_returns_the_errors_of_common_tracks():
     grid = waving_grid(4)
     one, other = (
         meshreel.MeshSequence(grid.vertices, grid.faces, tracks=tracks)
@@ -105,7 +105,7 @@ def test_compare_has_the_errors_of_tracks_that_both_have():
     assert quality.as_dict()["tracks"]["heat"]["largest_of_frames"] == [0, 0, 0, 2]
 
 
-def test_compare_refuses_tracks_of_one_name_that_are_not_alike():
+def test_compare_rejects_different_tracks_of_the_same_name():
     grid = waving_grid(4)
     one, other = (
         meshreel.MeshSequence(grid.vertices, grid.faces, tracks={"x": zeros(4, grid.n_verts, n)})
@@ -116,7 +116,7 @@ def test_compare_refuses_tracks_of_one_name_that_are_not_alike():
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e200])
-def test_errors_of_tiny_and_of_huge_numbers_are_told(scale):
+def test_errors_of_tiny_and_huge_numbers_are_precise(scale):
     track = zeros(4, 6, 3)
     found = track_errors(track, changed(track, (2, 5), [3 * scale, 4 * scale, 0]))
     assert found.largest == pytest.approx(5 * scale)

@@ -1,4 +1,4 @@
-"""Which comparison `meshreel.compare` makes, and why."""
+"""Selection between vertex and surface comparison by `meshreel.compare`."""
 
 import json
 
@@ -33,25 +33,25 @@ def split(sequence):
     )
 
 
-def test_vertices_are_compared_where_only_the_order_of_the_faces_differs(sheet):
+def test_vertices_are_compared_if_only_the_order_of_faces_differs(sheet):
     other = with_faces(sheet, np.roll(sheet.faces[::-1], 1, axis=1))
     assert isinstance(meshreel.compare(sheet, other), meshreel.Quality)
 
 
-def test_surfaces_are_compared_where_vertex_counts_differ(sheet):
+def test_surfaces_are_compared_if_vertex_counts_differ(sheet):
     quality = meshreel.compare(sheet, split(sheet))
     assert quality.reason == "the vertex counts differ (99 and 259)"
     assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
 
 
-def test_surfaces_are_compared_where_face_counts_differ(sheet):
+def test_surfaces_are_compared_if_face_counts_differ(sheet):
     quality = meshreel.compare(sheet, with_faces(sheet, sheet.faces[1:]))
     assert quality.reason == "the face counts differ (160 and 159)"
     assert quality.to_decoded.max_percent > 1
     assert quality.to_original.max_percent == 0
 
 
-def test_surfaces_are_compared_where_faces_differ(sheet):
+def test_surfaces_are_compared_if_faces_differ(sheet):
     quality = meshreel.compare(sheet, with_faces(sheet, sheet.faces[:, ::-1]))
     assert quality.reason == "the faces differ"
     assert quality.worse.max_percent == 0
@@ -71,7 +71,7 @@ def test_vertices_of_different_meshes_cannot_be_compared(sheet):
         meshreel.compare(sheet, split(sheet), surface=False)
 
 
-def test_samples_are_refused_where_vertices_are_compared(sheet):
+def test_samples_option_is_rejected_for_vertices(sheet):
     with pytest.raises(InvalidInputError, match=r"n_samples has no effect .* surface=True"):
         meshreel.compare(sheet, sheet, n_samples=100)
 
@@ -89,19 +89,19 @@ def test_vertices_of_several_segments_cannot_be_compared(sheet):
         meshreel.compare(segments, segments, surface=False)
 
 
-def test_different_frame_counts_are_refused_for_surfaces(sheet):
+def test_different_frame_counts_are_rejected_for_surfaces(sheet):
     with pytest.raises(InvalidInputError, match="3 frames and the decoded 2"):
         meshreel.compare(sheet, split(waving_grid(2)))
 
 
-def test_surface_quality_survives_json_as_a_dict(sheet):
+def test_surface_quality_as_a_dict_is_serializable(sheet):
     plain = meshreel.compare(sheet, with_faces(sheet, sheet.faces[1:]), n_samples=99).as_dict()
     assert json.loads(json.dumps(plain, allow_nan=False)) == plain
     assert plain["to_decoded"]["mean_percent"] > 0
     assert len(plain["max_percent_of_frames"]) == plain["n_frames"] == 3
 
 
-def test_surface_quality_shows_its_figures(sheet):
+def test_repr_of_surface_quality_contains_its_figures(sheet):
     text = repr(meshreel.compare(sheet, sheet, surface=True, n_samples=10))
     assert text == (
         "<SurfaceQuality: mean distance 0 %, largest 0 %, surface PSNR inf dB, D1 inf dB, "

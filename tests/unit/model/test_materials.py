@@ -34,7 +34,7 @@ def test_surface_is_rejected_when_a_material_is_invalid(material, message):
 
 
 def test_surface_is_rejected_when_two_materials_have_the_same_name():
-    with pytest.raises(InvalidInputError, match="2 materials are named 'a'"):
+    with pytest.raises(InvalidInputError, match="2 materials have the name 'a'"):
         Surface(materials=(Material("a"), Material("a"))).validated(3, 1)
 
 

@@ -1,4 +1,4 @@
-"""The package for pages: it is built, which checks its types, and its own tests pass."""
+"""The npm package builds with type checks, and its tests pass."""
 
 import re
 import subprocess
@@ -23,17 +23,17 @@ def built():
 
 @pytest.fixture(scope="module")
 def tarball(tmp_path_factory):
-    """The file that `npm pack` makes."""
+    """The archive written by `npm pack`."""
     return packed(tmp_path_factory.mktemp("packed"))
 
 
 def npm(*command):
-    """What npm says; the test fails with it where it fails."""
+    """Return the output of npm; fail the test if npm fails."""
     return output_of("npm", *command)
 
 
 def output_of(*command):
-    """What a command says in the folder of the package; a command that fails fails the test."""
+    """Run a command in the package folder and return its output; fail the test if it fails."""
     found = subprocess.run(
         command,
         cwd=PACKAGE,

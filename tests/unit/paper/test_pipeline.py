@@ -31,7 +31,7 @@ def round_trip(sequence, config):
 def test_frames_come_back_when_all_modes_are_kept_with_fine_steps(laplacian, anchors):
     config = EncoderConfig("pca-qp", n_modes=12, bits=24, anchors=anchors, laplacian=laplacian)
     matrices, matrices_hat, _ = round_trip(waving_grid(12), config)
-    # What is left is the rounding of the dictionary and the anchors to 16 bits.
+    # Only the dictionary and the anchors are rounded, to 16 bits.
     assert np.abs(matrices_hat - matrices).max() < 2e-4
 
 

@@ -39,7 +39,7 @@ def needed(name):
 def test_sequence_comes_back_when_all_rows_are_kept_with_fine_steps(name):
     sequence = waving_grid(10, dtype=np.float64)
     decoded = decode(encode(sequence, name, **fine(name, 10, sequence.n_verts)))
-    # What is left is the rounding of dictionary and anchors to 16 bits.
+    # Only the dictionary and the anchors are rounded, to 16 bits.
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.05
 
 

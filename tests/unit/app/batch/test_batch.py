@@ -56,7 +56,7 @@ def files(out):
     return {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
 
 
-def test_run_writes_the_streams_that_encode_gives_in_the_same_sub_folders(inputs, out):
+def test_run_writes_the_streams_of_encode_to_the_same_subfolders(inputs, out):
     report = run(inputs, out)
     assert report.summary == "0 up to date, 2 encoded, 0 failed"
     assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel"}
@@ -65,7 +65,7 @@ def test_run_writes_the_streams_that_encode_gives_in_the_same_sub_folders(inputs
         assert (out / stream).read_bytes() == expected
 
 
-def test_manifest_holds_what_compare_and_info_measure(inputs, out):
+def test_manifest_contains_the_figures_of_compare_and_info(inputs, out):
     run(inputs, out)
     found = facts(out)["walk.npz"]
     quality = meshreel.compare(meshreel.load(inputs / "walk.npz"), meshreel.load(out / "walk.reel"))
@@ -122,14 +122,14 @@ def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits,
     assert ("has no texture coordinates for uv_bits= to quantize" in found["notes"]) == noted
 
 
-def test_options_of_the_manifest_are_those_that_are_not_the_default(inputs, out):
+def test_manifest_lists_non_default_options(inputs, out):
     run(inputs, out, EncodeOptions(EncoderConfig(sted=0.05, order="drop"), ReadOptions(fps=12.0)))
     assert facts(out)["walk.npz"]["options"] == {"sted": 0.05, "order": "drop", "fps": 12.0}
     assert facts(out)["walk.npz"]["sted"] <= 0.05
     assert meshreel.info((out / "walk.reel").read_bytes()).fps == 12
 
 
-def test_second_run_does_nothing_when_nothing_changed(inputs, out):
+def test_second_run_without_changes_encodes_nothing(inputs, out):
     run(inputs, out)
     before = (out / MANIFEST_NAME).read_text()
     plan = plan_batch(inputs, out, OPTIONS)
@@ -169,7 +169,7 @@ def mark_pending(inputs, out):
 @pytest.mark.parametrize(
     "change", [change_input, touch_input, remove_output, cut_output, mark_failed, mark_pending]
 )
-def test_second_run_encodes_changed_inputs_only(inputs, out, change):
+def test_second_run_encodes_only_changed_inputs(inputs, out, change):
     run(inputs, out)
     change(inputs, out)
     report = run(inputs, out)
@@ -179,7 +179,7 @@ def test_second_run_encodes_changed_inputs_only(inputs, out, change):
     assert (out / "walk.reel").read_bytes() == expected
 
 
-def test_second_run_does_everything_when_options_changed(inputs, out):
+def test_changed_options_reencode_everything(inputs, out):
     run(inputs, out)
     report = run(inputs, out, EncodeOptions(EncoderConfig(quality=70)))
     assert set(report.encoded) == {"walk.npz", "a/cloth"}
@@ -187,12 +187,12 @@ def test_second_run_does_everything_when_options_changed(inputs, out):
     assert (out / "walk.reel").read_bytes() == expected
 
 
-def test_second_run_does_everything_when_it_is_forced(inputs, out):
+def test_force_reencodes_everything(inputs, out):
     run(inputs, out)
     assert run(inputs, out, force=True).summary == "0 up to date, 2 encoded, 0 failed"
 
 
-def test_failing_input_is_reported_and_the_others_go_on(inputs, out):
+def test_failing_input_is_reported_and_does_not_stop_the_others(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     report = run(inputs, out)
     assert report.summary == "0 up to date, 2 encoded, 1 failed"
@@ -202,7 +202,7 @@ def test_failing_input_is_reported_and_the_others_go_on(inputs, out):
     assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel"}
 
 
-def test_failed_input_is_tried_again(inputs, out):
+def test_failed_input_is_retried_by_the_next_run(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     run(inputs, out)
     meshreel.save(waving_grid(), inputs / "bad.npz", overwrite=True)
@@ -210,7 +210,7 @@ def test_failed_input_is_tried_again(inputs, out):
     assert report.summary == "2 up to date, 1 encoded, 0 failed"
 
 
-def test_stream_of_earlier_stays_when_the_input_fails_later(inputs, out):
+def test_earlier_stream_is_kept_when_its_input_fails(inputs, out):
     run(inputs, out)
     before = (out / "walk.reel").read_bytes()
     (inputs / "walk.npz").write_bytes(b"no archive")
@@ -220,14 +220,14 @@ def test_stream_of_earlier_stays_when_the_input_fails_later(inputs, out):
     assert set(run(inputs, out).encoded) == {"walk.npz"}
 
 
-def test_error_names_frames_within_the_folder_of_inputs(inputs, out):
+def test_error_names_the_frame_relative_to_the_input_folder(inputs, out):
     (inputs / "a" / "cloth" / "f_002.obj").write_text("v 1 2 no\n")
     [record] = run(inputs, out).failed.values()
     assert record.error.startswith("a/cloth/f_002.obj")
     assert "\n" not in record.error
 
 
-def test_inputs_of_one_output_fail_both(inputs, out):
+def test_two_inputs_of_one_output_both_fail(inputs, out):
     meshreel.save(waving_grid(), inputs / "a" / "cloth.npz")
     report = run(inputs, out, force=True)
     assert set(report.encoded) == {"walk.npz"}
@@ -237,7 +237,7 @@ def test_inputs_of_one_output_fail_both(inputs, out):
     assert not (out / "a").exists()
 
 
-def test_output_that_is_not_the_batchs_is_kept_unless_forced(inputs, out):
+def test_foreign_output_is_replaced_only_with_force(inputs, out):
     out.mkdir()
     (out / "walk.reel").write_bytes(b"mine")
     for _ in range(2):
@@ -249,7 +249,7 @@ def test_output_that_is_not_the_batchs_is_kept_unless_forced(inputs, out):
     assert (out / "walk.reel").read_bytes() != b"mine"
 
 
-def test_output_put_there_after_a_failure_is_kept(inputs, out):
+def test_output_created_after_a_failure_is_kept(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     run(inputs, out)
     (out / "bad.reel").write_bytes(b"mine")
@@ -258,7 +258,7 @@ def test_output_put_there_after_a_failure_is_kept(inputs, out):
     assert (out / "bad.reel").read_bytes() == b"mine"
 
 
-def test_output_put_there_during_the_run_is_kept(inputs, out):
+def test_output_created_during_the_run_is_kept(inputs, out):
     plan = plan_batch(inputs, out, OPTIONS)
     out.mkdir()
     (out / "walk.reel").write_bytes(b"mine")
@@ -268,21 +268,21 @@ def test_output_put_there_during_the_run_is_kept(inputs, out):
         plan = plan_batch(inputs, out, OPTIONS)
 
 
-def test_output_that_is_a_folder_fails_its_input_only(inputs, out):
+def test_folder_at_an_output_path_fails_only_that_input(inputs, out):
     (out / "walk.reel").mkdir(parents=True)
     report = run(inputs, out, force=True)
     assert set(report.failed) == {"walk.npz"}
     assert set(report.encoded) == {"a/cloth"}
 
 
-def test_record_stays_when_its_input_is_gone(inputs, out):
+def test_record_of_a_removed_input_is_kept(inputs, out):
     run(inputs, out)
     (inputs / "walk.npz").unlink()
     assert run(inputs, out).summary == "1 up to date, 0 encoded, 0 failed"
     assert facts(out)["walk.npz"]["state"] == "done"
 
 
-def test_manifest_is_whole_after_each_input(inputs, out):
+def test_manifest_is_complete_after_each_input(inputs, out):
     seen = []
 
     def look(stage, fraction):
@@ -308,7 +308,7 @@ def test_finished_inputs_are_kept_when_the_run_is_stopped(inputs, out):
 @pytest.mark.parametrize(
     ("n_workers", "words"), [(0, "encoding, when there are workers"), (2, "encoding, 2 at a time")]
 )
-def test_stage_says_how_many_workers_there_are(inputs, out, n_workers, words):
+def test_stage_states_the_number_of_workers(inputs, out, n_workers, words):
     workers, stages = InlineWorkers(), set()
     workers.n_workers = n_workers
     plan = plan_batch(inputs, out, OPTIONS)
@@ -316,18 +316,18 @@ def test_stage_says_how_many_workers_there_are(inputs, out, n_workers, words):
     assert stages == {words}
 
 
-def test_worker_of_another_version_is_refused():
+def test_worker_with_another_version_is_rejected():
     with pytest.raises(InvalidInputError, match=r"the worker has meshreel .* install the same"):
         encode_input("walk.npz", OPTIONS, "0.0.0")
 
 
-def test_folder_of_outputs_must_not_be_a_file(inputs, out):
+def test_file_as_output_folder_is_rejected(inputs, out):
     out.write_bytes(b"")
     with pytest.raises(InvalidInputError, match="is a file"):
         plan_batch(inputs, out, OPTIONS)
 
 
-def test_folder_of_outputs_may_be_that_of_inputs(inputs):
+def test_output_folder_may_be_the_input_folder(inputs):
     assert run(inputs, inputs).summary == "0 up to date, 2 encoded, 0 failed"
     assert (inputs / "a" / "cloth.reel").is_file()
     assert run(inputs, inputs).summary == "2 up to date, 0 encoded, 0 failed"
@@ -375,7 +375,7 @@ def check_spread(folder, engine):
 
 
 @pytest.mark.slow
-def test_long_sequence_is_spread_when_there_are_more_workers_than_inputs(tmp_path):
+def test_long_sequence_is_distributed_over_idle_workers(tmp_path):
     with open_engine(2) as engine:
         check_spread(tmp_path, engine)
 
@@ -383,11 +383,13 @@ def test_long_sequence_is_spread_when_there_are_more_workers_than_inputs(tmp_pat
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_long_sequence_is_spread_on_a_cluster_when_a_worker_is_killed(tmp_path, cluster_engine):
+def test_long_sequence_is_distributed_on_a_cluster_despite_a_killed_worker(
+    tmp_path, cluster_engine
+):
     check_spread(tmp_path, cluster_engine)
 
 
-def test_inputs_are_not_spread_when_there_are_as_many_as_workers(inputs, out, monkeypatch):
+def test_inputs_are_not_distributed_when_every_worker_has_one(inputs, out, monkeypatch):
     called = []
     monkeypatch.setattr(
         "meshreel.app.batch.run.encode_input", lambda *a: called.append(a) or encode_input(*a)
@@ -437,7 +439,9 @@ class TightWorkers(InlineWorkers):
     ("error", "shares"),
     [(MemoryError(), [1 / 4, 1 / 16]), (WorkerDiedError("died during this call"), [1 / 16])],
 )
-def test_input_is_tried_in_smaller_blocks_elsewhere_when_memory_ran_out(inputs, out, error, shares):
+def test_input_is_retried_in_smaller_blocks_on_another_worker_without_memory(
+    inputs, out, error, shares
+):
     meshreel.save(waving_grid(40), inputs / "walk.npz", overwrite=True)
     workers = TightWorkers(error, 1 / 16)
     report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(workers))
@@ -451,7 +455,7 @@ def test_input_is_tried_in_smaller_blocks_elsewhere_when_memory_ran_out(inputs, 
     assert run(inputs, out).summary == "2 up to date, 0 encoded, 0 failed"
 
 
-def test_input_fails_alone_when_memory_is_too_little_for_small_blocks_too(inputs, out):
+def test_input_without_memory_for_small_blocks_fails_alone(inputs, out):
     report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(TightWorkers(MemoryError(), 0)))
     assert set(report.encoded) == {"a/cloth"}
     assert "not enough memory, even with smaller blocks" in report.failed["walk.npz"].error
@@ -466,7 +470,7 @@ def test_long_inputs_are_encoded_first(inputs, out):
     assert [name for name in names if name in "bcd"] == ["c", "b", "d"]
 
 
-def test_manifest_sums_up_its_records(inputs, out):
+def test_manifest_sums_its_records(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     run(inputs, out)
     found = json.loads((out / MANIFEST_NAME).read_text())
@@ -481,8 +485,6 @@ def test_manifest_sums_up_its_records(inputs, out):
     ("n_inputs", "n_workers", "are_cut", "is_spread"),
     [(1, 2, True, True), (2, 2, True, False), (1, 2, False, False)],
 )
-def test_inputs_are_shared_by_their_blocks_when_workers_are_more(
-    n_inputs, n_workers, are_cut, is_spread
-):
+def test_is_spread_compares_workers_and_inputs(n_inputs, n_workers, are_cut, is_spread):
     plan = SimpleNamespace(options=SimpleNamespace(are_cut=are_cut), to_encode=[None] * n_inputs)
     assert _is_spread(plan, SimpleNamespace(n_workers=n_workers)) is is_spread

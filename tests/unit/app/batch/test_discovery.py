@@ -27,7 +27,7 @@ def outputs(folder, **options):
     return {one.name: one.output for one in find_inputs(folder, **options)}
 
 
-def test_inputs_are_npz_files_and_folders_of_frames_at_any_depth(folder):
+def test_npz_files_and_frame_folders_at_any_depth_are_inputs(folder):
     put(folder, "walk.npz", "a/b/run.NPZ", "a/cloth/f_1.obj", "a/cloth/f_2.obj", "c/x.stl")
     assert outputs(folder) == {
         "walk.npz": "walk.reel",
@@ -37,33 +37,33 @@ def test_inputs_are_npz_files_and_folders_of_frames_at_any_depth(folder):
     }
 
 
-def test_folder_of_inputs_is_an_input_when_it_holds_frames_itself(folder):
+def test_input_folder_with_frames_is_an_input(folder):
     put(folder, "f_1.ply", "f_2.ply")
     assert outputs(folder) == {".": "inputs.reel"}
 
 
-def test_dots_in_names_are_kept_but_for_the_ending_of_a_file(folder):
+def test_dots_in_names_are_kept_except_before_the_extension(folder):
     put(folder, "walk.v2.npz", "run.v3/f_1.off")
     assert outputs(folder) == {"walk.v2.npz": "walk.v2.reel", "run.v3": "run.v3.reel"}
 
 
-def test_what_is_no_input_is_passed_over(folder):
+def test_other_files_are_ignored(folder):
     put(folder, "old.reel", "notes.txt", ".hidden.npz", ".cache/a.npz", "walk.npz", "empty/readme")
     assert outputs(folder) == {"walk.npz": "walk.reel"}
 
 
-def test_folder_of_outputs_is_passed_over_when_it_lies_in_that_of_inputs(folder):
+def test_output_folder_within_the_input_folder_is_ignored(folder):
     put(folder, "walk.npz", "out/walk.npz")
     assert outputs(folder, but_not=folder / "out") == {"walk.npz": "walk.reel"}
     assert set(outputs(folder, but_not=folder)) == {"walk.npz", "out/walk.npz"}
 
 
-def test_inputs_come_in_natural_order(folder):
+def test_inputs_are_in_natural_order(folder):
     put(folder, "walk10.npz", "walk9.npz", "b/f.obj", "a/f.obj")
     assert list(outputs(folder)) == ["walk9.npz", "walk10.npz", "a", "b"]
 
 
-def test_links_are_followed_but_not_in_circles(folder, tmp_path):
+def test_links_are_followed_but_cycles_are_not(folder, tmp_path):
     put(tmp_path / "elsewhere", "run.npz")
     put(folder, "walk.npz")
     (folder / "linked").symlink_to(tmp_path / "elsewhere")
@@ -71,7 +71,7 @@ def test_links_are_followed_but_not_in_circles(folder, tmp_path):
     assert set(outputs(folder)) == {"walk.npz", "linked/run.npz"}
 
 
-def test_source_is_absolute_when_the_folder_is_relative(folder, monkeypatch):
+def test_sources_in_a_relative_folder_are_absolute(folder, monkeypatch):
     put(folder, "walk.npz")
     monkeypatch.chdir(folder.parent)
     [one] = find_inputs(folder.relative_to(folder.parent))
@@ -79,21 +79,21 @@ def test_source_is_absolute_when_the_folder_is_relative(folder, monkeypatch):
     assert one.name == "walk.npz"
 
 
-def test_no_input_is_an_error_that_says_what_was_looked_for(folder):
+def test_error_without_inputs_lists_the_searched_formats(folder):
     put(folder, "notes.txt")
     with pytest.raises(InvalidInputError, match=r"no sequence under .*\.npz.*\.obj"):
         find_inputs(folder)
 
 
 @pytest.mark.parametrize("name", ["missing", "file.npz"])
-def test_folder_of_inputs_must_be_a_folder(folder, name):
+def test_file_as_input_folder_is_rejected(folder, name):
     put(folder, "file.npz")
     with pytest.raises(InvalidInputError, match="there is no folder"):
         find_inputs(folder / name)
 
 
 @pytest.mark.parametrize("change", ["size", "time", "more", "fewer", "name"])
-def test_fingerprint_changes_when_a_file_does(folder, change):
+def test_fingerprint_changes_with_a_file(folder, change):
     put(folder, "cloth/f_1.obj", "cloth/f_2.obj")
     path = folder / "cloth" / "f_2.obj"
     os.utime(path, ns=(0, 10**18))
@@ -114,7 +114,7 @@ def test_fingerprint_changes_when_a_file_does(folder, change):
     assert after.fingerprint() != old
 
 
-def test_fingerprint_stays_when_the_folder_is_moved(folder):
+def test_moving_the_folder_keeps_the_fingerprint(folder):
     put(folder, "cloth/f_1.obj", "cloth/readme.txt")
     [before] = find_inputs(folder)
     old = before.fingerprint()
@@ -125,7 +125,7 @@ def test_fingerprint_stays_when_the_folder_is_moved(folder):
 
 
 @pytest.mark.parametrize("extension", [".pvd", ".xdmf"])
-def test_files_that_a_sequence_names_are_part_of_it_when_we_wrote_them(tmp_path, extension):
+def test_files_that_a_written_sequence_references_belong_to_the_input(tmp_path, extension):
     if extension == ".xdmf":
         pytest.importorskip("h5py")
     written = save(waving_grid(3), tmp_path / f"walk{extension}")

@@ -21,7 +21,7 @@ def python_path():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the driver is a fork, for many moments")
-def test_rerun_completes_the_batch_whenever_its_driver_was_killed(tmp_path):
+def test_rerun_completes_a_batch_killed_at_any_moment(tmp_path):
     inputs = tmp_path / "in"
     inputs.mkdir()
     sequences = {"a": waving_grid(3), "b": waving_grid(2)}
@@ -59,7 +59,7 @@ if __name__ == "__main__":
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are looked for in /proc")
-def test_worker_ends_during_a_call_when_its_driver_is_killed(tmp_path):
+def test_worker_ends_during_a_call_when_the_driver_is_killed(tmp_path):
     program = tmp_path / "working.py"
     program.write_text(WORKING)
     with subprocess.Popen(

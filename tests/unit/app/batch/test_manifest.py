@@ -25,29 +25,29 @@ def written(folders):
     return manifest
 
 
-def test_manifest_is_empty_when_there_is_none(folders):
+def test_missing_manifest_is_empty(folders):
     assert read_manifest(*folders).records == {}
     assert list(folders[1].iterdir()) == []
 
 
-def test_manifest_gives_back_what_was_written(folders):
+def test_manifest_round_trips(folders):
     written(folders)
     assert read_manifest(*folders).records == {"walk.npz": RECORD}
 
 
-def test_manifest_leaves_no_other_file_when_it_is_written_again(folders):
+def test_rewriting_the_manifest_leaves_no_other_file(folders):
     written(folders).write()
     assert [path.name for path in folders[1].iterdir()] == [MANIFEST_NAME]
 
 
-def test_manifest_is_read_when_both_folders_were_moved(folders, tmp_path):
+def test_manifest_is_read_after_both_folders_were_moved(folders, tmp_path):
     written(folders)
     (tmp_path / "new").mkdir()
     moved = [folder.rename(tmp_path / "new" / folder.name) for folder in folders]
     assert read_manifest(*moved).records == {"walk.npz": RECORD}
 
 
-def test_manifest_is_refused_when_it_is_of_other_inputs(folders, tmp_path):
+def test_manifest_of_other_inputs_is_rejected(folders, tmp_path):
     written(folders)
     (tmp_path / "other").mkdir()
     with pytest.raises(InvalidInputError, match=r"inputs in \.\./in.*another folder"):
@@ -73,7 +73,7 @@ FACTS = {"made_by": "meshreel batch", "layout": 1, "input_dir": "../in", "inputs
     ],
 )
 @pytest.mark.parametrize("force", [False, True])
-def test_manifest_is_refused_when_it_is_something_else(folders, text, force):
+def test_other_files_are_rejected_as_manifest(folders, text, force):
     (folders[1] / MANIFEST_NAME).write_text(text)
     with pytest.raises(InvalidInputError, match="is not a manifest"):
         read_manifest(*folders, force=force)

@@ -36,25 +36,25 @@ def page(tmp_path):
     return written(tmp_path, "../in", records)
 
 
-def test_page_names_failures_before_all_else(page):
+def test_page_begins_with_failures(page):
     assert page.index("1 failure") < page.index("Ratio and error")
     assert "<strong>bad</strong>: is &lt;no&gt; archive" in page
 
 
-def test_page_shows_every_input_as_a_point_and_as_a_row(page):
+def test_page_shows_each_input_as_a_point_and_a_row(page):
     assert page.count("<circle") == 30
     everything = page[page.rindex("All encoded inputs") :]
     assert re.findall(r"<code>(s\d+)</code>", everything) == [f"s{number}" for number in range(30)]
 
 
-def test_page_lists_those_least_compressed_and_least_exact(page):
+def test_page_lists_the_lowest_ratios_and_largest_errors(page):
     start = page.index("Least compressed")
     assert re.findall(r"<code>(s\d+)</code>", page[start:])[:10] == [f"s{n}" for n in range(10)]
     start = page.index("Largest errors")
     assert re.findall(r"<code>(s\d+)</code>", page[start:])[:3] == ["s29", "s28", "s27"]
 
 
-def test_points_lie_within_the_diagram_and_higher_where_the_ratio_is_larger(tmp_path):
+def test_points_are_within_the_plot_and_higher_for_larger_ratios(tmp_path):
     given = [(10, 1.0), (100, 0.1), (20, 0.3)]
     page = written(tmp_path, "../in", {f"s{k}": done(*one) for k, one in enumerate(given)})
     width, height = map(int, re.search(r'viewBox="0 0 (\d+) (\d+)" width', page).groups())
@@ -69,7 +69,7 @@ def test_points_lie_within_the_diagram_and_higher_where_the_ratio_is_larger(tmp_
     assert [points[0][1], points[1][1]] == pytest.approx(lines, abs=0.11)
 
 
-def test_page_gives_notes_and_the_states_of_all(page):
+def test_page_contains_notes_and_all_states(page):
     assert "<strong>s10</strong>: polygons &lt;cut&gt;" in page
     assert "30 encoded, 1 failed, 1 not done" in page
 
@@ -93,11 +93,11 @@ def test_page_is_well_formed(page):
     assert open_tags == []
 
 
-def test_page_needs_nothing_that_is_encoded(tmp_path):
+def test_page_of_failures_alone_is_written(tmp_path):
     assert "1 failure" in written(tmp_path, "in", {"bad": record(FAILED, error="no")})
 
 
-def test_page_of_another_program_is_kept_unless_forced(tmp_path):
+def test_page_of_another_program_is_replaced_only_with_force(tmp_path):
     (tmp_path / REPORT_NAME).write_text("mine")
     with pytest.raises(InvalidInputError, match="is not a report of meshreel batch"):
         check_report(LocalFolder(tmp_path), force=False)

@@ -277,7 +277,7 @@ def test_facts_describe_all_segments(segmented):
     assert np.linalg.norm(box[1] - box[0]) == pytest.approx(diagonal, rel=0.01)
 
 
-def test_the_stored_bytes_are_those_of_all_segments(segmented):
+def test_stored_bytes_are_those_of_all_segments(segmented):
     file, data = segmented
     api = Api(file, "two", lambda _: {})
     assert api.file.stored(0, api.file.size_bytes) == data

@@ -32,20 +32,20 @@ def test_header_round_trips():
 
 
 @pytest.mark.parametrize("start", ["", "x"])
-def test_name_is_cut_between_characters_when_it_is_too_long(start):
+def test_long_name_is_truncated_between_characters(start):
     long = replace(HEADER, name=start + "ä" * MAX_NAME_BYTES)
     kept = "ä" * ((MAX_NAME_BYTES - len(start)) // 2)
     assert Stream(stream_of(long)).header.name == start + kept
 
 
-def test_reading_raises_when_the_data_end_anywhere_inside():
+def test_truncated_header_is_refused():
     data = write_header(HEADER)
     for size in range(len(data)):
         with pytest.raises(TruncatedStreamError):
             Stream(data[:size])
 
 
-def test_reading_raises_when_the_file_is_of_another_program():
+def test_file_of_another_program_is_refused():
     with pytest.raises(CorruptStreamError, match=r"not a \.reel stream"):
         Stream(b"PK\x03\x04" + bytes(100))
 
@@ -59,7 +59,7 @@ def test_reading_raises_when_the_file_is_of_another_program():
         (0, "format version is not 3; update meshreel"),
     ],
 )
-def test_reading_advises_an_upgrade_when_the_version_is_newer(version, remedy):
+def test_error_for_a_newer_version_advises_an_upgrade(version, remedy):
     with pytest.raises(UnsupportedVersionError, match=remedy):
         Stream(with_byte(8, version))
 
@@ -76,11 +76,11 @@ def test_reading_advises_an_upgrade_when_the_version_is_newer(version, remedy):
         {"origin": (0.0, float("nan"), 0.0)},
     ],
 )
-def test_reading_raises_when_a_field_is_invalid(change):
+def test_invalid_field_is_refused(change):
     with pytest.raises(CorruptStreamError):
         Stream(stream_of(replace(HEADER, **change)))
 
 
-def test_reading_raises_when_the_vertex_type_is_unknown():
+def test_unknown_vertex_type_is_refused():
     with pytest.raises(CorruptStreamError, match="vertex type"):
         Stream(with_byte(30, 5))

@@ -46,21 +46,21 @@ def damage_of(data):
     return str(Stream(data).file.info.damage)
 
 
-def test_sections_come_back_in_order_when_written():
+def test_sections_are_read_in_written_order():
     stream = Stream(DATA)
     assert stream.header == HEADER
     assert parts_of(stream) == SECTIONS
     assert [number for number, _ in stream.sections][-2:] == [Section.INDEX, Section.END]
 
 
-def test_sizes_sum_to_the_whole_when_the_header_is_added():
+def test_sizes_of_header_and_sections_sum_to_the_whole():
     stream = Stream(DATA)
     parts = sum(one.size_bytes for one in stream.file.sections())
     assert parts + stream.header_size_bytes == stream.file.info.size_bytes == len(DATA)
 
 
 @pytest.mark.parametrize("data", [DATA, raw_stream(HEADER, SECTIONS)], ids=["index", "none"])
-def test_blocks_come_back_in_any_order_when_there_is_an_index_or_none(data):
+def test_blocks_are_read_in_any_order_with_and_without_an_index(data):
     stream = Stream(data)
     assert stream.file.starts == [0, 1, 2]
     assert stream.file.info.is_whole
@@ -69,7 +69,7 @@ def test_blocks_come_back_in_any_order_when_there_is_an_index_or_none(data):
 
 
 @pytest.mark.parametrize("size", range(len(DATA)))
-def test_blocks_before_the_cut_of_a_stream_are_readable(size):
+def test_blocks_before_the_end_of_a_truncated_stream_are_readable(size):
     n_whole = (size >= FIRST_END) + (size >= BLOCKS_END)
     if n_whole == 0:
         with pytest.raises(TruncatedStreamError):
@@ -82,12 +82,12 @@ def test_blocks_before_the_cut_of_a_stream_are_readable(size):
     assert parts_of(stream) == [*LEADING, *(one for _, block in BLOCKS[:n_whole] for one in block)]
 
 
-def test_a_block_is_left_out_when_its_last_section_is_missing():
+def test_block_without_its_last_section_is_omitted():
     cut = raw_stream(UNCOUNTED, SECTIONS[:-1])[: -len(section(Section.END, b""))]
     assert Stream(cut).file.info.n_frames == 1
 
 
-def test_blocks_before_damage_are_readable_when_the_index_is_damaged_too():
+def test_blocks_before_damage_are_readable_without_an_index():
     data = bytearray(DATA)
     data[SECOND_START + 3] ^= 1
     data[-1] ^= 1
@@ -95,7 +95,7 @@ def test_blocks_before_damage_are_readable_when_the_index_is_damaged_too():
     assert (info.n_frames, info.is_whole) == (1, False)
 
 
-def test_a_damaged_block_is_refused_when_it_is_read_through_the_index():
+def test_damaged_block_in_the_index_is_refused():
     data = bytearray(DATA)
     data[SECOND_START + 3] ^= 1
     stream = Stream(bytes(data))
@@ -104,7 +104,7 @@ def test_a_damaged_block_is_refused_when_it_is_read_through_the_index():
         stream.block(1)
 
 
-def test_a_block_is_refused_when_the_index_points_to_an_unknown_section():
+def test_index_entry_that_points_to_an_unknown_section_is_refused():
     before = write_header(HEADER) + section(*LEADING[0])
     unknown = unknown_section(OPTIONAL | 0x40)
     index = write_index([BlockPlace(2, len(before), (len(unknown),))])
@@ -114,11 +114,11 @@ def test_a_block_is_refused_when_the_index_points_to_an_unknown_section():
         stream.file.group(0)
 
 
-def test_frames_are_counted_when_the_header_has_no_number():
+def test_frames_are_counted_without_a_number_in_the_header():
     assert Stream(whole_stream(UNCOUNTED, LEADING, BLOCKS)).file.info.n_frames == 2
 
 
-def test_a_stream_is_not_whole_when_its_header_counts_other_frames():
+def test_stream_with_another_frame_count_in_its_header_is_incomplete():
     three = replace(HEADER, n_frames=3)
     assert "contradicts" in damage_of(whole_stream(three, LEADING, BLOCKS))
 
@@ -133,23 +133,23 @@ def test_a_stream_is_not_whole_when_its_header_counts_other_frames():
     ],
     ids=["shorter", "more frames", "no frames", "no bytes"],
 )
-def test_a_stream_is_not_whole_when_its_index_contradicts_the_blocks(places):
+def test_stream_with_a_contradictory_index_is_incomplete(places):
     index = write_index([BlockPlace(frames, FIRST_START, (size,)) for frames, size in places])
     assert "contradicts" in damage_of(ended(DATA[:BLOCKS_END], index))
 
 
-def test_a_stream_is_not_whole_when_its_index_is_longer():
+def test_stream_with_too_long_an_index_is_incomplete():
     index = dict(Stream(DATA).sections)[Section.INDEX]
     assert ended(DATA[:BLOCKS_END], index) == DATA
     assert "contradicts" in damage_of(ended(DATA[:BLOCKS_END], index + b"\1"))
 
 
-def test_a_stream_is_not_whole_when_its_end_leads_elsewhere():
+def test_stream_with_a_wrong_end_marker_is_incomplete():
     wrong = section(Section.END, b"\0" * 8)
     assert "contradicts" in damage_of(DATA[: -len(wrong)] + wrong)
 
 
-def test_a_file_can_be_read_when_its_writer_was_not_finished():
+def test_file_of_an_unfinished_writer_is_readable():
     file = BytesIO()
     writer = StreamWriter(file, UNCOUNTED, LEADING)
     for n_written, block in enumerate(BLOCKS, start=1):
@@ -157,7 +157,7 @@ def test_a_file_can_be_read_when_its_writer_was_not_finished():
         assert Stream(file.getvalue()).file.info.n_frames == n_written
 
 
-def test_blocks_are_in_the_file_as_soon_as_they_are_written(tmp_path):
+def test_blocks_are_written_to_the_file_immediately(tmp_path):
     with (tmp_path / "live.reel").open("wb", buffering=1 << 20) as file:
         writer = StreamWriter(file, UNCOUNTED, LEADING)
         for n_written, block in enumerate(BLOCKS, start=1):
@@ -167,13 +167,13 @@ def test_blocks_are_in_the_file_as_soon_as_they_are_written(tmp_path):
         assert Stream((tmp_path / "live.reel").read_bytes()).file.info.is_whole
 
 
-def test_a_section_of_a_block_is_refused_when_it_is_outside_of_blocks():
+def test_section_of_a_block_outside_of_blocks_is_refused():
     with pytest.raises(CorruptStreamError, match="outside of blocks"):
         Stream(raw_stream(UNCOUNTED, [(Section.BASIS, b"")]))
 
 
 @pytest.mark.parametrize("header", [HEADER, UNCOUNTED])
-def test_a_stream_is_refused_when_it_has_no_block(header):
+def test_stream_without_blocks_is_refused(header):
     with pytest.raises(CorruptStreamError, match="no block of frames"):
         Stream(raw_stream(header, LEADING))
 
@@ -188,25 +188,25 @@ def behind_header(unknown):
     return header + unknown + raw_stream(HEADER, SECTIONS)[len(header) :]
 
 
-def test_unknown_section_is_skipped_when_it_is_optional():
+def test_unknown_optional_section_is_skipped():
     stream = Stream(behind_header(unknown_section(OPTIONAL | 77)))
     assert next(stream.file.sections()).is_known is False
     assert parts_of(stream) == SECTIONS
 
 
-def test_unknown_section_raises_when_it_is_required():
+def test_unknown_required_section_is_refused():
     start = len(write_header(HEADER))
     with pytest.raises(UnsupportedVersionError, match=f"newer version.*byte {start}"):
         Stream(behind_header(unknown_section(77)))
 
 
-def test_a_stream_is_not_whole_when_bytes_follow_its_end():
+def test_stream_with_bytes_after_its_end_is_incomplete():
     info = Stream(DATA + b"\0").file.info
     assert (info.n_frames, info.is_whole) == (2, False)
 
 
 @pytest.mark.parametrize("counts", [{"n_verts": 2**26}, {"n_faces": 2**26}, {}])
-def test_nothing_is_added_when_counts_are_large(counts):
+def test_large_counts_take_few_bytes(counts):
     many = replace(UNCOUNTED, **counts)
     data = whole_stream(
         many, LEADING, [(10**6, [(Section.BLOCK, b"\xc0\x84\x3d\1"), (Section.COEFFICIENTS, b"")])]

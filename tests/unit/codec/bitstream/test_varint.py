@@ -10,11 +10,11 @@ def test_varints_round_trip(value):
     assert read_varint(data, 1) == (value, len(data) - 1)
 
 
-def test_reading_raises_when_the_data_end_inside():
+def test_truncated_varint_is_refused():
     with pytest.raises(TruncatedStreamError):
         read_varint(write_varint(2**40)[:-1], 0)
 
 
-def test_reading_raises_when_the_value_is_too_long():
+def test_too_long_varint_is_refused():
     with pytest.raises(CorruptStreamError, match="longer than 9 bytes"):
         read_varint(b"\xff" * 20, 0)

@@ -28,14 +28,14 @@ def sorted_triangles(faces, n_verts):
     return lowest[sorted_order(lowest, n_verts)]
 
 
-def test_faces_come_back_exactly_when_order_is_kept(mesh):
+def test_order_keep_is_lossless(mesh):
     coded, internal, internal_to_given, faces = coded_and_decoded(mesh, "keep")
     np.testing.assert_array_equal(internal, coded.internal_faces)
     np.testing.assert_array_equal(internal_to_given, coded.internal_to_given)
     np.testing.assert_array_equal(faces, mesh[0])
 
 
-def test_same_triangles_come_back_when_only_vertex_order_is_kept(mesh):
+def test_order_vertices_keeps_the_same_triangles(mesh):
     coded, _, internal_to_given, faces = coded_and_decoded(mesh, "vertices")
     np.testing.assert_array_equal(internal_to_given, coded.internal_to_given)
     np.testing.assert_array_equal(
@@ -43,7 +43,7 @@ def test_same_triangles_come_back_when_only_vertex_order_is_kept(mesh):
     )
 
 
-def test_same_mesh_comes_back_renumbered_when_order_is_dropped(mesh):
+def test_order_drop_renumbers_the_same_mesh(mesh):
     coded, internal, identity, faces = coded_and_decoded(mesh, "drop")
     assert coded.order_payload == b""
     np.testing.assert_array_equal(identity, np.arange(mesh[1]))
@@ -56,20 +56,20 @@ def test_same_mesh_comes_back_renumbered_when_order_is_dropped(mesh):
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_arrays_have_the_promised_types_when_coded_and_decoded(meshes, order):
+def test_coded_and_decoded_arrays_have_the_documented_types(meshes, order):
     for name in ("scattered", "torus"):
         coded, internal, internal_to_given, faces = coded_and_decoded(meshes[name], order)
         assert coded.internal_faces.dtype == internal.dtype == faces.dtype == np.int32
         assert coded.internal_to_given.dtype == internal_to_given.dtype == np.int64
 
 
-def test_bytes_are_the_same_when_coded_twice(mesh):
+def test_encoding_is_deterministic(mesh):
     first, second = (encode_connectivity(*mesh) for _ in range(2))
     assert first.payload == second.payload
     assert first.order_payload == second.order_payload
 
 
-def test_input_is_unchanged_when_encoded(meshes):
+def test_encoding_does_not_change_its_input(meshes):
     faces, n_verts = meshes["damaged torus"]
     before = faces.copy()
     faces.flags.writeable = False
@@ -88,20 +88,18 @@ def test_input_is_unchanged_when_encoded(meshes):
         ("shuffled torus", "keep", 38.5),  # orders and corners take 35.7 bits
     ],
 )
-def test_size_is_near_the_entropy_of_the_order_when_the_mesh_is_regular(
-    meshes, name, order, bits_per_vertex
-):
+def test_regular_mesh_takes_about_the_entropy_of_its_order(meshes, name, order, bits_per_vertex):
     coded = encode_connectivity(*meshes[name], order=order)
     size_bits = 8 * (len(coded.payload) + len(coded.order_payload))
     assert size_bits < bits_per_vertex * meshes[name][1]
 
 
-def test_encode_connectivity_refuses_when_order_is_unknown(meshes):
+def test_unknown_order_is_refused(meshes):
     with pytest.raises(InvalidInputError, match="keep, vertices, drop"):
         encode_connectivity(*meshes["grid"], order="faces")
 
 
-def test_decode_connectivity_refuses_other_counts_than_the_header(meshes):
+def test_decoding_refuses_other_counts_than_the_header(meshes):
     faces, n_verts = meshes["damaged torus"]
     payload = encode_connectivity(faces, n_verts, order="drop").payload
     for wrong in [(0, 1), (0, -1), (1, 0), (-1, 0)]:
@@ -110,12 +108,12 @@ def test_decode_connectivity_refuses_other_counts_than_the_header(meshes):
 
 
 @pytest.mark.parametrize("payload", [b"", b"\x00", b"\xff" * 40, b"\x55" * 40])
-def test_decode_connectivity_refuses_bytes_that_are_not_faces(payload):
+def test_decoding_refuses_bytes_that_are_not_faces(payload):
     with pytest.raises(CorruptStreamError):
         decode_connectivity(payload, 3, 100)
 
 
-def test_decoding_cut_bytes_gives_other_faces_or_a_typed_error(mesh):
+def test_truncated_bytes_decode_to_other_faces_or_our_error(mesh):
     faces, n_verts = mesh
     coded = encode_connectivity(faces, n_verts)
     for size in range(0, len(coded.payload), 1 + len(coded.payload) // 80):
@@ -140,7 +138,7 @@ def test_decoding_refuses_extra_bytes(mesh):
             decode_order(coded.order_payload + b"\x00", coded.internal_faces, n_verts)
 
 
-def test_decoding_changed_bytes_gives_a_valid_mesh_or_a_typed_error(mesh):
+def test_changed_bytes_decode_to_a_valid_mesh_or_our_error(mesh):
     faces, n_verts = mesh
     rng = np.random.default_rng(8)
     coded = encode_connectivity(faces, n_verts)
@@ -165,7 +163,7 @@ def test_decoding_changed_bytes_gives_a_valid_mesh_or_a_typed_error(mesh):
         )
 
 
-def test_faces_are_listed_when_that_takes_fewer_bytes_than_a_walk():
+def test_faces_are_listed_when_that_takes_fewer_bytes_than_a_traversal():
     rng = np.random.default_rng(8)
     faces = (rng.integers(0, 400, (500, 1)) + rng.integers(0, 6, (500, 3))).astype(np.int32)
     sizes = [len(encode_faces(faces, 406, listed=listed)[0]) for listed in (False, True)]

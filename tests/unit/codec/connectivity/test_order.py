@@ -28,7 +28,7 @@ def size_bits(faces, n_verts, *, keep_faces=True, seed=4):
 
 @pytest.mark.parametrize("keep_faces", [True, False])
 @pytest.mark.parametrize("seed", [4, 5])
-def test_order_is_lossless_when_the_internal_order_differs(mesh, keep_faces, seed):
+def test_order_is_lossless_for_any_internal_order(mesh, keep_faces, seed):
     faces, n_verts = mesh
     internal, internal_to_given = in_other_order(faces, n_verts, seed)
     payload = encode_order(faces, internal, internal_to_given, keep_faces)
@@ -56,13 +56,13 @@ def test_order_is_lossless_for_any_faces(mesh, keep_faces, seed):
     np.testing.assert_array_equal(back, faces if keep_faces else internal_to_given[internal])
 
 
-def test_listed_order_costs_almost_nothing_when_it_is_regular(meshes):
+def test_regular_order_costs_almost_nothing(meshes):
     faces, n_verts = meshes["torus"]
     assert size_bits(faces, n_verts) < 0.4 * n_verts
     assert size_bits(faces, n_verts, keep_faces=False) < 0.3 * n_verts
 
 
-def test_order_costs_little_more_than_it_holds_when_it_is_random(meshes):
+def test_random_order_costs_little_more_than_its_entropy(meshes):
     faces, n_verts = meshes["shuffled torus"]
     verts = np.log2(np.arange(1, n_verts + 1)).sum()
     both = verts + np.log2(np.arange(1, len(faces) + 1)).sum() + np.log2(3) * len(faces)
@@ -70,7 +70,7 @@ def test_order_costs_little_more_than_it_holds_when_it_is_random(meshes):
     assert size_bits(faces, n_verts) < 1.12 * both
 
 
-def test_halves_of_quads_cost_half_when_quads_are_scattered(meshes):
+def test_scattered_quads_cost_half_of_scattered_triangles(meshes):
     faces, n_verts = meshes["torus"]
     pairs = 2 * np.random.default_rng(9).permutation(len(faces) // 2)
     scattered = faces[np.stack([pairs, pairs + 1], axis=1).ravel()]
@@ -78,14 +78,14 @@ def test_halves_of_quads_cost_half_when_quads_are_scattered(meshes):
     assert size_bits(scattered, n_verts) < 0.6 * alone
 
 
-def test_order_of_a_sweep_costs_less_than_a_random_one_when_it_is_jittered(meshes):
+def test_jittered_sweep_order_costs_less_than_a_random_one(meshes):
     faces, n_verts = meshes["torus"]
     rng = np.random.default_rng(2)
     swept = faces[np.argsort(np.arange(len(faces)) + rng.normal(size=len(faces)) * 10)]
     assert size_bits(swept, n_verts) < 0.72 * size_bits(rng.permutation(faces), n_verts)
 
 
-def test_list_faces_takes_faces_from_their_corners_when_turned():
+def test_list_faces_returns_rotated_faces():
     known = np.array([[0, 1, 2], [2, 1, 3]])
     assert list_faces(known, np.array([4, 2])).tolist() == [[1, 3, 2], [2, 0, 1]]
 
@@ -93,7 +93,7 @@ def test_list_faces_takes_faces_from_their_corners_when_turned():
 @pytest.mark.parametrize(
     "change", [lambda payload: b"", lambda payload: b"\0" + payload[1:], lambda payload: b"\3"]
 )
-def test_decode_given_order_refuses_a_damaged_start(meshes, change):
+def test_damaged_start_is_refused(meshes, change):
     faces, n_verts = meshes["octahedron"]
     internal, internal_to_given = in_other_order(faces, n_verts)
     payload = encode_order(faces, internal, internal_to_given, keep_faces=True)
@@ -102,7 +102,7 @@ def test_decode_given_order_refuses_a_damaged_start(meshes, change):
 
 
 @pytest.mark.parametrize("keep_faces", [True, False])
-def test_any_bytes_give_an_order_or_a_typed_error(mesh, keep_faces):
+def test_arbitrary_bytes_decode_to_an_order_or_our_error(mesh, keep_faces):
     faces, n_verts = mesh
     rng = np.random.default_rng(1)
     internal, internal_to_given = in_other_order(faces, n_verts)
@@ -120,7 +120,7 @@ def test_any_bytes_give_an_order_or_a_typed_error(mesh, keep_faces):
         assert listed.shape == faces.shape
 
 
-def test_order_is_refused_when_its_last_byte_is_zero():
+def test_order_with_a_trailing_zero_byte_is_refused():
     faces = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
     internal, internal_to_given = in_other_order(faces, 4)
     payload = encode_order(faces, internal, internal_to_given, True)

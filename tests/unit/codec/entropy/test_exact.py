@@ -14,12 +14,12 @@ def test_values_are_lossless(dtype):
     assert back.tobytes() == values.tobytes()
 
 
-def test_size_is_small_when_nothing_moves():
+def test_static_values_take_few_bytes():
     values = np.tile(np.random.default_rng(0).normal(size=(1, 10, 3)), (500, 1, 1))
     assert len(encode_exact(values)) < 340
 
 
-def test_size_is_proportional_to_changes_when_motion_is_smooth():
+def test_size_is_proportional_to_the_changes_of_smooth_motion():
     t = np.linspace(0, 6, 200)[:, None, None]
     phases = np.random.default_rng(1).random((1, 20, 3))
     values = np.sin(t + 6 * phases).astype(np.float32)
@@ -27,12 +27,12 @@ def test_size_is_proportional_to_changes_when_motion_is_smooth():
 
 
 @pytest.mark.parametrize("data", [b"", b"\x02", encode_exact(np.zeros((2, 2, 3))) + b"\0\0\0"])
-def test_decoding_raises_when_the_shape_does_not_fit(data):
+def test_decoding_refuses_another_shape(data):
     with pytest.raises(CorruptStreamError):
         decode_exact(data, (1000, 2, 3), np.float64)
 
 
-def test_decoding_returns_values_or_a_typed_error_when_bytes_are_changed():
+def test_changed_bytes_decode_to_values_or_our_error():
     rng = np.random.default_rng(3)
     values = np.cumsum(rng.normal(size=(30, 2, 3)), axis=0)
     data = encode_exact(values)

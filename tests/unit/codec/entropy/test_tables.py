@@ -22,7 +22,7 @@ def decoded(data, shape, dtype):
     return values_of(decode_numbers(data[2:], shape, INTEGER, expected), form, dtype)
 
 
-def assert_comes_back(values):
+def assert_round_trips(values):
     back = decoded(encode_table(values), values.shape, values.dtype)
     assert back.dtype == values.dtype
     assert back.tobytes() == values.tobytes()
@@ -32,30 +32,30 @@ def assert_comes_back(values):
 def test_tables_of_any_type_are_lossless(dtype):
     @given(arrays(dtype, SHAPES))
     def check(values):
-        assert_comes_back(values)
+        assert_round_trips(values)
 
     check()
 
 
 @given(arrays(np.int64, SHAPES, elements=st.integers(-(10**8), 10**8)), st.integers(0, 9))
-def test_decimals_come_back_when_rounded_to_single_precision(integers, places):
-    assert_comes_back((integers / 10.0**places).astype(np.float32))
+def test_decimals_rounded_to_float32_are_lossless(integers, places):
+    assert_round_trips((integers / 10.0**places).astype(np.float32))
 
 
-def test_signs_of_zero_come_back_when_all_else_is_decimal():
-    assert_comes_back(np.array([[0.5], [-0.0], [0.0]], np.float32))
+def test_signs_of_zero_among_decimals_are_lossless():
+    assert_round_trips(np.array([[0.5], [-0.0], [0.0]], np.float32))
 
 
-def test_decimals_take_fewer_bytes_when_they_have_few_places():
+def test_decimals_with_few_places_take_fewer_bytes():
     values = (np.random.default_rng(0).integers(0, 10**4, (5000, 2)) / 1e4).astype(np.float32)
     assert len(encode_table(values)) < 0.5 * values.nbytes
 
 
 @pytest.mark.parametrize("code", CODES)
-def test_multiples_take_what_their_integers_do_when_they_are_of_any_form(code):
+def test_multiples_of_any_form_take_the_bytes_of_their_integers(code):
     integers = np.random.default_rng(code).integers(0, 200, (3000, 2)).astype(np.int32)
     values = values_of(integers, code, SINGLE)
-    assert_comes_back(values)
+    assert_round_trips(values)
     assert len(encode_table(values)) < 1.05 * len(encode_table(integers)) + 8
 
 

@@ -95,7 +95,7 @@ def test_normals_have_length_one_and_are_within_their_angle():
 
 
 @pytest.mark.parametrize("degrees", [0.01, 0.5, 30])
-def test_an_angle_is_kept_when_a_normal_is_slightly_too_short(degrees):
+def test_angle_bound_holds_for_slightly_short_normals(degrees):
     box = BoundingFrame((0.0, 0.0, 0.0), 2.0)
     apart = length_allowed(TrackBound(Measure.ANGLE, degrees), box)
     assert np.degrees(np.arcsin(apart / (1 - UNIT_LENGTH_TOLERANCE))) <= degrees
@@ -109,7 +109,7 @@ def test_colors_are_as_accurate_as_their_bits():
     assert np.abs(found - colors).max() <= 0.5 / 63
 
 
-def test_a_file_is_the_same_when_tracks_are_dropped_or_not_there():
+def test_dropping_tracks_gives_the_file_without_tracks():
     original = sheet(heat=smooth(sizes()[0], 1))
     alone = meshreel.encode(quad_sheet(12))
     moving = quad_sheet(12)
@@ -118,7 +118,7 @@ def test_a_file_is_the_same_when_tracks_are_dropped_or_not_there():
     assert len(alone) <= len(meshreel.encode(original))
 
 
-def test_a_single_track_is_read_from_a_file():
+def test_single_track_is_read_from_a_file():
     n_verts = sizes()[0]
     original = sheet(heat=meshreel.Track(smooth(n_verts, 1), unit="K"), flow=smooth(n_verts, 3))
     data = meshreel.encode(original, block_frames=5, tracks={"heat": 1})
@@ -152,7 +152,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("words", REFUSED)
-def test_bounds_are_refused_when_they_are_not_for_a_track(words):
+def test_invalid_bounds_are_refused(words):
     n_verts = sizes()[0]
     original = sheet(
         heat=meshreel.Track(smooth(n_verts, 1), unit="K"),
@@ -163,7 +163,7 @@ def test_bounds_are_refused_when_they_are_not_for_a_track(words):
         meshreel.encode(original, tracks=REFUSED[words])
 
 
-def test_a_track_is_refused_when_its_values_cannot_be_coded_within_a_bound():
+def test_values_that_cannot_meet_a_bound_are_refused():
     n_verts = sizes()[0]
     heat = smooth(n_verts, 1)
     heat[3, 5] = np.inf
@@ -174,7 +174,7 @@ def test_a_track_is_refused_when_its_values_cannot_be_coded_within_a_bound():
         meshreel.encode(sheet(n=long))
 
 
-def test_tracks_are_refused_when_the_order_of_faces_is_lost_or_the_method_has_none():
+def test_unsupported_tracks_are_refused():
     area = meshreel.Track(smooth(sizes()[1], 1), "face")
     with pytest.raises(InvalidInputError, match="order would be lost; keep it"):
         meshreel.encode(sheet(area=area), order="drop")
@@ -183,7 +183,7 @@ def test_tracks_are_refused_when_the_order_of_faces_is_lost_or_the_method_has_no
     meshreel.encode(sheet(area=area), method="pca-qp", tracks={"area": "drop"})
 
 
-def test_a_sequence_has_the_same_frames_with_tracks_and_without():
+def test_tracks_do_not_change_the_frames():
     moving = waving_grid(12)
     heat = smooth(moving.n_verts, 1)
     both = meshreel.MeshSequence(moving.vertices, moving.faces, tracks={"heat": heat})
@@ -192,7 +192,7 @@ def test_a_sequence_has_the_same_frames_with_tracks_and_without():
     np.testing.assert_array_equal(found.vertices, alone.vertices)
 
 
-def test_bounds_are_kept_for_any_numbers_on_any_mesh():
+def test_bounds_hold_for_any_values_on_any_mesh():
     odd = irregular_sequence()
     shape = odd.n_frames, odd.n_verts
     noise = np.random.default_rng(0).normal(size=shape)

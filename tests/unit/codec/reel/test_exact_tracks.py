@@ -76,7 +76,7 @@ def test_missing_values_stay_missing_and_others_keep_their_bound():
     assert np.isnan(meshreel.decode(data).tracks["heat"].values).all()
 
 
-def test_a_track_is_coded_exactly_when_that_is_smaller():
+def test_track_is_coded_exactly_when_that_is_smaller():
     noise = RNG.integers(0, 3, (12, n_items("vertex"))).astype(np.float64)
     data = meshreel.encode(sheet(noise=noise), tracks={"noise": 1e-9})
     [track] = meshreel.info(data).tracks

@@ -38,7 +38,7 @@ def test_tracks_of_pushed_frames_are_within_their_bounds():
     np.testing.assert_array_equal(meshreel.decode(data).vertices, alone.vertices)
 
 
-def test_a_frame_is_refused_when_its_tracks_differ_from_the_first():
+def test_frame_with_other_tracks_than_the_first_is_refused():
     with meshreel.Encoder(GRID.faces, BytesIO()) as encoder:
         encoder.push(GRID[0], {"heat": HEAT[0]})
         with pytest.raises(InvalidInputError, match="frame 1 has the tracks none; the first has"):
@@ -51,7 +51,7 @@ def test_a_frame_is_refused_when_its_tracks_differ_from_the_first():
         assert encoder.n_frames == 2
 
 
-def test_bounds_of_unknown_tracks_are_refused_with_the_first_frame():
+def test_bounds_of_unknown_tracks_are_refused_at_the_first_frame():
     encoder = meshreel.Encoder(GRID.faces, BytesIO(), tracks={"heap": 1})
     with pytest.raises(InvalidInputError, match="did you mean 'heat'"):
         encoder.push(GRID[0], {"heat": HEAT[0]})

@@ -166,7 +166,7 @@ def test_velocities_within_a_bound_follow_from_the_exact_positions():
             assert measured.tracks["velocity"].largest <= 0.01
 
 
-def test_frames_are_taken_out_of_their_blocks(tmp_path):
+def test_single_frames_are_decoded_from_their_blocks(tmp_path):
     sequence = waving_grid(11)
     path = tmp_path / "walk.reel"
     meshreel.save(sequence, path, options=WriteOptions(lossless=True))
@@ -199,14 +199,14 @@ def test_live_frames_are_lossless():
 
 
 @pytest.mark.slow
-def test_workers_make_the_same_bytes():
+def test_workers_give_the_same_bytes():
     sequence = waving_grid(12)
     alone = meshreel.encode(sequence, lossless=True, block_frames=5)
     with open_engine(2) as engine:
         assert meshreel.encode(sequence, lossless=True, block_frames=5, engine=engine) == alone
 
 
-def test_blocks_are_short_enough_to_take_single_frames_out():
+def test_blocks_are_short_enough_for_random_access():
     method = meshreel.codec.methods.method_named("lossless")
     assert method.longest_block(300, 8000) == 300
     assert method.longest_block(3000, 8000) <= 1 << 9
@@ -242,21 +242,21 @@ def test_other_methods_refuse_lossless():
         meshreel.encode(waving_grid(2), lossless=1)
 
 
-def test_the_option_selects_the_method():
+def test_option_lossless_selects_the_method():
     sequence = waving_grid(3)
     data = meshreel.encode(sequence, lossless=True)
     assert meshreel.encode(sequence, "lossless") == data
     assert meshreel.encode(sequence, "lossless", lossless=True) == data
 
 
-def test_nothing_changes_for_streams_that_are_not_lossless():
+def test_lossless_false_gives_the_default_stream():
     sequence = waving_grid(3)
     assert meshreel.encode(sequence, lossless=False) == meshreel.encode(sequence)
     with pytest.raises(InvalidInputError, match="uv_bits"):
         meshreel.encode(sequence, uv_bits=3)
 
 
-def test_nothing_is_written_when_verification_fails(monkeypatch):
+def test_failed_verification_writes_nothing(monkeypatch):
     monkeypatch.setattr(
         "meshreel.codec.reel.encoding.exact_positions.decode_exact",
         lambda data, shape, dtype, graph: np.zeros(shape, dtype),

@@ -74,7 +74,7 @@ def test_velocities_are_predicted_by_matching_differences(coding, order):
     assert apart.max() <= track_headers["v"].bound
 
 
-def test_rate_is_estimated_when_time_has_another_unit():
+def test_rate_is_estimated_for_another_unit_of_time():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.CENTRAL) / 7.5
     sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
@@ -83,7 +83,7 @@ def test_rate_is_estimated_when_time_has_another_unit():
 
 
 @pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
-def test_rate_is_estimated_when_blocks_are_short(coding):
+def test_rate_is_estimated_in_short_blocks(coding):
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, coding)
     sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
@@ -142,7 +142,7 @@ def test_unrelated_velocities_are_not_predicted():
         assert headers(meshreel.encode(sequence))["wind"].coding is Coding.MODES
 
 
-def test_missing_velocities_stay_missing_when_predicted():
+def test_predicted_tracks_keep_missing_velocities():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.BACKWARD)
     values[3:6, 5], values[:, 9], values[2, 4, 1] = np.nan, np.nan, np.nan
@@ -183,7 +183,7 @@ def test_normals_are_coded_as_rotations_of_surface_normals(domain, block_frames)
     np.testing.assert_allclose(np.linalg.norm(decoded, axis=2), 1, atol=1e-6)
 
 
-def test_missing_normals_stay_missing_when_others_are_predicted():
+def test_predicted_tracks_keep_missing_normals():
     sheet = quad_sheet(12)
     vertices = np.concatenate([sheet.vertices, sheet.vertices[:, :1]], axis=1)
     values = np.concatenate([normals_of(sheet), np.zeros((12, 1, 3))], axis=1).astype(np.float32)
@@ -198,7 +198,7 @@ def test_missing_normals_stay_missing_when_others_are_predicted():
     np.testing.assert_array_equal(np.isnan(decoded), np.isnan(values))
 
 
-def spoilt(values, how):
+def disturbed(values, how):
     if how == "none where the surface has one":
         values[5, 8] = 0
     elif how == "opposite":
@@ -211,7 +211,7 @@ def spoilt(values, how):
 @pytest.mark.parametrize("how", ["none where the surface has one", "opposite", "missing in part"])
 def test_unreachable_normals_disable_prediction(how):
     sheet = quad_sheet(12)
-    values = spoilt(normals_of(sheet).astype(np.float32), how)
+    values = disturbed(normals_of(sheet).astype(np.float32), how)
     sequence = with_tracks(sheet, n=Track(values, kind="normal"))
     data = meshreel.encode(sequence, max_error=0.001)
     assert headers(data)["n"].coding is Coding.MODES
@@ -236,7 +236,7 @@ def test_velocities_of_live_frames_are_predicted(order):
     assert apart.max() <= headers(data)["v"].bound
 
 
-def test_single_frames_of_a_predicted_track_equal_the_whole():
+def test_single_frames_of_a_predicted_track_equal_the_decoded_whole():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.CENTRAL).astype(np.float32)
     sequence = with_tracks(

@@ -66,7 +66,7 @@ def decoded_fields(block, mesh):
     return float(block.layout.step) * decoded_values(block.fields, block.layout, mesh)[mesh.number]
 
 
-def test_error_falls_with_the_step_when_it_is_made_finer():
+def test_finer_steps_reduce_the_error():
     sequence = waving_grid(12, 12, 13)
     errors = [
         kg_error_percent(sequence.vertices, decode(encode(sequence, "reel", step=step)).vertices)
@@ -124,7 +124,7 @@ def test_frames_are_the_product_of_fields_and_basis():
     np.testing.assert_allclose(basis @ fields.T, matrices, atol=2e-4)
 
 
-def test_integers_are_smaller_when_weights_follow_earlier_modes():
+def test_adapted_weights_make_integers_smaller():
     """Weights that adapt to earlier modes predict better."""
     sequence = noisy_grid(0.0, 40)
     bends = sequence.vertices * (1 + 0.3 * np.sin(9 * sequence.vertices[:1, :, :1]))
@@ -151,17 +151,17 @@ def test_passes_code_every_vertex_once_with_earlier_ones_as_contexts():
         assert order.pass_starts[-1] == sequence.n_verts
 
 
-def test_levels_take_every_vertex_once_when_a_mesh_is_irregular():
+def test_levels_of_an_irregular_mesh_contain_every_vertex_once():
     sequence = irregular_sequence()
     levels = [one.predicted for one in core_resolutions(field_mesh(sequence).hierarchy)]
     assert sorted(np.concatenate(levels)) == list(range(sequence.n_verts))
 
 
-def test_modes_are_no_more_than_asked_for_when_the_step_is_fine():
+def test_number_of_modes_is_at_most_the_requested_one():
     assert info(encode(waving_grid(), "reel", step=1e-6, n_modes=2)).n_modes == (2,)
 
 
-def test_modes_are_fewer_when_the_step_is_coarser():
+def test_coarser_steps_keep_fewer_modes():
     sequence = noisy_grid(0.01, 40)
     counts = [analyzed(step, sequence=sequence)[2].n_modes for step in (1e-4, 1e-2, 1e-1)]
     assert counts[0] > counts[1] > counts[2] >= 1
@@ -174,7 +174,7 @@ def test_sequences_of_any_length_round_trip(n_frames):
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.1
 
 
-def test_sequence_comes_back_when_it_is_cut_into_blocks():
+def test_sequences_of_several_blocks_round_trip():
     sequence = waving_grid(25)
     decoded = decode(encode(sequence, "reel", step=1e-5, block_frames=7))
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.1
@@ -182,7 +182,7 @@ def test_sequence_comes_back_when_it_is_cut_into_blocks():
     np.testing.assert_allclose(part.vertices, decoded.vertices[6:15], atol=1e-6)
 
 
-def test_irregular_meshes_come_back_when_the_step_is_fine():
+def test_irregular_meshes_round_trip():
     """Components, isolated vertices, degenerate and non-manifold faces."""
     sequence = irregular_sequence()
     decoded = decode(encode(sequence, "reel", step=1e-6))
@@ -190,19 +190,19 @@ def test_irregular_meshes_come_back_when_the_step_is_fine():
     assert np.abs(decoded.vertices - sequence.vertices).max() < 1e-4 * diagonal
 
 
-def test_still_sequence_takes_few_modes_when_nothing_moves():
+def test_static_sequence_takes_few_modes():
     still = np.repeat(waving_grid(1).vertices, 60, axis=0)
     data = encode(MeshSequence(still, waving_grid(1).faces), "reel", step=1e-4)
     assert info(data).n_modes == (3,)
     assert kg_error_percent(still, decode(data).vertices) < 0.5
 
 
-def test_bytes_are_the_same_when_encoded_twice():
+def test_encoding_is_deterministic():
     assert encode(irregular_sequence(), "reel") == encode(irregular_sequence(), "reel")
 
 
 @pytest.mark.parametrize("number", [127, 3])
-def test_other_layouts_are_refused_when_another_build_wrote_them(number):
+def test_layouts_of_other_builds_are_refused(number):
     first = bytes([number])
     stream = Stream(encode(waving_grid(), "reel"))
     sections = [
@@ -214,7 +214,7 @@ def test_other_layouts_are_refused_when_another_build_wrote_them(number):
 
 
 @pytest.mark.parametrize(("step", "is_single"), [(2.0**-15, True), (2.0**-17, False)])
-def test_frames_are_summed_up_in_double_when_the_step_is_fine(step, is_single):
+def test_frames_are_summed_in_float64_for_fine_steps(step, is_single):
     sequence = waving_grid()
     data = encode(sequence, "reel", step=step)
     assert read_layout(Stream(data).block(0)[Section.FIELDS]).is_single is is_single
@@ -222,7 +222,7 @@ def test_frames_are_summed_up_in_double_when_the_step_is_fine(step, is_single):
     assert error < 6 * step * np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
 
 
-def test_reading_paper_blocks_of_reel_is_refused():
+def test_reading_blocks_of_reel_as_paper_blocks_is_refused():
     with pytest.raises(InvalidInputError, match="method reel"):
         coded_blocks(encode(waving_grid(), "reel"))
 

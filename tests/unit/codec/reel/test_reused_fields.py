@@ -47,7 +47,7 @@ def layouts(data):
 
 
 @pytest.mark.slow
-def test_reused_fields_save_bytes_when_a_motion_repeats(monkeypatch):
+def test_reused_fields_save_bytes_for_repeated_motion(monkeypatch):
     data = meshreel.encode(LOOPED, **OPTIONS)
     first, *others = layouts(data)
     assert first.n_reused == 0
@@ -60,19 +60,19 @@ def test_reused_fields_save_bytes_when_a_motion_repeats(monkeypatch):
     assert error < 1.3 * meshreel.compare(LOOPED, meshreel.decode(alone)).kg_error_percent
 
 
-def test_every_frame_is_within_the_bound_when_fields_are_reused():
+def test_error_bound_holds_with_reused_fields():
     data = meshreel.encode(LOOPED, max_error=0.05, block_frames=12)
     assert any(one.n_reused for one in layouts(data))
     assert 0.01 < meshreel.compare(LOOPED, meshreel.decode(data)).max_error_percent <= 0.05
 
 
-def test_a_target_of_error_is_met_when_fields_are_reused():
+def test_error_target_is_met_with_reused_fields():
     data = meshreel.encode(LOOPED, kg=1.0, block_frames=12)
     assert any(one.n_reused for one in layouts(data))
     assert 0.98 < meshreel.compare(LOOPED, meshreel.decode(data)).kg_error_percent <= 1.0
 
 
-def test_any_block_decodes_by_itself_when_it_reuses_fields(tmp_path):
+def test_block_with_reused_fields_decodes_alone(tmp_path):
     path = tmp_path / "looped.reel"
     path.write_bytes(meshreel.encode(LOOPED, **OPTIONS))
     together = meshreel.decode(path).vertices
@@ -81,20 +81,20 @@ def test_any_block_decodes_by_itself_when_it_reuses_fields(tmp_path):
         np.testing.assert_array_equal(reel[13], together[13])
 
 
-def test_a_block_becomes_a_key_block_when_the_previous_key_does_not_help():
+def test_block_becomes_a_key_block_when_the_previous_one_does_not_help():
     found = layouts(meshreel.encode(HELD_FIRST, **OPTIONS))
     assert [one.reference for one in found] == [0, 0, 1, 2, 3, 4]
     assert all(one.n_reused for one in found[2:])
 
 
 @pytest.mark.slow
-def test_workers_give_the_same_bytes_when_a_block_becomes_a_key():
+def test_workers_give_the_same_bytes_with_several_key_blocks():
     alone = meshreel.encode(HELD_FIRST, **OPTIONS)
     with open_engine(2) as engine:
         assert meshreel.encode(HELD_FIRST, engine=engine, **OPTIONS) == alone
 
 
-def test_pushed_frames_reuse_fields_and_carry_tracks_when_a_block_becomes_a_key():
+def test_pushed_frames_reuse_fields_and_keep_tracks_across_key_blocks():
     file = BytesIO()
     velocity = 25 * np.gradient(HELD_FIRST.vertices, axis=0)
     with meshreel.Encoder(
@@ -108,7 +108,7 @@ def test_pushed_frames_reuse_fields_and_carry_tracks_when_a_block_becomes_a_key(
 
 
 @pytest.mark.parametrize("is_single", [False, True])
-def test_layout_round_trips_when_fields_are_reused(is_single):
+def test_layout_with_reused_fields_round_trips(is_single):
     known = Layout(np.float32(0.1), 16, 32, 300, is_single, 200, np.float32(2.5))
     payload = write_layout(known)
     assert read_layout(payload) == known
@@ -121,7 +121,7 @@ def test_layout_round_trips_when_fields_are_reused(is_single):
 @pytest.mark.parametrize(
     "changes", [{"n_reused": 3, "reference": 0}, {"finer": np.float32(np.nan)}]
 )
-def test_layout_is_refused_when_nothing_can_be_reused(changes):
+def test_layout_without_reusable_fields_is_refused(changes):
     known = Layout(np.float32(0.1), 16, 32, 1, False, 3, np.float32(4.0))
     with pytest.raises(CorruptStreamError):
         read_layout(write_layout(replace(known, **changes)))

@@ -145,7 +145,7 @@ def test_normals_with_seams_are_predicted_from_the_surface():
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() <= 0.5
 
 
-def test_a_frame_is_that_of_the_whole_when_a_file_is_read_in_pieces():
+def test_frames_read_separately_equal_the_decoded_whole():
     data, _ = coded(Track(with_seams(waves(SHEET.n_verts)), "corner"), 0.2, block_frames=4)
     whole = decoded(data).values
     with ReelFile(BytesIO(data)) as reel:
@@ -163,14 +163,14 @@ def test_hierarchy_is_cached_for_tracks_with_the_same_rows():
     data = meshreel.encode(whole, tracks=dict.fromkeys(tracks, 0.2))
     assert len({header.rows for header in track_headers(data)}) == 1
 
-    def held_bytes(*names):
+    def cached_bytes(*names):
         host = Host()
         with File(data, host) as file, Decoder(file) as decoder:
             for name in names:
                 decoder.frames(1 + list(tracks).index(name))
             return sum(host.held.values())
 
-    assert held_bytes("x", "y") - held_bytes("x") < (held_bytes("x") - held_bytes()) / 2
+    assert cached_bytes("x", "y") - cached_bytes("x") < (cached_bytes("x") - cached_bytes()) / 2
 
 
 def test_corners_have_separate_values_when_all_differ():
@@ -222,7 +222,7 @@ def test_corners_of_live_frames_have_separate_values():
     assert np.abs(found - values).max() <= 0.001 * np.ptp(values[:4])
 
 
-def test_values_that_stay_are_read_when_they_are_of_many_corners():
+def test_static_values_of_many_corners_are_decoded():
     grid = waving_grid(40, 30, 30)
     values = np.ones((40, 3 * grid.n_faces, 8), np.float32)
     whole = meshreel.MeshSequence(grid.vertices, grid.faces, tracks={"x": Track(values, "corner")})

@@ -13,13 +13,13 @@ def solution(rows):
     return solve_gram(rows @ rows.T, rows @ GOALS.T)
 
 
-def test_weights_are_those_of_least_squares():
+def test_weights_equal_those_of_lstsq():
     expected = np.linalg.lstsq(ROWS.T, GOALS.T, rcond=None)[0]
     np.testing.assert_allclose(solution(ROWS), expected, rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize("more", [ROWS[:1], 0 * ROWS[:1], ROWS[:1] + 1e-9 * ROWS[1:2]])
-def test_weights_have_minimum_norm_when_rows_are_dependent(more):
+def test_weights_of_dependent_rows_have_minimum_norm(more):
     rows = np.concatenate([ROWS, more])
     weights = solution(rows)
     np.testing.assert_allclose(weights.T @ rows, solution(ROWS).T @ ROWS, atol=1e-6)
@@ -27,5 +27,5 @@ def test_weights_have_minimum_norm_when_rows_are_dependent(more):
 
 
 @pytest.mark.parametrize("shape", [(0, 7), (0, 0)])
-def test_there_are_no_weights_when_there_are_no_rows(shape):
+def test_no_rows_give_no_weights(shape):
     assert solve_gram(np.zeros((0, 0)), np.zeros(shape)).shape == shape

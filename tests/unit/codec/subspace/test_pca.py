@@ -16,47 +16,47 @@ def frames(n_frames=9, n_verts=40):
     return np.random.default_rng(3).normal(size=(3, n_frames, n_verts))
 
 
-def test_autocorrelation_holds_inner_products_of_frames_when_compared_one_by_one():
+def test_autocorrelation_contains_the_inner_products_of_frames():
     matrices = frames()
     correlation = autocorrelation(matrices)
     assert correlation.shape == (3, 9, 9)
     np.testing.assert_allclose(correlation[1, 2, 5], matrices[1, 2] @ matrices[1, 5])
 
 
-def test_basis_is_orthonormal_when_it_is_complete():
+def test_complete_basis_is_orthonormal():
     _, basis = eigen_trajectories(autocorrelation(frames()), 9)
     gram = np.swapaxes(basis, 1, 2) @ basis
     assert np.abs(gram - np.eye(9)).max() < 1e-10
 
 
-def test_eigenpairs_rebuild_the_matrix_when_all_are_kept():
+def test_all_eigenpairs_reproduce_the_matrix():
     correlation = autocorrelation(frames())
     values, basis = eigen_trajectories(correlation, 9)
     rebuilt = (basis * values[:, None, :]) @ np.swapaxes(basis, 1, 2)
     np.testing.assert_allclose(rebuilt, correlation, atol=1e-11)
 
 
-def test_eigenvalues_descend_when_only_some_are_kept():
+def test_eigenvalues_descend():
     values, basis = eigen_trajectories(autocorrelation(frames()), 4)
     assert values.shape == (3, 4)
     assert basis.shape == (3, 9, 4)
     assert (np.diff(values, axis=1) <= 0).all()
 
 
-def test_signs_are_the_same_when_the_solver_flips_columns():
+def test_signs_do_not_depend_on_the_solver():
     _, basis = eigen_trajectories(autocorrelation(frames()), 9)
     flipped = basis * np.where(np.arange(9) % 2, -1.0, 1.0)
     np.testing.assert_array_equal(fix_signs(flipped), basis)
 
 
-def test_sign_rule_ignores_rounding_when_two_entries_tie():
+def test_sign_rule_ignores_rounding_in_ties():
     column = np.array([[-1.0], [0.1], [1.0]])
     nudge = np.array([[0.0], [0.0], [1e-12]])
     np.testing.assert_allclose(fix_signs(column + nudge), fix_signs(column - nudge), atol=1e-11)
 
 
 @pytest.mark.parametrize(("n_frames", "n_verts"), [(5, 40), (30, 20)])
-def test_joint_modes_rebuild_the_frames_when_all_are_kept(n_frames, n_verts):
+def test_all_joint_modes_reproduce_the_frames(n_frames, n_verts):
     matrices = frames(n_frames, n_verts)
     values, vectors = joint_trajectories(matrices, 1000)
     assert np.abs(vectors.T @ vectors - np.eye(len(values))).max() < 1e-9
@@ -65,7 +65,7 @@ def test_joint_modes_rebuild_the_frames_when_all_are_kept(n_frames, n_verts):
     assert (np.diff(values) <= 0).all()
 
 
-def test_joint_modes_are_as_many_as_the_rank_when_nothing_moves():
+def test_number_of_joint_modes_of_a_static_mesh_is_its_rank():
     still = np.repeat(np.random.default_rng(0).normal(size=(3, 1, 30)), 9, axis=1)
     values, _ = joint_trajectories(still, 9)
     assert len(values) == 3

@@ -11,7 +11,7 @@ from meshreel.model.sequence import extent_of
 
 
 @pytest.mark.parametrize(("offset", "size"), [(0.0, 1.0), (1e6, 1.0), (0.0, 1e-6), (-5e8, 1e3)])
-def test_matrices_are_the_same_when_the_model_is_moved_and_scaled(offset, size):
+def test_matrices_are_invariant_to_translation_and_scale(offset, size):
     shape = np.random.default_rng(1).uniform(size=(4, 10, 3))
     here = to_matrices(shape, bounding_frame(extent_of(shape)))
     moved = shape * size + offset
@@ -26,11 +26,11 @@ def test_positions_are_restored_from_matrices():
     np.testing.assert_allclose(back, shape, atol=1e-13)
 
 
-def test_scale_is_one_when_all_vertices_coincide():
+def test_scale_of_coincident_vertices_is_one():
     assert bounding_frame(extent_of(np.full((2, 3, 3), 7.0))).scale == 1.0
 
 
-def test_positions_are_unchanged_when_the_array_would_fit_without_a_copy():
+def test_to_matrices_does_not_modify_its_input():
     vertices = np.array([[[1.0, 2.0, 4.0]]])
     to_matrices(vertices, BoundingFrame((1.0, 1.0, 1.0), 2.0))
     np.testing.assert_array_equal(vertices, [[[1.0, 2.0, 4.0]]])

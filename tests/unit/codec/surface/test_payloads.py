@@ -75,7 +75,7 @@ def test_stream_of_a_surface_without_materials_has_no_sections_of_them():
     assert not sections & {Section.MATERIAL, Section.IMAGE}
 
 
-def test_material_takes_few_bytes_when_it_is_the_default():
+def test_default_material_takes_few_bytes():
     assert len(write_material(Material("skin", roughness=0.5))) == len("skin") + 1 + 1 + 1 + 8 + 1
 
 
@@ -84,7 +84,7 @@ def test_images_are_stored_unchanged():
     assert all(image.data in data for image in dressed_sheet().surface.images)
 
 
-def test_info_counts_images_and_materials_when_a_stream_has_some():
+def test_info_counts_images_and_materials():
     stream = meshreel.info(meshreel.encode(dressed_sheet()))
     sizes = [len(image.data) for image in dressed_sheet().surface.images]
     assert 0 <= stream.budget_bytes["image"] - sum(sizes) < 80
@@ -134,7 +134,7 @@ def sheet_with_uvs(n=30, *, is_shared):
 
 @pytest.mark.parametrize("is_shared", [False, True])
 @pytest.mark.parametrize("bits", [None, 12])
-def test_uvs_take_little_when_they_are_smooth_along_the_faces(is_shared, bits):
+def test_smooth_uvs_take_few_bytes(is_shared, bits):
     given = sheet_with_uvs(is_shared=is_shared)
     ((_, payload),) = surface_sections(given.surface, given.faces, bits)
     # 930 different values of two numbers; a plain table takes 3 to 5 kB of 12 bits.
@@ -153,7 +153,7 @@ def with_parts(stream, payloads):
     return raw_stream(stream.header, parts)
 
 
-def test_reading_changed_bytes_gives_a_surface_or_a_typed_error():
+def test_changed_bytes_decode_to_a_surface_or_our_error():
     rng = np.random.default_rng(8)
     for is_shared in (False, True):
         stream = Stream(meshreel.encode(sheet_with_uvs(6, is_shared=is_shared)))
@@ -168,7 +168,7 @@ def test_reading_changed_bytes_gives_a_surface_or_a_typed_error():
                 continue
 
 
-def test_attributes_of_vertices_follow_them_when_the_order_is_dropped():
+def test_vertex_attributes_follow_their_vertices_when_the_order_is_dropped():
     sequence = quad_sheet()
     decoded = meshreel.decode(meshreel.encode(sequence, order="drop", max_error=0.01))
     order = encode_connectivity(sequence.faces, 30, order="drop").internal_to_given
@@ -205,11 +205,11 @@ def test_attributes_and_groups_follow_triangles_when_the_order_of_faces_is_dropp
     assert order_loss_note(decoded.surface, Order[order.upper()]) == ""
 
 
-def test_nothing_is_lost_when_the_order_is_kept():
+def test_order_keep_loses_nothing():
     assert order_loss_note(two_sheets().surface, Order.KEEP) == ""
 
 
-def test_start_follows_the_frames_when_only_some_are_decoded():
+def test_start_is_that_of_the_first_decoded_frame():
     sequence = quad_sheet(8)
     decoded = meshreel.decode(meshreel.encode(sequence, block_frames=4), frames=slice(5, 7))
     assert decoded.start_s == pytest.approx((1001 + 5) / 24, abs=1e-12)
@@ -235,7 +235,7 @@ def test_info_lists_the_parts_of_the_surface():
     assert info.start_s == 1001 / 24
 
 
-def test_size_target_counts_the_surface_when_it_is_met():
+def test_size_target_includes_the_surface():
     data = meshreel.encode(two_sheets(), size=3000)
     assert 1500 < len(data) <= 3000
 
@@ -277,7 +277,7 @@ def test_damaged_sections_with_valid_checksums_are_refused(section, payload):
         meshreel.decode(raw_stream(stream.header, [(section, payload), *parts_of(stream)]))
 
 
-def test_stream_is_refused_when_face_sizes_come_twice():
+def test_stream_with_two_sections_of_face_sizes_is_refused():
     stream = Stream(meshreel.encode(quad_sheet()))
     parts = parts_of(stream)
     sizes = next(part for part in parts if part[0] is Section.POLYGONS)
@@ -325,7 +325,7 @@ def test_texture_of_the_format_is_read():
 @pytest.mark.parametrize(
     ("numbers", "is_read"), [([-1, 0, 1], True), ([0, 1, 2], False), ([0, -2, 0], False)]
 )
-def test_groups_are_refused_when_the_group_of_a_face_is_missing(numbers, is_read):
+def test_groups_without_the_group_of_a_face_are_refused(numbers, is_read):
     labels = write_varint(2) + write_text("a") + write_text("b")
     payload = write_text("material") + labels + encode_integers([np.diff(numbers, prepend=0)])
     fan = meshreel.MeshSequence(np.eye(5, 3)[None], [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
@@ -355,7 +355,7 @@ def hard_section(surface, faces):
     return wanted[0][1] if wanted else b""
 
 
-def test_hard_edges_take_no_bytes_when_there_are_none_and_few_when_all_are():
+def test_no_hard_edges_take_no_bytes_and_all_hard_edges_few():
     grid = waving_grid(2, 60, 60)
     assert hard_section(grid.surface, grid.faces) == b""
     edges = shared_edges(np.full(len(grid.faces), 3), grid.faces.ravel()).ends
@@ -363,7 +363,7 @@ def test_hard_edges_take_no_bytes_when_there_are_none_and_few_when_all_are():
     assert len(hard_section(hard_box().surface, hard_box().faces)) <= 4
 
 
-def test_encoding_is_refused_when_a_hard_edge_is_not_between_faces():
+def test_hard_edge_without_two_faces_is_refused():
     grid = waving_grid(2)
     given = replace(grid, surface=Surface(hard_edges=np.array([[0, 98]])))
     with pytest.raises(InvalidInputError, match="hard edge 0, 98 must have two or more faces"):
@@ -386,7 +386,7 @@ def test_encoding_is_refused_when_a_hard_edge_is_not_between_faces():
     ],
     ids=["empty", "none", "too many", "beyond", "backwards", "huge", "longer"],
 )
-def test_hard_edges_are_refused_by_both_readers_when_they_do_not_fit(payload):
+def test_both_readers_refuse_hard_edges_that_do_not_fit(payload):
     box = hard_box()
     sizes = Surface(box.surface.face_sizes)
     polygons = next(payload for _, payload in surface_sections(sizes, box.faces))
@@ -398,7 +398,7 @@ def test_hard_edges_are_refused_by_both_readers_when_they_do_not_fit(payload):
         read_hard_edges(payload, Polygons(polygons, [tuple(one) for one in box.faces.tolist()]))
 
 
-def test_hard_edges_are_refused_when_there_are_two_sections():
+def test_two_sections_of_hard_edges_are_refused():
     stream = Stream(meshreel.encode(hard_box()))
     parts = parts_of(stream)
     edges = next(one for one in parts if one[0] is Section.HARD_EDGES)

@@ -29,7 +29,7 @@ def polygon_rows(draw):
 
 
 @given(polygon_rows())
-def test_references_of_corners_come_back_on_any_polygons(case):
+def test_references_of_corners_of_any_polygons_round_trip(case):
     sizes, corners, rows = case
     faces = triangulate_fans(sizes, corners)
     surface = Surface(face_sizes=sizes.astype(np.int32))
@@ -39,7 +39,7 @@ def test_references_of_corners_come_back_on_any_polygons(case):
     assert CornerReferences(coded, polygons).read() == rows.tolist()
 
 
-def test_corners_take_little_where_all_of_a_vertex_share_a_row():
+def test_corners_that_share_the_row_of_their_vertex_take_few_bytes():
     faces = waving_grid(1, 40, 40).faces
     assert len(encode_corner_references(faces.ravel(), PLAIN, faces)) < 200
 

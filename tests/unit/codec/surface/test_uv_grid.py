@@ -63,7 +63,7 @@ def test_other_attributes_are_lossless():
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_measured_error_is_that_of_the_grid_when_any_order_is_kept(order):
+def test_measured_error_is_that_of_the_grid_for_every_order(order):
     sequence = grid_with_uvs(random_uvs())
     given = sequence.surface.attributes[0].values.astype(float)
     expected = np.abs(np.rint(given * 2**10) / 2**10 - given).max()
@@ -78,24 +78,24 @@ def test_error_is_measured_when_the_order_of_faces_is_lost(order):
 
 
 @pytest.mark.parametrize("bits", [3, 25, 8.5])
-def test_encode_refuses_bits_when_they_are_out_of_range(bits):
+def test_encode_refuses_bits_out_of_range(bits):
     with pytest.raises(InvalidInputError, match=r"uv_bits must be 4\.\.24"):
         meshreel.encode(two_sheets(), uv_bits=bits)
 
 
 @pytest.mark.parametrize("attributes", ["none", "color"])
-def test_encode_refuses_bits_when_no_coordinates_are_kept(attributes):
+def test_encode_refuses_bits_without_coordinates(attributes):
     with pytest.raises(InvalidInputError, match="no texture coordinates"):
         meshreel.encode(two_sheets(), uv_bits=12, attributes=attributes)
 
 
-def test_encode_refuses_bits_when_coordinates_reach_too_far():
+def test_encode_refuses_bits_for_coordinates_too_far_from_zero():
     given = random_uvs(tiles=1000)
     with pytest.raises(InvalidInputError, match="24 bits reach to 32; use fewer bits"):
         meshreel.encode(grid_with_uvs(given), uv_bits=24)
 
 
-def test_encode_refuses_bits_when_a_coordinate_is_not_finite():
+def test_encode_refuses_bits_for_non_finite_coordinates():
     given = random_uvs()
     given[5, 1] = np.nan
     with pytest.raises(InvalidInputError, match="in row 5, which cannot be quantized"):
@@ -112,7 +112,7 @@ def test_live_encoder_quantizes_coordinates():
     np.testing.assert_array_equal(found.values, np.rint(given * 1024) / 1024)
 
 
-def test_live_encoder_refuses_bits_when_there_are_no_coordinates():
+def test_live_encoder_refuses_bits_without_coordinates():
     sequence = waving_grid()
     with (
         pytest.raises(InvalidInputError, match="no texture coordinates"),

@@ -1,4 +1,4 @@
-"""Every peer whose package is there, held to what its setting promises."""
+"""Every installed peer meets the error bound of its settings."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ BOUND_BITS = {"draco", "meshopt", "pco"}
 LOSSLESS = {"blosc2", "npz"}
 
 
-def test_faces_are_coded_by_draco_alone():
+def test_only_draco_codes_faces():
     assert [peer.name for peer in peers_named(PEER_NAMES) if peer.has_faces] == ["draco"]
 
 
@@ -38,7 +38,7 @@ def small_flag():
 
 
 def round_trip(peer, sequence, setting):
-    """Vertices in the order of the sequence, from nothing but bytes, shape and type."""
+    """Encode and decode; return vertices in the order of the sequence."""
     source = peer.prepare(sequence) if isinstance(peer, ReordersVertices) else sequence
     data = peer.encode(source, setting)
     decoded = peer.decode(data, source.vertices.shape, source.vertices.dtype)
@@ -47,7 +47,7 @@ def round_trip(peer, sequence, setting):
     return decoded
 
 
-def promised(peer, sequence, setting):
+def error_bound(peer, sequence, setting):
     """The largest error of a coordinate that a setting allows."""
     if peer.name in LOSSLESS:
         return 0.0
@@ -58,7 +58,7 @@ def promised(peer, sequence, setting):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("peer", peers_named(), ids=PEER_NAMES)
-def test_peer_keeps_its_bound_when_it_decodes_what_it_encoded(peer, small_flag, dtype):
+def test_round_trip_of_a_peer_is_within_its_error_bound(peer, small_flag, dtype):
     if not is_available(peer):
         pytest.skip(why_missing(peer))
     sequence = MeshSequence(small_flag.vertices.astype(dtype), small_flag.faces)
@@ -67,21 +67,21 @@ def test_peer_keeps_its_bound_when_it_decodes_what_it_encoded(peer, small_flag, 
         assert decoded.shape == sequence.vertices.shape
         slack = 4 * np.finfo(np.float32).eps * np.abs(sequence.vertices).max()
         worst = np.abs(decoded.astype(float) - sequence.vertices).max()
-        allowed = promised(peer, sequence, setting)
+        allowed = error_bound(peer, sequence, setting)
         assert worst <= (allowed + slack if allowed else 0)
 
 
 @pytest.mark.parametrize("peer", peers_named(), ids=PEER_NAMES)
-def test_peer_takes_one_frame_when_there_is_no_more(peer, small_flag):
+def test_peers_encode_a_single_frame(peer, small_flag):
     if not is_available(peer):
         pytest.skip(why_missing(peer))
     sequence = MeshSequence(small_flag.vertices[:1], small_flag.faces)
     setting = peer.sweep(quick=True)[0]
     worst = np.abs(round_trip(peer, sequence, setting).astype(float) - sequence.vertices).max()
-    assert worst <= promised(peer, sequence, setting) + 1e-5
+    assert worst <= error_bound(peer, sequence, setting) + 1e-5
 
 
-def test_draco_gives_every_vertex_back_when_positions_coincide(small_flag):
+def test_draco_restores_every_coincident_vertex(small_flag):
     vertices = small_flag.vertices.copy()
     vertices[:, 1:30:2] = vertices[:, :1]
     vertices[3] = 0
@@ -90,14 +90,14 @@ def test_draco_gives_every_vertex_back_when_positions_coincide(small_flag):
     assert np.abs(decoded - vertices).max() <= np.ptp(vertices) / 2**12
 
 
-def test_draco_says_so_when_it_leaves_out_vertices(small_flag):
+def test_error_counts_vertices_that_draco_drops(small_flag):
     vertices = np.concatenate([small_flag.vertices, small_flag.vertices[:, :2] + 1], axis=1)
     sequence = MeshSequence(vertices, small_flag.faces)
     with pytest.raises(InvalidInputError, match="drops 2 of 74 vertices"):
         round_trip(Draco(), sequence, 10)
 
 
-def test_draco_says_so_when_decoded_positions_are_not_those_of_the_vertices(small_flag):
+def test_positions_that_draco_cannot_match_are_an_error(small_flag):
     draco = Draco()
     source = draco.prepare(small_flag)
     decoded = draco.decode(draco.encode(source, 10), source.vertices.shape, np.float32)
@@ -105,11 +105,11 @@ def test_draco_says_so_when_decoded_positions_are_not_those_of_the_vertices(smal
         draco.restore(decoded[:, ::-1], source, 10)
 
 
-def test_draco_order_names_every_vertex_once_when_the_surface_is_manifold(small_flag):
+def test_draco_order_is_a_permutation(small_flag):
     assert sorted(draco_order(small_flag)) == list(range(small_flag.n_verts))
 
 
-def test_separate_equal_makes_all_positions_differ_when_many_are_equal():
+def test_separate_equal_makes_all_positions_distinct():
     frame = np.zeros((500, 3), np.float32)
     frame[::3] = 1.5
     apart = separate_equal(frame)
@@ -117,12 +117,12 @@ def test_separate_equal_makes_all_positions_differ_when_many_are_equal():
     assert np.abs(apart - frame).max() < 1e-4
 
 
-def test_separate_equal_changes_nothing_when_all_positions_differ(small_flag):
+def test_separate_equal_keeps_distinct_positions(small_flag):
     frame = small_flag.vertices[0].astype(np.float32)
     assert np.array_equal(separate_equal(frame), frame)
 
 
-def test_quantized_deltas_come_back_within_half_a_step_when_added_up():
+def test_sums_of_quantized_deltas_are_within_half_a_step():
     rng = np.random.default_rng(0)
     vertices = 1e3 + rng.normal(size=(5, 7, 3))
     head, deltas = quantized_deltas(vertices, 16)
@@ -131,40 +131,40 @@ def test_quantized_deltas_come_back_within_half_a_step_when_added_up():
     assert np.abs(back - vertices).max() <= 0.5001 * step
 
 
-def test_quantized_deltas_are_zero_when_nothing_has_an_extent():
+def test_quantized_deltas_of_a_point_are_zero():
     head, deltas = quantized_deltas(np.full((3, 4, 3), 2.5), 8)
     assert not deltas.any()
     assert (positions_of_deltas(head, deltas, np.float32) == 2.5).all()
 
 
-def test_layouts_are_inverse_when_arrays_are_not_square():
+def test_interleaved_inverts_planar():
     vertices = np.arange(2 * 5 * 3, dtype=np.float32).reshape(2, 5, 3)
     rows = planar(vertices)
     assert rows[1].tolist() == [*vertices[1, :, 0], *vertices[1, :, 1], *vertices[1, :, 2]]
     assert np.array_equal(interleaved(rows, (2, 5, 3)), vertices)
 
 
-def test_frames_come_back_when_some_are_empty():
+def test_packed_frames_round_trip():
     frames = [b"abc", b"", b"d"]
     assert unpack_frames(pack_frames(frames)) == frames
 
 
-def test_every_peer_is_found_under_its_name_when_all_are_asked_for():
+def test_peers_named_returns_all_peers_by_default():
     assert tuple(peer.name for peer in peers_named()) == PEER_NAMES
 
 
-def test_peers_named_are_in_the_order_of_the_list_when_named_otherwise():
+def test_peers_named_returns_peers_in_registry_order():
     assert [peer.name for peer in peers_named(["npz", "draco", "npz"])] == ["draco", "npz"]
     assert peers_named(["none"]) == ()
 
 
 @pytest.mark.parametrize("names", [["draco", "zip"], [], ["none", "draco"]])
-def test_peers_named_say_what_there_is_when_a_name_is_wrong(names):
+def test_error_for_an_unknown_peer_lists_the_peers(names):
     with pytest.raises(InvalidInputError, match="choose from draco, sz3, zfp"):
         peers_named(names)
 
 
-def test_bounds_are_shares_of_the_diagonal_of_a_sequence_that_has_one(small_flag):
+def test_tolerance_is_relative_to_the_diagonal(small_flag):
     diagonal = bounding_box_reference(small_flag.vertices).diagonal
     assert _tolerance(small_flag, 0.01) == pytest.approx(0.01 * diagonal)
     point = MeshSequence(np.zeros_like(small_flag.vertices), small_flag.faces)

@@ -23,7 +23,7 @@ def write(tmp_path):
     return write_rows
 
 
-def test_read_recorded_gives_figures_in_percent_when_the_file_is_whole(write):
+def test_read_recorded_returns_errors_in_percent(write):
     (point,) = read_recorded(write(ROW))
     assert (point.codec, point.params) == ("famc", "q=8, tr=1")
     assert (point.n_verts, point.n_frames, point.rate_bpvf) == (72, 8, 1.39)
@@ -33,14 +33,14 @@ def test_read_recorded_gives_figures_in_percent_when_the_file_is_whole(write):
     assert (point.encode_s, point.decode_s) == (1.5, 0.5)
 
 
-def test_matching_leaves_rows_out_when_name_or_shape_differ(write):
+def test_matching_omits_rows_of_another_name_or_shape(write):
     rows = [ROW, ROW | {"sequence": "cow"}, ROW | {"n": "71"}, ROW | {"k": "9"}]
     points = read_recorded(write(*rows))
     found = matching(points, {"name": "flag", "n_verts": 72, "n_frames": 8})
     assert found == points[:1]
 
 
-def test_read_recorded_names_the_column_when_it_is_missing(write):
+def test_error_names_missing_columns(write):
     path = write(ROW, columns=[name for name in COLUMNS if name not in ("k", "enc_s")])
     with pytest.raises(InvalidInputError, match="lacks the column k, enc_s; required: sequence"):
         read_recorded(path)
@@ -51,19 +51,19 @@ def test_read_recorded_names_the_column_when_it_is_missing(write):
     [("bpvf_total", "much"), ("n", "7.5"), ("enc_s", ""), ("kg_error_percent", "nan"),
      ("dec_s", "-1"), ("max_err_over_diag", "inf")],
 )  # fmt: skip
-def test_read_recorded_names_line_and_column_when_a_number_is_bad(write, column, text):
+def test_error_names_line_and_column_of_an_invalid_number(write, column, text):
     with pytest.raises(InvalidInputError, match=f"line 3: column {column} must be .*{text!r}"):
         read_recorded(write(ROW, ROW | {column: text}))
 
 
-def test_read_recorded_names_line_and_column_when_a_row_is_short(tmp_path):
+def test_error_names_line_and_column_of_a_short_row(tmp_path):
     path = tmp_path / "rd.csv"
     path.write_text(",".join(COLUMNS) + "\nflag,72,8\n")
     with pytest.raises(InvalidInputError, match="line 2: column codec is empty"):
         read_recorded(path)
 
 
-def test_read_recorded_says_so_when_the_file_is_no_text(tmp_path):
+def test_file_that_is_not_text_is_rejected(tmp_path):
     path = tmp_path / "rd.csv"
     path.write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(InvalidInputError, match="is not a CSV file in UTF-8"):

@@ -60,7 +60,7 @@ def small_flag():
 
 
 @pytest.fixture(scope="module")
-def made(small_flag, tmp_path_factory):
+def evaluation(small_flag, tmp_path_factory):
     stray = replace(RECORDED[0], n_frames=9, codec="stray")
     study = CodecStudy(
         methods=("pca-qp", "v2v"),
@@ -73,11 +73,11 @@ def made(small_flag, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def results(made):
-    return made.measured[0][0]
+def results(evaluation):
+    return evaluation.measured[0][0]
 
 
-def test_rate_of_a_method_is_that_of_a_stream_without_order_when_it_is_run(small_flag, tmp_path):
+def test_rate_of_a_method_is_that_of_a_stream_without_order(small_flag, tmp_path):
     store = Store.for_sequence(tmp_path, small_flag)
     setting = MethodSetting("v2v", (("n_modes", 4), ("bits", 10)))
     result = result_of(method_run(small_flag, setting), store)
@@ -90,7 +90,7 @@ def test_rate_of_a_method_is_that_of_a_stream_without_order_when_it_is_run(small
 
 
 @pytest.mark.parametrize("order", ["coded", "given"])
-def test_rate_of_a_peer_counts_our_connectivity_when_it_codes_no_faces(small_flag, tmp_path, order):
+def test_rate_of_a_peer_without_faces_includes_our_connectivity(small_flag, tmp_path, order):
     arrangements = Arrangements(small_flag)
     other = {"coded": "given", "given": "coded"}[order]
     dear = replace(getattr(arrangements, other), size_bytes=10**6)
@@ -108,9 +108,7 @@ def test_rate_of_a_peer_counts_our_connectivity_when_it_codes_no_faces(small_fla
     assert result["quality"]["max_error_percent"] == 0
 
 
-def test_run_is_read_again_when_it_is_stored_and_made_again_when_it_is_damaged(
-    small_flag, tmp_path
-):
+def test_stored_run_is_reused_unless_it_is_damaged(small_flag, tmp_path):
     store = Store.for_sequence(tmp_path, small_flag)
     arrangements = Arrangements(small_flag)
     first = result_of(peer_run(arrangements, Npz(), 0), store)
@@ -122,7 +120,7 @@ def test_run_is_read_again_when_it_is_stored_and_made_again_when_it_is_damaged(
     assert json.loads(path.read_text())["codec"] == "npz"
 
 
-def test_refusal_is_kept_when_a_package_fails(results):
+def test_failure_of_a_package_is_reported(results):
     refused = [result for result in results.measured if "refused" in result]
     assert [result["codec"] for result in refused] == ["broken"]
     assert refusals(results) == (
@@ -130,45 +128,45 @@ def test_refusal_is_kept_when_a_package_fails(results):
     )
 
 
-def test_notes_name_package_and_extra_when_a_peer_is_missing(made):
-    (note,) = made.notes["not_measured"]
+def test_notes_name_package_and_extra_of_a_missing_peer(evaluation):
+    (note,) = evaluation.notes["not_measured"]
     assert "`future` was not measured: it needs the package package_of_the_future" in note
     assert "pip install 'meshreel[peers]'" in note
-    assert note in made.markdown.read_text(encoding="utf-8")
+    assert note in evaluation.markdown.read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
 def test_notes_mention_a_sequence_without_recorded_rows(small_flag, tmp_path):
     stray = replace(RECORDED[0], n_verts=71)
     study = CodecStudy(methods=("v2v",), peers=(), recorded=[stray], quick=True)
-    made = evaluate(study, [small_flag], tmp_path)
-    assert made.notes["not_measured"] == [
+    evaluation = evaluate(study, [small_flag], tmp_path)
+    assert evaluation.notes["not_measured"] == [
         "no recorded row matches flag with 72 vertices (n) and 8 frames (k)"
     ]
 
 
-def test_curves_hold_methods_peers_and_matching_rows_when_all_are_given(results):
+def test_curves_contain_methods_peers_and_matching_rows(results):
     labels = ["pca-qp", "v2v", "draco", "famc (recorded)", "draco_9 (recorded)"]
     assert list(results.curves("kg_error_percent")) == labels
     assert list(results.curves("sted")) == labels[:3]
     assert list(shown_curves(results.curves("kg_error_percent"))) == labels[:4]
 
 
-def test_bd_rate_parts_have_a_row_for_each_codec_that_can_be_compared(results):
+def test_bd_rate_table_has_a_row_for_each_comparable_codec(results):
     table = bd_rate_parts(results, "kg_error_percent")[0]
     assert table.header == ("codec", "pca-qp", "v2v")
     rows = {row[0]: row[1:] for row in table.rows}
     assert "%" in rows["famc (recorded)"][0]
 
 
-def test_bd_rate_parts_say_who_is_left_out_when_no_error_is_common(results):
+def test_bd_rate_parts_list_codecs_without_a_common_error(results):
     far = [recorded("far", rate, 1e-9 / rate) for rate in (1.0, 2.0)]
     *_, paragraph = bd_rate_parts(replace(results, recorded=far), "kg_error_percent")
     assert "far (recorded)" in paragraph.text
     assert "(no common errors)" in paragraph.text
 
 
-def test_rate_table_gives_the_rate_when_an_error_lies_between_points():
+def test_rate_table_interpolates_between_points():
     points = [recorded("famc", rate, 0.4 / rate) for rate in (0.5, 1.0, 8.0)]
     table = rate_table(CodecResults("flag", {"name": "flag"}, [], points))
     assert table.rows == (("famc (recorded)", "0.8", "2", "4", "-", "-", "-"),)
@@ -180,8 +178,8 @@ def test_seconds_table_counts_the_settings_of_each_codec(results):
     ]  # fmt: skip
 
 
-def test_plots_show_something_when_they_are_drawn(made):
-    pictures = made.measured[0][1]
+def test_plots_are_not_blank(evaluation):
+    pictures = evaluation.measured[0][1]
     assert len(pictures) == 3
     for picture in pictures:
         with Image.open(picture.path) as image:
@@ -189,16 +187,16 @@ def test_plots_show_something_when_they_are_drawn(made):
         assert len(colors) > 50
 
 
-def test_report_holds_tables_and_the_command_when_it_is_written(made):
-    text = made.markdown.read_text(encoding="utf-8")
+def test_report_contains_tables_and_the_command(evaluation):
+    text = evaluation.markdown.read_text(encoding="utf-8")
     for part in ("meshreel evaluate flag.npz", "Bits per vertex and frame at equal error, flag",
                  "BD-rate at equal KG error", "Lossless, flag", "Seconds, flag"):  # fmt: skip
         assert part in text
-    assert made.html.read_text(encoding="utf-8").count("data:image/png;base64") == 3
+    assert evaluation.html.read_text(encoding="utf-8").count("data:image/png;base64") == 3
 
 
-def test_all_figures_are_plain_when_they_are_asked_for(made):
-    figures = json.loads(json.dumps(made.as_dict()))
+def test_figures_are_serializable_and_finite(evaluation):
+    figures = json.loads(json.dumps(evaluation.as_dict()))
     rates = [
         run["rate_bpvf"] for run in figures["sequences"][0]["measured"] if "refused" not in run
     ]
@@ -207,7 +205,7 @@ def test_all_figures_are_plain_when_they_are_asked_for(made):
 
 
 @pytest.mark.parametrize("method", CODED_METHODS)
-def test_method_sweep_has_settings_that_encode_when_the_method_is_in_the_list(method, small_flag):
+def test_settings_of_every_method_encode(method, small_flag):
     settings = method_sweep(method, small_flag.n_frames, small_flag.n_verts, quick=True)
     assert settings
     assert len({setting.params for setting in settings}) == len(settings)

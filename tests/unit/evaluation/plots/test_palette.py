@@ -14,12 +14,12 @@ from meshreel.evaluation.plots.palette import (
     [("sz3_lorenzo_2d (recorded)", "sz3"), ("zfp_2d (recorded)", "zfp"),
      ("draco (recorded)", "draco")],
 )  # fmt: skip
-def test_codec_looks_the_same_when_it_is_recorded(recorded, measured):
+def test_recorded_codec_has_the_style_of_the_measured_one(recorded, measured):
     assert line_style(recorded)["color"] == line_style(measured)["color"] == CODEC_COLORS[measured]
     assert point_marker(recorded) == point_marker(measured) != "o"
 
 
-def test_every_codec_has_a_colour_and_a_shape_of_its_own():
+def test_every_codec_has_a_unique_color_and_marker():
     assert set(CODEC_COLORS) == set(CODEC_MARKERS)
     assert len(set(CODEC_MARKERS.values())) == len(CODEC_MARKERS)
     colors = [*METHOD_COLORS.values(), *CODEC_COLORS.values()]

@@ -21,7 +21,7 @@ def test_each_machine_is_named_once():
     assert text.count(machine_line(one)) == text.count(machine_line(other)) == 1
 
 
-def test_processor_is_named_by_its_architecture_when_the_system_does_not_tell(monkeypatch):
+def test_architecture_replaces_an_unknown_processor_name(monkeypatch):
     monkeypatch.setattr("pathlib.Path.read_text", lambda path: "flags: fast")
     monkeypatch.setattr("platform.processor", lambda: "")
     monkeypatch.setattr("platform.machine", lambda: "riscv64")

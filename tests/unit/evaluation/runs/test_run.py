@@ -1,4 +1,4 @@
-"""Runs that measure nothing but themselves."""
+"""Execution and storage of runs, with stub measurements."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ def store(tmp_path):
     return Store.for_sequence(tmp_path, waving_grid())
 
 
-def made(key, measure=lambda progress: Outcome({"figure": 1}), **others):
+def stub_run(key, measure=lambda progress: Outcome({"figure": 1}), **others):
     return Run(key, key, {"of": key}, measure, **others)
 
 
@@ -26,36 +26,38 @@ def raising(error):
     return measure
 
 
-def test_results_are_in_the_groups_of_the_plan_when_a_run_is_in_two(store):
+def test_run_in_two_groups_is_executed_once(store):
     calls = []
-    runs = {key: made(key, lambda _, key=key: Outcome({"key": calls.append(key)})) for key in "ab"}
+    runs = {
+        key: stub_run(key, lambda _, key=key: Outcome({"key": calls.append(key)})) for key in "ab"
+    }
     found = run_all({"first": [runs["a"]], "rest": [runs["b"], runs["a"]]}, store)
     assert calls == ["a", "b"]
     assert found["rest"][1] == found["first"][0]
 
 
-def test_progress_counts_runs_and_names_stages_when_they_report(store):
-    told = []
-    run = made("a", lambda progress: Outcome({"figure": progress("encoding", 0.5)}))
+def test_progress_counts_runs_and_names_stages(store):
+    reported = []
+    run = stub_run("a", lambda progress: Outcome({"figure": progress("encoding", 0.5)}))
 
     def listen(stage: str, share: Any) -> None:
-        told.append((stage, share.done))
+        reported.append((stage, share.done))
 
     run_all({"all": [run, run]}, store, listen)
-    assert told == [("a", 0), ("a, encoding", 0), ("a", 1)]
+    assert reported == [("a", 0), ("a, encoding", 0), ("a", 1)]
 
 
-def test_error_of_the_library_is_a_refusal_with_the_facts_when_it_is_raised(store):
-    run = made("a", raising(InvalidInputError("too large")), facts={"codec": "x"})
+def test_error_of_the_library_is_stored_as_a_refusal(store):
+    run = stub_run("a", raising(InvalidInputError("too large")), facts={"codec": "x"})
     result = result_of(run, store)
     assert (result["codec"], result["refused"]) == ("x", "too large")
-    assert result_of(made("a"), store) == result
+    assert result_of(stub_run("a"), store) == result
 
 
 @pytest.mark.parametrize("error", [RuntimeError("odd"), MemoryError()])
 @pytest.mark.parametrize("is_foreign", [True, False])
-def test_other_errors_are_refusals_only_when_the_package_is_foreign(store, error, is_foreign):
-    run = made("a", raising(error), is_foreign=is_foreign)
+def test_other_errors_are_refusals_only_for_foreign_packages(store, error, is_foreign):
+    run = stub_run("a", raising(error), is_foreign=is_foreign)
     if is_foreign and not isinstance(error, MemoryError):
         assert result_of(run, store)["refused"] == "RuntimeError: odd"
         return
@@ -63,8 +65,8 @@ def test_other_errors_are_refusals_only_when_the_package_is_foreign(store, error
         result_of(run, store)
 
 
-def test_run_is_done_again_when_a_file_it_needs_is_missing(store):
-    run = made("a", lambda _: Outcome({"figure": 1}, {"bin": b"xyz"}), needs=("bin",))
+def test_run_is_repeated_when_a_required_file_is_missing(store):
+    run = stub_run("a", lambda _: Outcome({"figure": 1}, {"bin": b"xyz"}), needs=("bin",))
     result_of(run, store)
     assert store.path("a", "bin").read_bytes() == b"xyz"
     store.path("a", "bin").unlink()

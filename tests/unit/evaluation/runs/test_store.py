@@ -5,7 +5,7 @@ from meshreel.model.sequence import MeshSequence
 from samples.meshes import waving_grid
 
 
-def test_identity_differs_when_one_position_does():
+def test_identity_depends_on_every_position():
     sequence = waving_grid()
     vertices = sequence.vertices.copy()
     vertices[3, 5, 1] += 1e-3
@@ -21,7 +21,7 @@ def test_sequences_of_one_name_do_not_share_a_folder(tmp_path):
     assert stores[0].folder != stores[1].folder
 
 
-def test_results_are_valid_json_when_a_figure_is_not_finite():
+def test_non_finite_figures_are_stored_as_valid_json():
     figures = finite({"a": [1.0, float("nan")], "b": {"c": float("inf")}, "d": "x"})
     assert figures == {"a": [1.0, None], "b": {"c": None}, "d": "x"}
     json.dumps(figures, allow_nan=False)

@@ -1,7 +1,7 @@
 from meshreel.evaluation.runs import timing
 
 
-def test_short_work_is_timed_several_times_when_asked_for():
+def test_short_work_is_timed_repeatedly_on_request():
     value, seconds = timing.timed(lambda: 5, 3)
     assert value == 5
     assert len(seconds) == 3

@@ -1,4 +1,4 @@
-"""Compressors of arrays, held to the tolerance that they are given."""
+"""Compressors of arrays meet their tolerance."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def values_of(dtype):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("peer", TRACK_PEERS, ids=TRACK_PEER_NAMES)
-def test_peer_keeps_its_tolerance_when_it_has_one(peer, dtype):
+def test_error_of_a_peer_is_within_its_tolerance(peer, dtype):
     if not is_available(peer):
         pytest.skip(why_missing(peer))
     values = values_of(dtype)
@@ -35,7 +35,7 @@ def test_peer_keeps_its_tolerance_when_it_has_one(peer, dtype):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int32])
 @pytest.mark.parametrize("peer", TRACK_PEERS, ids=TRACK_PEER_NAMES)
-def test_peer_gives_every_bit_back_when_nothing_may_change(peer, dtype):
+def test_lossless_mode_of_a_peer_preserves_every_bit(peer, dtype):
     if not is_available(peer):
         pytest.skip(why_missing(peer))
     if not peer.is_reversible:
@@ -48,13 +48,13 @@ def test_peer_gives_every_bit_back_when_nothing_may_change(peer, dtype):
     assert np.array_equal(peer.decode(peer.encode(values, 0.0), values.shape, dtype), values)
 
 
-def test_pcodec_says_so_when_steps_are_too_fine():
+def test_error_of_pcodec_states_that_steps_are_too_fine():
     peer = track_peers_named(["pco"])[0]
     with pytest.raises(InvalidInputError, match="too fine for integers of 32 bits"):
         peer.encode(values_of(float), 1e-12)
 
 
-def test_track_peers_are_in_the_order_of_the_list_when_named_otherwise():
+def test_track_peers_are_in_registry_order():
     assert [peer.name for peer in track_peers_named(["zfp", "sz3"])] == ["sz3", "zfp"]
     assert track_peers_named(["none"]) == ()
     with pytest.raises(InvalidInputError, match="peer 'draco' is unknown; choose from sz3, zfp"):

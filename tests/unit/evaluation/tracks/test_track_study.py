@@ -69,18 +69,18 @@ def waving():
 
 
 @pytest.fixture(scope="module")
-def made(waving, tmp_path_factory):
+def evaluation(waving, tmp_path_factory):
     out = tmp_path_factory.mktemp("track")
     study = TrackStudy("height", (Steps(), Worse(), Missing()), quick=True)
     return evaluate(study, [waving], out, command="meshreel evaluate flag.npz --track height")
 
 
 @pytest.fixture(scope="module")
-def results(made):
-    return made.measured[0][0]
+def results(evaluation):
+    return evaluation.measured[0][0]
 
 
-def test_ours_is_the_track_of_a_stream_when_it_is_measured(waving, results):
+def test_result_of_reel_is_that_of_the_track_in_a_stream(waving, results):
     (found,) = [
         one for one in results.measured if one["codec"] == "reel" and one["level"] == "0.1%"
     ]
@@ -92,7 +92,7 @@ def test_ours_is_the_track_of_a_stream_when_it_is_measured(waving, results):
     assert results.positions_bytes == len(plain)
 
 
-def test_errors_are_within_the_limit_and_near_it_when_a_tolerance_is_searched_for(waving, results):
+def test_errors_are_within_their_limit_and_close_to_it(waving, results):
     span = np.ptp(waving.tracks["height"].values)
     for one in results.measured:
         if "refused" in one or one["level"] == "exact":
@@ -105,7 +105,7 @@ def test_errors_are_within_the_limit_and_near_it_when_a_tolerance_is_searched_fo
             assert one["tolerance"] > 1.5 * limit
 
 
-def test_refusals_state_the_reason_when_a_codec_keeps_no_bound(results):
+def test_refusals_state_why_a_codec_keeps_no_bound(results):
     lines = refusals(results)
     assert len(lines) == 5
     assert any("`worse`" in line and "no tolerance keeps errors" in line for line in lines)
@@ -125,8 +125,8 @@ def test_tables_have_sizes_and_ratios(results):
     assert results.bits_per_number(1736) == pytest.approx(8 * 1736 / (12 * 72))
 
 
-def test_report_contains_plot_tables_and_bytes_of_positions(made, results):
-    text = made.markdown.read_text(encoding="utf-8")
+def test_report_contains_plot_tables_and_bytes_of_positions(evaluation, results):
+    text = evaluation.markdown.read_text(encoding="utf-8")
     for part in (
         "meshreel evaluate flag.npz --track height",
         "`height` is scalar of each vertex, float32 in m: 3,456 bytes uncompressed. Positions, "
@@ -136,29 +136,29 @@ def test_report_contains_plot_tables_and_bytes_of_positions(made, results):
         "`steps`: steps of the tolerance",
     ):
         assert part in text
-    ((_, (picture,)),) = made.measured
+    ((_, (picture,)),) = evaluation.measured
     with Image.open(picture.path) as image:
         assert len(image.convert("RGB").getcolors(maxcolors=1 << 24)) > 50
-    figures = json.loads(json.dumps(made.as_dict()))
+    figures = json.loads(json.dumps(evaluation.as_dict()))
     assert figures["sequences"][0]["track"]["described"] == "scalar of each vertex, float32 in m"
 
 
 @pytest.mark.slow
-def test_runs_are_repeated_when_the_values_of_the_track_change(waving, made):
-    out = made.markdown.parent
+def test_runs_are_repeated_when_the_values_of_the_track_change(waving, evaluation):
+    out = evaluation.markdown.parent
     values = waving.tracks["height"].values * 2
     other = with_track_alone(waving, "height")
     other = meshreel.MeshSequence(
         other.vertices, other.faces, 25, "flag", tracks={"height": meshreel.Track(values, unit="m")}
     )
     again = evaluate(TrackStudy("height", (), quick=True), [other], out)
-    (first, _) = made.measured[0]
+    (first, _) = evaluation.measured[0]
     (second, _) = again.measured[0]
     assert second.track["sha256"] != first.track["sha256"]
     assert second.measured[0]["limit"] == pytest.approx(2 * first.measured[0]["limit"])
 
 
-def test_levels_are_those_of_the_kind_when_a_track_has_one(waving):
+def test_levels_depend_on_the_kind_of_the_track(waving):
     unit = np.tile(np.float32([0, 0, 1]), (2, 5, 1))
     of = {kind: meshreel.Track(unit, kind=kind) for kind in ("normal", "color", "vector")}
     assert [one.text for one in levels_of(of["normal"], quick=True)] == ["2deg", "0.5deg", "exact"]
@@ -168,12 +168,12 @@ def test_levels_are_those_of_the_kind_when_a_track_has_one(waving):
     assert level_of("0.5m", waving.tracks["height"]).limit == 0.5
 
 
-def test_level_is_rejected_when_the_track_is_dropped(waving):
+def test_level_drop_is_rejected(waving):
     with pytest.raises(InvalidInputError, match="dropped cannot be measured"):
         level_of("drop", waving.tracks["height"])
 
 
-def test_coarsest_tolerance_is_the_last_grain_when_errors_come_in_powers_of_two():
+def test_coarsest_tolerance_is_found_for_errors_in_powers_of_two():
     tried = []
 
     def largest_error(tolerance):
@@ -185,6 +185,6 @@ def test_coarsest_tolerance_is_the_last_grain_when_errors_come_in_powers_of_two(
     assert len(tried) <= 5
 
 
-def test_study_says_which_tracks_there_are_when_it_is_asked_for_another(waving, tmp_path):
+def test_error_for_an_unknown_track_suggests_a_name(waving, tmp_path):
     with pytest.raises(InvalidInputError, match="there is no track 'hight'; did you mean 'height'"):
         evaluate(TrackStudy("hight", ()), [waving], tmp_path / "r")

@@ -1,4 +1,4 @@
-"""VTK XML files that are named like legacy files."""
+"""VTK XML files with the extension of legacy files."""
 
 import pytest
 

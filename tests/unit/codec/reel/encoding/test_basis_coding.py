@@ -75,11 +75,11 @@ def test_sudden_motion_is_coded_by_times():
         (np.zeros((2, 3, 9)), 0.0),
     ],
 )
-def test_times_are_kept_when_cosines_cannot_be_or_save_nothing(targets, rate_weight):
+def test_times_are_coded_when_cosines_save_nothing_or_are_impossible(targets, rate_weight):
     assert cheapest_coding(targets, rate_weight) == BY_TIMES
 
 
-def test_block_is_refused_when_it_has_cosines_and_too_many_frames():
+def test_block_with_cosines_and_too_many_frames_is_refused():
     layout = Layout(np.float32(0.5), 1, 0, has_cosines=True)
     sections = {Section.FIELDS: write_layout(layout)}
     assert layout_of(StoredBlock(0, MAX_COSINES, 1, sections)) == layout
@@ -130,7 +130,7 @@ def test_times_do_not_adapt_without_savings(targets):
     assert not cheapest_coding(targets, RATE_WEIGHT).is_adaptive
 
 
-def test_times_adapt_only_in_blocks_long_enough():
+def test_times_adapt_only_in_long_blocks():
     rng, frames = np.random.default_rng(7), 4 * MIN_ADAPTIVE_FRAMES
     noise = 20.0 * rng.normal(size=(8, 3, frames))
     few = noise[:, :, : MIN_ADAPTIVE_FRAMES - 1]

@@ -84,7 +84,7 @@ def test_only_errors_beyond_the_bound_are_corrected():
     np.testing.assert_array_equal(found, is_far)
 
 
-def test_corrections_go_by_vertex_then_frame():
+def test_corrections_are_ordered_by_vertex_then_frame():
     corrections = find_corrections(some_errors(), 1.2, 0.0)
     places = corrections.vertices * 7 + corrections.frames
     assert np.all(np.diff(places) > 0)

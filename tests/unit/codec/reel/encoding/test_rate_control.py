@@ -27,7 +27,7 @@ def counted(measure):
 @pytest.mark.parametrize("exponent", EXPONENTS)
 @pytest.mark.parametrize("factor", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("distance", [1e-5, 1e-3, 0.4, 1.0, 3.0, 1e3, 1e5])
-def test_error_is_met_from_below_when_it_is_a_power_of_the_step(exponent, factor, distance):
+def test_error_target_is_met_closely_for_a_power_law(exponent, factor, distance):
     measure = power_law(exponent, factor)
     measured, steps = counted(measure)
     limit = measure(0.01 * distance)
@@ -38,14 +38,14 @@ def test_error_is_met_from_below_when_it_is_a_power_of_the_step(exponent, factor
 
 @pytest.mark.parametrize("exponent", EXPONENTS)
 @pytest.mark.parametrize("distance", [1e-5, 1e-3, 0.4, 1.0, 3.0, 1e3, 1e5])
-def test_size_is_met_from_below_when_it_falls_with_the_step(exponent, distance):
+def test_size_target_is_met_closely_for_a_power_law(exponent, distance):
     measure = power_law(-exponent)
     limit = measure(0.01 * distance)
     step = meet_limit(measure, limit, 0.01, rises=False)
     assert 0.99 * limit <= measure(step) <= limit
 
 
-def test_size_is_met_when_a_part_is_constant():
+def test_size_target_is_met_with_a_constant_part():
     """Connectivity and headers do not depend on the step."""
 
     def measure(step):
@@ -57,7 +57,7 @@ def test_size_is_met_when_a_part_is_constant():
 
 @pytest.mark.parametrize("rises", [True, False])
 @pytest.mark.parametrize("seed", range(20))
-def test_limit_is_nearly_met_from_below_when_the_measure_is_noisy(rises, seed):
+def test_limit_is_met_closely_for_a_noisy_measure(rises, seed):
     """The measure is deterministic, but varies by some percent between close steps."""
     noises = {}
     rng = np.random.default_rng(seed)
@@ -72,7 +72,7 @@ def test_limit_is_nearly_met_from_below_when_the_measure_is_noisy(rises, seed):
 
 
 @pytest.mark.parametrize("rises", [True, False])
-def test_whole_numbers_are_met_when_the_measure_goes_in_steps(rises):
+def test_limit_is_met_for_a_measure_with_steps(rises):
     """Sizes are whole bytes, and few steps give different streams."""
 
     def measure(step):
@@ -84,7 +84,7 @@ def test_whole_numbers_are_met_when_the_measure_goes_in_steps(rises):
 
 @pytest.mark.parametrize("rises", [True, False])
 @pytest.mark.parametrize("above", [1.001, 2.0, 1e6])
-def test_search_returns_none_when_the_limit_is_below_the_floor(rises, above):
+def test_search_returns_none_for_a_limit_below_the_floor(rises, above):
     def measure(step):
         return max(above, step if rises else 1 / step)
 
@@ -94,7 +94,7 @@ def test_search_returns_none_when_the_limit_is_below_the_floor(rises, above):
 
 
 @pytest.mark.parametrize("rises", [True, False])
-def test_limit_is_met_when_the_floor_is_just_below_it(rises):
+def test_limit_just_above_the_floor_is_met(rises):
     def measure(step):
         return max(0.999, step if rises else 1 / step)
 
@@ -103,7 +103,7 @@ def test_limit_is_met_when_the_floor_is_just_below_it(rises):
 
 
 @pytest.mark.parametrize("rises", [True, False])
-def test_search_returns_a_distant_step_when_the_limit_is_never_reached(rises):
+def test_search_returns_a_distant_step_for_an_unreachable_limit(rises):
     """All streams are below the size: the search returns the best."""
     measure = (lambda step: min(step, 0.5)) if rises else (lambda step: min(1 / step, 0.5))
     step = meet_limit(measure, 1.0, 1.0, rises=rises)
@@ -114,14 +114,14 @@ def test_search_returns_a_distant_step_when_the_limit_is_never_reached(rises):
 
 @pytest.mark.parametrize("rises", [True, False])
 @pytest.mark.parametrize(("value", "is_met"), [(0.0, True), (1e-9, True), (2.0, False)])
-def test_search_is_bounded_when_the_measure_is_constant(rises, value, is_met):
+def test_search_of_a_constant_measure_terminates(rises, value, is_met):
     measured, steps = counted(lambda step: value)
     step = meet_limit(measured, 1.0, 1.0, rises=rises)
     assert step in steps if is_met else step is None
     assert all(1 / MAX_RATIO <= one <= MAX_RATIO for one in steps)
 
 
-def test_first_step_is_returned_when_it_meets_the_limit():
+def test_first_step_that_meets_the_limit_is_returned():
     measured, steps = counted(power_law(1.0, 1.0))
     assert meet_limit(measured, 1.0, 0.995, rises=True) == pytest.approx(0.995)
     assert len(steps) == 1
@@ -135,7 +135,7 @@ def test_measure_is_within_the_tolerance_of_the_limit(tolerance):
 
 
 @pytest.mark.parametrize("lowest", [0.3, 0.5, 0.9, 1.0, 1.4, 2.5])
-def test_least_cost_is_nearly_found_when_the_cost_has_one_valley(lowest):
+def test_minimum_of_a_unimodal_cost_is_found_closely(lowest):
     def cost(step):
         return 1000 + 300 * np.log(step / lowest) ** 2
 
@@ -145,7 +145,7 @@ def test_least_cost_is_nearly_found_when_the_cost_has_one_valley(lowest):
 
 @pytest.mark.parametrize("lowest", [0.01, 0.7, 1.0, 1.3, 50.0])
 @pytest.mark.parametrize("n_trials", [1, 2, 6, 9])
-def test_least_cost_is_that_of_the_cheapest_step_tried(lowest, n_trials):
+def test_minimum_is_the_cheapest_tried_step(lowest, n_trials):
     measured, steps = counted(lambda step: abs(np.log(step / lowest)))
     step = least_cost(measured, 1.0, n_trials=n_trials)
     assert step in steps
@@ -153,5 +153,5 @@ def test_least_cost_is_that_of_the_cheapest_step_tried(lowest, n_trials):
     assert abs(np.log(step / lowest)) == min(abs(np.log(one / lowest)) for one in steps)
 
 
-def test_least_cost_is_the_start_when_all_cost_the_same():
+def test_minimum_of_a_constant_cost_is_the_start():
     assert least_cost(lambda step: 5.0, 0.25) == 0.25

@@ -53,14 +53,14 @@ def steps_percent(vertices):
     return 100.0 * np.linalg.norm(np.diff(found, axis=0), axis=2) / diagonal
 
 
-def test_frames_that_are_equal_are_decoded_equal():
+def test_equal_frames_are_decoded_equal():
     data = meshreel.encode(held())
     assert [rests.runs for rests in rests_of(data)] == [((20, 30),)]
     decoded = meshreel.decode(data).vertices
     np.testing.assert_array_equal(decoded[20:30], np.repeat(decoded[19:20], 10, axis=0))
 
 
-def test_most_vertices_rest_where_few_move():
+def test_most_vertices_rest_when_few_move():
     sequence = held(moving=0.002)
     still = np.ones(sequence.n_verts, np.bool_)
     still[: SIDE * SIDE // 10] = False
@@ -74,14 +74,14 @@ def test_most_vertices_rest_where_few_move():
     )
 
 
-def test_a_stream_does_not_grow_when_a_sheet_rests(monkeypatch):
+def test_resting_sheet_does_not_enlarge_the_stream(monkeypatch):
     resting = len(meshreel.encode(held()))
     monkeypatch.setattr(basis_coding, "find_rests", lambda *_: NO_REST)
     monkeypatch.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
     assert resting < 1.01 * len(meshreel.encode(held()))
 
 
-def test_a_part_that_never_moves_rests_when_its_means_are_modes(monkeypatch):
+def test_part_that_never_moves_rests(monkeypatch):
     sequence = half_still()
     still = steps_percent(sequence.vertices).max(axis=0) == 0.0
     assert 0.3 < still.mean() < 0.7
@@ -97,7 +97,7 @@ def test_a_part_that_never_moves_rests_when_its_means_are_modes(monkeypatch):
     assert len(with_means) < 1.02 * len(without)
 
 
-def test_no_time_rests_when_the_rest_of_the_model_moves_a_lot():
+def test_no_time_rests_when_most_of_the_model_moves():
     vertices, faces = waving()
     most = slice(0, SIDE * SIDE * 6 // 10)
     vertices[5:35, most] = vertices[5, most]
@@ -105,7 +105,7 @@ def test_no_time_rests_when_the_rest_of_the_model_moves_a_lot():
     assert rests_of(meshreel.encode(sequence, quality=95)) == [NO_REST]
 
 
-def test_rests_are_found_when_fields_are_reused():
+def test_rests_are_found_with_reused_fields():
     vertices, faces = waving(60)
     vertices[40:50] = vertices[40]
     sequence = meshreel.MeshSequence(vertices, faces)
@@ -118,7 +118,7 @@ def test_rests_are_found_when_fields_are_reused():
 
 
 @pytest.mark.parametrize("bound", [0.02, 0.2])
-def test_a_promised_error_is_kept_when_frames_rest(bound):
+def test_error_bound_holds_for_resting_frames(bound):
     sequence = held(moving=0.002)
     decoded = meshreel.decode(meshreel.encode(sequence, max_error=bound))
     assert meshreel.compare(sequence, decoded).max_error_percent <= bound

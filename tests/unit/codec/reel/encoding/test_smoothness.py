@@ -17,11 +17,11 @@ def hinge(angle_deg):
 
 
 @pytest.mark.parametrize(("angle", "share"), [(0.0, 0.2), (4.0, 0.5**1.5), (8.0, 1.0), (90.0, 1.0)])
-def test_step_follows_the_angle_of_normals_of_a_smooth_surface(angle, share):
+def test_step_depends_on_the_angle_between_normals(angle, share):
     assert step_share(FACES, 4, hinge(angle)[None]) == pytest.approx(share)
 
 
-def test_step_follows_the_mean_angle_over_frames():
+def test_step_depends_on_the_mean_angle_over_frames():
     share = step_share(FACES, 4, np.stack([hinge(1.0), hinge(1.0), hinge(7.0)]))
     assert share == pytest.approx((3 / 8) ** 1.5)
 
@@ -38,13 +38,13 @@ def test_sampled_edges_cover_the_whole_surface():
     assert share == pytest.approx(0.5**1.5, rel=0.01)
 
 
-def test_a_face_without_area_does_not_count_when_others_have_one():
+def test_face_without_area_is_ignored():
     faces = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]], np.int32)
     vertices = np.concatenate([hinge(4.0), hinge(4.0)[3:]])
     assert step_share(faces, 5, vertices[None]) == pytest.approx(0.5**1.5)
 
 
-def test_a_flipped_face_does_not_count_as_a_crease():
+def test_flipped_face_is_not_a_crease():
     turned = np.array([[0, 1, 2], [1, 2, 3]], np.int32)
     assert step_share(turned, 4, hinge(4.0)[None]) == step_share(FACES, 4, hinge(4.0)[None])
 
@@ -58,7 +58,7 @@ def test_step_is_unchanged_without_angles():
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 5, 300])
-def test_sampled_frames_exist(n_frames):
+def test_sampled_frames_are_within_the_sequence(n_frames):
     numbers = sampled_frames(n_frames)
     assert set(numbers) <= set(range(n_frames))
     assert len(numbers) == min(n_frames, 4)
@@ -68,7 +68,7 @@ def test_sampled_frames_are_the_middles_of_quarters():
     assert sampled_frames(80) == [10, 30, 50, 70]
 
 
-def test_a_smooth_sheet_is_nearer_to_the_original_than_a_rough_one_at_the_same_quality():
+def test_smooth_sheet_is_coded_more_finely_than_a_rough_one():
     smooth = waving_grid(8, 30, 30)
     flatter = smooth.vertices * np.array([1, 1, 0.05], np.float32)
     rough = flatter.copy()
@@ -81,7 +81,7 @@ def test_a_smooth_sheet_is_nearer_to_the_original_than_a_rough_one_at_the_same_q
     assert errors[0] < 0.6 * errors[1]
 
 
-def test_a_live_recording_is_coded_as_finely_as_a_file_when_it_is_smooth(tmp_path):
+def test_smooth_live_recording_is_coded_as_finely_as_a_file(tmp_path):
     sequence = waving_grid(6, 20, 20)
     with meshreel.Encoder(sequence.faces, tmp_path / "live.reel", block_frames=6) as encoder:
         for frame in sequence.vertices:

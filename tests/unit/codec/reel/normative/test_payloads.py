@@ -67,27 +67,27 @@ def test_layout_round_trips(known):
     [(0.0, 4, 4), (-1.0, 4, 4), (np.nan, 4, 4), (np.inf, 4, 4), (payloads.MAX_STEP, 4, 4),
      (1.0, 0, 4), (1.0, MAX_STENCIL + 1, 4), (1.0, 4, payloads.MAX_LEARNED + 1)],
 )  # fmt: skip
-def test_layout_is_refused_when_it_is_beyond_the_limits(step, size, n_learned):
+def test_layout_beyond_the_limits_is_refused(step, size, n_learned):
     payload = payloads.write_layout(layout(step, size, n_learned))
     with pytest.raises(CorruptStreamError, match="invalid layout: stencils"):
         payloads.read_layout(payload)
 
 
 @pytest.mark.parametrize("rests", [Rests(((0, 1),)), Rests(((1, 1),)), Rests(((1, 2),), 9)])
-def test_layout_is_refused_when_its_rests_are_invalid(rests):
+def test_layout_with_invalid_rests_is_refused(rests):
     payload = payloads.write_layout(replace(layout(), rests=rests))
     with pytest.raises(CorruptStreamError, match="resting times"):
         payloads.read_layout(payload)
 
 
 @pytest.mark.parametrize("other", [RESTING, replace(layout(), is_adaptive=True)])
-def test_layout_is_refused_when_times_rest_or_adapt_in_a_block_with_cosines(other):
+def test_layout_with_cosines_and_resting_or_adaptive_times_is_refused(other):
     with pytest.raises(CorruptStreamError, match="cosines"):
         payloads.read_layout(payloads.write_layout(replace(other, has_cosines=True)))
 
 
 @pytest.mark.parametrize("known", [layout(), replace(layout(), rests=RESTING.rests)])
-def test_layout_is_refused_when_bytes_are_missing_or_left_over(known):
+def test_layout_with_missing_or_trailing_bytes_is_refused(known):
     payload = payloads.write_layout(known)
     for size in range(1, len(payload)):
         with pytest.raises(CorruptStreamError):
@@ -138,13 +138,13 @@ def test_corrections_round_trip():
 
 
 @pytest.mark.parametrize(("n_frames", "n_verts"), [(8, 20), (9, 19), (1, 3), (1, 1)])
-def test_corrections_are_refused_when_the_block_is_smaller(n_frames, n_verts):
+def test_corrections_of_a_larger_block_are_refused(n_frames, n_verts):
     with pytest.raises(CorruptStreamError):
         payloads.read_corrections(payloads.write_corrections(corrections()), 3, n_frames, n_verts)
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, np.nan, np.inf, payloads.MAX_STEP])
-def test_corrections_are_refused_when_their_step_is_invalid(step):
+def test_corrections_with_an_invalid_step_are_refused(step):
     with pytest.raises(CorruptStreamError):
         payloads.read_corrections(payloads.write_corrections(corrections(step)), 3, 9, 20)
 
@@ -168,18 +168,18 @@ NONE = [0, 0, 0]
         (3, [[3, 1, 1], NONE, [0, 0], [1, 1], [0, 0], [0, 0]]),  # fewer than vertices
     ],
 )
-def test_corrections_are_refused_when_they_contradict_themselves(n_corrected, columns):
+def test_contradictory_corrections_are_refused(n_corrected, columns):
     with pytest.raises(CorruptStreamError):
         payloads.read_corrections(written_raw(0.5, n_corrected, columns), 3, 9, 20)
 
 
-def test_corrections_are_refused_before_allocation_when_there_are_too_many():
+def test_too_many_corrections_are_refused_before_allocation():
     payload = struct.pack("<f", 0.5) + write_varint(1) + write_varint(2**60)
     with pytest.raises(CorruptStreamError, match="do not fit 9 frames of 20 vertices"):
         payloads.read_corrections(payload, 3, 9, 20)
 
 
-def test_runs_of_equal_offsets_take_few_bytes_when_written():
+def test_runs_of_equal_offsets_take_few_bytes():
     frames = np.arange(500)
     nothing = np.zeros(500, np.int64)
     run, scattered = (

@@ -10,7 +10,7 @@ every_length = pytest.mark.parametrize("n_frames", [1, 2, 3, 7, 8, 9, 16, 17, 31
 
 @every_width
 @every_length
-def test_passes_take_every_time_of_every_column_once_when_a_mode_is_coded(n_columns, n_frames):
+def test_passes_contain_every_time_of_every_column_once(n_columns, n_frames):
     columns = np.concatenate([step.columns for step in time_passes(n_columns, n_frames)])
     assert sorted(columns) == list(range(n_columns * n_frames))
 
@@ -37,7 +37,7 @@ def test_contexts_of_a_time_are_adjacent_and_previous_times_and_other_columns(n_
 RESTS = Rests(((1, 3), (6, 7), (9, 12)))
 
 
-def test_moving_times_are_coded_as_if_there_were_no_others():
+def test_moving_times_are_coded_independently_of_resting_ones():
     moving = np.array([0, 3, 4, 5, 7, 8])
     of_all, of_moving = time_passes(2, 12, RESTS)[:3], time_passes(2, 6)
     for found, expected in zip(of_all, of_moving, strict=True):
