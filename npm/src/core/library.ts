@@ -106,12 +106,13 @@ export class Library {
     let library: Library;
     // WebAssembly passes addresses as signed integers.
     const page = {
-      read: (instantiate: number, to: number, size: number): number =>
-        Number(!library.bytes?.copy(instantiate, new Uint8Array(library.buffer, to >>> 0, size >>> 0))),
-      announce: (instantiate: number, size: number): number =>
-        Number(!library.bytes?.has(instantiate, instantiate + size)),
+      read: (start: number, to: number, size: number): number =>
+        Number(!library.bytes?.copy(start, new Uint8Array(library.buffer, to >>> 0, size >>> 0))),
+      announce: (start: number, size: number): number =>
+        Number(!library.bytes?.has(start, start + size)),
       allocate: (size: number): number => library.heap.allocate(size >>> 0),
-      release: (instantiate: number, size: number): void => library.heap.release(instantiate >>> 0, size >>> 0),
+      release: (address: number, size: number): void =>
+        library.heap.release(address >>> 0, size >>> 0),
     };
     library = new Library(await WebAssembly.instantiate(module, { page }));
     return library;
@@ -132,13 +133,13 @@ export class Library {
   }
 
   /** Call `work` with the address of temporary memory; returns its result. */
-  withMemory<Result>(sizeBytes: number, work: (instantiate: number) => Result): Result {
-    const instantiate = this.heap.allocate(sizeBytes);
-    if (!instantiate) throw outOfMemory(sizeBytes);
+  withMemory<Result>(sizeBytes: number, work: (address: number) => Result): Result {
+    const address = this.heap.allocate(sizeBytes);
+    if (!address) throw outOfMemory(sizeBytes);
     try {
-      return work(instantiate);
+      return work(address);
     } finally {
-      this.heap.release(instantiate, sizeBytes);
+      this.heap.release(address, sizeBytes);
     }
   }
 
