@@ -36,7 +36,9 @@ class Fixture {
       });
     const segments = [{ start: 0, nFrames: nFrames * nBlocks, blocks }];
     const file = { name: "", fps: 10, segments, load };
-    this.player = new Playback(file, display, (event) => this.events.push(event));
+    this.player = new Playback(file, display, (event) => {
+      if (event.type !== "progress") this.events.push(event);
+    });
   }
 
   get types() {
@@ -262,4 +264,35 @@ test("changing the number of active modes updates the picture", async () => {
   assert.deepEqual([moments.length, fixture.nActiveModes], [shown + 1, 3]);
   player.nActiveModes = 3;
   assert.equal(moments.length, shown + 1);
+});
+
+test("only blocks of a range are loaded, and loaded frames are reported", async () => {
+  const fixture = await started(6);
+  fixture.requests.length = 0;
+  fixture.player.setRange({ start: 9, nFrames: 6 });
+  assert.equal(fixture.player.clock.position, 9);
+  fixture.player.play();
+  for (let i = 0; i < 60; i++) {
+    fixture.player.update(0.03);
+    await fixture.deliver();
+  }
+  assert.deepEqual([...new Set(fixture.requests.map(({ number }) => number))].sort(), [2, 3]);
+  assert.ok(fixture.types.filter((type) => type === "loop").length > 1);
+  assert.ok(!fixture.types.includes("waiting") || fixture.types.indexOf("waiting") < 1);
+  assert.deepEqual(fixture.player.loaded, [{ start: 8, nFrames: 8 }]);
+});
+
+test("invalid ranges are rejected", async () => {
+  const { player } = await started();
+  for (const range of [
+    { start: -1, nFrames: 2 },
+    { start: 0, nFrames: 0 },
+    { start: 10, nFrames: 3 },
+    { start: 0.5, nFrames: 2 },
+  ]) {
+    assert.throws(() => player.setRange(range), {
+      name: "InvalidInputError",
+      message: /range must be at least one of the frames 0 to 11; got start/,
+    });
+  }
 });

@@ -41,7 +41,9 @@ class Fixture {
         this.moments.push([block.id, t, next.id, nextT, fraction]);
       },
     };
-    this.player = new Playback(file, display, (event) => this.events.push(event));
+    this.player = new Playback(file, display, (event) => {
+      if (event.type !== "progress") this.events.push(event);
+    });
   }
 
   /** Answer all calls, some with errors, until there are none; returns their names. */

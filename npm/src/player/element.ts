@@ -2,7 +2,7 @@
 
 import { InvalidInputError } from "../errors.js";
 import { ReelMesh } from "../three/reel_mesh.js";
-import type { FrameRange } from "../three/playback.js";
+import type { FrameRange } from "../three/clock.js";
 import type { OpenReel, OpenSegments } from "../types.js";
 import { PlayerAttributes } from "./attributes.js";
 import { Bar, type BarState } from "./bar.js";

@@ -42,6 +42,11 @@ export class BlockCache<Block> {
     return this.#damaged.has(number);
   }
 
+  /** Whether a requested block is being loaded. */
+  get isLoading(): boolean {
+    return this.#loading !== null;
+  }
+
   /** Load up to `MAX_BLOCKS` blocks by descending priority, and evict all others. */
   request(numbers: readonly number[]): void {
     for (const [number, block] of this.#blocks) {

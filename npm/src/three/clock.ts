@@ -13,9 +13,15 @@ export interface FramePosition {
   readonly fraction: number;
 }
 
+/** Consecutive frames, in the numbering of the file. */
+export interface FrameRange {
+  readonly start: number;
+  readonly nFrames: number;
+}
+
 /**
- * Time in frames, 0 to `nFrames`. All frames last equally long; the last frame is not interpolated
- * with the first.
+ * Time in frames, from the start to the end of the played range, by default 0 to `nFrames`. All
+ * frames last equally long; the last frame is not interpolated with the first.
  */
 export class Clock {
   /** Playback rate; negative values play backwards. */
@@ -24,9 +30,10 @@ export class Clock {
   #position = 0;
   /** -1 while "pingpong" plays in reverse, else 1. */
   #direction = 1;
+  #range: FrameRange | null = null;
 
   /**
-   * @param nFrames - number of frames to play, at least 1
+   * @param nFrames - number of frames that can be played, at least 1
    * @param fps - frames per second, above 0
    */
   constructor(
@@ -58,58 +65,83 @@ export class Clock {
     return this.nFrames / this.fps;
   }
 
+  /** The frames to play; null: all. */
+  get range(): FrameRange | null {
+    return this.#range;
+  }
+
+  set range(range: FrameRange | null) {
+    this.#range = range;
+    const isInside = this.#position >= this.start && this.#position <= this.end;
+    if (!isInside) this.seek(this.#position);
+  }
+
+  /** First played frame. */
+  get start(): number {
+    return Math.min(this.#range?.start ?? 0, this.nFrames - 1);
+  }
+
+  /** Frame after the last played one. */
+  get end(): number {
+    const { start, nFrames } = this.#range ?? { start: 0, nFrames: this.nFrames };
+    return Math.max(Math.min(start + nFrames, this.nFrames), this.start + 1);
+  }
+
   get isForward(): boolean {
     return this.speed * this.#direction >= 0;
   }
 
   /** Return the current position, between frames only if `interpolate` is true. */
   current(interpolate: boolean): FramePosition {
-    const last = this.nFrames - 1;
+    const last = this.end - 1;
     const frame = Math.min(Math.floor(this.#position), last);
     return { frame, fraction: interpolate && frame < last ? this.#position - frame : 0 };
   }
 
-  /** Set the time in frames, clamped to the first and the last frame. */
+  /** Set the time in frames, clamped to the first and the last played frame. */
   seek(position: number): void {
-    this.#position = Math.min(Math.max(position, 0), this.nFrames - 1);
+    this.#position = Math.min(Math.max(position, this.start), this.end - 1);
   }
 
-  /** Move to the end of the last frame. */
+  /** Move to the end of the last played frame. */
   goToEnd(): void {
-    this.#position = this.nFrames;
+    this.#position = this.end;
   }
 
   /** Move to the start if the end was reached, with the loop "once". */
   rewind(): void {
     if (this.loop !== "once") return;
-    if (this.isForward && this.#position >= this.nFrames) this.#position = 0;
-    if (!this.isForward && this.#position <= 0) this.#position = this.nFrames;
+    if (this.isForward && this.#position >= this.end) this.#position = this.start;
+    if (!this.isForward && this.#position <= this.start) this.#position = this.end;
   }
 
   /** Advance by real time, in seconds. */
   advance(seconds: number): ClockEvent {
+    const { start, end } = this;
     const to = this.#position + seconds * this.fps * this.speed * this.#direction;
     if (this.loop === "pingpong") return this.#reflect(to);
-    const isOver = this.isForward ? to >= this.nFrames : to < 0;
+    const isOver = this.isForward ? to >= end : to < start;
     if (this.loop === "once") {
-      this.#position = Math.min(Math.max(to, 0), this.nFrames);
+      this.#position = Math.min(Math.max(to, start), end);
       return isOver ? "end" : null;
     }
-    this.#position = to - Math.floor(to / this.nFrames) * this.nFrames;
-    if (this.#position >= this.nFrames) this.#position = 0; // by rounding
+    const length = end - start;
+    this.#position = to - Math.floor((to - start) / length) * length;
+    if (this.#position >= end) this.#position = start; // by rounding
     return isOver ? "loop" : null;
   }
 
   #reflect(to: number): ClockEvent {
-    const last = this.nFrames - 1;
-    if ((to >= 0 && to <= last) || last === 0) {
-      this.#position = last && to;
+    const { start } = this;
+    const last = this.end - 1;
+    if ((to >= start && to <= last) || last === start) {
+      this.#position = last === start ? start : to;
       return null;
     }
-    const lengths = Math.floor(to / last);
-    const rest = to - lengths * last;
+    const lengths = Math.floor((to - start) / (last - start));
+    const rest = to - start - lengths * (last - start);
     const isBack = lengths % 2 !== 0;
-    this.#position = isBack ? last - rest : rest;
+    this.#position = isBack ? last - rest : start + rest;
     if (isBack) this.#direction = -this.#direction;
     return "loop";
   }

@@ -1,6 +1,6 @@
 // `meshreel/three`: plays files in three.js.
 
-export type { Loop } from "./clock.js";
+export type { FrameRange, Loop } from "./clock.js";
 export type { ColorMap } from "./color/color_map.js";
 export type { Component } from "./color/color_range.js";
 export type { ColorAttribute, ColorLegend, ColorOptions } from "./color/track_colors.js";

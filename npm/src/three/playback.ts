@@ -3,17 +3,11 @@
 import { InvalidInputError } from "../errors.js";
 import type { BlockFields, BlockInfo } from "../types.js";
 import { BlockCache, MAX_BLOCKS } from "./block_cache.js";
-import { Clock, type Loop } from "./clock.js";
+import { Clock, type FrameRange, type Loop } from "./clock.js";
 import type { LoadedBlock, Moment } from "./loaded_block.js";
 
 /** Frames per second if the file does not define them. */
 export const DEFAULT_FPS = 24;
-
-/** Consecutive frames, in the numbering of the file. */
-export interface FrameRange {
-  readonly start: number;
-  readonly nFrames: number;
-}
 
 /** Events of playback. Blocks are indices in `info.blocks` of their segment. */
 export interface PlaybackEvents {
@@ -30,6 +24,8 @@ export interface PlaybackEvents {
   waiting: { block: number | null };
   /** Playback starts, or resumes after waiting. */
   playing: object;
+  /** Frames were loaded, or evicted; see `ReelMesh.buffered`. */
+  progress: object;
   /**
    * A block cannot be loaded, or a texture cannot be shown (then the block is null). `frames` are the
    * frames that are missing. `track` is the track that cannot be loaded; without it, the positions
@@ -49,6 +45,8 @@ export interface PlaybackEvents {
 export type PlaybackEvent = {
   [Type in keyof PlaybackEvents]: { type: Type } & PlaybackEvents[Type];
 }[keyof PlaybackEvents];
+
+const NO_RANGE_OF_VIDEO = "a range cannot be played in sync with a video; remove one of them";
 
 /** What is played. */
 export interface PlayedFile {
@@ -134,7 +132,10 @@ export class Playback {
     this.#cache = new BlockCache(
       (start, signal) => this.#load(start, signal),
       (block) => display.release(block),
-      () => this.show(),
+      () => {
+        this.show();
+        send({ type: "progress" });
+      },
       (number, error) => {
         const { start, nFrames, block } = this.#blocks[this.#indexAt(number)];
         send({ type: "error", error, block: block ?? 0, frames: { start, nFrames } });
@@ -198,6 +199,45 @@ export class Playback {
   }
 
   /**
+   * Play only some frames; null: all.
+   *
+   * @throws InvalidInputError if the range contains other frames than those of the file, or a video
+   *   drives the time.
+   */
+  setRange(range: FrameRange | null): void {
+    if (range) {
+      const { start, nFrames } = range;
+      const isInside = start >= 0 && nFrames >= 1 && start + nFrames <= this.nFrames;
+      if (!(Number.isInteger(start) && Number.isInteger(nFrames) && isInside)) {
+        throw new InvalidInputError(
+          `range must be at least one of the frames 0 to ${this.nFrames - 1}; ` +
+            `got start ${start} and nFrames ${nFrames}`,
+        );
+      }
+      if (this.#masterClock) throw new InvalidInputError(NO_RANGE_OF_VIDEO);
+    }
+    this.clock.range = range;
+    this.show();
+  }
+
+  /** Whether a block that is needed now or next is being loaded. */
+  get isLoading(): boolean {
+    return this.#cache.isLoading;
+  }
+
+  /** Ranges of frames that can be shown without loading, in ascending order. */
+  get loaded(): readonly FrameRange[] {
+    const ranges: { start: number; nFrames: number }[] = [];
+    for (const { start, nFrames } of this.#blocks) {
+      if (!this.#cache.get(start)) continue;
+      const last = ranges.at(-1);
+      if (last && last.start + last.nFrames === start) last.nFrames += nFrames;
+      else ranges.push({ start, nFrames });
+    }
+    return ranges;
+  }
+
+  /**
    * Advance by real time, in seconds, and show the picture.
    *
    * @throws InvalidInputError if `seconds` is negative or not finite.
@@ -222,10 +262,11 @@ export class Playback {
    * Set what drives the time; null: the clock.
    *
    * @param nFrames - frames to play, at most those of the file
-   * @throws InvalidInputError if playback is backwards, which videos do not support.
+   * @throws InvalidInputError if playback is backwards or of a range, which videos do not support.
    */
   setMasterClock(masterClock: MasterClock | null, nFrames = this.nFrames): void {
     if (masterClock) requireForward(this.clock.loop, this.clock.speed);
+    if (masterClock && this.clock.range) throw new InvalidInputError(NO_RANGE_OF_VIDEO);
     this.#masterClock = masterClock;
     this.clock.nFrames = nFrames;
     if (this.clock.position > nFrames - 1) this.clock.seek(nFrames - 1);
@@ -241,7 +282,7 @@ export class Playback {
   finish(): void {
     const { clock } = this;
     if (!this.isPlaying) {
-      clock.seek(clock.nFrames - 1);
+      clock.seek(clock.end - 1);
       this.#masterClock?.seek(clock.position);
     } else if (clock.loop === "once") {
       this.isPlaying = false;
@@ -342,15 +383,17 @@ export class Playback {
   /** The index of the block that will be played after these, if any. */
   #nextBlocks(index: number, next: number): number[] {
     const blocks = this.#blocks;
-    const count = blocks.length;
+    const { start, end } = this.clock;
+    const [first, last] = [this.#indexAt(start), this.#indexAt(end - 1)];
+    const count = last - first + 1;
     const step = this.clock.isForward ? 1 : -1;
     let after = step > 0 ? next : index;
     for (let i = 0; i < count; i++) {
       after += step;
-      if (after < 0 || after >= count) {
+      if (after < first || after > last) {
         if (this.clock.loop === "once") return [];
-        if (this.clock.loop === "repeat") after = (after + count) % count;
-        else return [step > 0 ? index - 1 : next + 1].filter((one) => one in blocks);
+        if (this.clock.loop === "repeat") after = first + ((after - first + count) % count);
+        else return [step > 0 ? index - 1 : next + 1].filter((one) => one >= first && one <= last);
       }
       if (!this.#cache.isDamaged(blocks[after].start)) return [after];
     }

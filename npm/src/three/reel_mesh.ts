@@ -5,7 +5,7 @@ import * as THREE from "three";
 import { InvalidInputError } from "../errors.js";
 import type { BlockFields, BlockInfo, OpenReel, OpenSegments, TrackValues } from "../types.js";
 import type { Backend } from "./backend.js";
-import type { Loop } from "./clock.js";
+import type { FrameRange, Loop } from "./clock.js";
 import type {
   ColorAttribute,
   ColorLegend,
@@ -26,6 +26,9 @@ const SEEK_STEPS_PER_FRAME = 1e6;
 const MAX_SEGMENTS = 3;
 
 const RESTORED = "webglcontextrestored";
+
+/** Number of meshes that own a file: the last one closes it. */
+const nOwners = new WeakMap<OpenSegments, number>();
 
 /** Events of a `ReelMesh`: those of `PlaybackEvents` and of every object of three.js. */
 export interface ReelMeshEventMap extends THREE.Object3DEventMap, PlaybackEvents {
@@ -59,7 +62,7 @@ export interface ReelMeshOptions {
    * `reel.info.center` for models far from the origin, where float32 is imprecise.
    */
   origin?: readonly [number, number, number];
-  /** Whether `dispose()` also closes the file. Default: false. */
+  /** Whether `dispose()` also closes the file, unless a clone still plays it. Default: false. */
   ownsReel?: boolean;
 }
 
@@ -70,8 +73,6 @@ export interface ReelMeshOptions {
  * so that every material, shadow and effect works as with any other mesh. For other renderers, such
  * as `WebGPURenderer`, and GPUs that cannot render to float textures, the CPU computes them; see
  * `isOnGpu`.
- *
- * Meshes cannot be cloned: create another one of the same file.
  *
  * In a file with several segments, each has its own geometry and materials, which are prepared
  * before they are shown.
@@ -118,6 +119,7 @@ export class ReelMesh extends THREE.Mesh<
     super();
     const file = (this.file = asSegments(reel));
     this.#options = options;
+    if (options.ownsReel) nOwners.set(file, (nOwners.get(file) ?? 0) + 1);
     this.name = file.info.name;
     this.#current = this.#createSegment(0, file.first);
     this.#segments = new Map([[0, this.#current]]);
@@ -263,12 +265,12 @@ export class ReelMesh extends THREE.Mesh<
     return this.#playback.clock.time;
   }
 
-  /** Duration of the played frames, in seconds. */
+  /** Duration of all `nFrames` frames, in seconds. */
   get duration(): number {
     return this.#playback.clock.duration;
   }
 
-  /** Number of played frames: those of the file, or of the video if it is shorter. */
+  /** Number of frames: those of the file, or of the video if it is shorter. */
   get nFrames(): number {
     return this.#playback.clock.nFrames;
   }
@@ -278,7 +280,34 @@ export class ReelMesh extends THREE.Mesh<
     return this.#playback.clock.current(false).frame;
   }
 
-  /** What happens at the end. Default: "repeat". */
+  /**
+   * The frames to play; null, the default: all. Times and frames are still counted from the first
+   * frame of the file, and `seek` is clamped to the range.
+   *
+   * @example
+   * mesh.range = { start: 24, nFrames: 48 }; // the third second and the fourth, at 24 fps
+   *
+   * @throws InvalidInputError if the file lacks a frame of the range, or a video plays in sync.
+   */
+  get range(): FrameRange | null {
+    return this.#playback.clock.range;
+  }
+
+  set range(range: FrameRange | null) {
+    this.#playback.setRange(range);
+  }
+
+  /** Whether frames that playback needs now or next are being loaded. */
+  get isLoading(): boolean {
+    return this.#playback.isLoading;
+  }
+
+  /** Frames in memory, which are shown without waiting, as ascending ranges. */
+  get buffered(): readonly FrameRange[] {
+    return this.#playback.loaded;
+  }
+
+  /** What happens at the end of the played frames. Default: "repeat". */
   get loop(): Loop {
     return this.#playback.clock.loop;
   }
@@ -480,8 +509,27 @@ export class ReelMesh extends THREE.Mesh<
     return this.#readableMesh().getVertexPosition(index, target);
   }
 
+  /**
+   * Create another mesh of the same file at the same time, with the same playback settings. It plays
+   * independently and loads blocks separately; the file is shared. Textures of `setTexture` and
+   * colors of `colorBy` are not copied.
+   */
+  override clone(recursive = true): this {
+    const renderer = this.#renderer ?? this.#options.renderer;
+    const options = { ...this.#options, ...(renderer ? { renderer } : {}) };
+    const clone = new ReelMesh(this.file, options);
+    THREE.Object3D.prototype.copy.call(clone, this, recursive);
+    if (this.material !== this.segmentMaterial) clone.material = this.material;
+    const { loop, speed, interpolate, modes, range } = this;
+    Object.assign(clone, { loop, speed, interpolate, modes, range });
+    clone.#playback.seek(this.#playback.clock.position);
+    if (this.isPlaying) clone.play();
+    return clone as this;
+  }
+
   /** Free all resources and cancel loading; the mesh must not be used afterwards. */
   override dispose(): void {
+    if (this.#isDisposed) return;
     this.dispatchEvent({ type: "dispose" });
     this.#isDisposed = true;
     this.#removeTexture();
@@ -490,7 +538,10 @@ export class ReelMesh extends THREE.Mesh<
     this.#playback.dispose();
     this.#renderer?.domElement.removeEventListener(RESTORED, this.#switchToGpu);
     for (const segment of this.#segments.values()) segment.dispose();
-    if (this.#options.ownsReel) this.file.close();
+    if (!this.#options.ownsReel) return;
+    const nOthers = (nOwners.get(this.file) ?? 1) - 1;
+    nOwners.set(this.file, nOthers);
+    if (nOthers === 0) this.file.close();
   }
 
   /** Also called when a lost context is restored, without its data. */
