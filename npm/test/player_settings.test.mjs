@@ -9,16 +9,30 @@ function parse(attributes) {
   return parseSettings((name) => attributes[name] ?? null);
 }
 
+const DEFAULT_CAMERA = {
+  theta: 0,
+  phi: (78 * Math.PI) / 180,
+  distance: null,
+  zoom: 1,
+  target: [null, null, null],
+  fieldOfView: 30,
+};
+
 test("missing attributes have defaults", () => {
   assert.deepEqual(parse({}), {
     src: null,
     alt: null,
+    loading: "eager",
     autoplay: false,
     loop: "once",
     speed: 1,
     start: 0,
     interpolate: true,
     cameraControls: false,
+    camera: DEFAULT_CAMERA,
+    autoRotate: false,
+    environmentImage: null,
+    shadowIntensity: 0,
     controls: false,
     up: "y",
     background: null,
@@ -39,12 +53,19 @@ test("all attributes are parsed", () => {
   const settings = parse({
     src: "walk.reel",
     alt: "Anna walks",
+    loading: "lazy",
     autoplay: "",
     loop: "pingpong",
     speed: "-0.5",
     "start-frame": "12",
     interpolate: "false",
     "camera-controls": "camera-controls",
+    "camera-orbit": "-90deg 0.5rad 150%",
+    "camera-target": "1m auto -2.5",
+    "field-of-view": "45deg",
+    "auto-rotate": "",
+    "environment-image": "studio.hdr",
+    "shadow-intensity": "0.5",
     controls: "",
     up: "z",
     background: "white",
@@ -58,12 +79,24 @@ test("all attributes are parsed", () => {
   assert.deepEqual(settings, {
     src: "walk.reel",
     alt: "Anna walks",
+    loading: "lazy",
     autoplay: true,
     loop: "pingpong",
     speed: -0.5,
     start: { frame: 12 },
     interpolate: false,
     cameraControls: true,
+    camera: {
+      theta: -Math.PI / 2,
+      phi: 0.5,
+      distance: null,
+      zoom: 1.5,
+      target: [1, null, -2.5],
+      fieldOfView: 45,
+    },
+    autoRotate: true,
+    environmentImage: "studio.hdr",
+    shadowIntensity: 0.5,
     controls: true,
     up: "z",
     background: "white",
@@ -102,6 +135,13 @@ test("invalid values are rejected", () => {
     [{ "start-time": "Infinity" }, /start-time must be a number/],
     [{ "start-time": "1", "start-frame": "2" }, /start-time and start-frame cannot be combined/],
     [{ up: "x" }, /up must be "y" or "z"; got up="x"/],
+    [{ loading: "auto" }, /loading must be "eager" or "lazy"; got loading="auto"/],
+    [{ "camera-orbit": "30deg" }, /camera-orbit must be "auto", or three values such as "30deg/],
+    [{ "camera-orbit": "30 75deg auto" }, /camera-orbit needs angles such as "30deg".*got "30"/],
+    [{ "camera-orbit": "0deg 75deg 0m" }, /the radius of camera-orbit must be above 0; got "0m"/],
+    [{ "camera-target": "0 0 x" }, /camera-target needs numbers in model units.*got "x"/],
+    [{ "field-of-view": "180deg" }, /field-of-view must be above 0deg and below 180deg/],
+    [{ "shadow-intensity": "2" }, /shadow-intensity must be a number from 0 to 1; got/],
     [{ interpolate: "no" }, /interpolate must be "true" or "false"/],
     [{ "texture-kind": "video" }, /texture-kind has no effect without texture/],
     [{ muted: "" }, /muted has no effect without texture/],
@@ -119,4 +159,9 @@ test("invalid values are rejected", () => {
 test("empty addresses are null", () => {
   const settings = parse({ src: "", poster: " ", texture: "" });
   assert.deepEqual([settings.src, settings.poster, settings.texture], [null, null, null]);
+});
+
+test("a radius in model units is a distance", () => {
+  const { camera } = parse({ "camera-orbit": "auto auto 2.5m" });
+  assert.deepEqual(camera, { ...DEFAULT_CAMERA, distance: 2.5 });
 });

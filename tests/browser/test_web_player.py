@@ -1,5 +1,6 @@
 """The element <reel-player> in a real browser."""
 
+import io
 import json
 import shutil
 import subprocess
@@ -8,6 +9,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import meshreel
 from samples.element_pages import (
@@ -271,7 +273,7 @@ def test_every_control_is_focusable_with_a_visible_focus(shown):
     until(page, "player.mesh.video")
     page.wait_for_timeout(200)
     reached = []
-    for _ in range(6):
+    for _ in range(9):
         page.keyboard.press("Tab")
         reached.append(
             page.evaluate(
@@ -284,8 +286,224 @@ def test_every_control_is_focusable_with_a_visible_focus(shown):
                 }"""
             )
         )
-    names = ["Animated 3D model", "Play", "Time", "Mute", "Full screen"]
+    names = ["Animated 3D model", "Previous frame", "Play", "Next frame", "Time", "Speed", "Mute"]
+    names.append("Full screen")
     assert [one for one in reached if one] == [[name, True] for name in names]
+
+
+EVENTS = """(types) => {
+  window.told = [];
+  for (const type of types) player.addEventListener(type, () => told.push(type));
+}"""
+
+
+def test_play_waits_for_the_file(shown):
+    page = shown('<reel-player src="/slow.reel" loop></reel-player>', script=GATE)
+    page.evaluate(
+        """() => {
+          window.state = "pending";
+          player.play().then(() => (state = "playing"), ({ name }) => (state = name));
+        }"""
+    )
+    page.wait_for_timeout(200)
+    assert page.evaluate("[state, player.paused, player.readyState]") == ["pending", False, 0]
+    page.evaluate("release()")
+    until(page, "state === 'playing'")
+    assert page.evaluate("!player.mesh.isWaiting && player.mesh.isPlaying")
+    assert page.evaluate("player.play().then(() => 'playing')") == "playing"
+
+
+@pytest.mark.parametrize(
+    ("action", "name"),
+    [
+        ("player.pause()", "AbortError"),
+        ("player.src = '/flag.reel'", "AbortError"),
+        ("player.remove()", "AbortError"),
+        ("release()", "SourceError"),
+    ],
+)
+def test_play_is_rejected_when_it_cannot_start(shown, action, name):
+    page = shown('<reel-player src="/slow-missing.reel"></reel-player>', script=GATE)
+    page.evaluate("player.play().catch(({ name }) => (window.rejected = name)); 0")
+    page.wait_for_timeout(100)
+    page.evaluate(f"{action}; 0")
+    until(page, f"window.rejected === '{name}'")
+    assert page.evaluate("player.paused")
+
+
+def test_a_new_source_plays_when_play_follows_at_once(shown):
+    page = shown('<reel-player src="/flag.reel"></reel-player>')
+    settled(page)
+    page.evaluate("player.src = '/sheet.reel'; window.playing = player.play(); 0")
+    page.evaluate("playing")
+    assert page.evaluate("[player.file.info.nFrames, player.paused]") == [90, False]
+
+
+def test_bytes_are_played_in_place_of_an_address(shown):
+    page = shown('<reel-player src="/sheet.reel"></reel-player>')
+    settled(page)
+    page.evaluate("fetch('/flag.reel').then(async (one) => (player.srcObject = await one.blob()))")
+    until(page, "player.file && player.file.info.nFrames === 45")
+    page.evaluate("player.srcObject = null")
+    until(page, "player.file && player.file.info.nFrames === 90")
+
+
+def test_seeks_and_rates_are_reported_like_those_of_a_video(shown):
+    page = shown('<reel-player src="/flag.reel" loop></reel-player>')
+    settled(page)
+    page.evaluate(EVENTS, ["seeking", "seeked", "ratechange"])
+    page.evaluate("player.currentTime = 0.2")
+    until(page, "told.length === 2")
+    page.evaluate("player.seek({ frame: 44 })")  # in another block, unless it was loaded
+    until(page, "told.length === 4 && !player.seeking")
+    assert page.evaluate("told") == ["seeking", "seeked"] * 2
+    page.evaluate("player.playbackRate = 2")
+    until(page, "told.at(-1) === 'ratechange'")
+    found = page.evaluate("[player.playbackRate, player.speed, player.mesh.speed]")
+    assert found == [2, 2, 2]
+    assert "finite" in page.evaluate("(() => { try { player.playbackRate = NaN } catch (error) "
+                                     "{ return error.message } })()")  # fmt: skip
+
+
+def test_ready_state_and_buffered_times_tell_what_is_loaded(shown):
+    page = shown("<reel-player></reel-player>")
+    page.evaluate(EVENTS, ["progress"])
+    assert page.evaluate("[player.readyState, player.buffered.length]") == [0, 0]
+    page.evaluate("player.src = '/flag.reel'")
+    settled(page)
+    until(page, "told.length === 2")  # the current block and the next
+    assert page.evaluate("player.readyState === player.constructor.HAVE_ENOUGH_DATA")
+    start, end = page.evaluate("[player.buffered.start(0), player.buffered.end(0)]")
+    assert [start, end] == pytest.approx([0, 30 / 30])
+    with pytest.raises(Exception, match="IndexSizeError"):
+        page.evaluate("player.buffered.start(1)")
+
+
+def test_the_end_is_reported_until_playback_continues(shown):
+    page = shown('<reel-player src="/flag.reel" speed="4" autoplay></reel-player>')
+    until(page, "player.ended && player.paused")
+    page.evaluate("player.currentTime = 0")
+    assert page.evaluate("player.ended") is False
+
+
+def test_a_lazy_player_opens_its_file_near_the_viewport(shown):
+    body = '<div class="far"></div><reel-player src="/flag.reel" loading="lazy"></reel-player>'
+    page = shown("")
+    page.evaluate(
+        """(body) => {
+          const main = document.querySelector("main");
+          main.innerHTML = body;
+          main.firstChild.style.height = "5000px";
+          window.player = document.querySelector("reel-player");
+        }""",
+        body,
+    )
+    page.wait_for_timeout(400)
+    assert page.evaluate("[player.mesh, player.readyState]") == [None, 0]
+    page.evaluate("scrollTo(0, 4300)")  # the player is below the viewport, but near
+    until(page, "player.mesh && player.readyState === 1")
+    page.evaluate("player.scrollIntoView()")
+    settled(page)
+
+
+def test_the_bar_steps_frames_and_sets_the_speed(shown):
+    page = shown('<reel-player src="/flag.reel" controls loop autoplay></reel-player>')
+    until(page, "player.mesh && player.mesh.frame > 2")
+    player = page.locator("reel-player")
+    player.get_by_label("Next frame").click()
+    frame = page.evaluate("player.mesh.frame")
+    assert page.evaluate("player.paused")
+    player.get_by_label("Previous frame").click()
+    assert page.evaluate("player.mesh.frame") == frame - 1
+    page.evaluate("player.seek({ frame: 0 })")
+    player.get_by_label("Previous frame").click()
+    assert page.evaluate("player.mesh.frame") == 44
+    player.get_by_label("Speed").select_option("0.5")
+    assert page.evaluate("player.playbackRate") == 0.5
+    page.evaluate("player.playbackRate = 3")
+    until(page, "player.shadowRoot.querySelector('select').value === '3'")
+    page.evaluate("player.style.width = '400px'")
+    page.wait_for_timeout(200)
+    assert player.get_by_label("Next frame").is_hidden()
+    assert player.get_by_label("Time").bounding_box()["width"] > 100
+
+
+ORBIT = "Object.values(player.getCameraOrbit())"
+
+
+def test_the_camera_starts_where_its_attributes_say(shown):
+    page = shown(
+        '<reel-player src="/walk.reel" camera-orbit="90deg 60deg 20m" field-of-view="40deg"'
+        ' camera-target="701 auto auto" camera-controls></reel-player>'
+    )
+    settled(page)
+    assert page.evaluate(ORBIT) == pytest.approx([np.pi / 2, np.pi / 3, 20], rel=1e-4)
+    target = page.evaluate("[player.getCameraTarget(), player.getFieldOfView()]")
+    center = page.evaluate("player.file.info.center")
+    assert list(target[0].values()) == pytest.approx([701, *center[1:]], rel=1e-6)
+    assert target[1] == pytest.approx(40)
+    page.evaluate(EVENTS, ["camera-change"])
+    press(page, "canvas", "ArrowLeft")
+    until(page, "told.length")
+    assert page.evaluate(ORBIT)[0] != pytest.approx(np.pi / 2, abs=0.01)
+    page.evaluate("player.cameraOrbit = 'auto auto 200%'")
+    until(page, f"Math.abs({ORBIT}[0]) < 1e-6")
+    far = page.evaluate(ORBIT)[2]
+    page.evaluate("player.cameraOrbit = null")
+    until(page, f"{ORBIT}[2] < 0.51 * {far}")
+
+
+def test_the_camera_rotates_unless_motion_is_reduced(shown):
+    page = shown('<reel-player src="/flag.reel" auto-rotate></reel-player>')
+    settled(page)
+    until(page, f"{ORBIT}[0] > 0.1")
+    page.emulate_media(reduced_motion="reduce")
+    page.wait_for_timeout(200)
+    before = page.evaluate(ORBIT)
+    page.wait_for_timeout(300)
+    assert page.evaluate(ORBIT) == before
+
+
+def radiance_image(color):
+    """Return a panorama of one color as Radiance HDR: a row of runs, and flat rows."""
+    red, green, blue = color
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n"
+    packed = bytes([2, 2, 0, 8]) + b"".join(bytes([128 + 8, one]) for one in (*color, 128))
+    return head + packed + bytes([red, green, blue, 128]) * 24
+
+
+@pytest.mark.parametrize("name", ["/red.hdr", "/red.png"])
+def test_an_environment_image_lights_the_model(new_page, files, name):
+    stored = io.BytesIO()
+    Image.new("RGB", (8, 4), (255, 0, 0)).save(stored, "png")
+    images = {"/red.png": stored.getvalue(), "/red.hdr": radiance_image((255, 1, 1))}
+    with showing(new_page, {**files, **images}) as show:
+        page = show(f'<reel-player src="/flag.reel" environment-image="{name}"></reel-player>')
+        settled(page)
+        until(page, "player.mesh.parent.parent.parent.environment")
+        page.wait_for_timeout(400)
+        red, green, _ = picture(page).transpose(2, 0, 1)
+        assert ((red - green) > 60).mean() > 0.05
+        page.evaluate("player.environmentImage = 'neutral'")
+        page.wait_for_timeout(400)
+        red, green, _ = picture(page).transpose(2, 0, 1)
+        assert ((red - green) > 60).mean() < 0.001
+        page.evaluate("player.environmentImage = '/missing.hdr'")
+        until(page, "player.error")
+        assert "cannot load environment-image /missing.hdr" in text_of(page, "[role=alert]")
+
+
+def test_a_shadow_falls_on_the_floor(shown):
+    page = shown('<reel-player src="/walk.reel" camera-orbit="0deg 60deg 150%"></reel-player>')
+    settled(page)
+    before = picture(page)
+    page.evaluate("player.shadowIntensity = 0.8")
+    page.wait_for_timeout(500)
+    darker = before.min(axis=2) - picture(page).min(axis=2)
+    assert (darker > 20).mean() > 0.002
+    page.evaluate("player.shadowIntensity = 0")
+    page.wait_for_timeout(500)
+    assert np.abs(picture(page) - before).max() <= 2
 
 
 def test_reduced_motion_disables_autoplay(shown):

@@ -2,8 +2,20 @@
 
 import { type AttributeName, ATTRIBUTES } from "./settings.js";
 
-const BOOLEANS: readonly AttributeName[] = ["autoplay", "camera-controls", "controls", "muted"];
-const NUMBERS: readonly AttributeName[] = ["speed", "start-time", "start-frame", "texture-offset"];
+const BOOLEANS: readonly AttributeName[] = [
+  "autoplay",
+  "camera-controls",
+  "auto-rotate",
+  "controls",
+  "muted",
+];
+const NUMBERS: readonly AttributeName[] = [
+  "speed",
+  "start-time",
+  "start-frame",
+  "shadow-intensity",
+  "texture-offset",
+];
 
 /** Without a DOM, as in server-side rendering, importing the script must not fail. */
 const Element = typeof HTMLElement === "undefined" ? (class {} as typeof HTMLElement) : HTMLElement;
@@ -14,6 +26,8 @@ export abstract class PlayerAttributes extends Element {
   declare src: string | null;
   /** Text alternative: describes the animation. */
   declare alt: string | null;
+  /** "eager", the default, or "lazy": opens the file when the player is near the viewport. */
+  declare loading: string | null;
   /** Plays once the file is open, unless the user prefers reduced motion. */
   declare autoplay: boolean;
   /** Repeats: true or "repeat" from the start, "pingpong" forwards and backwards. */
@@ -28,7 +42,19 @@ export abstract class PlayerAttributes extends Element {
   declare interpolate: boolean;
   /** Enables rotating, panning and zooming. */
   declare cameraControls: boolean;
-  /** Shows a control bar: play, timeline, sound, full screen. */
+  /** Initial view: azimuth, angle from the vertical and distance, such as "30deg 75deg 105%". */
+  declare cameraOrbit: string | null;
+  /** Point that the camera looks at, in coordinates of the file, such as "0 1.5 0". */
+  declare cameraTarget: string | null;
+  /** Vertical field of view, such as "30deg", the default. */
+  declare fieldOfView: string | null;
+  /** Rotates the camera around the model, unless the user prefers reduced motion. */
+  declare autoRotate: boolean;
+  /** Address of an equirectangular image that lights the model, or "neutral". */
+  declare environmentImage: string | null;
+  /** Opacity of the shadow below the model, 0 to 1; 0 by default. */
+  declare shadowIntensity: number | null;
+  /** Shows a control bar: play, steps of a frame, timeline, speed, sound, full screen. */
   declare controls: boolean;
   /** The up axis of the file: "y", the default, or "z". */
   declare up: string | null;

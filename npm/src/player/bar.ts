@@ -1,6 +1,9 @@
-// The control bar of a player: play, timeline, sound, full screen.
+// The control bar of a player: play, steps of a frame, timeline, speed, sound, full screen.
 
 import { createElement, IconButton } from "./dom.js";
+
+/** Speeds in the menu. */
+const SPEEDS = [0.25, 0.5, 1, 2, 4];
 
 /** What the bar displays. */
 export interface BarState {
@@ -10,6 +13,7 @@ export interface BarState {
   /** In seconds. */
   readonly time: number;
   readonly duration: number;
+  readonly speed: number;
   /** Null if there is no sound. */
   readonly isMuted: boolean | null;
 }
@@ -17,6 +21,9 @@ export interface BarState {
 /** Callbacks for input of the user. */
 export interface BarActions {
   toggle(): void;
+  /** Pause, and move by a number of frames. */
+  step(nFrames: number): void;
+  setSpeed(speed: number): void;
   seek(frame: number): void;
   /** Called when the user grabs or releases the thumb of the timeline. */
   scrub(isScrubbing: boolean): void;
@@ -26,7 +33,12 @@ export interface BarActions {
 /** The control bar of a player. */
 export class Bar {
   readonly element: HTMLElement;
+  /** Whether the bar shows the number of the frame, besides the time. */
+  showsFrames = false;
+  readonly #previous: IconButton;
   readonly #play: IconButton;
+  readonly #next: IconButton;
+  readonly #speed = createElement("select", "speed");
   readonly #mute: IconButton;
   readonly #full: IconButton;
   readonly #range = createElement("input", "time");
@@ -37,7 +49,9 @@ export class Bar {
   /** @param host - the element that becomes full screen */
   constructor(host: HTMLElement, actions: BarActions) {
     this.#host = host;
-    this.#play = new IconButton("", "play", "Play", () => actions.toggle());
+    this.#previous = new IconButton("step", "previous", "Previous frame", () => actions.step(-1));
+    this.#play = new IconButton("play", "play", "Play", () => actions.toggle());
+    this.#next = new IconButton("step", "next", "Next frame", () => actions.step(1));
     this.#mute = new IconButton("", "loud", "Mute", () => actions.mute());
     this.#full = new IconButton("", "full", "Full screen", () => this.#toggleFull());
     this.#full.element.hidden = !document.fullscreenEnabled;
@@ -46,13 +60,22 @@ export class Bar {
     range.setAttribute("aria-label", "Time");
     range.addEventListener("input", () => actions.seek(Number(range.value)));
     range.addEventListener("pointerdown", () => actions.scrub(true));
+    const speed = this.#speed;
+    speed.title = "Speed";
+    speed.setAttribute("aria-label", "Speed");
+    speed.append(...SPEEDS.map(speedOption));
+    speed.value = "1";
+    speed.addEventListener("change", () => actions.setSpeed(Number(speed.value)));
     this.#text.setAttribute("aria-hidden", "true"); // the range announces the time
     this.element = createElement(
       "div",
       "bar",
+      this.#previous.element,
       this.#play.element,
+      this.#next.element,
       range,
       this.#text,
+      speed,
       this.#mute.element,
       this.#full.element,
     );
@@ -64,28 +87,55 @@ export class Bar {
     }
   }
 
+  /** Select the next higher or lower speed of the menu. */
+  changeSpeed(by: 1 | -1): void {
+    const speed = this.#speed;
+    const { length } = speed.options;
+    speed.selectedIndex = Math.min(Math.max(0, speed.selectedIndex + by), length - 1);
+    speed.dispatchEvent(new Event("change"));
+  }
+
+  /** Add a control at the end. */
+  add(element: HTMLElement): void {
+    this.#full.element.before(element);
+  }
+
   /** Display a state; null: no file is open. */
   show(state: BarState | null): void {
     const range = this.#range;
-    range.disabled = this.#play.element.disabled = state === null;
+    for (const { element } of [this.#previous, this.#play, this.#next]) element.disabled = !state;
+    range.disabled = state === null;
     this.#mute.element.hidden = state === null || state.isMuted === null;
     if (!state) {
       this.#text.textContent = "";
       return;
     }
-    const { isPlaying, frame, nFrames, time, duration, isMuted } = state;
+    const { isPlaying, frame, nFrames, time, duration, speed, isMuted } = state;
     this.#play.setAction(isPlaying ? "pause" : "play", isPlaying ? "Pause" : "Play");
     this.#mute.setAction(isMuted ? "muted" : "loud", isMuted ? "Unmute" : "Mute");
     range.max = String(nFrames - 1);
     range.value = String(frame);
     const words = `${time.toFixed(1)} of ${duration.toFixed(1)} seconds, frame ${frame}`;
     range.setAttribute("aria-valuetext", words);
-    this.#text.textContent = `${formatTime(time)} / ${formatTime(duration)}`;
+    const times = `${formatTime(time)} / ${formatTime(duration)}`;
+    this.#text.textContent = this.showsFrames ? `${frame} / ${nFrames - 1} · ${times}` : times;
+    this.#showSpeed(speed);
   }
 
   dispose(): void {
     this.#listeners.abort();
     this.element.remove();
+  }
+
+  #showSpeed(speed: number): void {
+    const select = this.#speed;
+    const value = String(speed);
+    if (select.value === value) return;
+    const options = [...select.options];
+    const isListed = options.some((option) => option.value === value);
+    const faster = options.find((option) => Number(option.value) > speed) ?? null;
+    if (!isListed) select.add(speedOption(speed), faster);
+    select.value = value;
   }
 
   #toggleFull(): void {
@@ -98,6 +148,10 @@ export class Bar {
     const isFull = this.#host.matches(":fullscreen");
     this.#full.setAction(isFull ? "small" : "full", isFull ? "Leave full screen" : "Full screen");
   }
+}
+
+function speedOption(speed: number): HTMLOptionElement {
+  return new Option(`${speed}×`, String(speed));
 }
 
 /** Format a time as minutes, seconds and tenths. */

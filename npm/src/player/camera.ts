@@ -1,38 +1,68 @@
 // The camera of a player and its controls.
 
-import { PerspectiveCamera, Vector3 } from "three";
+import { MathUtils, PerspectiveCamera, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import type { HalfExtents } from "./half_extents.js";
-
-/** Vertical field of view, in degrees. */
-const FOV = 30;
-
-/** Direction from the model to the initial camera: slightly above. */
-const VIEW_DIRECTION = new Vector3(0, 0.2, 1).normalize();
-
 /** Fraction of the canvas that the model fills; the rest is a margin. */
-const FILL_RATIO = 0.95;
+const FILL_RATIO = 0.93;
 
 /** Rotation in radians, and zoom factor, of a key press. */
 const ROTATION_STEP = Math.PI / 18;
 const ZOOM_FACTOR = 1.15;
 
 /** Limits of the distance, relative to the one that frames the model. */
-const [MIN_DISTANCE, MAX_DISTANCE] = [0.1, 4];
+const [MIN_DISTANCE, MAX_DISTANCE] = [0.02, 10];
 
-/** A camera that frames a box around the origin and orbits around it. */
+/** Angles from the vertical below which the direction to the right would be undefined. */
+const MIN_PHI = 1e-3;
+
+/** Rotation without user input, in radians per second, and the pause after user input. */
+const AUTO_ROTATION = Math.PI / 6;
+const AUTO_ROTATION_DELAY_MS = 3000;
+
+/** The initial view. */
+export interface CameraPose {
+  /** Azimuth, and angle from the vertical, in radians. */
+  readonly theta: number;
+  readonly phi: number;
+  /** Distance to the target in model units; null: as close as all points are in view. */
+  readonly distance: number | null;
+  /** Factor of that closest distance. */
+  readonly zoom: number;
+  /** The point that stays in the middle; null: such that the points fill the view. */
+  readonly target: Vector3 | null;
+  /** Vertical field of view, in degrees. */
+  readonly fieldOfView: number;
+}
+
+/** Where the camera is, relative to the point that it orbits. */
+export interface CameraOrbit {
+  /** Azimuth in radians. */
+  readonly theta: number;
+  /** Angle from the vertical in radians. */
+  readonly phi: number;
+  /** Distance in model units. */
+  readonly radius: number;
+}
+
+/** A camera that frames points and orbits around them, with y up. */
 export class PlayerCamera {
-  readonly camera = new PerspectiveCamera(FOV);
+  readonly camera = new PerspectiveCamera();
+  /** The point that the camera orbits. */
+  readonly target = new Vector3();
   readonly #canvas: HTMLCanvasElement;
-  readonly #onChange: () => void;
+  readonly #onChange: (isByUser: boolean) => void;
   readonly #listeners = new AbortController();
   #controls: OrbitControls | null = null;
-  #extents: HalfExtents = [1, 1, 1];
+  #points: readonly Vector3[] = [new Vector3()];
+  #pose: CameraPose = { theta: 0, phi: Math.PI / 2, distance: null, zoom: 1, target: null, fieldOfView: 30 };
   #isUserControlled = false;
+  /** Azimuth by which the camera has rotated on its own. */
+  #turn = 0;
+  #lastInputMs = -Infinity;
 
-  /** @param onChange - called when the user moves the camera */
-  constructor(canvas: HTMLCanvasElement, onChange: () => void) {
+  /** @param onChange - called when the camera moves */
+  constructor(canvas: HTMLCanvasElement, onChange: (isByUser: boolean) => void) {
     this.#canvas = canvas;
     this.#onChange = onChange;
     // The wheel scrolls the page, unless the canvas has the focus or Ctrl (Cmd) is pressed.
@@ -55,35 +85,46 @@ export class PlayerCamera {
     }
     const controls = new OrbitControls(this.camera, this.#canvas);
     this.#canvas.style.touchAction = "pan-y"; // vertical swipes scroll the page
-    this.#limitDistance(controls);
-    controls.addEventListener("change", this.#onChange);
-    controls.addEventListener("start", () => {
-      this.#isUserControlled = true;
-    });
+    controls.zoomToCursor = true;
+    controls.target = this.target;
     this.#controls = controls;
+    this.#limitDistance();
+    controls.addEventListener("change", () => this.#onChange(this.#isUserControlled));
+    controls.addEventListener("start", () => this.#takeInput());
+    controls.addEventListener("end", () => this.#takeInput());
   }
 
-  /** Frame a box around the origin, with y up. */
-  fit(extents: HalfExtents): void {
-    this.#extents = extents;
-    const radius = Math.hypot(...extents);
-    this.camera.near = radius / 100;
-    this.camera.far = 100 * radius;
+  /** Where the camera is. */
+  get orbit(): CameraOrbit {
+    const { x, y, z } = this.camera.position.clone().sub(this.target);
+    const radius = Math.hypot(x, y, z);
+    return { theta: Math.atan2(x, z), phi: Math.acos(MathUtils.clamp(y / radius, -1, 1)), radius };
+  }
+
+  /** Frame points from an initial view, by default that of the last call. */
+  frame(points: readonly Vector3[], pose = this.#pose): void {
+    [this.#points, this.#pose, this.#turn] = [points, pose, 0];
     this.reset();
+  }
+
+  /** Distance from the point that the camera would orbit if it framed these points. */
+  distanceTo(points: readonly Vector3[]): number {
+    const { eye, target } = this.#framing(points);
+    return eye.distanceTo(target);
   }
 
   /** Return to the initial view. */
   reset(): void {
     this.#isUserControlled = false;
-    this.camera.position.copy(VIEW_DIRECTION).multiplyScalar(this.#distance);
-    this.camera.updateProjectionMatrix();
-    this.camera.lookAt(0, 0, 0);
-    if (this.#controls) {
-      this.#limitDistance(this.#controls);
-      this.#controls.target.set(0, 0, 0);
-      this.#controls.update();
-    }
-    this.#onChange();
+    const { camera } = this;
+    const { eye, target } = this.#framing(this.#points);
+    camera.position.copy(eye);
+    this.target.copy(target);
+    camera.lookAt(target);
+    camera.updateMatrixWorld();
+    this.#limitDistance();
+    this.#controls?.update();
+    this.#onChange(false);
   }
 
   /** Set the aspect ratio; a view that the user has chosen is kept. */
@@ -91,6 +132,25 @@ export class PlayerCamera {
     this.camera.aspect = aspect;
     if (this.#isUserControlled) this.camera.updateProjectionMatrix();
     else this.reset();
+  }
+
+  /** Rotate around the model, unless the user has just moved the camera. */
+  autoRotate(seconds: number): void {
+    if (performance.now() - this.#lastInputMs < AUTO_ROTATION_DELAY_MS) return;
+    const angle = AUTO_ROTATION * seconds;
+    this.#turn += angle;
+    const { position } = this.camera;
+    position.sub(this.target).applyAxisAngle(this.camera.up, angle).add(this.target);
+    this.camera.lookAt(this.target);
+    this.#onChange(false);
+  }
+
+  /** Set the near and the far plane around a sphere. */
+  setDepthRange(center: Vector3, radius: number): void {
+    const distance = this.camera.position.distanceTo(center);
+    this.camera.near = Math.max(distance - radius, radius * 1e-3);
+    this.camera.far = distance + radius;
+    this.camera.updateProjectionMatrix();
   }
 
   /** Apply a key press; returns false if the key does not move the camera. */
@@ -107,7 +167,7 @@ export class PlayerCamera {
       "0": () => this.reset(),
     };
     if (!(key in moves)) return false;
-    this.#isUserControlled = key !== "0";
+    if (key !== "0") this.#takeInput();
     moves[key]();
     return true;
   }
@@ -117,22 +177,76 @@ export class PlayerCamera {
     this.hasControls = false;
   }
 
-  /** Distance at which the box fills the canvas: the smallest one that shows all of its corners. */
-  get #distance(): number {
-    const upwards = FILL_RATIO * Math.tan((FOV * Math.PI) / 360);
-    const sideways = upwards * this.camera.aspect;
-    const [x, y, z] = this.#extents;
-    const corners = [y, -y].flatMap((y) => [z, -z].map((z) => [y, z]));
-    const distances = corners.map(([y, z]) => {
-      const nearer = y * VIEW_DIRECTION.y + z * VIEW_DIRECTION.z;
-      const higher = Math.abs(y * VIEW_DIRECTION.z - z * VIEW_DIRECTION.y);
-      return nearer + Math.max(x / sideways, higher / upwards);
-    });
-    return Math.max(...distances);
+  #takeInput(): void {
+    this.#isUserControlled = true;
+    this.#lastInputMs = performance.now();
   }
 
-  #limitDistance(controls: OrbitControls): void {
-    controls.minDistance = MIN_DISTANCE * this.#distance;
-    controls.maxDistance = MAX_DISTANCE * this.#distance;
+  #limitDistance(): void {
+    if (!this.#controls) return;
+    const { eye, target } = this.#framing(this.#points);
+    const distance = eye.distanceTo(target);
+    this.#controls.minDistance = MIN_DISTANCE * distance;
+    this.#controls.maxDistance = MAX_DISTANCE * distance;
   }
+
+  /** Compute the initial view of points. */
+  #framing(points: readonly Vector3[]): { eye: Vector3; target: Vector3 } {
+    const { theta, phi, distance, zoom, target, fieldOfView } = this.#pose;
+    this.camera.fov = fieldOfView;
+    this.camera.updateProjectionMatrix();
+    const polar = MathUtils.clamp(phi, MIN_PHI, Math.PI - MIN_PHI);
+    const back = new Vector3().setFromSphericalCoords(1, polar, theta + this.#turn);
+    const right = new Vector3().crossVectors(this.camera.up, back).normalize();
+    const up = new Vector3().crossVectors(back, right);
+    const slopeY = FILL_RATIO * Math.tan(MathUtils.degToRad(fieldOfView / 2));
+    const slopes = { right: slopeY * this.camera.aspect, up: slopeY };
+    const center = target ?? middleOf(points);
+    const local = points.map((point) => {
+      const offset = point.clone().sub(center);
+      return { right: offset.dot(right), up: offset.dot(up), depth: offset.dot(back) };
+    });
+    const [x, y] = (["right", "up"] as const).map((axis) => visibleFrom(local, axis, slopes[axis]));
+    const nearest = Math.max(...local.map((point) => point.depth));
+    const farthest = Math.min(...local.map((point) => point.depth));
+    const clearance = nearest + (0.05 * (nearest - farthest) || 1);
+    const aim = target ?? center.clone().addScaledVector(right, x.middle).addScaledVector(up, y.middle);
+    const centered = target ? Math.max(x.centered, y.centered) : Math.max(x.depth, y.depth);
+    const closest = Math.max(centered, clearance);
+    const eye = aim.clone().addScaledVector(back, distance ?? zoom * closest);
+    return { eye, target: aim };
+  }
+}
+
+/** Middle of the bounding box of points. */
+function middleOf(points: readonly Vector3[]): Vector3 {
+  const low = points.reduce((least, point) => least.min(point), points[0].clone());
+  const high = points.reduce((most, point) => most.max(point), points[0].clone());
+  return low.add(high).multiplyScalar(0.5);
+}
+
+interface LocalPoint {
+  readonly right: number;
+  readonly up: number;
+  /** Along the axis from the target to the camera. */
+  readonly depth: number;
+}
+
+/**
+ * Where the camera must be so that points are in view along one axis. A point is in view of a camera
+ * at `middle` and `depth` if |p - middle| <= slope (depth - p.depth): each side of the view gives one
+ * maximum over all points. `centered` is the depth of a camera in the middle of the axis.
+ */
+function visibleFrom(
+  points: readonly LocalPoint[],
+  axis: "right" | "up",
+  slope: number,
+): { middle: number; depth: number; centered: number } {
+  const upper = Math.max(...points.map((point) => point[axis] + slope * point.depth));
+  const lower = Math.max(...points.map((point) => -point[axis] + slope * point.depth));
+  return {
+    middle: (upper - lower) / 2,
+    depth: (upper + lower) / (2 * slope),
+    centered: Math.max(upper, lower) / slope,
+  };
 }

@@ -1,15 +1,20 @@
 // The element <reel-player>.
 
+import { Vector3 } from "three";
+
 import { InvalidInputError } from "../errors.js";
 import { ReelMesh } from "../three/reel_mesh.js";
 import type { FrameRange } from "../three/clock.js";
+import type { SourceInput } from "../source/open.js";
 import type { OpenReel, OpenSegments } from "../types.js";
 import { PlayerAttributes } from "./attributes.js";
 import { Bar, type BarState } from "./bar.js";
 import { Legend } from "./legend.js";
 import { Messages } from "./messages.js";
+import type { CameraOrbit } from "./camera.js";
 import { createElement, IconButton } from "./dom.js";
-import { type HalfExtents, estimateHalfExtents } from "./half_extents.js";
+import { loadEnvironmentImage } from "./environment_image.js";
+import { type HalfExtents, boxCorners, estimateHalfExtents } from "./half_extents.js";
 import { ATTRIBUTES, type PlayerSettings, parseSettings } from "./settings.js";
 import { openShared } from "./shared_reels.js";
 import { playerStyleSheet } from "./style_sheet.js";
@@ -23,6 +28,27 @@ const APPEARANCE_KEYS = [
   ...["texture", "kind", "offset", "frameNumber"],
   ...["track", "component", "range", "map"],
 ] as (keyof PlayerSettings)[];
+
+/** Settings of the view: a change frames the model again. */
+const VIEW_KEYS = ["up", "camera", "autoRotate"] as const;
+
+/** Distance to the viewport at which a player with `loading="lazy"` opens its file. */
+const LAZY_MARGIN = "400px";
+
+/** States of `readyState`, as of media elements. */
+const READY_STATES = {
+  HAVE_NOTHING: 0,
+  HAVE_METADATA: 1,
+  HAVE_CURRENT_DATA: 2,
+  HAVE_FUTURE_DATA: 3,
+  HAVE_ENOUGH_DATA: 4,
+} as const;
+
+/** A pending promise of `play`. */
+interface PlayRequest {
+  resolve(): void;
+  reject(error: Error): void;
+}
 
 /** An error and the conditions that clear it. */
 interface Failure {
@@ -48,14 +74,18 @@ interface Ui {
 /**
  * The element `<reel-player>`: opens a `.reel` file and plays it.
  *
- * Attributes, which are also properties: `src`, `alt`, `autoplay`, `loop` (or
+ * Attributes, which are also properties: `src`, `alt`, `loading`, `autoplay`, `loop` (or
  * `loop="pingpong"`), `speed`, `start-time` or `start-frame`, `interpolate`, `camera-controls`,
- * `controls`, `up`, `background`, `poster`, `texture`, `texture-kind`, `texture-offset`,
- * `frame-number`, `muted`, `track`, `track-component`, `track-range` and `track-colormap`. All of
- * them may change at any time.
+ * `camera-orbit`, `camera-target`, `field-of-view`, `auto-rotate`, `environment-image`,
+ * `shadow-intensity`, `controls`, `up`, `background`, `poster`, `texture`, `texture-kind`,
+ * `texture-offset`, `frame-number`, `muted`, `track`, `track-component`, `track-range` and
+ * `track-colormap`. All of them may change at any time.
  *
- * Events, which do not bubble: `load` (the file is open), `play`, `pause`, `timeupdate` (another
- * frame is shown), `waiting`, `playing`, `ended`, `warning` (a `CustomEvent` whose `detail` has the
+ * Properties and methods have the names of `<video>` and `<model-viewer>` where these have them.
+ *
+ * Events, which do not bubble: `load` (the file is open), `progress` (frames were loaded), `play`,
+ * `pause`, `timeupdate` (another frame is shown), `waiting`, `playing`, `seeking`, `seeked`,
+ * `ratechange`, `ended`, `camera-change`, `warning` (a `CustomEvent` whose `detail` has the
  * `message`) and `error` (an `ErrorEvent`). The element also displays errors until they are
  * resolved. Failed requests are retried when the browser is back online, or when the user presses
  * "Try again".
@@ -64,6 +94,11 @@ interface Ui {
  */
 export class ReelPlayerElement extends PlayerAttributes {
   static readonly observedAttributes = ATTRIBUTES;
+  static readonly HAVE_NOTHING = READY_STATES.HAVE_NOTHING;
+  static readonly HAVE_METADATA = READY_STATES.HAVE_METADATA;
+  static readonly HAVE_CURRENT_DATA = READY_STATES.HAVE_CURRENT_DATA;
+  static readonly HAVE_FUTURE_DATA = READY_STATES.HAVE_FUTURE_DATA;
+  static readonly HAVE_ENOUGH_DATA = READY_STATES.HAVE_ENOUGH_DATA;
   readonly #stage = createElement("div", "stage");
   #ui: Ui | null = null;
   #settings: PlayerSettings | null = null;
@@ -72,6 +107,17 @@ export class ReelPlayerElement extends PlayerAttributes {
   /** Releases the file, which other players may share. */
   #release: (() => void) | null = null;
   #extents: HalfExtents = [1, 1, 1];
+  #srcObject: Exclude<SourceInput, string | URL> | null = null;
+  /** What is open or opening: an address or an object. */
+  #openedSource: SourceInput | null = null;
+  /** Waits until the player is near the viewport; null unless a lazy file is to be opened. */
+  #lazyObserver: IntersectionObserver | null = null;
+  #environmentRequest: AbortController | null = null;
+  /** Whether `play` was called before the file is open. */
+  #isPlayPending = false;
+  #playRequests: PlayRequest[] = [];
+  #isSeeking = false;
+  #hasEnded = false;
   #isRefreshing = false;
   #wasPlaying = false;
   /** Whether the last attributes were invalid. */
@@ -129,19 +175,84 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   /** Whether playback is paused; false while it is only suspended because it is off-screen. */
   get paused(): boolean {
-    return !this.#isPlaying;
+    return !this.#isPlaying && !this.#isPlayPending;
+  }
+
+  /** Whether playback has reached the end and has not been continued. */
+  get ended(): boolean {
+    return this.#hasEnded;
+  }
+
+  /** Whether the picture of a seek is still being loaded. */
+  get seeking(): boolean {
+    return this.#isSeeking;
+  }
+
+  /** Playback rate; negative values play backwards. The attribute `speed` reflects it. */
+  get playbackRate(): number {
+    return this.speed ?? 1;
+  }
+
+  set playbackRate(rate: number) {
+    if (!Number.isFinite(rate)) {
+      throw new InvalidInputError(`playbackRate must be a finite number; got ${rate}`);
+    }
+    this.speed = rate;
   }
 
   /**
-   * Play from the current time, or from the start if the end was reached.
-   *
-   * @throws InvalidInputError before the file is open: wait for the event `load`.
+   * What is loaded: nothing (0), metadata (1), the current picture (2), the next one too (3), or
+   * the frames that playback needs for the time being (4).
    */
-  play(): void {
-    const mesh = this.#requireMesh();
-    if (this.#canPlay) mesh.play();
-    else this.#isSuspended = true;
-    this.#updateUi();
+  get readyState(): number {
+    const mesh = this.#mesh;
+    if (!mesh) return READY_STATES.HAVE_NOTHING;
+    const loaded = mesh.buffered.find(({ start, nFrames }) => {
+      return mesh.frame >= start && mesh.frame < start + nFrames;
+    });
+    if (mesh.isWaiting || !loaded) return READY_STATES.HAVE_METADATA;
+    if (!mesh.isLoading) return READY_STATES.HAVE_ENOUGH_DATA;
+    const hasNext = mesh.frame < loaded.start + loaded.nFrames - 1;
+    return hasNext ? READY_STATES.HAVE_FUTURE_DATA : READY_STATES.HAVE_CURRENT_DATA;
+  }
+
+  /** Times in memory, which are shown without waiting. */
+  get buffered(): TimeRanges {
+    const { buffered, duration, nFrames } = this.#mesh ?? { buffered: [], duration: 0, nFrames: 1 };
+    return timeRanges(buffered, duration / nFrames);
+  }
+
+  /** A blob, a response or bytes to play in place of `src`; null: none. */
+  get srcObject(): Exclude<SourceInput, string | URL> | null {
+    return this.#srcObject;
+  }
+
+  set srcObject(source: Exclude<SourceInput, string | URL> | null) {
+    this.#srcObject = source;
+    this.attributeChangedCallback();
+  }
+
+  /**
+   * Play from the current time, or from the start if the end was reached; before the file is open,
+   * as soon as it is.
+   *
+   * @returns Resolves when playback has started. Rejected with the error of the file, with an
+   *   `AbortError` by `pause` and by a change of `src`, and with a `NotAllowedError` if the browser
+   *   blocks the sound of a video.
+   */
+  play(): Promise<void> {
+    if (this.#isRefreshing && this.#ui) this.#refresh(); // `src` may have just been set
+    return new Promise((resolve, reject) => {
+      this.#playRequests.push({ resolve, reject });
+      this.#hasEnded = false;
+      if (!this.#mesh) {
+        this.#isPlayPending = true;
+        const isFailed = this.#failure && !this.#loading;
+        if (isFailed) this.#rejectPlay((this.#failure as Failure).error);
+      } else if (this.#canPlay) this.#mesh.play();
+      else this.#isSuspended = true;
+      this.#updateUi();
+    });
   }
 
   /** Pause. Before the file is open this removes `autoplay`. */
@@ -149,6 +260,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#isSuspended = false;
     if (this.#mesh) this.#mesh.pause();
     else this.autoplay = false;
+    this.#rejectPlay(new DOMException("playback was paused", "AbortError"));
     this.#updateUi();
   }
 
@@ -159,12 +271,34 @@ export class ReelPlayerElement extends PlayerAttributes {
    */
   seek(to: number | { frame: number }): void {
     this.#requireMesh().seek(to);
+    this.#hasEnded = false;
+    this.#isSeeking = true;
+    this.#dispatchLater("seeking");
     this.#updateUi();
   }
 
   /** Return the camera to its initial view. */
   resetCamera(): void {
     this.#ui?.view.camera.reset();
+  }
+
+  /** Return where the camera is relative to its target: angles in radians, distance in model units. */
+  getCameraOrbit(): CameraOrbit {
+    return this.#ui?.view.camera.orbit ?? { theta: 0, phi: 0, radius: 0 };
+  }
+
+  /** Return the point that the camera looks at, in coordinates of the file. */
+  getCameraTarget(): { x: number; y: number; z: number } {
+    const { view } = this.#ui ?? {};
+    if (!view || !this.#mesh) return { x: 0, y: 0, z: 0 };
+    const [x, y, z] = this.#mesh.file.info.center;
+    const point = view.model.worldToLocal(view.camera.target.clone());
+    return { x: point.x + x, y: point.y + y, z: point.z + z };
+  }
+
+  /** Return the vertical field of view in degrees. */
+  getFieldOfView(): number {
+    return this.#ui?.view.camera.camera.fov ?? NaN;
   }
 
   connectedCallback(): void {
@@ -207,12 +341,20 @@ export class ReelPlayerElement extends PlayerAttributes {
   #build(): void {
     const view = new View(this.#stage, {
       hasPicture: () => !!this.#mesh && !this.#mesh.isWaiting,
-      isAnimating: () => !!this.#mesh && (this.#mesh.isPlaying || this.#mesh.isWaiting),
+      isAnimating: () => {
+        const mesh = this.#mesh;
+        return !!mesh && (mesh.isPlaying || mesh.isWaiting || this.#isAutoRotating);
+      },
       advance: (seconds) => {
+        if (this.#isAutoRotating) view.camera.autoRotate(seconds);
         this.#mesh?.update(seconds);
         this.#updateUi();
       },
       onVisibilityChange: () => this.#onVisibilityChange(),
+      onCameraChange: (isByUser) => {
+        const detail = { source: isByUser ? "user-interaction" : "none" };
+        this.dispatchEvent(new CustomEvent("camera-change", { detail }));
+      },
       onError: (error) => this.#reportError(error),
       onContextLost: (error) => this.#reportError(error, { isContextLoss: true }),
       onContextRestored: () => {
@@ -222,6 +364,10 @@ export class ReelPlayerElement extends PlayerAttributes {
     const bar = new Bar(this, {
       toggle: () => this.#toggle(),
       seek: (frame) => this.seek({ frame }),
+      step: (nFrames) => this.#step(nFrames),
+      setSpeed: (speed) => {
+        this.playbackRate = speed;
+      },
       scrub: (isHeld) => {
         if (isHeld === this.#isScrubbing) return;
         this.#isScrubbing = isHeld;
@@ -249,8 +395,12 @@ export class ReelPlayerElement extends PlayerAttributes {
     if (!this.#ui) return;
     const { view, bar } = this.#ui;
     this.#listeners.abort();
+    this.#lazyObserver?.disconnect();
+    this.#lazyObserver = null;
+    this.#environmentRequest?.abort();
     this.#isScrubbing = false;
     this.#close();
+    this.#openedSource = null;
     bar.dispose();
     view.dispose();
     this.#stage.replaceChildren();
@@ -280,27 +430,61 @@ export class ReelPlayerElement extends PlayerAttributes {
       if (next.poster === null) poster.removeAttribute("src");
       else poster.src = next.poster;
     }
-    if (!last || last.src !== next.src) {
+    if (last?.environmentImage !== next.environmentImage) void this.#loadEnvironment(next);
+    const source = this.#srcObject ?? next.src;
+    if (!last || source !== this.#openedSource) {
       this.#clearError();
-      void this.#open(next);
-    } else if (this.#mesh) {
+      this.#openedSource = source;
+      if (next.loading === "lazy" && source !== null) this.#openWhenNear();
+      else void this.#open(next);
+    } else if (next.loading === "eager" && this.#lazyObserver) void this.#open(next);
+    else if (this.#mesh) {
       this.#applySettings(this.#mesh, next);
-      if (last.up !== next.up) this.#frameModel(next);
+      if (VIEW_KEYS.some((name) => !isEqual(last[name], next[name]))) this.#frameModel(next);
       if (APPEARANCE_KEYS.some((name) => !isEqual(last[name], next[name]))) {
         void this.#applyAppearance(this.#mesh, next);
       }
     }
+    if (last && last.speed !== next.speed) this.dispatchEvent(new Event("ratechange"));
     this.#updateUi();
+  }
+
+  /** Open the file when the player is near the viewport. */
+  #openWhenNear(): void {
+    this.#close();
+    const open = ([...entries]: IntersectionObserverEntry[]): void => {
+      if (entries.some((entry) => entry.isIntersecting) && this.#settings) void this.#open(this.#settings);
+    };
+    this.#lazyObserver = new IntersectionObserver(open, { rootMargin: LAZY_MARGIN });
+    this.#lazyObserver.observe(this);
+  }
+
+  async #loadEnvironment({ environmentImage }: PlayerSettings): Promise<void> {
+    this.#environmentRequest?.abort();
+    const { signal } = (this.#environmentRequest = new AbortController());
+    let panorama = null;
+    try {
+      const isAddress = environmentImage !== null && environmentImage !== "neutral";
+      panorama = isAddress ? await loadEnvironmentImage(environmentImage, signal) : environmentImage;
+    } catch (error) {
+      if (signal.aborted) return;
+      const retry = () => this.#settings && void this.#loadEnvironment(this.#settings);
+      return this.#reportError(error as Error, { retry });
+    }
+    if (signal.aborted || !this.#ui) return;
+    this.#ui.view.setEnvironment(panorama as Parameters<View["setEnvironment"]>[0]);
+    if (this.#mesh) this.#ui.view.setLights(this.#mesh);
   }
 
   async #open(settings: PlayerSettings): Promise<void> {
     this.#close();
-    if (settings.src === null) return;
+    const source = this.#openedSource;
+    if (source === null) return;
     const { signal } = (this.#loading = new AbortController());
     this.#updateUi();
     let mesh: ReelMesh;
     try {
-      const { file, release } = await openShared(settings.src, signal);
+      const { file, release } = await openShared(source, signal);
       if (signal.aborted) return release();
       this.#release = release;
       // Errors of frames are reported when they are shown.
@@ -315,6 +499,7 @@ export class ReelPlayerElement extends PlayerAttributes {
       this.#releaseReel();
       this.#loading = null;
       const retry = () => this.#settings && void this.#open(this.#settings);
+      this.#rejectPlay(error as Error);
       return this.#reportError(error as Error, { retry });
     }
     this.#loading = null;
@@ -322,10 +507,10 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#showMesh(mesh, this.#settings);
     this.dispatchEvent(new Event("load"));
     await this.#applyAppearance(mesh, this.#settings);
-    if (this.#mesh !== mesh || !this.#settings?.autoplay) return;
-    this.#isAutoplayBlocked = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (this.#mesh !== mesh || this.#isPlaying || !this.#settings?.autoplay) return;
+    this.#isAutoplayBlocked = prefersReducedMotion();
     if (this.#isAutoplayBlocked) this.#updateUi();
-    else this.play();
+    else this.#start();
   }
 
   #showMesh(mesh: ReelMesh, settings: PlayerSettings): void {
@@ -337,25 +522,46 @@ export class ReelPlayerElement extends PlayerAttributes {
     view.add(mesh);
     this.#frameModel(settings);
     if (view.renderer) mesh.setRenderer(view.renderer);
+    if (this.#isPlayPending) {
+      this.#isPlayPending = false;
+      if (this.#canPlay) mesh.play();
+      else this.#isSuspended = true;
+    }
     this.#updateUi();
   }
 
-  /** Frame the model. */
-  #frameModel({ up }: PlayerSettings): void {
+  /** Frame the model in the initial view. */
+  #frameModel({ up, camera, autoRotate, shadowIntensity }: PlayerSettings): void {
+    const { view } = this.#ui as Ui;
+    view.world.rotation.x = up === "z" ? -Math.PI / 2 : 0;
+    view.world.updateMatrixWorld();
     const [x, y, z] = this.#extents;
-    this.#ui?.view.camera.fit(up === "z" ? [x, z, y] : [x, y, z]);
+    const extents: HalfExtents = up === "z" ? [x, z, y] : [x, y, z];
+    view.setShadow(shadowIntensity, extents);
+    // While it rotates, all of a cylinder must stay in view.
+    const side = Math.hypot(extents[0], extents[2]);
+    const framed = autoRotate ? boxCorners([side, extents[1], side]) : boxCorners(extents);
+    view.camera.frame(framed, { ...camera, target: this.#worldTarget(camera.target) });
+  }
+
+  /** Convert `camera-target` to the coordinates of the view; null if it is the center of the model. */
+  #worldTarget(target: readonly (number | null)[]): Vector3 | null {
+    const { center } = (this.#mesh as ReelMesh).file.info;
+    if (target.every((one) => one === null)) return null;
+    const offsets = target.map((one, axis) => (one === null ? 0 : one - center[axis]));
+    return new Vector3(...offsets).applyMatrix4((this.#ui as Ui).view.world.matrixWorld);
   }
 
   /** Apply the playback settings to a mesh. */
-  #applySettings(mesh: ReelMesh, { loop, speed, interpolate, up, muted }: PlayerSettings): void {
+  #applySettings(mesh: ReelMesh, settings: PlayerSettings): void {
+    const { loop, speed, interpolate, muted, shadowIntensity } = settings;
     try {
       Object.assign(mesh, { loop, speed, interpolate });
     } catch (error) {
       this.#reportError(error as Error);
     }
-    mesh.rotation.x = up === "z" ? -Math.PI / 2 : 0;
     if (mesh.video) mesh.video.muted = muted;
-    this.#ui?.view.invalidate();
+    this.#ui?.view.setShadow(shadowIntensity);
   }
 
   async #applyAppearance(mesh: ReelMesh, settings: PlayerSettings): Promise<void> {
@@ -390,8 +596,9 @@ export class ReelPlayerElement extends PlayerAttributes {
       this.#updateUi();
       this.dispatchEvent(new Event("timeupdate"));
     });
-    for (const type of ["waiting", "playing", "ended"] as const) {
+    for (const type of ["waiting", "playing", "ended", "progress"] as const) {
       mesh.addEventListener(type, () => {
+        if (type === "ended") this.#hasEnded = true;
         this.#updateUi();
         this.dispatchEvent(new Event(type));
       });
@@ -399,6 +606,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     mesh.addEventListener("warning", ({ message }) => {
       console.warn(`<reel-player>: ${message}`);
       this.#isAutoplayBlocked = !mesh.isPlaying;
+      if (!mesh.isPlaying) this.#rejectPlay(new DOMException(message, "NotAllowedError"));
       this.#updateUi();
       this.dispatchEvent(new CustomEvent("warning", { detail: { message } }));
     });
@@ -413,10 +621,15 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   /** Close the file, or cancel opening it. */
   #close(): void {
+    const mesh = this.#mesh;
+    if (mesh || this.#loading) {
+      this.#rejectPlay(new DOMException("the file was replaced or removed", "AbortError"));
+    }
+    this.#lazyObserver?.disconnect();
+    this.#lazyObserver = null;
     this.#loading?.abort();
     this.#loading = null;
-    this.#isSuspended = this.#isAutoplayBlocked = false;
-    const mesh = this.#mesh;
+    this.#isSuspended = this.#isAutoplayBlocked = this.#isSeeking = this.#hasEnded = false;
     this.#mesh = null;
     if (mesh) {
       this.#ui?.legend.show(null);
@@ -486,7 +699,47 @@ export class ReelPlayerElement extends PlayerAttributes {
   #toggle(): void {
     if (!this.#mesh) return;
     if (this.#isPlaying) this.pause();
-    else this.play();
+    else this.#start();
+  }
+
+  /** Play; what prevents it is displayed. */
+  #start(): void {
+    this.play().catch(() => {});
+  }
+
+  /** Pause, and move by a number of frames; while looping, past the end to the start. */
+  #step(nFrames: number): void {
+    const mesh = this.#requireMesh();
+    this.pause();
+    const { start, nFrames: count } = mesh.range ?? { start: 0, nFrames: mesh.nFrames };
+    const offset = mesh.frame - start + nFrames;
+    const wraps = mesh.loop === "repeat" && Math.abs(nFrames) === 1;
+    this.seek({ frame: start + (wraps ? (offset + count) % count : offset) });
+  }
+
+  /** Whether the camera rotates on its own. */
+  get #isAutoRotating(): boolean {
+    return !!this.#settings?.autoRotate && !prefersReducedMotion();
+  }
+
+  #rejectPlay(error: Error): void {
+    this.#isPlayPending = false;
+    for (const { reject } of this.#playRequests.splice(0)) reject(error);
+  }
+
+  /** Settle promises of `play` and seeks whose picture is available. */
+  #settle(mesh: ReelMesh): void {
+    if (this.#isPlaying && (this.#isSuspended || !mesh.isWaiting)) {
+      for (const { resolve } of this.#playRequests.splice(0)) resolve();
+    }
+    if (!this.#isSeeking || mesh.isWaiting) return;
+    this.#isSeeking = false;
+    this.#dispatchLater("seeked");
+  }
+
+  /** Dispatch an event after the running script, which may add listeners first, as to a video. */
+  #dispatchLater(type: string): void {
+    queueMicrotask(() => this.dispatchEvent(new Event(type)));
   }
 
   /** Update the user interface; dispatch `play` or `pause` if that has changed. */
@@ -495,6 +748,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     const { view, bar, start, messages, poster } = this.#ui;
     const mesh = this.#mesh;
     const isPlaying = this.#isPlaying;
+    if (mesh) this.#settle(mesh);
     const hasPicture = !!mesh && mesh.geometry.drawRange.count > 0;
     poster.hidden = hasPicture || !poster.hasAttribute("src");
     const isWaiting = !!mesh && mesh.isWaiting && view.isVisible && !this.#failure?.retry;
@@ -521,16 +775,15 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   /** Seek by a key press; returns false for other keys. */
   #seekByKey(key: string): boolean {
-    const { frame, nFrames } = this.#requireMesh();
-    const frames: Record<string, number> = {
-      Home: 0,
-      End: nFrames - 1,
-      ArrowLeft: frame - 1,
-      ArrowRight: frame + 1,
-      ",": frame - 1,
-      ".": frame + 1,
+    const moves: Record<string, () => void> = {
+      Home: () => this.seek({ frame: 0 }),
+      End: () => this.seek({ frame: this.#requireMesh().nFrames - 1 }),
+      ArrowLeft: () => this.#step(-1),
+      ArrowRight: () => this.#step(1),
+      ",": () => this.#step(-1),
+      ".": () => this.#step(1),
     };
-    return key in frames && this.#run(() => this.seek({ frame: frames[key] }));
+    return key in moves && this.#run(moves[key]);
   }
 
   #run(action: () => void): true {
@@ -540,8 +793,25 @@ export class ReelPlayerElement extends PlayerAttributes {
 }
 
 function barState(mesh: ReelMesh, isPlaying: boolean): BarState {
-  const { frame, nFrames, time, duration, video } = mesh;
-  return { isPlaying, frame, nFrames, time, duration, isMuted: video?.muted ?? null };
+  const { frame, nFrames, time, duration, speed, video } = mesh;
+  return { isPlaying, frame, nFrames, time, duration, speed, isMuted: video?.muted ?? null };
+}
+
+function prefersReducedMotion(): boolean {
+  return matchMedia("(prefers-reduced-motion: reduce)").matches;
+}
+
+/** Convert ranges of frames to ranges of seconds. */
+function timeRanges(ranges: readonly FrameRange[], secondsPerFrame: number): TimeRanges {
+  const at = (index: number): FrameRange => {
+    if (index in ranges) return ranges[index];
+    throw new DOMException(`there is no range ${index}`, "IndexSizeError");
+  };
+  return {
+    length: ranges.length,
+    start: (index) => at(index).start * secondsPerFrame,
+    end: (index) => (at(index).start + at(index).nFrames) * secondsPerFrame,
+  };
 }
 
 function isEqual(one: unknown, other: unknown): boolean {

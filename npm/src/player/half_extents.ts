@@ -1,5 +1,7 @@
 // Estimates the bounding box of all frames from a few of them.
 
+import { Vector3 } from "three";
+
 import type { OpenReel, OpenSegments } from "../types.js";
 
 /** Limits of the sampled frames and positions, which keep the time below a tenth of a second. */
@@ -7,6 +9,12 @@ const [MAX_FRAMES, MAX_POSITIONS] = [16, 2 ** 19];
 
 /** Half the side lengths of a box around the center, along x, y and z. */
 export type HalfExtents = readonly [number, number, number];
+
+/** Corners of a box around the origin. */
+export function boxCorners([x, y, z]: HalfExtents): Vector3[] {
+  const signs = [1, -1];
+  return signs.flatMap((i) => signs.flatMap((j) => signs.map((k) => new Vector3(i * x, j * y, k * z))));
+}
 
 /**
  * Estimate the half extents of all frames about the center of the file, in model units, from frames

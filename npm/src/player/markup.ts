@@ -8,6 +8,7 @@ type Flag = boolean | "";
 interface Values {
   src: string;
   alt: string;
+  loading: "eager" | "lazy";
   autoplay: Flag;
   loop: Flag | "repeat" | "pingpong";
   speed: number | string;
@@ -15,6 +16,12 @@ interface Values {
   "start-frame": number | string;
   interpolate: boolean | "true" | "false";
   "camera-controls": Flag;
+  "camera-orbit": string;
+  "camera-target": string;
+  "field-of-view": string;
+  "auto-rotate": Flag;
+  "environment-image": string;
+  "shadow-intensity": number | string;
   controls: Flag;
   up: "y" | "z";
   background: string;

@@ -6,9 +6,26 @@ import type { Component } from "../three/color/color_range.js";
 import type { FrameNumber } from "../three/texture/frame_number.js";
 import type { TextureKind } from "../three/texture/texture_source.js";
 
+/** The initial view, as `camera-orbit`, `camera-target` and `field-of-view` describe it. */
+export interface CameraSettings {
+  /** Azimuth, and angle from the vertical, in radians. */
+  readonly theta: number;
+  readonly phi: number;
+  /** Distance in model units; null: the one that frames the model. */
+  readonly distance: number | null;
+  /** Factor of the distance that frames the model. */
+  readonly zoom: number;
+  /** In the coordinates of the file; null: the center of the model. */
+  readonly target: readonly (number | null)[];
+  /** Vertical field of view, in degrees. */
+  readonly fieldOfView: number;
+}
+
 /** Parsed attributes of a player, with defaults. */
 export interface PlayerSettings {
   readonly src: string | null;
+  /** When the file is opened: at once, or when the player is near the viewport. */
+  readonly loading: "eager" | "lazy";
   readonly alt: string | null;
   readonly autoplay: boolean;
   readonly loop: Loop;
@@ -17,6 +34,12 @@ export interface PlayerSettings {
   readonly start: number | { readonly frame: number };
   readonly interpolate: boolean;
   readonly cameraControls: boolean;
+  readonly camera: CameraSettings;
+  readonly autoRotate: boolean;
+  /** Address of an image that lights the model, or "neutral"; null: lights of the player. */
+  readonly environmentImage: string | null;
+  /** Opacity of the shadow on the floor, 0 to 1. */
+  readonly shadowIntensity: number;
   readonly controls: boolean;
   /** The up axis of the file. */
   readonly up: "y" | "z";
@@ -40,6 +63,7 @@ export interface PlayerSettings {
 export const ATTRIBUTES = [
   "src",
   "alt",
+  "loading",
   "autoplay",
   "loop",
   "speed",
@@ -47,6 +71,12 @@ export const ATTRIBUTES = [
   "start-frame",
   "interpolate",
   "camera-controls",
+  "camera-orbit",
+  "camera-target",
+  "field-of-view",
+  "auto-rotate",
+  "environment-image",
+  "shadow-intensity",
   "controls",
   "up",
   "background",
@@ -64,6 +94,10 @@ export const ATTRIBUTES = [
 
 /** One of the attributes. */
 export type AttributeName = (typeof ATTRIBUTES)[number];
+
+/** The view without the attributes of the camera: slightly from above. Angles in degrees. */
+const DEFAULT_ORBIT = { theta: 0, phi: 78 };
+const DEFAULT_FIELD_OF_VIEW = 30;
 
 /** Returns the value of an attribute; null if it is missing. */
 type ReadAttribute = (name: AttributeName) => string | null;
@@ -89,12 +123,17 @@ export function parseSettings(read: ReadAttribute): PlayerSettings {
   return {
     src: parseAddress(read, "src"),
     alt: read("alt"),
+    loading: parseChoice(read, "loading", ["eager", "lazy"]) ?? "eager",
     autoplay: parseFlag(read, "autoplay"),
     loop: parseLoop(read("loop")),
     speed: parseNumber(read, "speed") ?? 1,
     start: parseStart(read),
     interpolate: parseChoice(read, "interpolate", ["", "true", "false"]) !== "false",
     cameraControls: parseFlag(read, "camera-controls"),
+    camera: parseCamera(read),
+    autoRotate: parseFlag(read, "auto-rotate"),
+    environmentImage: parseAddress(read, "environment-image"),
+    shadowIntensity: parseInRange(read, "shadow-intensity", 0, 1) ?? 0,
     controls: parseFlag(read, "controls"),
     up: parseChoice(read, "up", ["y", "z"]) ?? "y",
     background: read("background"),
@@ -153,6 +192,71 @@ function parseNumber(read: ReadAttribute, name: AttributeName): number | undefin
   const number = Number(value);
   if (value.trim() && Number.isFinite(number)) return number;
   throw new InvalidInputError(`${name} must be a number; got ${name}="${value}"`);
+}
+
+function parseInRange(
+  read: ReadAttribute,
+  name: AttributeName,
+  low: number,
+  high: number,
+): number | undefined {
+  const number = parseNumber(read, name);
+  if (number === undefined || (number >= low && number <= high)) return number;
+  throw new InvalidInputError(`${name} must be a number from ${low} to ${high}; got ${name}="${number}"`);
+}
+
+/** Parse the attributes of the camera, in the syntax of <model-viewer>. */
+function parseCamera(read: ReadAttribute): CameraSettings {
+  const [theta, phi, radius] = parseTriple(read, "camera-orbit", "30deg 75deg 105%");
+  const [thetaRad, phiRad] = [
+    parseAngle(theta, DEFAULT_ORBIT.theta, "camera-orbit").radians,
+    parseAngle(phi, DEFAULT_ORBIT.phi, "camera-orbit").radians,
+  ];
+  const isRelative = radius.endsWith("%") || radius === "auto";
+  const zoom = radius.endsWith("%") ? parseLength(radius.slice(0, -1), "camera-orbit") / 100 : 1;
+  const distance = isRelative ? null : parseLength(radius, "camera-orbit");
+  if (!(zoom > 0) || (distance !== null && !(distance > 0))) {
+    throw new InvalidInputError(`the radius of camera-orbit must be above 0; got "${radius}"`);
+  }
+  const target = parseTriple(read, "camera-target", "0 1.5 0").map((one) =>
+    one === "auto" ? null : parseLength(one, "camera-target"),
+  );
+  const fov = read("field-of-view") ?? "auto";
+  const fieldOfView = parseAngle(fov, DEFAULT_FIELD_OF_VIEW, "field-of-view").degrees;
+  if (!(fieldOfView > 0 && fieldOfView < 180)) {
+    throw new InvalidInputError(`field-of-view must be above 0deg and below 180deg; got "${fov}"`);
+  }
+  return { theta: thetaRad, phi: phiRad, distance, zoom, target, fieldOfView };
+}
+
+/** Split a value into three words; a missing attribute, and a single "auto", mean three times "auto". */
+function parseTriple(read: ReadAttribute, name: AttributeName, example: string): string[] {
+  const words = (read(name) ?? "auto").trim().split(/\s+/);
+  if (words.length === 1 && words[0] === "auto") return ["auto", "auto", "auto"];
+  if (words.length === 3) return words;
+  throw new InvalidInputError(`${name} must be "auto", or three values such as "${example}"; got "${read(name)}"`);
+}
+
+/** Parse an angle with its unit; "auto" means a default in degrees. */
+function parseAngle(
+  word: string,
+  defaultDeg: number,
+  name: AttributeName,
+): { radians: number; degrees: number } {
+  const [, text, unit] = /^([-+.\de]+)(deg|rad)$/.exec(word === "auto" ? `${defaultDeg}deg` : word) ?? [];
+  const number = Number(text);
+  if (!unit || !Number.isFinite(number)) {
+    throw new InvalidInputError(`${name} needs angles such as "30deg" or "0.5rad"; got "${word}"`);
+  }
+  if (unit === "deg") return { degrees: number, radians: (number * Math.PI) / 180 };
+  return { degrees: (number * 180) / Math.PI, radians: number };
+}
+
+/** Parse a length in model units, which <model-viewer> writes in meters. */
+function parseLength(word: string, name: AttributeName): number {
+  const number = Number(word.replace(/m$/, "") || NaN);
+  if (Number.isFinite(number)) return number;
+  throw new InvalidInputError(`${name} needs numbers in model units, such as "1.5"; got "${word}"`);
 }
 
 function parseChoice<Choice extends string>(

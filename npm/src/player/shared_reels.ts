@@ -1,6 +1,7 @@
 // Shares open files between the players of a page.
 
 import { SegmentedReelFile } from "../index.js";
+import type { SourceInput } from "../source/open.js";
 
 interface Shared {
   readonly opening: Promise<SegmentedReelFile>;
@@ -8,8 +9,8 @@ interface Shared {
   nUsers: number;
 }
 
-/** Open files by address. */
-const shared = new Map<string, Shared>();
+/** Open files by address, or by the object that contains the bytes. */
+const shared = new Map<SourceInput, Shared>();
 
 /** An open file, and the function that releases it. */
 export interface SharedReel {
@@ -23,8 +24,8 @@ export interface SharedReel {
  *
  * @throws like `SegmentedReelFile.open`, for all callers that wait for it; the next call tries again.
  */
-export async function openShared(src: string, signal: AbortSignal): Promise<SharedReel> {
-  const address = new URL(src, document.baseURI).href;
+export async function openShared(source: SourceInput, signal: AbortSignal): Promise<SharedReel> {
+  const address = typeof source === "string" ? new URL(source, document.baseURI).href : source;
   const found = shared.get(address) ?? startOpening(address);
   found.nUsers++;
   let isReleased = false;
@@ -48,7 +49,7 @@ export async function openShared(src: string, signal: AbortSignal): Promise<Shar
   }
 }
 
-function startOpening(address: string): Shared {
+function startOpening(address: SourceInput): Shared {
   const aborting = new AbortController();
   const { signal } = aborting;
   const opened = { opening: SegmentedReelFile.open(address, { signal }), aborting, nUsers: 0 };

@@ -27,6 +27,7 @@ const CSS = `
 :host(:fullscreen) { aspect-ratio: auto; width: 100%; height: 100%; }
 [hidden] { display: none !important; }
 .stage, .poster, canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
+.stage { container-type: inline-size; }
 canvas { display: block; outline: none; }
 .snapshot { pointer-events: none; }
 :host([controls]) :is(canvas, .poster) { height: calc(100% - 48px); }
@@ -70,6 +71,19 @@ input {
   cursor: pointer;
 }
 .text { flex: none; font-variant-numeric: tabular-nums; }
+select {
+  flex: none;
+  min-height: 36px;
+  padding: 2px 4px;
+  font: inherit;
+  color: inherit;
+  background: var(--panel);
+  border: 1px solid #88888880;
+  border-radius: 6px;
+  cursor: pointer;
+}
+select:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
+@container (max-width: 519px) { .step, .speed { display: none; } }
 .legend {
   position: absolute;
   left: 12px;

@@ -2,15 +2,21 @@
 
 import {
   DirectionalLight,
+  Group,
   HemisphereLight,
   type Mesh,
+  type Object3D,
   Scene,
+  type Texture,
+  Vector3,
   WebGLRenderer,
 } from "three";
 
 import { MeshReelError } from "../errors.js";
 import { PlayerCamera } from "./camera.js";
 import { type ContextHolder, releaseContext, acquireContext } from "./context_pool.js";
+import { FloorShadow } from "./floor_shadow.js";
+import type { HalfExtents } from "./half_extents.js";
 import { studioEnvironment, MAX_RADIANCE } from "./studio_environment.js";
 
 /** Limit of canvas pixels per CSS pixel: more take time without a visible gain. */
@@ -18,6 +24,12 @@ const MAX_PIXEL_RATIO = 2;
 
 /** Limit of the time step between two redraws: playback does not jump after the page slept. */
 const MAX_STEP_S = 0.25;
+
+/** Radius of the depth range, relative to that of the model: it may move out of its box. */
+const DEPTH_RATIO = 2;
+
+/** Factor of the neutral studio if it replaces the lights: white surfaces appear white. */
+const ONLY_LIGHT = 1.7;
 
 /** State and callbacks that a view needs from the player. */
 export interface ViewDelegate {
@@ -28,6 +40,7 @@ export interface ViewDelegate {
   /** Called before each redraw with the seconds since the last one. */
   advance(seconds: number): void;
   onVisibilityChange(isVisible: boolean): void;
+  onCameraChange(isByUser: boolean): void;
   onError(error: Error): void;
   /** The WebGL context was lost; `onContextRestored` follows if the browser restores it. */
   onContextLost(error: Error): void;
@@ -39,8 +52,23 @@ export class View implements ContextHolder {
   readonly canvas = document.createElement("canvas");
   readonly camera: PlayerCamera;
   readonly #delegate: ViewDelegate;
+  /** Contains `model`; its rotation turns the up axis of the file to y. */
+  readonly world = new Group();
+  /** Contains the meshes; its position is that of the center of the file. */
+  readonly model = new Group();
+  /** Called before each drawing. */
+  onDraw: (() => void) | null = null;
   readonly #scene = new Scene();
   readonly #sky = new HemisphereLight(0xffffff, 0x8a8f98, Math.PI / 2);
+  readonly #key = new DirectionalLight(0xffffff, Math.PI / 2);
+  #neutral: Texture | null = null;
+  /** The panorama that lights the model in place of the lights. */
+  #environment: Texture | "neutral" | null = null;
+  #shadow: FloorShadow | null = null;
+  #shadowIntensity = 0;
+  #extents: HalfExtents = [1, 1, 1];
+  /** Objects of `model` in each of several views; null: one view of all. */
+  #panes: readonly (readonly Object3D[])[] | null = null;
   readonly #resizeObserver: ResizeObserver;
   readonly #visibilityObserver: IntersectionObserver;
   readonly #listeners = new AbortController();
@@ -60,7 +88,10 @@ export class View implements ContextHolder {
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "img");
     parent.prepend(this.canvas);
-    this.camera = new PlayerCamera(this.canvas, () => this.invalidate());
+    this.camera = new PlayerCamera(this.canvas, (isByUser) => {
+      this.invalidate();
+      delegate.onCameraChange(isByUser);
+    });
     this.#addLights();
     this.#resizeObserver = new ResizeObserver(() => this.#resize());
     this.#resizeObserver.observe(this.canvas);
@@ -100,26 +131,84 @@ export class View implements ContextHolder {
 
   add(mesh: Mesh): void {
     this.setLights(mesh);
-    this.#scene.add(mesh);
+    mesh.castShadow = true;
+    this.model.add(mesh);
   }
 
   /** Light a mesh: metals need an environment to reflect; others are lit by a hemisphere light. */
   setLights(mesh: Mesh): void {
     const hasMetal = [mesh.material].flat().some((one) => "metalness" in one && one.metalness);
-    if (hasMetal !== (this.#scene.environment !== null)) {
-      this.#scene.environment?.dispose();
-      this.#scene.environment = hasMetal ? studioEnvironment() : null;
-    }
-    this.#scene.environmentIntensity = MAX_RADIANCE;
-    this.#sky.visible = !hasMetal;
+    const panorama = this.#environment;
+    const isNeutral = panorama === "neutral" || (hasMetal && panorama === null);
+    if (isNeutral) this.#neutral ??= studioEnvironment();
+    this.#scene.environment = isNeutral ? this.#neutral : (panorama as Texture | null);
+    const isOnlyLight = panorama === "neutral";
+    this.#scene.environmentIntensity = isNeutral ? MAX_RADIANCE * (isOnlyLight ? ONLY_LIGHT : 1) : 1;
+    this.#sky.visible = this.#scene.environment === null;
+    this.#key.visible = panorama === null;
     this.invalidate();
   }
 
+  /** Set the panorama that lights the model; `setLights` applies it. */
+  setEnvironment(panorama: Texture | "neutral" | null): void {
+    if (this.#environment instanceof Object) this.#environment.dispose();
+    this.#environment = panorama;
+  }
+
+  /** Show the shadow of the model on a floor below a box around the origin, with y up. */
+  setShadow(intensity: number, extents = this.#extents): void {
+    [this.#shadowIntensity, this.#extents] = [intensity, extents];
+    if (!this.#renderer) return;
+    if (intensity > 0 && !this.#shadow) {
+      this.#shadow = new FloorShadow(this.#renderer);
+      this.#scene.add(this.#shadow.group);
+    }
+    if (this.#shadow) {
+      this.#shadow.group.visible = intensity > 0;
+      this.#shadow.intensity = intensity;
+      this.#shadow.fit(extents);
+    }
+    this.invalidate();
+  }
+
+  /** Show several views with the same camera, each with some objects of `model`; null: one view. */
+  setPanes(panes: readonly (readonly Object3D[])[] | null): void {
+    this.#panes = panes;
+    if (!panes) for (const one of this.model.children) one.visible = true;
+    this.#updateAspect();
+    this.invalidate();
+  }
+
+  /** Whether several views are stacked vertically. */
+  get isPortrait(): boolean {
+    return this.canvas.clientWidth < this.canvas.clientHeight;
+  }
+
   remove(mesh: Mesh): void {
-    this.#scene.environment?.dispose();
-    this.#scene.environment = null;
     mesh.removeFromParent();
     this.invalidate();
+  }
+
+  /** Draw at once, such as to read the canvas afterwards. */
+  drawNow(): void {
+    this.#isStale = false;
+    const renderer = this.#renderer;
+    if (!renderer) return;
+    this.onDraw?.();
+    const radius = DEPTH_RATIO * Math.hypot(...this.#extents);
+    this.camera.setDepthRange(this.model.getWorldPosition(new Vector3()), radius);
+    const { width, height } = this.canvas;
+    const ratio = renderer.getPixelRatio();
+    const panes = this.#panes ?? [this.model.children];
+    const [n, w, h] = [panes.length, width / ratio, height / ratio];
+    renderer.setScissorTest(n > 1);
+    panes.forEach((objects, i) => {
+      const place = this.isPortrait ? [0, h - ((i + 1) * h) / n, w, h / n] : [(i * w) / n, 0, w / n, h];
+      renderer.setViewport(...(place as [number, number, number, number]));
+      if (n > 1) renderer.setScissor(...(place as [number, number, number, number]));
+      if (this.#panes) for (const one of this.model.children) one.visible = objects.includes(one);
+      renderer.render(this.#scene, this.camera.camera);
+    });
   }
 
   /** Request a redraw. */
@@ -141,7 +230,7 @@ export class View implements ContextHolder {
   suspend(): void {
     const renderer = this.#renderer;
     if (!renderer || this.#context !== "active" || renderer.getContext().isContextLost()) return;
-    renderer.render(this.#scene, this.camera.camera); // the drawing buffer is not preserved
+    this.drawNow(); // the drawing buffer is not preserved
     const snapshot = document.createElement("canvas");
     [snapshot.width, snapshot.height] = [this.canvas.width, this.canvas.height];
     snapshot.getContext("2d")?.drawImage(this.canvas, 0, 0);
@@ -162,6 +251,9 @@ export class View implements ContextHolder {
     this.#visibilityObserver.disconnect();
     if (this.#frameRequest !== null) cancelAnimationFrame(this.#frameRequest);
     this.camera.dispose();
+    this.#shadow?.dispose();
+    this.setEnvironment(null);
+    this.#neutral?.dispose();
     this.#renderer?.dispose();
     // Contexts are scarce, and browsers free them late.
     if (this.#context === "active") this.#renderer?.forceContextLoss();
@@ -172,10 +264,10 @@ export class View implements ContextHolder {
   /** Add lights of such intensities that a white surface that faces the camera appears white. */
   #addLights(): void {
     const { camera } = this.camera;
-    const key = new DirectionalLight(0xffffff, Math.PI / 2);
-    key.position.set(-0.5, 1, 2);
-    camera.add(key, key.target);
-    this.#scene.add(this.#sky, camera);
+    this.#key.position.set(-0.5, 1, 2);
+    camera.add(this.#key, this.#key.target);
+    this.world.add(this.model);
+    this.#scene.add(this.#sky, camera, this.world);
   }
 
   #setVisible(isSeen: boolean): void {
@@ -198,6 +290,7 @@ export class View implements ContextHolder {
     acquireContext(this);
     try {
       this.#renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
+      this.setShadow(this.#shadowIntensity, this.#extents);
       this.#resize();
     } catch (error) {
       releaseContext(this);
@@ -213,8 +306,16 @@ export class View implements ContextHolder {
     if (!this.#renderer || !clientWidth || !clientHeight) return;
     this.#renderer.setPixelRatio(pixelRatio());
     this.#renderer.setSize(clientWidth, clientHeight, false);
-    this.camera.setAspect(clientWidth / clientHeight);
+    this.#updateAspect();
     this.invalidate();
+  }
+
+  #updateAspect(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    if (!clientWidth || !clientHeight) return;
+    const n = this.#panes?.length ?? 1;
+    const aspect = clientWidth / clientHeight;
+    this.camera.setAspect(this.isPortrait ? aspect * n : aspect / n);
   }
 
   #tick(now: number): void {
@@ -224,8 +325,7 @@ export class View implements ContextHolder {
     this.#delegate.advance(Math.min(Math.max(now - this.#lastTime, 0) / 1000, MAX_STEP_S));
     this.#lastTime = now;
     if (this.#isStale) {
-      this.#isStale = false;
-      this.#renderer.render(this.#scene, this.camera.camera);
+      this.drawNow();
       if (this.#snapshot && this.#delegate.hasPicture()) {
         this.#snapshot.remove();
         this.#snapshot = null;
