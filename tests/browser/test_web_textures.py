@@ -269,7 +269,7 @@ def test_playback_covers_the_common_duration(ask, film, last):
           await stand.until("the end", () => has("ended"));
           const { frame, duration, isPlaying } = mesh;
           mesh.play();
-          await stand.until("playing anew", () => mesh.frame > 3 && mesh.frame < 30);
+          await stand.until("playing again", () => mesh.frame > 3 && mesh.frame < 30);
           mesh.pause();
           mesh.seek(100);
           const end = await stand.shown();

@@ -106,7 +106,7 @@ def test_frames_are_the_dense_solution_of_eq_12(method, values):
     np.testing.assert_allclose(found, expected(method, values=values), atol=2e-5)
 
 
-def test_the_two_kinds_of_anchor_values_differ_where_modes_are_few():
+def test_anchor_positions_and_coefficients_differ_with_few_modes():
     """The reason to send positions: they carry motion outside the span of the modes."""
     difference = expected("pca-qp") - expected("pca-qp", values="coefficients")
     assert np.abs(difference).max() > 0.01
@@ -133,7 +133,7 @@ def test_frames_of_v2v_are_the_projection():
     np.testing.assert_allclose(found, expected("v2v"), atol=2e-5)
 
 
-def test_blocks_follow_algorithm_1_with_ritz_vectors_or_without():
+def test_blocks_follow_algorithm_1_with_and_without_ritz_vectors():
     """Both span the same subspace: U[i] = QR(R[i] U[i-1]), repeated (Alg. 1)."""
     half = N_FRAMES // 2
     wanted = []

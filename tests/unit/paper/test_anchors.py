@@ -8,7 +8,7 @@ from meshreel.paper.anchors import check_anchors, choose_anchors, farthest_point
 from samples.meshes import grid_faces, octahedron_faces
 
 
-def test_each_point_is_farthest_from_those_before_when_checked_by_dijkstra():
+def test_each_point_is_farthest_from_earlier_ones_by_dijkstra():
     adjacency = adjacency_matrix(grid_faces(8, 9), 72)
     points = farthest_points(adjacency, 6)
     for k in range(1, 6):
@@ -16,14 +16,14 @@ def test_each_point_is_farthest_from_those_before_when_checked_by_dijkstra():
         assert distance[points[k]] == distance.max()
 
 
-def test_every_component_gets_a_point_when_there_are_as_many_points():
+def test_every_component_gets_a_point():
     faces = np.concatenate([octahedron_faces() + 6 * k for k in range(5)])
     points = farthest_points(adjacency_matrix(faces, 30), 5)
     _, labels = component_labels(faces, 30)
     assert sorted(labels[points]) == [0, 1, 2, 3, 4]
 
 
-def test_points_are_all_vertices_when_as_many_are_asked_for():
+def test_as_many_points_as_vertices_are_all_vertices():
     points = farthest_points(adjacency_matrix(grid_faces(3, 4), 12), 12)
     assert sorted(points) == list(range(12))
 
@@ -34,7 +34,7 @@ TWO_SHEETS = np.concatenate([grid_faces(6, 7), grid_faces(4, 5) + 42 + 3])
 
 @pytest.mark.parametrize("rng", [None, np.random.default_rng(3)], ids=["spread", "random"])
 @pytest.mark.parametrize(("share", "n_anchors"), [(0.0, 2), (0.01, 2), (0.1, 7), (0.5, 31)])
-def test_anchors_are_the_share_of_vertices_with_edges_and_ascend(share, n_anchors, rng):
+def test_anchors_are_the_requested_share_in_ascending_order(share, n_anchors, rng):
     anchors = choose_anchors(TWO_SHEETS, 65, share, rng)
     assert len(anchors) == n_anchors
     assert np.all(np.diff(anchors) > 0)
@@ -44,18 +44,18 @@ def test_anchors_are_the_share_of_vertices_with_edges_and_ascend(share, n_anchor
 
 
 @pytest.mark.parametrize("rng", [None, np.random.default_rng(3)], ids=["spread", "random"])
-def test_anchors_are_all_vertices_with_edges_when_the_share_is_all(rng):
+def test_share_1_selects_all_vertices_with_edges(rng):
     expected = [*range(42), *range(45, 65)]
     assert choose_anchors(TWO_SHEETS, 65, 1.0, rng).tolist() == expected
 
 
-def test_farthest_point_is_the_lowest_vertex_when_several_are_as_far():
+def test_ties_of_farthest_points_go_to_the_lowest_vertex():
     assert farthest_points(adjacency_matrix(octahedron_faces(), 6), 2)[0] == 0
     ring = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
     assert farthest_points(adjacency_matrix(ring, 5), 3).tolist() == [0, 2, 1]
 
 
-def test_given_anchors_come_back_in_ascending_order():
+def test_given_anchors_are_sorted():
     assert check_anchors([64, 0, 20], TWO_SHEETS, 65).tolist() == [0, 20, 64]
 
 
@@ -71,6 +71,6 @@ def test_given_anchors_come_back_in_ascending_order():
         ([50], "1 connected components have no anchor, for example the component of vertex 0"),
     ],
 )
-def test_given_anchors_are_refused_when_they_do_not_fit_the_mesh(anchors, message):
+def test_given_anchors_that_do_not_fit_the_mesh_are_refused(anchors, message):
     with pytest.raises(InvalidInputError, match=message):
         check_anchors(anchors, TWO_SHEETS, 65)

@@ -1,4 +1,4 @@
-"""Choices that the paper leaves open: what each changes, and which are refused."""
+"""Choices that the paper leaves open: effects, and invalid values."""
 
 import numpy as np
 import pytest
@@ -18,8 +18,8 @@ def error(**options):
     return kg_error_percent(sequence.vertices, decode(encode(sequence, **options)).vertices)
 
 
-def test_anchor_positions_reduce_the_error_where_anchors_sample_what_modes_leave():
-    sequence = waving_grid(20, 40, 40)  # 5 % are some 20 anchors a wave
+def test_anchor_positions_reduce_the_error_of_few_modes():
+    sequence = waving_grid(20, 40, 40)  # 5 % are about 20 anchors per wave
     positions, coefficients = (
         encode(sequence, "pca-qp", n_modes=2, bits=12, anchors=0.05, choices=choices)
         for choices in (None, {"anchor_values": "coefficients"})
@@ -31,7 +31,7 @@ def test_anchor_positions_reduce_the_error_where_anchors_sample_what_modes_leave
     assert errors[0] < 0.8 * errors[1]
 
 
-def test_anchor_positions_come_back_to_half_a_step():
+def test_anchor_positions_are_within_half_a_step():
     sequence = waving_grid(20, dtype=np.float64)
     anchors, bits = [3, 50, 77], 14
     options = {"n_modes": 2, "choices": {"anchor_bits": bits}, "order": "vertices"}
@@ -49,7 +49,7 @@ def test_anchor_positions_come_back_to_half_a_step():
 
 
 @pytest.mark.every_case
-def test_text_and_mapping_mean_the_same():
+def test_choices_as_text_and_mapping_give_the_same_stream():
     given = "anchor-values=coefficients, dictionary-bits=12"
     assert choices_of(given) == PaperChoices(anchor_values="coefficients", dictionary_bits=12)
     assert choices_of({"anchor_set": "random", "anchor_seed": 3}).changed == {
@@ -69,7 +69,7 @@ REFUSED = {
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("text", REFUSED)
-def test_choices_are_refused_in_words(text):
+def test_invalid_choices_are_refused_with_a_message(text):
     with pytest.raises(InvalidInputError, match=REFUSED[text]):
         encode(waving_grid(3), "pca-qp", choices=text)
 
@@ -86,12 +86,12 @@ IDLE = {
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("method", IDLE)
-def test_a_choice_without_effect_is_an_error(method):
+def test_choice_without_effect_is_an_error(method):
     with pytest.raises(InvalidInputError, match="has no effect"):
         encode(waving_grid(3), method, choices=IDLE[method])
 
 
-def test_choices_are_refused_by_methods_that_are_not_of_the_paper():
+def test_other_methods_refuse_choices():
     with pytest.raises(InvalidInputError, match="method reel does not take choices="):
         encode(waving_grid(3), choices={"anchor_bits": 12})
 
@@ -107,7 +107,7 @@ def test_random_anchors_follow_their_seed_and_reach_every_component():
     assert kg_error_percent(sequence.vertices, decode(stream(1)).vertices) < 0.5
 
 
-def test_given_anchors_are_exact_where_their_bits_are_many():
+def test_given_anchors_with_many_bits_are_nearly_exact():
     sequence = waving_grid(20)
     anchors = [5, 40, 98]
     choices = {"anchor_bits": 24}
@@ -129,7 +129,7 @@ def test_given_anchors_are_exact_where_their_bits_are_many():
         ([], "at least one"),
     ],
 )
-def test_given_anchors_are_refused_when_they_cannot_be(anchors, words):
+def test_invalid_given_anchors_are_refused(anchors, words):
     with pytest.raises(InvalidInputError, match=words):
         encode(irregular_sequence(), "pca-qp", anchors=anchors)
 
@@ -170,7 +170,7 @@ def test_quantized_deltas_cost_bits_of_fine_coefficients_and_keep_the_error_of_c
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("method", ["pca-qp", "pca-qs", "blocks", "pca"])
-def test_frames_come_back_with_cotangent_weights(method):
+def test_frames_round_trip_with_cotangent_weights(method):
     sequence = irregular_sequence(7)
     options = {"n_modes": 7, "bits": 24, "laplacian": "cotangent"}
     data = encode(sequence, method, **options)

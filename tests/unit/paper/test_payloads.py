@@ -16,19 +16,19 @@ def quantized(*shape):
     return Quantized(integers, np.array([0.125], np.float32))
 
 
-def test_anchor_vertices_come_back_when_written():
+def test_anchor_vertices_round_trip():
     anchors = np.array([0, 1, 5, 99])
     back = payloads.read_anchor_vertices(payloads.write_anchor_vertices(anchors), 100)
     np.testing.assert_array_equal(back, anchors)
 
 
 @pytest.mark.parametrize("anchors", [[3, 3], [5, 2], [0, 100], [-1, 4]])
-def test_anchor_vertices_are_refused_when_they_do_not_ascend_in_range(anchors):
+def test_anchor_vertices_out_of_order_or_range_are_refused(anchors):
     with pytest.raises(CorruptStreamError, match="ascending"):
         payloads.read_anchor_vertices(payloads.write_anchor_vertices(np.array(anchors)), 100)
 
 
-def test_anchor_vertices_are_as_many_as_there_are_vertices_at_most():
+def test_too_many_anchor_vertices_are_refused():
     all_of_them = payloads.write_anchor_vertices(np.arange(4))
     assert payloads.read_anchor_vertices(all_of_them, 4).tolist() == [0, 1, 2, 3]
     with pytest.raises(CorruptStreamError, match="4 anchors are declared for 3 vertices"):
@@ -37,7 +37,7 @@ def test_anchor_vertices_are_as_many_as_there_are_vertices_at_most():
 
 @pytest.mark.parametrize(("order", "curve"), [(0, [0, 9, 0, -9]), (1, [7, 8, 7, 7]),
                                               (2, [50, 100, 150, 201])])  # fmt: skip
-def test_curves_are_differenced_as_often_as_makes_them_smallest(order, curve):
+def test_curves_are_differenced_until_smallest(order, curve):
     rows = np.repeat(np.tile(curve, 40).cumsum() if order > 1 else np.tile(curve, 40), 3)
     rows = rows.reshape(-1, 3).T[:, None]
     payload = payloads.write_curves(Quantized(rows, np.ones(1, np.float32)))
@@ -46,7 +46,7 @@ def test_curves_are_differenced_as_often_as_makes_them_smallest(order, curve):
 
 
 @pytest.mark.parametrize("order", [-1, 3])
-def test_curves_are_refused_when_they_are_differenced_too_often(order):
+def test_too_many_differences_are_refused(order):
     coded = encode_integers([np.full(3, order), *np.zeros((3, 5), np.int64)], [0, 1, 1, 1])
     payload = write_varint(1) + np.ones(1, "<f4").tobytes() + coded
     with pytest.raises(CorruptStreamError, match=r"outside 0\.\.2"):
@@ -60,14 +60,14 @@ def test_rows_of_similar_modes_share_a_table():
     assert payload[5:] == encode_integers(list(rows.reshape(24, 5)), tables * 3)
 
 
-def test_basis_comes_back_when_written():
+def test_basis_round_trips():
     basis = quantized(3, 4, 20)
     back = payloads.read_curves(payloads.write_curves(basis), 4, 20)
     np.testing.assert_array_equal(back.integers, basis.integers)
     np.testing.assert_array_equal(back.steps, basis.steps)
 
 
-def test_basis_is_smaller_when_its_rows_are_smooth():
+def test_smooth_basis_takes_fewer_bytes():
     phase = np.linspace(0, 9, 300)
     smooth = np.rint(3000 * np.sin(phase + np.arange(12)[:, None])).astype(int)
     shuffled = np.random.default_rng(0).permuted(smooth, axis=1)
@@ -79,7 +79,7 @@ def test_basis_is_smaller_when_its_rows_are_smooth():
 
 
 @pytest.mark.parametrize("n_steps", [1, 5])
-def test_rows_come_back_when_written(n_steps):
+def test_rows_round_trip(n_steps):
     steps = np.arange(1, n_steps + 1).astype(np.float32)
     rows = Quantized(quantized(3, 5, 17).integers, steps)
     back = payloads.read_rows(payloads.write_rows(rows), 5, 17)
@@ -88,29 +88,29 @@ def test_rows_come_back_when_written(n_steps):
 
 
 @pytest.mark.parametrize("step", [np.nan, np.inf, -1.0])
-def test_step_is_refused_when_it_is_not_a_positive_number(step):
+def test_invalid_step_is_refused(step):
     rows = Quantized(np.zeros((3, 1, 1), int), np.array([step], np.float32))
     with pytest.raises(CorruptStreamError, match="step"):
         payloads.read_rows(payloads.write_rows(rows), 1, 1)
 
 
-def test_a_step_may_be_zero_when_all_rows_are():
+def test_step_of_zero_rows_may_be_zero():
     rows = Quantized(np.zeros((3, 1, 1), int), np.zeros(1, np.float32))
     assert payloads.read_rows(payloads.write_rows(rows), 1, 1).steps.tolist() == [0]
 
 
-def test_steps_are_refused_when_their_number_fits_no_row():
+def test_another_number_of_steps_than_rows_is_refused():
     rows = Quantized(np.zeros((3, 4, 1), int), np.ones(3, np.float32))
     with pytest.raises(CorruptStreamError, match="3 quantization steps are declared for 4 rows"):
         payloads.read_rows(payloads.write_rows(rows), 4, 1)
 
 
-def test_steps_are_refused_when_the_payload_ends_inside():
+def test_truncated_steps_are_refused():
     with pytest.raises(TruncatedStreamError):
         payloads.read_rows(b"\1\0\0", 1, 1)
 
 
-def test_a_tracked_dictionary_is_whole_or_a_difference_and_nothing_else():
+def test_unknown_kind_of_dictionary_is_refused():
     curves = payloads.write_curves(quantized(3, 2, 5))
     for kind, message in ((b"\2", "neither 0"), (b"", "neither 0"), (b"\1", "another shape")):
         stored = StoredBlock(0, 5, 2, {Section.BASIS: kind + curves if kind else b""})

@@ -28,14 +28,14 @@ def round_trip(sequence, config):
 
 @pytest.mark.parametrize("laplacian", ["normalized", "combinatorial"])
 @pytest.mark.parametrize("anchors", [0.0, 0.01, 1.0])
-def test_frames_come_back_when_all_modes_are_kept_with_fine_steps(laplacian, anchors):
+def test_frames_with_all_modes_and_fine_steps_round_trip(laplacian, anchors):
     config = EncoderConfig("pca-qp", n_modes=12, bits=24, anchors=anchors, laplacian=laplacian)
     matrices, matrices_hat, _ = round_trip(waving_grid(12), config)
     # Only the dictionary and the anchors are rounded, to 16 bits.
     assert np.abs(matrices_hat - matrices).max() < 2e-4
 
 
-def test_error_falls_when_bits_are_added():
+def test_error_falls_with_more_bits():
     errors = []
     for bits in (5, 7, 9, 11):
         matrices, matrices_hat, _ = round_trip(
@@ -45,14 +45,14 @@ def test_error_falls_when_bits_are_added():
     assert errors == sorted(errors, reverse=True)
 
 
-def test_solving_for_modes_equals_solving_for_frames_when_done_both_ways():
+def test_solving_for_modes_equals_solving_for_frames():
     """PCA+qp and PCA+qs: the Laplacian and the projection commute (Eq. 12)."""
     _, parallel, _ = round_trip(waving_grid(12), EncoderConfig("pca-qp", n_modes=5))
     _, serial, _ = round_trip(waving_grid(12), EncoderConfig("pca-qs", n_modes=5))
     np.testing.assert_allclose(serial, parallel, atol=1e-9)
 
 
-def test_connected_vertices_come_back_when_others_are_isolated():
+def test_connected_vertices_round_trip_next_to_isolated_ones():
     sequence = irregular_sequence()
     config = EncoderConfig("pca-qp", n_modes=8, bits=24)
     matrices, matrices_hat, mesh = round_trip(sequence, config)
@@ -61,13 +61,13 @@ def test_connected_vertices_come_back_when_others_are_isolated():
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_anchors_reach_every_component_when_vertices_are_isolated(share):
+def test_every_component_with_edges_has_an_anchor(share):
     sequence = irregular_sequence()
     anchors = choose_anchors(sequence.faces, sequence.n_verts, share)
     _, labels = component_labels(sequence.faces, sequence.n_verts)
     assert set(labels[anchors]) == {1, 2}
 
 
-def test_anchors_are_the_share_of_the_vertices_when_it_is_given():
+def test_number_of_anchors_is_the_given_share():
     sequence = waving_grid(2, 20, 20)
     assert len(choose_anchors(sequence.faces, 400, 0.01)) == 4

@@ -94,7 +94,7 @@ def test_arrays_satisfy_the_equations_that_decode_solves(method, name, n_modes):
 @pytest.mark.every_case
 @pytest.mark.parametrize("method", ["pca-qp", "pca-qs", "blocks"])
 @pytest.mark.parametrize("n_modes", [None, 2])
-def test_arrays_satisfy_the_equations_when_anchors_are_coefficients(method, n_modes):
+def test_arrays_with_anchor_coefficients_satisfy_the_equations(method, n_modes):
     data = encoded(SEQUENCES["shuffled"], method, anchors=0.2, **AS_COEFFICIENTS)
     wanted = meshreel.decode(data, n_modes=n_modes).vertices
     np.testing.assert_allclose(rebuilt(read(data), n_modes), wanted, atol=1e-9)
@@ -120,7 +120,7 @@ def test_reconstruct_equals_decode_to_the_bit(method, name):
         {"anchors": 1.0},  # more anchors than three times the frames
     ],
 )
-def test_reconstruct_equals_decode_whatever_the_options(options):
+def test_reconstruct_equals_decode_for_all_options(options):
     data = encoded(SEQUENCES["shuffled"], "pca-qp", **options)
     np.testing.assert_array_equal(read(data).reconstruct(), meshreel.decode(data).vertices)
 
@@ -195,7 +195,7 @@ def test_graph_fourier_basis_has_the_lowest_frequencies():
     np.testing.assert_allclose(frequencies, np.linalg.eigvalsh(laplacian)[:5], atol=1e-3)
 
 
-def test_reconstruct_takes_the_arrays_of_the_blocks_when_they_are_replaced():
+def test_reconstruct_uses_replaced_arrays():
     data = encoded(SEQUENCES["shuffled"], "pca-qp")
     stream = read(data)
     without = [block.coefficients.copy() for block in stream.blocks]
@@ -222,26 +222,26 @@ def test_reconstruct_takes_the_arrays_of_the_blocks_when_they_are_replaced():
         ("pca", "isolated_positions", np.zeros((5, 1, 3))),
     ],
 )
-def test_reconstruct_names_an_array_that_does_not_fit(method, name, value):
+def test_error_names_an_array_that_does_not_fit(method, name, value):
     stream = read(encoded(GRID, method))
     blocks = (replace(stream.blocks[0], **{name: value}), *stream.blocks[1:])
     with pytest.raises(InvalidInputError, match=f"{name} of the block at frame 0 must"):
         replace(stream, blocks=blocks).reconstruct()
 
 
-def test_read_takes_a_path(tmp_path):
+def test_read_accepts_a_path(tmp_path):
     path = tmp_path / "grid.reel"
     path.write_bytes(encoded(GRID, "blocks"))
     for given in (path, str(path)):
         np.testing.assert_array_equal(read(given).reconstruct(), meshreel.decode(path).vertices)
 
 
-def test_read_says_what_to_do_when_the_method_is_another():
+def test_error_for_another_method_gives_the_remedy():
     with pytest.raises(InvalidInputError, match=r"method reel, .*pca-qp.* or use meshreel\.decode"):
         read(meshreel.encode(GRID))
 
 
-def test_read_refuses_what_is_not_a_stream(tmp_path):
+def test_read_refuses_other_files(tmp_path):
     with pytest.raises(InvalidInputError, match=r"nothing\.reel cannot be read: No such file"):
         read(tmp_path / "nothing.reel")
     with pytest.raises(InvalidInputError, match="got MeshSequence"):
@@ -250,7 +250,7 @@ def test_read_refuses_what_is_not_a_stream(tmp_path):
         read(encoded(GRID, "pca-qp")[:-9])
 
 
-def test_reconstruct_refuses_when_there_are_no_modes():
+def test_reconstruct_refuses_zero_modes():
     with pytest.raises(InvalidInputError, match="n_modes must be"):
         read(encoded(GRID, "pca-qp")).reconstruct(0)
 
@@ -269,13 +269,13 @@ def test_every_name_of_the_package_is_documented():
         assert name in meshreel.paper.__doc__, name
 
 
-def test_package_is_an_attribute_of_meshreel_and_imports_no_numpy_by_itself():
+def test_package_is_imported_lazily():
     code = "import sys, meshreel; meshreel.paper.__all__; print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 
 
-def test_repr_is_a_line():
+def test_repr_is_one_line():
     stream = read(encoded(GRID, "pca-qp"))
     assert repr(stream) == "<PaperStream pca-qp: 9 frames, 30 vertices, 1 anchor, 2 blocks>"
     assert repr(stream.blocks[1]) == "<PaperBlock: frames 5..8, 4 modes>"

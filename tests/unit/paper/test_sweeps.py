@@ -18,34 +18,34 @@ from meshreel.paper.sweeps import (
 )
 
 
-def test_variants_cover_every_method_when_it_is_of_the_paper():
+def test_variants_cover_every_method_of_the_paper():
     assert set(METHOD_NAMES) == set(CODED) - {"reel", "lossless", "grid"}
     assert set(CODED) <= set(METHOD_COLORS)
 
 
-def test_keys_differ_when_settings_differ():
+def test_different_settings_have_different_keys():
     settings = {*variants(175), *row_settings(175), *sweep(175, 9971), *alternatives(175)}
     assert len({setting.key for setting in settings}) == len(settings)
 
 
 @pytest.mark.parametrize(("n_frames", "expected"), [(175, 25), (48, 24), (26, 13), (12, 12)])
-def test_blocks_are_of_equal_length_when_frames_are_shared_out(n_frames, expected):
+def test_blocks_are_of_equal_length(n_frames, expected):
     assert equal_blocks(n_frames) == expected
 
 
-def test_modes_are_at_most_the_frames_when_the_sequence_is_short():
+def test_number_of_modes_is_at_most_the_number_of_frames():
     modes = [s.n_modes for s in variants(12) if s.n_modes is not None]
     assert max(modes) == 12
 
 
-def test_slow_methods_are_left_out_of_the_sweep():
+def test_slow_methods_are_omitted_from_the_sweep():
     methods = [setting.method for setting in sweep(175, 9971)]
     assert "pca-qs" not in methods
     assert methods.count("gft") == 2
     assert "gft" not in {setting.method for setting in sweep(175, 9971, quick=True)}
 
 
-def test_options_leave_out_what_the_method_decides():
+def test_options_omit_those_fixed_by_the_method():
     assert Setting("gft", None, anchors=0.01).options() == {
         "method": "gft",
         "bits": 8,
@@ -53,7 +53,7 @@ def test_options_leave_out_what_the_method_decides():
     }
 
 
-def test_labels_differ_in_every_table():
+def test_labels_in_a_table_are_unique():
     for found in (variants(175), alternatives(175), [*variants(175), *alternatives(175)]):
         assert len({setting.label for setting in found}) == len(found)
 
@@ -78,7 +78,7 @@ def test_choices_of_a_table_reach_the_variants_that_take_them():
 
 
 @pytest.mark.every_case
-def test_tables_are_refused_when_no_method_can_follow_them():
+def test_tables_without_a_suitable_method_are_refused():
     with pytest.raises(InvalidInputError, match="choice anchor_values has no effect on v2v"):
         check_table(TableSettings(choices=COEFFICIENTS), ["v2v"])
     with pytest.raises(InvalidInputError, match="bits"):

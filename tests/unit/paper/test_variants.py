@@ -1,4 +1,4 @@
-"""The variants of the paper: what each rests on."""
+"""Properties of the variants of the paper."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ OURS = ("reel", "lossless", "grid")
 
 
 def fine(name, n_frames, n_verts):
-    """Options that keep everything: all rows, fine steps."""
+    """Return options that keep all rows with fine steps."""
     if name == "reel":
         return {"step": 1e-7}
     if name == "lossless":
@@ -31,12 +31,12 @@ def fine(name, n_frames, n_verts):
 
 
 def needed(name):
-    """Options that the method cannot do without."""
+    """Return the required options of a method."""
     return {"max_error": 0.1} if name == "grid" else {}
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_sequence_comes_back_when_all_rows_are_kept_with_fine_steps(name):
+def test_sequence_with_all_rows_and_fine_steps_round_trips(name):
     sequence = waving_grid(10, dtype=np.float64)
     decoded = decode(encode(sequence, name, **fine(name, 10, sequence.n_verts)))
     # Only the dictionary and the anchors are rounded, to 16 bits.
@@ -44,13 +44,13 @@ def test_sequence_comes_back_when_all_rows_are_kept_with_fine_steps(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_stream_names_its_method_when_it_is_read(name):
+def test_stream_names_its_method(name):
     assert info(encode(waving_grid(6), name, **needed(name))).method == name
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("n_frames", [1, 7])
-def test_irregular_mesh_comes_back_whatever_the_method(name, n_frames):
+def test_irregular_mesh_round_trips_with_every_method(name, n_frames):
     sequence = irregular_sequence(n_frames)
     options = fine(name, n_frames, sequence.n_verts)
     decoded = decode(encode(sequence, name, block_frames=3, **options))
@@ -59,14 +59,14 @@ def test_irregular_mesh_comes_back_whatever_the_method(name, n_frames):
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in OURS])
-def test_isolated_vertices_come_back_exactly_whatever_the_method_of_the_paper(name):
+def test_isolated_vertices_are_exact_with_methods_of_the_paper(name):
     sequence = irregular_sequence(7)
     decoded = decode(encode(sequence, name, block_frames=3, n_modes=2, bits=4))
     for vertex in (0, sequence.n_verts - 1):
         np.testing.assert_array_equal(decoded.vertices[:, vertex], sequence.vertices[:, vertex])
 
 
-def test_isolated_vertices_come_back_like_all_others_when_the_method_is_reel():
+def test_isolated_vertices_are_coded_like_others_by_reel():
     sequence = irregular_sequence(7)
     data = encode(sequence, step=1e-4, block_frames=3)
     assert "isolated vertices" not in info(data).budget_bytes
@@ -76,14 +76,14 @@ def test_isolated_vertices_come_back_like_all_others_when_the_method_is_reel():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_part_equals_that_of_the_whole_whatever_the_method(name):
+def test_range_of_frames_equals_that_of_the_whole(name):
     data = encode(waving_grid(12), name, block_frames=5, **needed(name))
     part = decode(data, frames=slice(6, 9)).vertices
     np.testing.assert_allclose(part, decode(data).vertices[6:9], atol=1e-6)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_order_comes_back_whatever_the_method(name):
+def test_order_round_trips_with_every_method(name):
     grid = waving_grid(6)
     shuffle = np.random.default_rng(3).permutation(grid.n_verts)
     sequence = MeshSequence(grid.vertices[:, np.argsort(shuffle)], shuffle[grid.faces])
@@ -112,7 +112,7 @@ def test_frames_do_not_depend_on_how_residuals_of_anchors_are_solved(monkeypatch
     np.testing.assert_allclose(decode(data).vertices, by_anchor, atol=1e-9)
 
 
-def test_laplacian_alone_equals_no_anchors_when_bits_are_equal():
+def test_laplacian_alone_equals_one_anchor_per_component():
     """Eq. 11 is Eq. 12 with one anchor for each component."""
     alone = decode(encode(waving_grid(), "pca-q", n_modes=6))
     choices = {"anchor_values": "coefficients"}
@@ -120,14 +120,14 @@ def test_laplacian_alone_equals_no_anchors_when_bits_are_equal():
     np.testing.assert_array_equal(alone.vertices, without.vertices)
 
 
-def test_blocks_equals_the_whole_when_there_is_one_block():
+def test_single_block_equals_the_whole():
     sequence = waving_grid(12)
     blocks = decode(encode(sequence, "blocks", n_modes=6, block_frames=12))
     whole = decode(encode(sequence, "pca-qp", n_modes=6))
     np.testing.assert_array_equal(blocks.vertices, whole.vertices)
 
 
-def test_tracked_dictionary_spans_the_leading_eigenvectors_when_blocks_are_coherent():
+def test_tracked_dictionary_spans_the_leading_eigenvectors():
     sequence = waving_grid(40, dtype=np.float64)
     blocks = coded_blocks(encode(sequence, "blocks", n_modes=3, block_frames=10, n_iterations=30))
     matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
@@ -138,9 +138,7 @@ def test_tracked_dictionary_spans_the_leading_eigenvectors_when_blocks_are_coher
 
 
 @pytest.mark.parametrize(("rotation", "is_diagonal"), [("ritz", True), ("none", False)])
-def test_columns_of_a_tracked_dictionary_are_turned_apart_when_rotation_is_ritz(
-    rotation, is_diagonal
-):
+def test_ritz_rotation_separates_columns_of_a_tracked_dictionary(rotation, is_diagonal):
     sequence, choices = waving_grid(20, dtype=np.float64), {"rotation": rotation}
     _, block = coded_blocks(encode(sequence, "blocks", n_modes=3, block_frames=10, choices=choices))
     matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
@@ -150,13 +148,13 @@ def test_columns_of_a_tracked_dictionary_are_turned_apart_when_rotation_is_ritz(
     assert (coupling < 1e-3) == is_diagonal
 
 
-def test_dictionaries_stay_orthonormal_when_they_are_tracked():
+def test_tracked_dictionaries_are_orthonormal():
     for block in coded_blocks(encode(waving_grid(40), "blocks", n_modes=3, block_frames=10)):
         gram = block.basis.values @ np.swapaxes(block.basis.values, 1, 2)
         assert np.abs(gram - np.eye(3)).max() < 1e-3  # 16 bits
 
 
-def test_differences_are_smaller_than_dictionaries_when_blocks_are_coherent():
+def test_differences_of_coherent_dictionaries_take_fewer_bytes():
     # Motion of full rank: columns beyond the rank would be rounding errors, of any size in bits.
     grid = waving_grid(10)
     frames = grid.vertices + np.random.default_rng(4).normal(scale=0.1, size=grid.vertices.shape)
@@ -167,7 +165,7 @@ def test_differences_are_smaller_than_dictionaries_when_blocks_are_coherent():
     assert tracked < 0.4 * fresh
 
 
-def test_a_shorter_last_block_starts_anew_when_the_frames_do_not_divide():
+def test_shorter_last_block_restarts_the_dictionary():
     sequence = waving_grid(23)
     data = encode(sequence, "blocks", n_modes=8, block_frames=10)
     assert info(data).block_frames == (10, 10, 3)
@@ -175,30 +173,30 @@ def test_a_shorter_last_block_starts_anew_when_the_frames_do_not_divide():
     assert kg_error_percent(sequence.vertices, decode(data).vertices) < 2
 
 
-def test_v2v_has_no_anchors_when_it_is_stored():
+def test_v2v_stores_no_anchors():
     budget = info(encode(waving_grid(), "v2v")).budget_bytes
     assert "anchors" not in budget
     assert "anchor vertices" not in budget
 
 
-def test_pca_takes_sixteen_bits_when_none_are_given():
+def test_pca_uses_16_bits_by_default():
     assert encode(waving_grid(), "pca") == encode(waving_grid(), "pca", bits=16)
 
 
-def test_rows_left_out_are_zero_when_bits_are_given_row_by_row():
+def test_rows_with_zero_bits_are_zero():
     (block,) = coded_blocks(encode(waving_grid(), "pca-qp", n_modes=4, bits=[8, 0, 6, 2]))
     largest = np.abs(block.coefficients.integers).max(axis=(0, 2))
     assert largest.tolist() == [127, 0, 31, 1]
 
 
-def test_every_row_takes_its_bits_when_allocation_is_constant():
+def test_every_row_takes_the_bits_of_a_constant_allocation():
     (block,) = coded_blocks(
         encode(waving_grid(), "pca-qp", n_modes=4, bits=6, allocation="constant")
     )
     assert np.abs(block.coefficients.integers).max(axis=(0, 2)).tolist() == [31] * 4
 
 
-def test_bits_per_row_sum_to_the_section_when_rows_have_their_own_tables():
+def test_bits_per_row_sum_to_the_section_size():
     data = encode(waving_grid(12, 40, 40), "pca-qp", n_modes=5)
     (rows,) = bits_per_row(data)
     assert rows.shape == (3, 5)
@@ -207,7 +205,7 @@ def test_bits_per_row_sum_to_the_section_when_rows_have_their_own_tables():
 
 
 @pytest.mark.slow
-def test_graph_method_refuses_when_the_mesh_is_too_large():
+def test_gft_refuses_large_meshes():
     big = waving_grid(1, 400, 400)
     with pytest.raises(InvalidInputError, match="8000 graph frequencies of 160000 vertices"):
         encode(big, "gft")

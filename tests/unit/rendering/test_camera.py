@@ -33,7 +33,7 @@ def test_fit_camera_keeps_every_vertex_inside_the_margin_in_all_directions(
 
 
 @pytest.mark.parametrize(("azimuth_deg", "elevation_deg"), VIEWS)
-def test_fit_camera_fills_the_picture_when_the_margin_is_reached(azimuth_deg, elevation_deg):
+def test_fit_camera_fills_the_picture_up_to_the_margin(azimuth_deg, elevation_deg):
     vertices = cloud(300)
     camera = fit_camera(
         vertices, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, width=400, height=400
@@ -56,13 +56,13 @@ def test_fit_camera_shows_x_to_the_right_when_looking_at_the_front():
     assert points[1, 0] > points[0, 0] + 100
 
 
-def test_fit_camera_is_nearer_to_positive_z_when_looking_at_the_front():
+def test_fit_camera_looks_at_the_front_from_positive_z():
     ends = np.array([[0.0, 0, 0], [0, 0, 1]])
     _, depths = fit_camera(ends, azimuth_deg=0, elevation_deg=0).project(ends)
     assert depths[1] == pytest.approx(depths[0] - 1)
 
 
-def test_fit_camera_moves_to_the_right_when_the_azimuth_grows():
+def test_fit_camera_moves_to_the_right_with_the_azimuth():
     assert fit_camera(cloud(20), azimuth_deg=40).axes[2, 0] < 0
 
 
@@ -98,7 +98,7 @@ def test_fit_camera_rejects_invalid_arguments(vertices, arguments):
         fit_camera(vertices, **arguments)
 
 
-def test_camera_rejects_axes_when_they_are_not_orthonormal():
+def test_camera_rejects_axes_that_are_not_orthonormal():
     with pytest.raises(InvalidInputError, match="orthonormal"):
         Camera(np.zeros(3), 2 * np.eye(3), 100.0, 10, 10)
 

@@ -21,25 +21,25 @@ def cie_lightness(colors):
     return 116 * np.cbrt(luminance) - 16
 
 
-def test_colorize_runs_from_the_first_to_the_last_color_when_values_span_the_range():
+def test_colorize_maps_the_range_from_the_first_to_the_last_color():
     np.testing.assert_array_equal(colorize([2.0, 6.0], 2, 6), HEAT[[0, -1]])
 
 
-def test_colorize_grows_lighter_evenly_when_values_grow():
+def test_lightness_grows_evenly_with_the_values():
     """Within a third of the mean step everywhere, so that no step looks larger than another."""
     steps = np.diff(cie_lightness(colorize(np.linspace(0, 1, 17), 0, 1)))
     assert (np.abs(steps / steps.mean() - 1) < 1 / 3).all()
 
 
-def test_colorize_keeps_the_end_colors_when_values_leave_the_range():
+def test_colorize_clamps_values_outside_the_range():
     np.testing.assert_array_equal(colorize([-np.inf, 9.0], 0, 1), HEAT[[0, -1]])
 
 
-def test_colorize_is_gray_when_a_value_is_not_a_number():
+def test_colorize_is_gray_for_nan():
     assert tuple(colorize([np.nan], 0, 1)[0]) == NOT_A_NUMBER
 
 
-def test_colorize_returns_the_first_color_when_the_range_is_empty():
+def test_colorize_returns_the_first_color_for_an_empty_range():
     np.testing.assert_array_equal(colorize([0.0, 0.0], 0, 0), HEAT[[0, 0]])
 
 
@@ -51,7 +51,7 @@ def test_colorize_rejects_invalid_shapes_and_ranges(values, low, high):
         colorize(values, low, high)
 
 
-def test_draw_color_bar_has_high_above_low_when_drawn():
+def test_draw_color_bar_has_the_high_end_at_the_top():
     bar = draw_color_bar(0, 1, unit="mm", height=300)
     rows = [np.flatnonzero((bar == color).all(axis=2).any(axis=1)) for color in HEAT[[0, -1]]]
     assert rows[1].max() < rows[0].min()
@@ -62,13 +62,13 @@ def test_draw_color_bar_draws_labels_to_the_right_of_the_bar():
     assert (bar[:, -bar.shape[1] // 3 :] < 100).any()
 
 
-def test_draw_color_bar_writes_the_unit_when_given():
+def test_draw_color_bar_writes_the_unit():
     assert draw_color_bar(0, 1, unit="mm").shape[1] > draw_color_bar(0, 1).shape[1]
 
 
 @pytest.mark.parametrize("high", [1.0, 1.5, 3.0, 6.0, 0.008])
 @pytest.mark.parametrize("height", [120, 500])
-def test_draw_color_bar_has_a_number_at_both_ends_when_drawn(high, height):
+def test_draw_color_bar_has_a_number_at_both_ends(high, height):
     bar = draw_color_bar(0, high, unit="%", height=height)
     colored = np.flatnonzero((np.ptp(bar.astype(int), axis=2) > 60).any(axis=1))
     letters = (bar[:, -bar.shape[1] // 2 :].max(axis=2) < 120).any(axis=1)
@@ -77,7 +77,7 @@ def test_draw_color_bar_has_a_number_at_both_ends_when_drawn(high, height):
 
 
 @pytest.mark.parametrize(("low", "high"), [(0, 0), (0, 1e-9), (-3e7, 8e7), (0.7, 0.70001)])
-def test_draw_color_bar_keeps_its_height_when_the_range_is_unusual(low, high):
+def test_draw_color_bar_keeps_its_height_for_unusual_ranges(low, high):
     assert draw_color_bar(low, high, unit="m", height=200).shape[0] == 200
 
 
@@ -94,7 +94,7 @@ def test_round_up_returns_a_round_number(value, rounded):
     assert round_up(value) == pytest.approx(rounded)
 
 
-def test_colorize_is_gray_at_0_and_symmetric_when_0_is_inside_the_range():
+def test_colorize_diverges_around_0_inside_the_range():
     low, middle, high, beyond = colorize([-2.0, 0.0, 2.0, 4.0], -2, 4)
     assert middle.tolist() == DIVERGING[8].tolist()
     assert beyond.tolist() == DIVERGING[-1].tolist()

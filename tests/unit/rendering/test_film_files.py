@@ -30,7 +30,7 @@ def read_gif(path):
     return pictures, durations
 
 
-def test_gif_contains_every_picture_when_it_is_read_back(grid, tmp_path):
+def test_gif_contains_every_picture(grid, tmp_path):
     grid_film = make_film(grid)
     save_gif(grid_film, tmp_path / "a.gif")
     pictures, _ = read_gif(tmp_path / "a.gif")
@@ -44,9 +44,7 @@ def test_gif_contains_every_picture_when_it_is_read_back(grid, tmp_path):
 @pytest.mark.parametrize(
     ("fps", "n_pictures"), [(25.0, 12), (24.0, 12), (30.0, 12), (60.0, 6), (120.0, 4)]
 )
-def test_gif_lasts_as_long_as_the_frames_when_hundredths_are_rounded(
-    grid, tmp_path, fps, n_pictures
-):
+def test_gif_lasts_as_long_as_the_frames_despite_rounding(grid, tmp_path, fps, n_pictures):
     save_gif(make_film(grid, fps), tmp_path / "a.gif")
     pictures, durations = read_gif(tmp_path / "a.gif")
     assert len(pictures) == n_pictures
@@ -54,7 +52,7 @@ def test_gif_lasts_as_long_as_the_frames_when_hundredths_are_rounded(
     assert sum(durations) == pytest.approx(1000 * 12 / fps, abs=5.001)
 
 
-def test_gif_is_the_same_when_it_is_written_again(grid, tmp_path):
+def test_gif_is_reproducible(grid, tmp_path):
     for name in ("a.gif", "b.gif"):
         save_gif(make_film(grid), tmp_path / name)
     assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
@@ -68,7 +66,7 @@ def test_gif_of_a_static_mesh_shows_it_in_every_picture(grid, tmp_path):
     np.testing.assert_array_equal(pictures[0][mesh], pictures[2][mesh])
 
 
-def test_mp4_has_every_picture_at_its_rate_when_it_is_read_back(grid, tmp_path):
+def test_mp4_has_every_picture_at_its_rate(grid, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     grid_film = make_film(grid, fps=12.5)
     save_mp4(grid_film, tmp_path / "a.mp4")
@@ -91,21 +89,21 @@ def test_mp4_error_contains_the_message_of_ffmpeg(grid, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mp4_is_the_same_when_it_is_written_again(grid, tmp_path):
+def test_mp4_is_reproducible(grid, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     for name in ("a.mp4", "b.mp4"):
         save_mp4(make_film(grid), tmp_path / name)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
-def test_mp4_is_rejected_when_a_side_is_odd(grid, tmp_path):
+def test_mp4_with_an_odd_side_is_rejected(grid, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     with pytest.raises(InvalidInputError, match="even width and height; got 161 x 120"):
         save_mp4(make_film(grid, size=(161, 120)), tmp_path / "a.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_mp4_names_the_extra_when_its_library_is_missing(monkeypatch):
+def test_error_names_the_extra_of_a_missing_library(monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(FormatError, match=r"pip install 'meshreel\[video\]'"):
         require_ffmpeg()
@@ -121,6 +119,6 @@ def test_existing_film_is_not_overwritten(grid, tmp_path):
     assert len(read_gif(path)[0]) == 2
 
 
-def test_save_film_lists_the_formats_when_the_file_extension_is_unknown(grid, tmp_path):
+def test_error_for_an_unknown_extension_lists_the_formats(grid, tmp_path):
     with pytest.raises(FormatError, match=r"films are \.mp4 and \.gif files"):
         save_film(make_film(grid), tmp_path / "a.avi")

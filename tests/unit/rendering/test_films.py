@@ -9,7 +9,7 @@ from meshreel.rendering.views import View
 VIEW, SIZE = View(), (160, 120)
 
 
-def test_film_has_a_picture_for_each_frame_when_the_camera_is_static(grid):
+def test_static_film_has_a_picture_for_each_frame(grid):
     result = film(Scene(grid), range(2, 9), VIEW, size=SIZE)
     assert (result.n_pictures, result.size, result.fps) == (7, SIZE, 25.0)
     assert [number for number, _ in result.shots] == list(range(2, 9))
@@ -21,7 +21,7 @@ def test_film_has_a_picture_for_each_frame_when_the_camera_is_static(grid):
     ("turn_s", "n_pictures"),
     [(2.0, 50), (0.2, 12)],  # 50 pictures per turn at 25 fps; 12 frames are more than 5
 )
-def test_film_lasts_for_the_turn_or_the_frames_when_the_camera_circles(grid, turn_s, n_pictures):
+def test_turntable_film_lasts_for_the_longer_of_turn_and_frames(grid, turn_s, n_pictures):
     result = film(Scene(grid), range(12), VIEW, turn_s=turn_s, size=SIZE)
     assert result.n_pictures == n_pictures
     assert [number for number, _ in result.shots] == [step % 12 for step in range(n_pictures)]
@@ -39,12 +39,12 @@ def test_film_of_one_frame_turns_by_equal_angles(grid):
     assert angles == pytest.approx([45.0] * 8)
 
 
-def test_film_plays_at_the_default_rate_when_the_rate_is_unknown(grid):
+def test_film_of_unknown_rate_plays_at_the_default_rate(grid):
     unknown = MeshSequence(grid.vertices, grid.faces)
     assert film(Scene(unknown), range(3), VIEW, size=SIZE).fps == UNKNOWN_FPS
 
 
-def test_film_reads_a_frame_only_when_its_picture_is_drawn(grid, monkeypatch):
+def test_film_reads_frames_on_demand(grid, monkeypatch):
     scene = Scene(grid)
     result = film(scene, range(12), VIEW, size=SIZE)
     read = []
@@ -58,6 +58,6 @@ def test_film_reads_a_frame_only_when_its_picture_is_drawn(grid, monkeypatch):
     assert len(read) < 12
 
 
-def test_film_has_even_sides_when_no_size_is_given(grid, lifted):
+def test_default_size_of_a_film_has_even_sides(grid, lifted):
     result = film(Scene(lifted, grid, "angle"), range(2), VIEW, max_size=(501, 333))
     assert result.size[0] % 2 == result.size[1] % 2 == 0

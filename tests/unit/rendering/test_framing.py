@@ -19,7 +19,7 @@ def travelling(sequence, step):
     return ChosenFrames(replace(sequence, vertices=vertices), range(0, sequence.n_frames, 3))
 
 
-def test_a_static_camera_sees_all_frames(grid):
+def test_static_camera_sees_all_frames(grid):
     frames = travelling(grid, 0.5)
     cameras = Framing(FRONT).cameras(frames, 300, 200)
     assert len(cameras) == len(frames.numbers)
@@ -30,7 +30,7 @@ def test_a_static_camera_sees_all_frames(grid):
     assert np.ptp(points[..., 0]) > 240
 
 
-def test_the_mean_vertex_stays_in_place_when_the_camera_follows(grid):
+def test_following_camera_keeps_the_mean_vertex_in_place(grid):
     frames = travelling(grid, 0.5)
     cameras = Framing(FRONT, is_followed=True).cameras(frames, 300, 200)
     middles = [
@@ -43,7 +43,7 @@ def test_the_mean_vertex_stays_in_place_when_the_camera_follows(grid):
     assert steps == pytest.approx(motion)
 
 
-def test_the_aspect_is_that_of_one_frame_when_the_camera_follows(grid):
+def test_aspect_of_a_following_camera_is_that_of_one_frame(grid):
     frames = travelling(grid, 0.5)
     assert Framing(FRONT).aspect(frames) > 3 * Framing(FRONT, is_followed=True).aspect(frames)
 
@@ -60,7 +60,7 @@ def distance_ratio(frames):
     return far / near
 
 
-def test_the_camera_follows_when_that_brings_it_enough_nearer(grid):
+def test_camera_follows_if_that_brings_it_much_nearer(grid):
     steps = np.linspace(0, 0.05, 26)
     ratios = [distance_ratio(travelling(grid, step)) for step in steps]
     followed = [framing_of(FRONT, travelling(grid, step)).is_followed for step in steps]
@@ -69,7 +69,7 @@ def test_the_camera_follows_when_that_brings_it_enough_nearer(grid):
 
 
 @pytest.mark.parametrize("is_followed", [True, False])
-def test_an_explicit_choice_overrides_the_default(grid, is_followed):
+def test_explicit_choice_overrides_the_default(grid, is_followed):
     for step in (0.0, 0.5):
         frames = travelling(grid, step)
         assert framing_of(FRONT, frames, is_followed=is_followed).is_followed == is_followed

@@ -31,7 +31,7 @@ def test_views_are_disjoint_and_inside_the_sheet(parts, aspect):
     assert layout.foot + parts.n_caption_lines * layout.line <= layout.size[1]
 
 
-def test_parts_follow_one_another_when_a_sheet_has_all_kinds():
+def test_parts_of_a_sheet_are_ordered_without_overlap():
     parts = Parts(2, 2, n_title_lines=2, n_label_lines=1, bars=((0, 30), (1, 50)),
                   n_caption_lines=3)  # fmt: skip
     layout = plan_layout((900, 701), parts, 14)
@@ -60,7 +60,7 @@ def test_sheet_has_the_requested_size_without_an_aspect():
     assert plan_layout((901, 333), Parts(2, 3, n_label_lines=1), 14).size == (901, 333)
 
 
-def test_view_fills_the_sheet_when_it_is_alone():
+def test_single_view_fills_the_sheet():
     layout = plan_layout((320, 200), Parts(1, 1), 14)
     assert layout.view_size == layout.size == (320, 200)
     assert (layout.columns, layout.rows) == ((0,), (0,))
@@ -76,12 +76,12 @@ def test_views_have_the_aspect_of_their_content(aspect):
     assert layout.size[0] % 2 == layout.size[1] % 2 == 0
 
 
-def test_the_aspect_of_views_is_limited():
+def test_aspect_of_views_is_limited():
     width, height = plan_layout((900, 700), Parts(1, 1), 14, 100.0).view_size
     assert width / height == pytest.approx(ASPECTS[1], rel=0.02)
 
 
-def test_plan_layout_reports_the_view_size_when_the_sheet_is_too_small():
+def test_error_for_a_small_sheet_states_the_view_size():
     with pytest.raises(InvalidInputError, match=r"60 x 60 pixels leave .* larger --size"):
         plan_layout((60, 60), Parts(2, 4, n_label_lines=1), 14)
     assert plan_layout((32, 32), Parts(1, 1), 14).view_size == (32, 32)
@@ -101,5 +101,5 @@ def test_plan_layout_reports_the_view_size_when_the_sheet_is_too_small():
         (9, 1.0, (3, 3)),
     ],
 )
-def test_grid_shape_makes_views_largest_when_their_shape_is_known(n_views, aspect, shape):
+def test_grid_shape_maximizes_the_views(n_views, aspect, shape):
     assert grid_shape(n_views, (1600, 1000), aspect) == shape

@@ -21,21 +21,21 @@ def test_spell_out_replaces_characters_that_the_font_lacks(text, spelled):
     assert spell_out(text) == spelled
 
 
-def test_wrap_text_keeps_every_word_when_it_breaks_lines():
+def test_wrap_text_keeps_every_word():
     text = "one two three four five six seven eight nine ten"
     assert " ".join(wrap_text(text, FONT, 90)) == text
 
 
-def test_wrap_text_keeps_lines_within_the_width_when_words_are_narrower():
+def test_wrap_text_keeps_lines_within_the_width():
     lines = wrap_text("one two three four five six seven eight nine ten", FONT, 90)
     assert max(FONT.getlength(line) for line in lines) <= 90
 
 
-def test_wrap_text_gives_a_word_its_own_line_when_it_is_too_wide():
+def test_wrap_text_puts_too_wide_words_on_separate_lines():
     assert wrap_text("a incomprehensibilities b", FONT, 30) == ["a", "incomprehensibilities", "b"]
 
 
-def test_wrap_text_has_no_lines_when_there_is_no_text():
+def test_wrap_text_of_empty_text_has_no_lines():
     assert wrap_text("", FONT, 90) == []
 
 

@@ -20,41 +20,41 @@ def ink_rows(sheet):
     return np.flatnonzero((np.asarray(sheet).max(axis=2) < 140).any(axis=1))
 
 
-def test_side_by_side_shows_every_pixel_when_panels_differ_in_size():
+def test_side_by_side_shows_every_pixel_of_different_panels():
     sheet = side_by_side([panel(), panel(BLUE, 40, 200)], ["a", "b"])
     assert (count(sheet, RED), count(sheet, BLUE)) == (160 * 120, 40 * 200)
 
 
-def test_side_by_side_writes_titles_above_the_panels_when_given():
+def test_side_by_side_writes_titles_above_the_panels():
     sheet = side_by_side([panel((250, 250, 250))], ["original"])
     assert ink_rows(sheet).max() < sheet.height - 120
 
 
-def test_side_by_side_writes_the_caption_below_the_panels_when_given():
+def test_side_by_side_writes_the_caption_below_the_panels():
     bare = side_by_side([panel((250, 250, 250))], [""])
     sheet = side_by_side([panel((250, 250, 250))], [""], caption="flag")
     assert sheet.height > bare.height
     assert ink_rows(sheet).min() > 120
 
 
-def test_side_by_side_breaks_the_caption_when_it_is_wider_than_the_sheet():
+def test_side_by_side_wraps_wide_captions():
     short, long = (side_by_side([panel()], [""], caption="word " * n_words) for n_words in (2, 40))
     assert long.width == short.width
     assert long.height > short.height
 
 
-def test_side_by_side_has_a_white_border_when_drawn():
+def test_side_by_side_has_a_white_border():
     sheet = np.asarray(side_by_side([panel()], ["title"], caption="caption"))
     border = np.concatenate([sheet[0], sheet[-1], sheet[:, 0], sheet[:, -1]])
     assert (border == 255).all()
 
 
-def test_contact_sheet_shows_every_panel_when_the_last_row_is_short():
+def test_contact_sheet_shows_every_panel_of_a_short_last_row():
     sheet = contact_sheet([[panel(), panel()], [panel(BLUE)]], row_titles=["a", "b"])
     assert (count(sheet, RED), count(sheet, BLUE)) == (2 * 160 * 120, 160 * 120)
 
 
-def test_contact_sheet_lines_panels_up_when_they_share_a_column():
+def test_contact_sheet_aligns_panels_in_columns():
     sheet = np.asarray(contact_sheet([[panel()], [panel(BLUE)]], row_titles=["a", "longer"]))
     left = [
         np.flatnonzero((sheet == np.array(color)).all(axis=2).any(axis=0))[0]
@@ -63,7 +63,7 @@ def test_contact_sheet_lines_panels_up_when_they_share_a_column():
     assert left[0] == left[1]
 
 
-def test_contact_sheet_writes_row_titles_left_of_the_panels_when_given():
+def test_contact_sheet_writes_row_titles_left_of_the_panels():
     sheet = np.asarray(contact_sheet([[panel((250, 250, 250))]], row_titles=["flag"]))
     first_column = np.flatnonzero((sheet == 250).all(axis=2).any(axis=0))[0]
     assert (sheet[:, :first_column] < 110).any()
@@ -86,7 +86,7 @@ def test_contact_sheet_rejects_invalid_panels_and_titles(rows, titles):
         contact_sheet(rows, **titles)
 
 
-def test_save_png_gives_the_same_pixels_back_when_read(tmp_path):
+def test_save_png_round_trips_pixels(tmp_path):
     pixels = np.random.default_rng(1).integers(0, 256, (9, 7, 3), np.uint8)
     save_png(pixels, tmp_path / "noise.png")
     with Image.open(tmp_path / "noise.png") as image:
@@ -100,7 +100,7 @@ def test_save_png_does_not_overwrite_a_file_by_default(tmp_path):
     assert (tmp_path / "old.png").read_bytes() == b"old"
 
 
-def test_save_png_replaces_a_file_when_overwrite_is_set(tmp_path):
+def test_save_png_replaces_a_file_with_overwrite(tmp_path):
     (tmp_path / "old.png").write_bytes(b"old")
     save_png(panel(), tmp_path / "old.png", overwrite=True)
     assert (tmp_path / "old.png").read_bytes().startswith(b"\x89PNG")

@@ -37,7 +37,7 @@ def test_plot_has_the_given_lines_and_labels(axes, tmp_path):
 
 
 @pytest.mark.parametrize(("n_frames", "marker"), [(1, "o"), (2, "None")])
-def test_a_single_frame_is_a_point(axes, tmp_path, n_frames, marker):
+def test_single_frame_is_a_point(axes, tmp_path, n_frames, marker):
     lines = {"decoded": LINES["original"][:n_frames]}
     plot = axes(tmp_path / "a.png", "", "", range(n_frames), lines)
     assert plot.lines[0].get_marker() == marker
@@ -53,7 +53,7 @@ def test_seconds_begin_at_the_start(axes, tmp_path):
     assert not axes(tmp_path / "a.png", "", "", [0, 1, 2], LINES).child_axes
 
 
-def test_the_extra_is_named_when_matplotlib_is_missing(monkeypatch):
+def test_error_names_the_extra_of_missing_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(InvalidInputError, match=r"pip install 'meshreel\[plot\]'"):
         plots.require_matplotlib()

@@ -30,7 +30,7 @@ def sphere():
     return np.stack([x, y, z], axis=-1).reshape(-1, 3), faces
 
 
-def test_render_covers_the_projected_area_when_a_triangle_faces_the_camera():
+def test_render_covers_the_projected_area_of_a_triangle():
     camera = front(TRIANGLE)
     points, _ = camera.project(TRIANGLE)
     area = 0.5 * np.ptp(points[:, 0]) * np.ptp(points[:, 1])
@@ -39,7 +39,7 @@ def test_render_covers_the_projected_area_when_a_triangle_faces_the_camera():
 
 
 @pytest.mark.parametrize("order", [[0, 1], [1, 0]])
-def test_render_shows_the_nearer_triangle_when_it_hides_another(order):
+def test_render_shows_the_nearer_triangle(order):
     hidden = 0.5 * TRIANGLE - [0.25, 0.25, 0.5]  # no edge of both in the same pixels
     vertices = np.concatenate([TRIANGLE, hidden])
     colors = np.repeat([[250, 0, 0], [0, 0, 250]], 3, axis=0)
@@ -49,14 +49,14 @@ def test_render_shows_the_nearer_triangle_when_it_hides_another(order):
     assert (red[:, 0] > red[:, 2]).all()
 
 
-def test_render_shades_both_sides_alike_when_a_face_is_turned_over():
+def test_render_shades_both_sides_of_a_face_alike():
     camera = front(TRIANGLE)
     np.testing.assert_array_equal(
         render(TRIANGLE, FACE, camera), render(TRIANGLE, FACE[:, ::-1], camera)
     )
 
 
-def test_render_shades_a_back_face_bright_when_it_faces_the_camera():
+def test_render_lights_back_faces():
     picture = render(TRIANGLE, FACE[:, ::-1], front(TRIANGLE))
     assert picture[60, 40].min() > 100
 
@@ -67,7 +67,7 @@ def test_render_lights_a_sphere_from_the_upper_left():
     assert picture[35, 35] > picture[35, 65] > picture[70, 65]
 
 
-def test_render_is_unchanged_when_mesh_and_camera_turn_together():
+def test_render_is_invariant_to_common_rotation_of_mesh_and_camera():
     vertices, faces = sphere()
     vertices = vertices * [1.0, 0.6, 0.8]
     turned = vertices[:, [2, 1, 0]] * [1, 1, -1]
@@ -76,7 +76,7 @@ def test_render_is_unchanged_when_mesh_and_camera_turn_together():
     assert np.abs(actual - expected).max() <= 1
 
 
-def test_render_blends_colors_by_perspective_when_a_strip_recedes():
+def test_render_interpolates_colors_in_perspective():
     """The midpoint of the strip in space is far above its midpoint in the picture."""
     strip = np.array([[-1.0, 0, 0], [1, 0, 0], [1, 0, -40], [-1, 0, -40]])
     colors = [[250, 0, 0], [250, 0, 0], [0, 0, 250], [0, 0, 250]]
@@ -87,20 +87,20 @@ def test_render_blends_colors_by_perspective_when_a_strip_recedes():
     assert abs(red - blue) < 12
 
 
-def test_render_has_one_tone_per_face_when_not_smooth():
+def test_flat_render_has_one_tone_per_face():
     roof = np.array([[0.0, -1, 1], [0, 1, 1], [-1, 0, 0], [1, 0, 0]])
     camera = front(roof)
     picture = render(roof, [[0, 1, 2], [0, 3, 1]], camera, smooth=False, supersample=1)
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) == 2 + 1
 
 
-def test_render_grades_its_tones_when_smooth():
+def test_smooth_render_has_gradual_tones():
     roof = np.array([[0.0, -1, 1], [0, 1, 1], [-1, 0, 0], [1, 0, 0]])
     picture = render(roof, [[0, 1, 2], [0, 3, 1]], front(roof), supersample=1)
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
 
 
-def test_render_softens_outlines_when_supersampled():
+def test_supersampling_softens_outlines():
     tones = [
         len(np.unique(render(TRIANGLE, FACE, front(TRIANGLE), supersample=factor)[:, :, 0]))
         for factor in (1, 4)
@@ -113,24 +113,24 @@ def test_render_softens_outlines_when_supersampled():
     [TRIANGLE - [0, 0, -100], TRIANGLE - [-50, 0, 0], TRIANGLE * [1, 0, 0], TRIANGLE * 0],
     ids=["behind", "beside", "line", "point"],
 )
-def test_render_is_all_background_when_nothing_can_be_seen(vertices):
+def test_render_without_visible_faces_is_background(vertices):
     picture = render(vertices, FACE, front(TRIANGLE), background=(1, 2, 3))
     assert not covered(picture, (1, 2, 3)).any()
 
 
-def test_render_is_not_black_when_opposite_faces_cancel_their_normals():
+def test_render_lights_faces_with_canceling_normals():
     faces = np.concatenate([FACE, FACE[:, ::-1]])
     assert render(TRIANGLE, faces, front(TRIANGLE))[60, 40].min() > 100
 
 
-def test_render_covers_a_plausible_share_when_it_shows_the_flag():
+def test_render_of_the_flag_covers_a_plausible_share():
     flag = simulate_flag(6, n_rows=20, n_columns=30)
     camera = fit_camera(flag.vertices, azimuth_deg=20, width=150, height=120)
     share = covered(render(flag.vertices[-1], flag.faces, camera)).mean()
     assert 0.3 < share < 0.8
 
 
-def test_render_leaves_its_arguments_alone_when_called():
+def test_render_does_not_modify_its_arguments():
     vertices, colors = TRIANGLE.copy(), np.full((3, 3), 90.0)
     render(vertices, FACE, front(TRIANGLE), colors=colors)
     np.testing.assert_array_equal(vertices, TRIANGLE)
@@ -159,12 +159,12 @@ def test_render_rejects_invalid_arguments(arguments):
         render(**{**valid, **arguments})
 
 
-def test_render_shows_unlit_colors_when_glow_is_1():
+def test_glow_1_shows_unlit_colors():
     picture = render(TRIANGLE, FACE, front(TRIANGLE), colors=(10, 130, 250), glow=1.0)
     assert picture[60, 40].tolist() == [10, 130, 250]
 
 
-def test_render_has_a_sharp_edge_when_corners_of_two_faces_differ_in_color():
+def test_corner_colors_give_sharp_edges_between_faces():
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     colors = np.repeat([[[255, 0, 0]], [[0, 0, 255]]], 3, axis=1)
@@ -174,7 +174,7 @@ def test_render_has_a_sharp_edge_when_corners_of_two_faces_differ_in_color():
 
 
 @pytest.mark.parametrize("smooth", [True, False])
-def test_render_equals_a_larger_picture_scaled_down_when_supersampled(smooth):
+def test_supersampled_render_equals_a_reduced_larger_picture(smooth):
     sequence = simulate_flag(8, n_rows=12, n_columns=16)
     vertices = sequence.vertices[7]
     camera = front(vertices)

@@ -23,7 +23,7 @@ def drawn(scene, number=3, scales=NO_SCALES):
     return scene.draw(scene.read(number), camera, scales)
 
 
-def test_scene_names_the_option_when_there_is_heat_and_no_original(grid):
+def test_error_for_heat_without_an_original_names_the_option(grid):
     with pytest.raises(InvalidInputError, match="--original"):
         Scene(grid, None, "angle")
 
@@ -33,7 +33,7 @@ def test_scene_rejects_an_original_with_another_mesh(grid):
         Scene(grid, waving_grid(12, 5, 5))
 
 
-def test_scene_has_a_view_for_each_title_when_drawn(grid, lifted):
+def test_scene_has_a_view_for_each_title(grid, lifted):
     for scene, titles in (
         (Scene(grid), [""]),
         (Scene(lifted, grid), ["original", "decoded"]),
@@ -44,7 +44,7 @@ def test_scene_has_a_view_for_each_title_when_drawn(grid, lifted):
 
 
 @pytest.mark.parametrize("kind", HEATS)
-def test_heat_range_covers_nearly_all_values_when_frames_are_measured(kind, grid, lifted):
+def test_heat_range_covers_nearly_all_values(kind, grid, lifted):
     heat_range = Scene(lifted, grid, kind).scales(range(12)).heat
     diagonal = bounding_box_reference(grid.vertices).diagonal
     field = heat_field(kind, grid.faces, grid.n_verts, diagonal)
@@ -56,7 +56,7 @@ def test_heat_range_covers_nearly_all_values_when_frames_are_measured(kind, grid
     assert heat_range.high <= 2 * values.max()
 
 
-def test_heat_map_is_bright_where_vertices_are_off_and_dark_elsewhere(grid, lifted):
+def test_heat_map_is_bright_only_at_displaced_vertices(grid, lifted):
     same, off = Scene(grid, grid, "distance"), Scene(lifted, grid, "distance")
     scales = off.scales([3])
     dark, bright = (drawn(scene, scales=scales)[2].astype(int) for scene in (same, off))
@@ -69,7 +69,7 @@ def test_scene_without_heat_has_no_range(grid):
     assert Scene(grid, grid).scales([0]) == NO_SCALES
 
 
-def test_scene_shows_the_colors_of_the_surface_when_there_are_any():
+def test_scene_shows_the_colors_of_the_surface():
     sheet = quad_sheet()
     plain = MeshSequence(sheet.vertices, sheet.faces)
     colored, gray = (drawn(Scene(sequence))[0].astype(int) for sequence in (sheet, plain))
@@ -101,7 +101,7 @@ def test_scene_shows_the_colors_of_a_track_of_any_domain(domain, grid):
     assert middle[1][1] > 1.5 * middle[1][2]  # yellow
 
 
-def test_each_polygon_has_one_color_when_faces_have_values():
+def test_each_polygon_has_the_color_of_its_value():
     sheet = quad_sheet()
     n_polygons = sheet.surface.n_items(Domain.FACE, sheet.n_verts, sheet.n_faces)
     assert n_polygons < sheet.n_faces
@@ -146,7 +146,7 @@ def test_scene_rejects_a_missing_or_different_track(grid):
         Scene(with_track(grid, values), with_track(grid, values), "track")
 
 
-def test_heat_of_positions_keeps_its_title_when_a_track_is_shown_too(grid, lifted):
+def test_heat_of_positions_keeps_its_title_next_to_a_track(grid, lifted):
     values = np.zeros((12, 99))
     scene = Scene(
         with_track(lifted, values, unit="Pa"), with_track(grid, values, unit="Pa"), "distance",
@@ -155,7 +155,7 @@ def test_heat_of_positions_keeps_its_title_when_a_track_is_shown_too(grid, lifte
     assert scene.titles == ["original: heat", "decoded: heat", HEATS["distance"].label]
 
 
-def test_each_face_of_a_box_has_one_color_when_its_edges_are_hard():
+def test_hard_edges_give_each_face_of_a_box_one_color():
     box = hard_box(1)
     camera = fit_camera(box[0], azimuth_deg=30, elevation_deg=25, width=96, height=96)
     scene = Scene(box)

@@ -47,7 +47,7 @@ def test_sheet_has_the_requested_size():
     assert plan_sheet(Words(widest_label="frame 9"), 8, 0.4, (801, 403), (9, 9)).size == (801, 403)
 
 
-def test_labels_are_broken_into_lines_when_views_are_narrow():
+def test_labels_of_narrow_views_are_wrapped():
     layout = plan_sheet(Words(widest_label="frame 123, 10.52 s"), 8, 0.3, (640, 320), (9, 9))
     assert layout.view_size[0] < 110
     assert layout.foot - layout.view_size[1] > 2 * layout.line

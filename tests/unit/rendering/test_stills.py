@@ -17,7 +17,7 @@ def inked(picture):
     return (np.asarray(picture) != 255).any(axis=2)
 
 
-def test_still_is_filled_by_the_mesh_when_it_shows_one_frame(grid):
+def test_single_frame_fills_the_still(grid):
     picture = inked(still(Scene(grid), [0], FRONT, size=(300, 240)))
     assert picture.shape == (240, 300)
     rows, columns = np.flatnonzero(picture.any(axis=1)), np.flatnonzero(picture.any(axis=0))
@@ -28,7 +28,7 @@ def test_still_is_filled_by_the_mesh_when_it_shows_one_frame(grid):
     assert 0.9 < picture.sum() / box <= 1.01  # a sheet from the front is a rectangle
 
 
-def test_still_has_a_mesh_for_each_frame_when_it_shows_several(grid):
+def test_still_has_a_mesh_for_each_frame(grid):
     single, several = (
         inked(still(Scene(grid), numbers, FRONT, size=(640, 480))).mean()
         for numbers in ([0], range(8))
@@ -43,7 +43,7 @@ def travelling(grid):
     return MeshSequence((grid.vertices + away).astype(np.float32), grid.faces)
 
 
-def test_still_follows_the_mesh_when_it_would_be_small_otherwise(grid):
+def test_still_follows_a_mesh_that_would_be_small(grid):
     scene = Scene(travelling(grid))
     default, static = (
         inked(still(scene, [0, 5, 11], FRONT, size=(700, 300), is_followed=follow)).mean()
@@ -69,7 +69,7 @@ def test_still_centers_every_frame_of_a_mesh_that_moves_a_little(grid):
     assert off_center(default) < 10 < 30 < off_center(static)
 
 
-def test_still_does_not_follow_the_mesh_when_it_stays(grid):
+def test_still_does_not_follow_a_mesh_that_stays(grid):
     scene = Scene(grid)
     default, static = (
         still(scene, [0, 11], FRONT, size=(600, 240), is_followed=follow).tobytes()
@@ -89,7 +89,7 @@ def test_heat_map_is_shaded_but_stays_close_to_its_color(grid):
     assert 20 < lightest - darkest < 60
 
 
-def test_still_is_the_same_when_it_is_drawn_again(grid, lifted):
+def test_still_is_reproducible(grid, lifted):
     scene = Scene(lifted, grid, "sted")
     first, second = (
         still(scene, [0, 5], FRONT, size=(640, 480), caption="twice").tobytes() for _ in range(2)
@@ -97,7 +97,7 @@ def test_still_is_the_same_when_it_is_drawn_again(grid, lifted):
     assert first == second
 
 
-def test_still_shows_a_color_bar_with_numbers_when_there_is_a_heat_map(grid, lifted):
+def test_heat_map_has_a_color_bar_with_numbers(grid, lifted):
     without, with_heat = (
         np.asarray(still(Scene(lifted, grid, heat), [3], FRONT, size=(900, 300)))
         for heat in (None, "distance")
@@ -125,7 +125,7 @@ def test_still_reports_progress(grid, lifted):
     assert reports[-1] == ("drawing", 6, 6, "views")
 
 
-def test_labels_have_the_number_and_the_time_when_the_rate_is_known(grid):
+def test_labels_have_the_number_and_the_time(grid):
     assert frame_labels(Scene(grid), 5) == ["frame 5, 0.20 s"]
     later = MeshSequence(grid.vertices, grid.faces, 10.0, start_s=2.0)
     assert frame_labels(Scene(later, grid), 5) == ["frame 5, 2.50 s", ""]

@@ -14,7 +14,7 @@ def colored(domain, values):
     return Surface(SIZES, (Attribute("color", Kind.COLOR, domain, values),)).validated(5, 3)
 
 
-def test_colors_are_none_when_the_mesh_has_no_color_attribute():
+def test_mesh_without_color_attributes_has_no_colors():
     assert surface_colors(Surface(), FACES) is None
 
 
@@ -37,7 +37,7 @@ def test_colors_of_polygon_corners_follow_the_triangle_fan():
 
 
 @pytest.mark.parametrize("value", [-1.0, 2.0, float("nan")])
-def test_colors_stay_in_range_when_floats_do_not(value):
+def test_float_colors_are_clamped(value):
     values = np.full((5, 3), value, np.float32)
     actual = surface_colors(colored(Domain.VERTEX, values), FACES)
     assert 0 <= actual.min() <= actual.max() <= 255

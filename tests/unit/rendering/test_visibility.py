@@ -16,14 +16,14 @@ def seen(points, faces, *, depths=None, size=(100, 80)):
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [0, 2, 1], [2, 0, 1]])
-def test_visible_faces_covers_its_area_when_a_triangle_stands_alone(order):
+def test_visible_faces_covers_the_area_of_a_triangle(order):
     points = np.array([[3.2, 5.1], [95.7, 12.3], [40.4, 77.9]])
     ab, ac = points[1] - points[0], points[2] - points[0]
     area = abs(ab[0] * ac[1] - ab[1] * ac[0]) / 2
     assert (seen(points, [order]) == 0).sum() == pytest.approx(area, rel=0.02)
 
 
-def test_visible_faces_covers_each_pixel_once_when_faces_share_edges():
+def test_visible_faces_covers_each_pixel_of_adjacent_faces_once():
     """A crooked mosaic over the whole picture: the faces alone add up to the picture."""
     rng = np.random.default_rng(2)
     grid = np.stack(np.meshgrid(np.linspace(0, 100, 12), np.linspace(0, 80, 9)), axis=-1)
@@ -39,14 +39,14 @@ def test_visible_faces_covers_each_pixel_once_when_faces_share_edges():
 
 
 @pytest.mark.parametrize("nearer_first", [True, False])
-def test_visible_faces_shows_the_nearer_face_when_two_overlap(nearer_first):
+def test_visible_faces_shows_the_nearer_of_two_faces(nearer_first):
     points = [[0, 0], [99, 0], [0, 79]] * 2
     faces = [[0, 1, 2], [3, 4, 5]]
     ids = seen(points, faces if nearer_first else faces[::-1], depths=[1, 1, 1, 2, 2, 2])
     assert set(ids[ids >= 0]) == {0 if nearer_first else 1}
 
 
-def test_visible_faces_changes_sides_at_the_cut_when_two_faces_cross():
+def test_visible_faces_of_crossing_faces_changes_at_their_intersection():
     """Along x one face recedes and the other comes nearer: equal depth, in 1/z, at x = 50."""
     points = [[0, -500], [100, 40], [0, 580], [100, -500], [0, 40], [100, 580]]
     ids = seen(points, [[0, 1, 2], [3, 4, 5]], depths=[1, 3, 1, 1, 3, 1]).reshape(80, 100)
@@ -54,7 +54,7 @@ def test_visible_faces_changes_sides_at_the_cut_when_two_faces_cross():
     assert (ids[:, 50:] == 1).all()
 
 
-def test_visible_faces_fills_the_picture_when_a_face_is_far_larger():
+def test_visible_faces_fills_the_picture_with_a_huge_face():
     assert (seen([[-1e9, -1e9], [1e9, -1e9], [0, 1e9]], [[0, 1, 2]]) == 0).all()
 
 
@@ -69,21 +69,21 @@ def test_visible_faces_fills_the_picture_when_a_face_is_far_larger():
         [[5, 200], [50, 200], [5, 260]],
     ],
 )
-def test_visible_faces_sees_nothing_when_a_face_is_degenerate_or_outside(points):
+def test_visible_faces_ignores_degenerate_and_outside_faces(points):
     assert (seen(points, [[0, 1, 2]]) == -1).all()
 
 
-def test_visible_faces_leaves_a_face_out_when_it_reaches_behind_the_eye():
+def test_visible_faces_omits_faces_that_reach_behind_the_eye():
     points = [[0, 0], [99, 0], [0, 79], [99, 79]]
     ids = seen(points, [[0, 1, 2], [1, 2, 3]], depths=[-1, 1, 1, 1])
     assert set(ids) == {-1, 1}
 
 
-def test_visible_faces_sees_nothing_when_everything_is_behind_the_eye():
+def test_visible_faces_is_empty_behind_the_eye():
     assert (seen([[0, 0], [99, 0], [0, 79]], [[0, 1, 2]], depths=[-1, -2, 0]) == -1).all()
 
 
-def test_visible_faces_agrees_with_a_plain_loop_when_triangles_are_many():
+def test_visible_faces_agrees_with_a_plain_loop():
     rng = np.random.default_rng(8)
     points, depths = rng.uniform(-20, 120, (60, 2)), rng.uniform(1, 5, 60)
     faces = np.arange(60).reshape(20, 3)

@@ -42,13 +42,13 @@ def spd_matrix():
     return root @ root.T + 20 * np.eye(20)
 
 
-def test_solution_solves_the_system_when_there_are_many_right_hand_sides():
+def test_solution_solves_the_system_for_many_right_hand_sides():
     right = np.random.default_rng(5).normal(size=(20, 150))
     solution = CholeskySolver(csc_array(spd_matrix())).solve(right)
     np.testing.assert_allclose(spd_matrix() @ solution, right, atol=1e-10)
 
 
-def test_fallback_gives_the_same_when_cholespy_is_missing(monkeypatch):
+def test_fallback_gives_the_same_solution_without_cholespy(monkeypatch):
     right = np.random.default_rng(5).normal(size=(20, 3))
     expected = CholeskySolver(csc_array(spd_matrix())).solve(right)
     monkeypatch.setitem(sys.modules, "cholespy", None)
@@ -58,7 +58,7 @@ def test_fallback_gives_the_same_when_cholespy_is_missing(monkeypatch):
 
 @pytest.mark.parametrize("normalized", [False, True])
 @pytest.mark.parametrize("share", [0.0, 0.02])
-def test_solution_is_that_of_the_dense_matrix_when_the_mesh_is_irregular(normalized, share):
+def test_solution_on_an_irregular_mesh_equals_the_dense_one(normalized, share):
     matrix = system_of(*irregular_faces(), normalized=normalized, share=share)
     values = np.random.default_rng(6).normal(size=(matrix.shape[0], 70))
     solution = CholeskySolver(matrix).solve(matrix @ values)
@@ -66,7 +66,7 @@ def test_solution_is_that_of_the_dense_matrix_when_the_mesh_is_irregular(normali
 
 
 @pytest.mark.parametrize("solver", ["cholespy", "splu"])
-def test_factorization_is_refused_when_the_matrix_is_singular(monkeypatch, solver):
+def test_singular_matrix_is_refused(monkeypatch, solver):
     if solver == "splu":
         monkeypatch.setitem(sys.modules, "cholespy", None)
     with pytest.raises(SolverError, match="cannot be factored"):

@@ -17,14 +17,14 @@ def columns():
 
 @pytest.mark.parametrize("normalized", [False, True])
 @pytest.mark.parametrize("anchors", [[17], [0, 20, 41], list(range(42))])
-def test_solution_is_the_original_when_nothing_is_quantised(normalized, anchors):
+def test_solution_without_quantization_is_the_original(normalized, anchors):
     laplacian = uniform_laplacian(FACES, N_VERTS, normalized=normalized)
     system = ReconstructionSystem(laplacian, np.array(anchors))
     solution = system.solve(delta_coordinates(laplacian, columns()), columns()[anchors])
     np.testing.assert_allclose(solution, columns(), atol=1e-10)
 
 
-def test_solution_minimises_the_stacked_system_when_deltas_are_disturbed():
+def test_solution_minimizes_the_stacked_system():
     laplacian = uniform_laplacian(FACES, N_VERTS)
     anchors = np.array([3, 30])
     deltas = delta_coordinates(laplacian, columns()) + 0.1 * columns()[::-1]
@@ -35,7 +35,7 @@ def test_solution_minimises_the_stacked_system_when_deltas_are_disturbed():
     np.testing.assert_allclose(solution, expected, atol=1e-10)
 
 
-def test_one_anchor_is_the_pseudo_inverse_when_deltas_are_disturbed():
+def test_solution_with_one_anchor_is_the_pseudo_inverse():
     """Eq. 11: L alone; the anchor fixes the translation and nothing else."""
     laplacian = uniform_laplacian(FACES, N_VERTS, normalized=True)
     deltas = delta_coordinates(laplacian, columns()) + 0.1 * columns()[::-1]
@@ -46,7 +46,7 @@ def test_one_anchor_is_the_pseudo_inverse_when_deltas_are_disturbed():
     np.testing.assert_allclose(solution[9], columns()[9], atol=1e-10)
 
 
-def test_system_says_which_component_floats_when_it_has_no_anchor():
+def test_error_names_a_component_without_an_anchor():
     faces = np.concatenate([FACES, octahedron_faces() + N_VERTS])
     laplacian = uniform_laplacian(faces, N_VERTS + 6)
     with pytest.raises(SolverError, match=r"1 of 2 connected components .* 6 vertices"):

@@ -1,4 +1,4 @@
-"""One small evaluation that the tests of this folder read, and results made by hand."""
+"""A small evaluation shared by the tests of this folder, and synthetic results."""
 
 from dataclasses import asdict
 
@@ -50,7 +50,7 @@ def _made_result(
     seconds=(1.0, 1.0),
     n_frames=4,
 ):
-    """A stored result with these figures, as a run of a variant gives it."""
+    """Return a stored result of a variant with these figures."""
     setting = Setting(method, n_modes, anchors=anchors, choices=choices)
     return {
         "identity": {"setting": asdict(setting)},
@@ -84,13 +84,13 @@ def _made_result(
 
 @pytest.fixture
 def made_result():
-    """Makes results; see `_made_result`."""
+    """Function that creates results; see `_made_result`."""
     return _made_result
 
 
 @pytest.fixture
 def made_sequence():
-    """Makes the results of a sequence of this name from those of its variants."""
+    """Function that combines results of variants to those of a sequence."""
 
     def make(name, variants=(), n_verts=9971, **others):
         sequence = {

@@ -1,4 +1,4 @@
-"""Runs behind single claims: figures of small sequences, checked by hand."""
+"""Runs behind single claims: figures of small sequences, verified independently."""
 
 import numpy as np
 import pytest

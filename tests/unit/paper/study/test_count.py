@@ -1,4 +1,4 @@
-"""The paper's count of small streams, by hand."""
+"""The paper's bit counts of small streams, computed by hand."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def counted(setting):
     return paper_count(setting, stream, coded_blocks(data)), stream
 
 
-def test_count_is_that_of_eq_13_when_there_is_one_dictionary():
+def test_count_with_one_dictionary_is_that_of_eq_13():
     count, stream = counted(Setting("pca-qp", 3, anchors=0.05))
     assert count["q"] == pytest.approx(8 * stream.budget_bytes["coefficients"] / 3 / (N * K))
     carried = stream.budget_bytes["anchors"] + stream.budget_bytes["anchor residuals"]
@@ -36,13 +36,13 @@ def test_count_is_that_of_eq_13_when_there_is_one_dictionary():
 
 
 @pytest.mark.parametrize("method", ["pca-q", "v2v"])
-def test_count_has_no_anchors_when_the_method_decodes_without(method):
+def test_count_of_methods_without_anchors_has_none(method):
     count, _ = counted(Setting(method, 3))
     assert count["q_a"] is None
     assert count["q_s"] == pytest.approx(count["q"] + count["q_d"])
 
 
-def test_count_takes_the_bits_that_dictionaries_take_when_there_are_blocks():
+def test_count_of_blocks_includes_every_dictionary():
     count, stream = counted(Setting("blocks", 3, anchors=0.05, block_frames=4))
     bits = 8 * stream.budget_bytes["basis"] / (3 * 3 * K)  # 3 axes, 3 modes, 12 frames in all
     assert count["dictionary_bits"] == pytest.approx(bits)
@@ -50,7 +50,7 @@ def test_count_takes_the_bits_that_dictionaries_take_when_there_are_blocks():
     assert count["q_d_as_stored"] == pytest.approx(bits * 3 * 4**2 / (N * K))
 
 
-def test_count_has_no_dictionary_when_it_follows_from_connectivity():
+def test_count_has_no_dictionary_derived_from_connectivity():
     count, _ = counted(Setting("gft", 10, anchors=0.05))
     assert count["q_d"] is None
     assert count["q_s"] == pytest.approx(count["q"] + count["q_a"])
@@ -69,44 +69,44 @@ def test_fixed_length_is_bits_of_the_largest_integer_of_each_row():
     assert max(each) == 8
 
 
-def test_q_is_a_third_of_the_coefficients_when_all_axes_are_coded():
+def test_q_is_a_third_of_the_coefficients_of_all_axes():
     count, stream = counted(Setting("v2v", 3))
     bits = 8 * stream.budget_bytes["coefficients"]
     assert np.isclose(3 * count["q"] * N * K, bits)
 
 
-def test_paper_coefficients_rate_is_the_bits_each_when_all_take_the_same():
+def test_coefficients_rate_is_the_common_number_of_bits():
     # Eq. 13: q = bits n k / (n k).
     assert paper_coefficients_bpvf(6 * 9971 * 175, 9971, 175) == 6
 
 
-def test_paper_anchors_rate_is_that_of_table_1_when_one_percent_are_anchors():
+def test_anchors_rate_of_one_percent_is_that_of_table_1():
     # Eq. 13: q_a = 16 * 100 k / (10002 k) = 0.15997, printed 0.1600 for Handstand.
     assert paper_anchors_bpvf(100, 10002) == pytest.approx(0.1600, abs=5e-5)
 
 
 @pytest.mark.parametrize(("n_verts", "printed"), [(9971, 0.2808), (10002, 0.2799)])
-def test_paper_dictionary_rate_is_that_of_table_1_when_there_is_one_block(n_verts, printed):
+def test_dictionary_rate_of_one_block_is_that_of_table_1(n_verts, printed):
     # Eq. 13 with n_b = 1, k_f = k = 175: 16 * 175 / n.
     assert paper_dictionary_bpvf_as_printed(1, 175, n_verts, 175) == pytest.approx(
         printed, abs=5e-5
     )
 
 
-def test_paper_dictionary_rate_as_printed_does_not_change_when_blocks_are_cut():
+def test_printed_dictionary_rate_does_not_depend_on_blocks():
     # Eq. 13 prints n_b^2 k_f^2 = k^2 for 7 blocks of 25 frames.
     whole = paper_dictionary_bpvf_as_printed(1, 175, 9971, 175)
     assert paper_dictionary_bpvf_as_printed(7, 25, 9971, 175) == pytest.approx(whole, rel=1e-15)
 
 
-def test_paper_dictionary_rate_as_stored_falls_with_the_blocks_when_they_are_cut():
+def test_stored_dictionary_rate_falls_with_the_number_of_blocks():
     # 7 dictionaries of 25 x 25 hold a seventh of one of 175 x 175.
     whole = paper_dictionary_bpvf_as_stored(1, 175, 9971, 175)
     found = paper_dictionary_bpvf_as_stored(7, 25, 9971, 175)
     assert found == pytest.approx(whole / 7, rel=1e-15)
 
 
-def test_paper_dictionary_rates_agree_when_there_is_one_block():
+def test_printed_and_stored_dictionary_rates_of_one_block_agree():
     arguments = (1, 175, 10002, 175)
     assert paper_dictionary_bpvf_as_stored(*arguments) == paper_dictionary_bpvf_as_printed(
         *arguments

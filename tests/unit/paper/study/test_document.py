@@ -17,14 +17,14 @@ def test_html_needs_no_other_file(evaluation):
 
 
 @pytest.mark.slow
-def test_markdown_names_pictures_that_are_there(evaluation, folder):
+def test_markdown_refers_to_existing_pictures(evaluation, folder):
     names = re.findall(r"!\[[^]]*\]\(([^)]*)\)", evaluation.markdown.read_text(encoding="utf-8"))
     assert len(names) == 7
     assert all((folder / name).is_file() for name in names)
 
 
 @pytest.mark.slow
-def test_report_says_what_it_must(evaluation):
+def test_report_contains_the_required_statements(evaluation):
     markdown, html = (
         path.read_text(encoding="utf-8") for path in (evaluation.markdown, evaluation.html)
     )
@@ -42,7 +42,7 @@ def test_report_says_what_it_must(evaluation):
         assert words in html, words
 
 
-def test_refusal_is_shown_when_a_variant_refused(made_sequence, made_result, tmp_path):
+def test_report_contains_refusals(made_sequence, made_result, tmp_path):
     refused = {**made_result("gft"), "refused": "too <many> vertices"}
     results = made_sequence("samba", [made_result("pca"), refused])
     markdown, html = publish(paper_document([(results, [])], "meshreel paper"), tmp_path)
@@ -52,7 +52,7 @@ def test_refusal_is_shown_when_a_variant_refused(made_sequence, made_result, tmp
     )
 
 
-def test_jumping_is_told_from_handstand_when_it_is_evaluated(made_sequence, made_result):
+def test_report_distinguishes_jumping_from_handstand(made_sequence, made_result):
     results = made_sequence("jumping", [made_result("pca")])
     parts = paper_document([(results, [])], "x").parts
     texts = [part.text for part in parts if isinstance(part, Paragraph)]

@@ -1,4 +1,4 @@
-"""The figures of one small evaluation: pictures that show something, with their panels."""
+"""The figures of a small evaluation: contents and panels."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_every_figure_is_drawn_with_its_panels(pictures):
 
 
 @pytest.mark.slow
-def test_figures_are_pictures_that_show_something(pictures):
+def test_figures_are_not_blank(pictures):
     for picture in pictures:
         with Image.open(picture.path) as image:
             assert image.format == "PNG", picture.title
@@ -79,7 +79,7 @@ def test_uncommon_frame_is_the_one_that_differs():
     assert uncommon_frame(MeshSequence(vertices, sequence.faces)) == 4
 
 
-def test_labels_are_beside_the_axes_at_the_height_of_their_lines():
+def test_labels_are_next_to_the_axes_at_the_height_of_their_lines():
     figure = blank_figure(6, 4)
     axes = figure.add_subplot()
     axes.set(xlim=(0, 1), ylim=(0, 10))
@@ -89,7 +89,7 @@ def test_labels_are_beside_the_axes_at_the_height_of_their_lines():
     assert places["v2v"] == pytest.approx((1.035, 0.8))
 
 
-def test_labels_are_placed_when_an_error_is_zero_or_unknown_on_a_log_axis():
+def test_labels_of_zero_and_undefined_errors_are_placed_on_a_log_axis():
     axes = blank_figure(6, 4).add_subplot()
     axes.set(xlim=(0, 1), ylim=(1e-3, 10), yscale="log")
     label_ends(axes, [("pca", 1.0, 0.0), ("v2v", 1.0, float("nan"))])
@@ -159,7 +159,7 @@ def test_fig_2_has_a_detail_only_if_it_is_a_part_of_the_matrix(tmp_path):
     assert draw_projected_deltas(_noisy(8, 20, 20), "large", tmp_path).n_panels == 2
 
 
-def test_averaged_matrix_has_means_of_neighbors_when_it_is_too_large():
+def test_large_matrix_is_averaged_over_neighbors():
     values = np.arange(15.0).reshape(3, 5)
     np.testing.assert_array_equal(averaged(values, 5), values)
     np.testing.assert_array_equal(averaged(values, 2), [[3.5, 6], [11, 13.5]])
@@ -190,7 +190,7 @@ def _contains(corner, size, point):
     )
 
 
-def test_detail_is_where_variants_differ_and_not_where_all_are_equally_wrong():
+def test_detail_shows_where_variants_differ():
     vertices, faces = _squares([0.0])
     camera = _front_camera(vertices)
     equal = _near(vertices, -0.6, 0.6, 10.0)
@@ -201,7 +201,7 @@ def test_detail_is_where_variants_differ_and_not_where_all_are_equally_wrong():
     assert not _contains(corner, (40, 40), wrong)
 
 
-def test_detail_shows_visible_differences_when_larger_ones_are_hidden():
+def test_detail_ignores_hidden_differences():
     vertices, faces = _squares([0.0, 0.5])
     camera = _front_camera(vertices)
     is_hidden = vertices[:, 2] < 0
@@ -210,7 +210,7 @@ def test_detail_shows_visible_differences_when_larger_ones_are_hidden():
     assert _contains(corner, (40, 40), camera.project(np.array([0.6, 0.6, 0.0]))[0])
 
 
-def test_detail_is_on_the_mesh_when_no_variant_differs():
+def test_detail_without_differences_is_on_the_mesh():
     vertices, faces = _squares([0.0])
     camera = fit_camera(vertices, azimuth_deg=0, elevation_deg=0, width=120, height=120, margin=0.3)
     left, top = detail_corner(vertices, faces, [np.zeros(441)], camera, (20, 20))
@@ -249,7 +249,7 @@ def test_panels_fit_on_a_page_and_do_not_overlap(aspect, n_columns):
     assert covered.max() == 1
 
 
-def test_panels_are_side_by_side_when_a_model_stands_upright():
+def test_panels_of_an_upright_model_are_side_by_side():
     assert fit_layout(9, [0.4, 1.0, 0.4], 3).n_bands == 1
     assert fit_layout(9, [1.0, 1.0, 1.0], 3).columns_per_band == 5
     assert fit_layout(9, [2.5, 2.5, 2.5], 3).columns_per_band == 3

@@ -1,4 +1,4 @@
-"""Claims of the paper, judged on results made by hand."""
+"""Claims of the paper, judged on synthetic results."""
 
 import pytest
 
@@ -12,7 +12,7 @@ from meshreel.paper.sweeps import (
 
 
 def judged(results, words):
-    """The one finding whose claim begins so."""
+    """Return the only finding whose claim begins with this text."""
     (found,) = [finding for finding in findings(results) if finding.claim.startswith(words)]
     return found
 
@@ -54,7 +54,7 @@ def test_artifacts_of_serial_are_judged_by_the_temporal_part_of_sted(
     assert judged(made_sequence("x", variants), "PCA+qs has temporal artifacts").holds is holds
 
 
-def test_phases_of_blocks_are_judged_apart_by_processor_time(made_sequence, made_result):
+def test_phases_of_blocks_are_judged_separately_by_processor_time(made_sequence, made_result):
     variants = [made_result("blocks", seconds=(0.1, 2.0)), made_result("pca-qp")]
     results = made_sequence("x", variants)
     faster = [
@@ -87,32 +87,32 @@ def test_deltas_are_compared_with_vertices_at_equal_rate(made_sequence, made_res
     assert judged(made_sequence("x", sweep=sweep), "Deltas on").holds is False
 
 
-def test_nothing_is_said_of_deltas_without_common_rates(made_sequence, made_result):
+def test_deltas_without_common_rates_are_not_judged(made_sequence, made_result):
     sweep = [made_result("v2v", anchors=0.0, rate=rate, error=1 / rate) for rate in (1, 2)]
     sweep += [made_result("pca-qp", rate=rate, error=1 / rate) for rate in (4, 5)]
     assert findings(made_sequence("x", sweep=sweep)) == []
 
 
-def test_nothing_is_found_where_nothing_can_be_compared(made_sequence, made_result):
+def test_results_without_comparisons_give_no_findings(made_sequence, made_result):
     assert findings(made_sequence("x", [made_result("pca", anchors=0.0)])) == []
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize(("error", "holds"), [(0.5, False), (2.0, True)])
-def test_lowest_error_is_that_of_the_variant_that_has_it(made_sequence, made_result, error, holds):
+def test_lowest_error_names_its_variant(made_sequence, made_result, error, holds):
     variants = [made_result("pca", anchors=0.0, error=error), made_result("pca-qp")]
     found = judged(made_sequence("x", variants), "PCA+qs and PCA+qp have the lowest NMSVE")
     assert found.holds is holds
 
 
-def test_anchors_are_not_judged_where_they_change_nothing(made_sequence, made_result):
+def test_anchors_without_effect_are_not_judged(made_sequence, made_result):
     variants = [made_result("pca-q", anchors=0.0), made_result("pca-qp")]
     assert judged(made_sequence("x", variants), "Anchors raise").holds is None
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize(("factor", "holds"), [(0.5, False), (2.0, True)])
-def test_blocks_are_judged_at_equal_rate_where_rates_overlap(
+def test_blocks_are_judged_at_equal_rate_if_rates_overlap(
     made_sequence, made_result, factor, holds
 ):
     sweep = sweep_of(made_result, ("blocks", factor, ""), ("pca-qp", 1.0, ""))
@@ -153,7 +153,7 @@ def test_bits_of_anchors_are_needed_if_the_error_rises_without(
 
 @pytest.mark.every_case
 @pytest.mark.parametrize(("error", "holds"), [(1.04, True), (0.9, False)])
-def test_choice_of_anchors_matters_by_the_seed_that_differs_most(
+def test_choice_of_anchors_is_judged_by_the_seed_that_differs_most(
     made_sequence, made_result, error, holds
 ):
     errors = (1.0, error, 1.01)
@@ -172,9 +172,7 @@ def test_choice_of_anchors_matters_by_the_seed_that_differs_most(
 
 @pytest.mark.every_case
 @pytest.mark.parametrize(("q", "error", "holds"), [(0.2, 0.9, True), (0.9, 0.9, False)])
-def test_quantized_deltas_have_to_take_fewer_bits_and_have_less_error(
-    made_sequence, made_result, q, error, holds
-):
+def test_quantized_deltas_are_judged_by_bits_and_error(made_sequence, made_result, q, error, holds):
     results = made_sequence(
         "x",
         [made_result("pca-q", anchors=0.0)],

@@ -36,7 +36,7 @@ def store(tmp_path):
     return Store.for_sequence(tmp_path, waving_grid())
 
 
-def test_run_encodes_nothing_when_the_result_is_there(store, calls):
+def test_stored_result_is_not_encoded_again(store, calls):
     first = result_of(measure.variant_run(waving_grid(), SETTING), store)
     assert len(calls) == 2  # order kept, order dropped
     assert result_of(measure.variant_run(waving_grid(), SETTING), store) == first
@@ -44,7 +44,7 @@ def test_run_encodes_nothing_when_the_result_is_there(store, calls):
 
 
 @pytest.mark.slow
-def test_evaluate_encodes_nothing_when_it_runs_again(tmp_path, calls):
+def test_second_evaluation_encodes_nothing(tmp_path, calls):
     flag = simulate_flag(4, n_rows=4, n_columns=5)
     texts = []
     for _ in range(2):
@@ -57,7 +57,7 @@ def test_evaluate_encodes_nothing_when_it_runs_again(tmp_path, calls):
     assert texts[0] == texts[1]
 
 
-def test_run_encodes_again_when_the_content_differs(tmp_path, calls):
+def test_changed_content_is_encoded_again(tmp_path, calls):
     sequence = waving_grid()
     moved = meshreel.MeshSequence(sequence.vertices + 1, sequence.faces, 25.0, "grid")
     for each in (sequence, moved):
@@ -65,7 +65,7 @@ def test_run_encodes_again_when_the_content_differs(tmp_path, calls):
     assert len(calls) == 4
 
 
-def test_run_encodes_again_when_the_version_differs(store, calls, monkeypatch):
+def test_changed_version_is_encoded_again(store, calls, monkeypatch):
     result_of(measure.variant_run(waving_grid(), SETTING), store)
     monkeypatch.setattr("meshreel.evaluation.runs.store.__version__", "99")
     result_of(measure.variant_run(waving_grid(), SETTING), store)
@@ -73,7 +73,7 @@ def test_run_encodes_again_when_the_version_differs(store, calls, monkeypatch):
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", '{"identity": {}}', "\udcff"])
-def test_run_encodes_again_when_the_stored_result_is_damaged(store, calls, text):
+def test_damaged_result_is_encoded_again(store, calls, text):
     first = result_of(measure.variant_run(waving_grid(), SETTING), store)
     store.path(SETTING.key, "json").write_text(text, errors="surrogateescape")
     again = result_of(measure.variant_run(waving_grid(), SETTING), store)
@@ -81,14 +81,14 @@ def test_run_encodes_again_when_the_stored_result_is_damaged(store, calls, text)
     assert again["quality"] == first["quality"]
 
 
-def test_run_encodes_again_when_the_stream_is_missing(store, calls):
+def test_missing_stream_is_encoded_again(store, calls):
     result_of(measure.variant_run(waving_grid(), SETTING), store)
     store.path(SETTING.key, "reel").unlink()
     result_of(measure.variant_run(waving_grid(), SETTING), store)
     assert len(calls) == 4
 
 
-def test_result_agrees_with_the_stream_beside_it(store):
+def test_result_agrees_with_its_stored_stream(store):
     sequence = waving_grid()
     result = result_of(measure.variant_run(sequence, SETTING, shown_frame=3), store)
     data = store.path(SETTING.key, "reel").read_bytes()
@@ -101,7 +101,7 @@ def test_result_agrees_with_the_stream_beside_it(store):
     assert set(result["machine"]) >= {"cpu", "cores", "python", "numpy", "scipy"}
 
 
-def test_refusal_is_the_result_when_the_method_refuses(store, monkeypatch):
+def test_refusal_of_a_method_is_stored_as_the_result(store, monkeypatch):
     def refuse(sequence, **options):
         raise InvalidInputError("too many vertices")
 

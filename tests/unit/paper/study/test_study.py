@@ -3,7 +3,7 @@ from meshreel.paper.study.findings import _relative_differences
 from samples.meshes import waving_grid
 
 
-def test_seconds_are_measured_repeatedly_for_the_tables_alone(monkeypatch):
+def test_only_seconds_of_tables_are_measured_repeatedly(monkeypatch):
     asked = []
 
     def keep(sequence, setting, *, shown_frame, repeat):

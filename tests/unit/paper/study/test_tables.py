@@ -21,16 +21,14 @@ def cells(table):
     return {row[0]: dict(zip(table.header[1:], row[1:], strict=True)) for row in table.rows}
 
 
-def test_rates_stand_beside_the_printed_ones_when_the_sequence_is_samba(made_sequence, made_result):
+def test_rates_of_samba_are_next_to_the_printed_ones(made_sequence, made_result):
     table = rate_table(made_sequence("samba", [made_result("pca-qp"), made_result("blocks")]))
     assert cells(table)["pca-qp"]["q, paper"] == "0.1827"
     assert cells(table)["pca-qp"]["q"] == "0.2500"
     assert cells(table)["blocks"]["q_s, paper"] == "0.6155"
 
 
-def test_half_of_the_anchors_has_no_printed_figure_when_the_paper_has_the_whole(
-    made_sequence, made_result
-):
+def test_half_of_the_anchors_has_no_printed_figure(made_sequence, made_result):
     results = made_sequence("samba", [made_result("pca-qp", anchors=0.005)])
     for table in (rate_table(results), seconds_table(results)):
         row = cells(table)["pca-qp (0.5 %)"]
@@ -38,17 +36,13 @@ def test_half_of_the_anchors_has_no_printed_figure_when_the_paper_has_the_whole(
 
 
 @pytest.mark.parametrize("name", ["jumping", "flag", "my samba"])
-def test_tables_hold_no_printed_figure_when_the_sequence_is_not_the_papers(
-    name, made_sequence, made_result
-):
+def test_other_sequences_have_no_printed_figures(name, made_sequence, made_result):
     results = made_sequence(name, [made_result("pca-qp")])
     for table in (rate_table(results), seconds_table(results)):
         assert not any("paper" in heading for heading in table.header)
 
 
-def test_seconds_stand_beside_the_printed_ones_when_the_sequence_is_handstand(
-    made_sequence, made_result
-):
+def test_seconds_of_handstand_are_next_to_the_printed_ones(made_sequence, made_result):
     variants = [made_result("pca-qs", seconds=(0.5, 15.42))]
     table = seconds_table(made_sequence("handstand", variants, n_verts=10002))
     found = list(cells(table)["pca-qs"].values())
@@ -72,7 +66,7 @@ def test_every_mesh_of_table_2_has_its_printed_seconds(
     assert list(cells(table)["pca-qp"].values())[-2:] == [encode, decode]
 
 
-def test_alternatives_stand_below_their_variant(made_sequence, made_result):
+def test_alternatives_are_below_their_variant(made_sequence, made_result):
     results = made_sequence(
         "x",
         [made_result("pca-qp"), made_result("blocks")],
@@ -82,9 +76,7 @@ def test_alternatives_stand_below_their_variant(made_sequence, made_result):
     assert labels == ["pca-qp", "pca-qp (coefficients of anchors)"]
 
 
-def test_printed_per_mesh_stands_beside_the_extrapolated_row_when_gft_was_run(
-    made_sequence, made_result
-):
+def test_printed_per_mesh_figure_is_next_to_the_extrapolated_row(made_sequence, made_result):
     graph = made_result("gft", seconds=(6.0, 50.0))
     table = seconds_table(made_sequence("samba", [graph], decompositions=EACH))
     rows = cells(table)
@@ -95,14 +87,14 @@ def test_printed_per_mesh_stands_beside_the_extrapolated_row_when_gft_was_run(
     assert list(rows["gft, decomposed once"].values()) == ["6", "12", "50", "100", "-", "-"]
 
 
-def test_every_row_is_full_when_a_variant_refused(made_sequence, made_result, refused):
+def test_rows_of_refused_variants_are_complete(made_sequence, made_result, refused):
     results = made_sequence("samba", [made_result("pca"), refused])
     for table in (rate_table(results), quality_table(results), seconds_table(results)):
         assert {len(row) for row in table.rows} == {len(table.header)}
         assert "refused" in table.rows[1]
 
 
-def test_refusal_is_told_with_its_reason(made_sequence, made_result, refused):
+def test_refusal_states_its_reason(made_sequence, made_result, refused):
     assert refusals(made_sequence("samba", [made_result("pca"), refused])) == [
         "`gft` refused samba: 500 frequencies need 7 GB"
     ]

@@ -9,7 +9,7 @@ from meshreel.paper.subspace.basis import expand, project
 from samples.meshes import waving_grid
 
 
-def test_projection_returns_the_deltas_when_all_rows_are_kept():
+def test_projection_with_all_rows_returns_the_deltas():
     sequence = waving_grid()
     matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     _, basis = eigen_trajectories(autocorrelation(matrices), sequence.n_frames)
@@ -20,7 +20,7 @@ def test_projection_returns_the_deltas_when_all_rows_are_kept():
         np.testing.assert_allclose(back.T, deltas, atol=1e-13)
 
 
-def test_laplacian_and_projection_commute_when_few_rows_are_kept():
+def test_laplacian_and_projection_commute():
     sequence = waving_grid()
     matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
     _, basis = eigen_trajectories(autocorrelation(matrices), 4)

@@ -13,7 +13,7 @@ LAPLACIAN = uniform_laplacian(grid_faces(9, 8), 72)
 
 
 @pytest.mark.parametrize("n_modes", [1, 10, 72])
-def test_basis_is_orthonormal_when_found_either_way(n_modes):
+def test_basis_of_both_solvers_is_orthonormal(n_modes):
     basis = graph_fourier_basis(LAPLACIAN, n_modes)
     assert np.abs(basis.T @ basis - np.eye(n_modes)).max() < 1e-10
 
@@ -26,20 +26,20 @@ def test_columns_are_nearly_eigenvectors_of_ascending_frequency():
     assert (np.diff(frequencies) > -1e-3).all()
 
 
-def test_both_ways_find_the_same_when_eigenvalues_of_l_are_equal():
-    """Five octahedra: every eigenvalue of L is there five times or more."""
+def test_both_solvers_agree_for_multiple_eigenvalues():
+    """Five octahedra: every eigenvalue of L has a multiplicity of at least five."""
     faces = np.concatenate([octahedron_faces() + 6 * k for k in range(5)])
     laplacian = uniform_laplacian(faces, 30)
     dense = graph_fourier_basis(laplacian, 30)[:, :9]
     np.testing.assert_allclose(graph_fourier_basis(laplacian, 9), dense, atol=1e-8)
 
 
-def test_basis_is_refused_when_memory_or_time_would_not_do():
+def test_too_large_basis_is_refused():
     with pytest.raises(InvalidInputError, match=r"10000 graph frequencies of 200000 vertices"):
         graph_fourier_basis(csr_array((200_000, 200_000)), 10_000)
 
 
-def test_size_that_the_message_names_is_allowed_when_asked_for():
+def test_size_named_in_the_message_is_accepted():
     with pytest.raises(InvalidInputError, match="at most") as caught:
         check_basis_size(50_000, 9_000)
     possible = int(str(caught.value).split("at most ")[1].split()[0])

@@ -9,7 +9,7 @@ from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_ba
 
 
 def coherent_frames(phase=0.0):
-    """A block of 20 frames: a few slow waves of falling size, which turn with the phase."""
+    """Return a block of 20 frames: slow waves of falling amplitude, rotated by the phase."""
     rng = np.random.default_rng(6)
     time = np.arange(20) / 20 + phase
     waves = np.stack([np.cos(2 * np.pi * k * time + k) for k in range(8)], axis=1)
@@ -33,7 +33,7 @@ def iterations_to_reach(start, correlation, exact, tolerance=1e-3):
     raise AssertionError("it does not converge")
 
 
-def test_basis_converges_to_the_eigenvectors_when_the_matrix_is_fixed():
+def test_basis_converges_to_the_eigenvectors_of_a_fixed_matrix():
     correlation = autocorrelation(coherent_frames())
     _, expected = eigen_trajectories(correlation, 4)
     basis = advance_basis(correlation, random_basis(), 300)
@@ -41,12 +41,12 @@ def test_basis_converges_to_the_eigenvectors_when_the_matrix_is_fixed():
 
 
 @pytest.mark.parametrize("n_iterations", [1, 3, 20])
-def test_basis_stays_orthonormal_when_it_is_advanced(n_iterations):
+def test_advanced_basis_is_orthonormal(n_iterations):
     basis = advance_basis(autocorrelation(coherent_frames()), random_basis(), n_iterations)
     assert np.abs(np.swapaxes(basis, 1, 2) @ basis - np.eye(4)).max() < 1e-12
 
 
-def test_warm_start_needs_fewer_steps_than_cold_when_blocks_are_coherent():
+def test_warm_start_needs_fewer_steps_for_coherent_blocks():
     _, before = eigen_trajectories(autocorrelation(coherent_frames(0.0)), 4)
     correlation = autocorrelation(coherent_frames(0.02))
     _, exact = eigen_trajectories(correlation, 4)
@@ -54,12 +54,12 @@ def test_warm_start_needs_fewer_steps_than_cold_when_blocks_are_coherent():
     assert warm < iterations_to_reach(random_basis(), correlation, exact)
 
 
-def test_advance_refuses_when_blocks_have_unequal_lengths():
+def test_blocks_of_unequal_length_are_refused():
     with pytest.raises(InvalidInputError, match="R has 19 frames and the basis 20"):
         advance_basis(np.eye(19)[None], random_basis(), 1)
 
 
-def test_ritz_vectors_diagonalise_the_matrix_when_the_basis_is_any():
+def test_ritz_vectors_diagonalize_the_matrix():
     correlation = autocorrelation(coherent_frames())
     turned = ritz_vectors(correlation, random_basis())
     within = (np.swapaxes(turned, 1, 2) @ correlation @ turned)[0]
@@ -67,14 +67,14 @@ def test_ritz_vectors_diagonalise_the_matrix_when_the_basis_is_any():
     assert np.all(np.diff(np.diag(within)) < 0)
 
 
-def test_ritz_vectors_keep_the_span_when_the_basis_is_any():
+def test_ritz_vectors_keep_the_span_of_the_basis():
     basis = random_basis()
     turned = ritz_vectors(autocorrelation(coherent_frames()), basis)
     before, after = (one @ np.swapaxes(one, 1, 2) for one in (basis, turned))
     np.testing.assert_allclose(after, before, atol=1e-12)
 
 
-def test_ritz_vectors_leave_columns_alone_when_they_are_beyond_the_rank():
+def test_ritz_vectors_keep_columns_beyond_the_rank():
     frames = coherent_frames()
     leading = eigen_trajectories(autocorrelation(frames), 2)[1]
     flat = leading @ (np.swapaxes(leading, 1, 2) @ frames)
@@ -84,7 +84,7 @@ def test_ritz_vectors_leave_columns_alone_when_they_are_beyond_the_rank():
     np.testing.assert_allclose(np.sort(alike, axis=1), np.sort(np.eye(5), axis=1), atol=1e-9)
 
 
-def test_columns_find_their_places_when_they_are_shuffled_and_flipped():
+def test_shuffled_and_flipped_columns_are_matched():
     basis = random_basis(6)
     shuffled = basis[:, :, [3, 0, 5, 1, 4, 2]] * [-1, 1, 1, -1, 1, -1]
     np.testing.assert_array_equal(align_basis(shuffled, basis), basis)
