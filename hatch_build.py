@@ -3,7 +3,7 @@
 The core comes from `core/` by a C compiler: that of the machine, or the package `ziglang`, which is
 requested only where there is none. Without it nothing installs. The page of the player is part of
 the repository, so that an installation needs neither Node nor a compiler for WebAssembly; a test
-proves that it is what `npm/` and `web/` build.
+proves that it is what `npm/` builds.
 
 MESHREEL_TARGET names another machine that a wheel is for, one of `TARGETS` of `core/compile.py`;
 `core/wheels.py` sets it.

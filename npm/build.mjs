@@ -1,13 +1,18 @@
-// Builds dist/: bundles with the C library as embedded WebAssembly, and type declarations.
+// Builds the package and the page of `meshreel view` and `meshreel export`.
 //
-// core/compile.py compiles the core; it needs Python with the package `ziglang`. Set PYTHON to the
-// interpreter.
+//     node build.mjs package         dist/: bundles with the C library as embedded WebAssembly, and types
+//     node build.mjs page [FOLDER]   one HTML file with inline styles, and one script; by default into
+//                                    src/meshreel/app/viewer/page, which is committed, so that
+//                                    installing meshreel does not need Node
+//
+// Both without arguments. core/compile.py compiles the core; it needs Python with the package
+// `ziglang`. Set PYTHON to the interpreter.
 
 import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
 import { execFile, execFileSync } from "node:child_process";
-import { copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
-import { basename, dirname, join } from "node:path";
+import { copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { basename, dirname, join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
@@ -107,9 +112,8 @@ const common = {
   absWorkingDir: here,
 };
 
-const threeLicense = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8");
+const threeLicense = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8").trim();
 
-rmSync(dist, { recursive: true, force: true });
 const embeddedModules = {
   // Gzip compresses the base64 text to about the size of the deflated bytes, and zopfli, although slow,
   // deflates 5 % better than zlib.
@@ -117,51 +121,120 @@ const embeddedModules = {
   PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
   WHOLE_MODULE: JSON.stringify(await pack(whole)),
 };
-const decoder = await build({
-  ...common,
-  entryPoints: ["src/index.ts"],
-  splitting: true,
-  outdir: dist,
-  plugins: [embedEngine, externalScripts(/\/local_file\.js$/)],
-  chunkNames: "[name]",
-  define: embeddedModules,
-});
-const localFile = await build({
-  ...common,
-  entryPoints: ["src/source/local_file.ts"],
-  outdir: dist,
-  minify: false, // keeps the comments that tell bundlers to ignore an import
-});
-const three = await build({
-  ...common,
-  entryPoints: { three: "src/three/index.ts" },
-  splitting: true, // textures, colors and the CPU backend are loaded on demand
-  outdir: dist,
-  external: ["three"],
-  plugins: [externalIndex],
-  chunkNames: "three_[name]",
-});
-// For pages without a bundler: one script with the decoder and three.js. The module for engines without
-// SIMD and the one for tracks and exact values remain separate scripts.
-const player = await build({
-  ...common,
-  entryPoints: ["src/player/index.ts"],
-  outfile: join(dist, "player.js"),
-  // These scripts of `meshreel` are loaded on demand.
-  plugins: [embedEngine, externalScripts(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
-  define: embeddedModules,
-  legalComments: "eof", // copyright notices of three.js, whose license follows
-  footer: { js: `/* Contains three.js.\n\n${threeLicense.trim()}\n*/` },
-});
-run(process.execPath, "node_modules/typescript/bin/tsc", "--declaration", "--emitDeclarationOnly", "--outDir", "dist");
-// Types only; the empty script allows importing it at run time.
-copyFileSync(join(here, "src/player/jsx.d.ts"), join(dist, "player/jsx.d.ts"));
-writeFileSync(join(dist, "player/jsx.js"), "export {};\n");
-writeFileSync(join(dist, "built"), ""); // marks a complete build
 
-const files = [decoder, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
-for (const file of files) {
-  const bytes = readFileSync(join(here, file));
-  const packed = gzipSync(bytes, { level: 9 }).length;
-  console.log(`${file}: ${bytes.length} bytes, ${packed} after gzip`);
+/** Build dist/. */
+async function buildPackage() {
+  rmSync(dist, { recursive: true, force: true });
+  const decoder = await build({
+    ...common,
+    entryPoints: ["src/index.ts"],
+    splitting: true,
+    outdir: dist,
+    plugins: [embedEngine, externalScripts(/\/local_file\.js$/)],
+    chunkNames: "[name]",
+    define: embeddedModules,
+  });
+  const localFile = await build({
+    ...common,
+    entryPoints: ["src/source/local_file.ts"],
+    outdir: dist,
+    minify: false, // keeps the comments that tell bundlers to ignore an import
+  });
+  const three = await build({
+    ...common,
+    entryPoints: { three: "src/three/index.ts" },
+    splitting: true, // textures, colors and the CPU backend are loaded on demand
+    outdir: dist,
+    external: ["three"],
+    plugins: [externalIndex],
+    chunkNames: "three_[name]",
+  });
+  // For pages without a bundler: one script with the decoder and three.js. The module for engines without
+  // SIMD and the one for tracks and exact values remain separate scripts.
+  const player = await build({
+    ...common,
+    entryPoints: ["src/player/index.ts"],
+    outfile: join(dist, "player.js"),
+    // These scripts of `meshreel` are loaded on demand.
+    plugins: [embedEngine, externalScripts(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
+    define: embeddedModules,
+    legalComments: "eof", // copyright notices of three.js, whose license follows
+    footer: { js: `/* Contains three.js.\n\n${threeLicense}\n*/` },
+  });
+  run(process.execPath, "node_modules/typescript/bin/tsc", "--project", "tsconfig.package.json");
+  // Types only; the empty script allows importing it at run time.
+  copyFileSync(join(here, "src/player/jsx.d.ts"), join(dist, "player/jsx.d.ts"));
+  writeFileSync(join(dist, "player/jsx.js"), "export {};\n");
+  writeFileSync(join(dist, "built"), ""); // marks a complete build
+
+  const files = [decoder, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+  for (const file of files) {
+    const bytes = readFileSync(join(here, file));
+    const packed = gzipSync(bytes, { level: 9 }).length;
+    console.log(`${file}: ${bytes.length} bytes, ${packed} after gzip`);
+  }
+}
+
+/** `import text from "./name.ts?script"` imports a bundled module as text, for workers. */
+const scriptText = {
+  name: "script text",
+  setup(bundler) {
+    bundler.onResolve({ filter: /\?script$/ }, ({ path, resolveDir }) => ({
+      path: join(resolveDir, path.replace("?script", "")),
+      namespace: "script",
+    }));
+    bundler.onLoad({ filter: /.*/, namespace: "script" }, async ({ path }) => ({
+      contents: await bundleForPage(path),
+      loader: "text",
+    }));
+  },
+};
+
+/** Bundled packages, whose licenses are included in the page. */
+const LICENSED = ["three"];
+
+async function bundleForPage(entry) {
+  const result = await build({
+    ...common,
+    entryPoints: [entry],
+    write: false,
+    format: "iife",
+    legalComments: "eof", // notices of three.js
+    plugins: [embedEngine, scriptText],
+    define: embeddedModules,
+  });
+  for (const input of Object.keys(result.metafile.inputs)) {
+    const name = /.*node_modules\/((?:@[^/]+\/)?[^/]+)/.exec(input)?.[1];
+    if (name && !LICENSED.includes(name)) {
+      throw new Error(`the page bundles ${name}, whose license is not in LICENSED and THIRD_PARTY_LICENSES`);
+    }
+  }
+  return result.outputFiles[0].text;
+}
+
+/** Build the page of `meshreel view` and `meshreel export`. */
+async function buildPage(folder) {
+  const page = join(here, "src/page");
+  const [script, style] = await Promise.all(
+    ["main.ts", "style.css"].map((name) => bundleForPage(join(page, name))),
+  );
+  // Replacement functions, since "$&" in a bundle would be special in a replacement string.
+  const html = readFileSync(join(page, "index.html"), "utf8")
+    .replace("<!--license-->", () => `<!-- Contains three.js.\n${threeLicense}\n-->`)
+    .replace("<!--style-->", () => `<style>${style.replaceAll("</style", "<\\/style")}</style>`);
+  const notice = `/* Contains three.js.\n\n${threeLicense}\n*/\n`;
+  const files = { "player.js": `${script.replaceAll("</script", "<\\/script")}\n${notice}`, "index.html": html };
+  mkdirSync(folder, { recursive: true });
+  for (const [name, text] of Object.entries(files)) {
+    writeFileSync(join(folder, `${name}.new`), text);
+    renameSync(join(folder, `${name}.new`), join(folder, name));
+    const packed = gzipSync(text, { level: 9 }).length;
+    console.log(`page/${name}: ${text.length} characters, ${packed} bytes after gzip`);
+  }
+}
+
+const [target, folder] = process.argv.slice(2);
+if (target !== "page") await buildPackage();
+if (target !== "package") {
+  await buildPage(resolve(folder ?? join(here, "../src/meshreel/app/viewer/page")));
 }

@@ -27,7 +27,7 @@ from samples.player_pages import (
     wait_until,
 )
 
-AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
+AXE = Path(__file__).parents[2] / "npm" / "node_modules" / "axe-core" / "axe.min.js"
 LAST = 35
 MOST_MODES = 1000
 FEW_MODES = 3
@@ -483,7 +483,7 @@ def test_controls_have_accessible_names(compared):
 @pytest.mark.parametrize("width", [1280, 390])
 def test_axe_finds_no_violations(new_page, compared_url, width):
     if not AXE.is_file():
-        pytest.skip("needs axe-core: npm ci in web/")
+        pytest.skip("needs axe-core: npm ci in npm/")
     page = new_page(compared_url, width=width)
     page.locator("#plots figure").first.wait_for()
     page.evaluate("player.setHeat('distance')")

@@ -15,7 +15,7 @@ from meshreel.model.tracks import Track
 from meshreel.rendering.colormap import HEAT
 from samples.player_pages import COMMAND, picture_of, show, values_of, viewing, wait_until
 
-AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
+AXE = Path(__file__).parents[2] / "npm" / "node_modules" / "axe-core" / "axe.min.js"
 N_FRAMES = 24
 RED, GRAY, BLUE = (141, 27, 23), (238, 238, 238), (6, 72, 156)
 
@@ -331,7 +331,7 @@ def test_a_missing_track_of_the_original_is_reported(shared_page, mirrored, trac
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
 def test_axe_finds_no_violations_in_the_controls_of_tracks(new_page, stress_url, width, height):
     if not AXE.is_file():
-        pytest.skip("needs axe-core: npm ci in web/")
+        pytest.skip("needs axe-core: npm ci in npm/")
     page = new_page(stress_url, width=width, height=height)
     box = page.locator("#canvas").bounding_box()
     page.mouse.dblclick(box["x"] + box["width"] * 0.4, box["y"] + box["height"] * 0.5)

@@ -17,7 +17,10 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "npm"
 DIST = PACKAGE / "dist"
 BUILD_S = 300
-SOURCES = ("npm/src", "npm/build.mjs", "npm/package-lock.json", "npm/tsconfig.json", "core")
+SOURCES = (
+    *("npm/src", "npm/build.mjs", "npm/package-lock.json"),
+    *("npm/tsconfig.json", "npm/tsconfig.package.json", "core"),
+)
 
 
 def built_package():
@@ -30,7 +33,7 @@ def built_package():
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not _is_current():
             _npm("ci", "--no-audit", "--no-fund")
-            _npm("run", "build")
+            _npm("run", "build:package")
     return DIST
 
 

@@ -1,4 +1,4 @@
-"""The player as built from `web/`: a page and its script."""
+"""The player as built from `npm/src/page`: a page and its script."""
 
 import base64
 import json
@@ -67,7 +67,7 @@ class Page:
         Parameters
         ----------
         data : mapping
-            As `web/src/data.ts` reads it.
+            As `npm/src/page/data.ts` reads it.
         """
         return self._filled(_data_script(data), f'<script src="{SCRIPT_NAME}"></script>')
 
@@ -77,7 +77,7 @@ class Page:
         Parameters
         ----------
         data : mapping
-            As `web/src/data.ts` reads it.
+            As `npm/src/page/data.ts` reads it.
         level : int
             Compression level of the script, 1..9.
         """
@@ -112,7 +112,7 @@ def built_page(folder: Traversable | None = None) -> Page:
     except FileNotFoundError:
         raise InvalidInputError(
             "the page of the player is missing from this installation: reinstall meshreel, or in a "
-            "checkout run 'git checkout src/meshreel/app/viewer/page' or build it (web/README.md)"
+            "checkout run 'git checkout src/meshreel/app/viewer/page' or build it (CONTRIBUTING.md)"
         ) from None
 
 

@@ -1,0 +1,114 @@
+// The panel section that compares with the original: heat maps, and errors of all frames, which the
+// server may still be measuring.
+
+import { loadErrorProgress } from "./data.js";
+import { fillRows, inputById, byId } from "./page.js";
+import { formatNumber } from "./heat/map.js";
+import type { Opening } from "./opening.js";
+import type { Player } from "./player.js";
+import { Plot } from "./plots.js";
+import { type Errors, type HeatInfo, allHeats, isTrackHeat, type OriginalInfo } from "./facts.js";
+
+/** Update interval of displayed values during playback: faster updates are unreadable. */
+const VALUE_INTERVAL_MS = 200;
+const POLL_INTERVAL_MS = 700;
+
+export class ComparisonPanel {
+  private readonly heat = byId<HTMLSelectElement>("heat");
+  private readonly perFrame = inputById("per-frame");
+  private plots: Plot[] = [];
+  private lastWriteMs = 0;
+
+  constructor(
+    private readonly player: Player,
+    private readonly original: OriginalInfo,
+    private readonly opening: Opening,
+  ) {
+    byId("compare").hidden = false;
+    for (const { kind, label } of allHeats(original)) {
+      const name = isTrackHeat(kind) ? label.replace(/, up to [^,]*$/, "") : label.split(/[,:]/)[0];
+      this.heat.append(new Option(name, kind));
+    }
+    this.heat.addEventListener("change", () => this.chooseHeat());
+    this.perFrame.addEventListener("change", () => {
+      void this.player.setPerFrameRange(this.perFrame.checked).catch(this.player.onError);
+    });
+    this.render(original);
+    if (original.plots.length === 0) void this.pollErrors().catch(player.onError);
+  }
+
+  /** The selected heat map. */
+  get heatInfo(): HeatInfo | null {
+    const { heat } = this.player.state();
+    return allHeats(this.original).find(({ kind }) => kind === heat) ?? null;
+  }
+
+  /** Select the next heat map of the list, or none. */
+  nextHeat(): void {
+    this.heat.selectedIndex = (this.heat.selectedIndex + 1) % this.heat.options.length;
+    this.chooseHeat();
+  }
+
+  update(): void {
+    const { frame, playing, heat, isFew } = this.player.state();
+    this.heat.value = heat ?? "";
+    this.perFrame.disabled = heat === null;
+    const now = performance.now();
+    const writesValues = !playing || now - this.lastWriteMs > VALUE_INTERVAL_MS;
+    if (writesValues) this.lastWriteMs = now;
+    for (const plot of this.plots) plot.update(frame, writesValues);
+    this.markReducedModes(isFew);
+    if (writesValues) this.writeFrameErrors();
+  }
+
+  /** Gray out the errors of all modes while fewer modes are shown. */
+  private markReducedModes(isFew: boolean): void {
+    byId("few").hidden = !isFew;
+    for (const id of ["plots", "original-rows"]) byId(id).classList.toggle("of-all", isFew);
+  }
+
+  private writeFrameErrors(): void {
+    const { modes, frameErrors } = this.player.state();
+    if (!frameErrors) return;
+    const { frame } = frameErrors;
+    const percent = (value: number) => `${formatNumber(Number(value.toPrecision(3)))} %`;
+    byId("few-title").textContent = `Frame ${frame} with ${modes === 1 ? "1 mode" : `${modes} modes`}`;
+    fillRows(byId("few-rows"), [
+      ["largest error", `${percent(frameErrors.maxFinite)} of the diagonal`],
+      ["RMS error", `${percent(frameErrors.rms)} of the diagonal`],
+    ]);
+  }
+
+  private chooseHeat(): void {
+    void this.player.setHeat(this.heat.value || null).catch(this.player.onError);
+  }
+
+  private async pollErrors(): Promise<void> {
+    const note = byId("measuring");
+    for (;;) {
+      const measured = await loadErrorProgress();
+      note.hidden = measured.ready;
+      note.textContent = measured.error
+        ? `The errors could not be measured: ${measured.error}`
+        : `Measuring the errors of all frames: ${Math.floor(100 * measured.share)} %`;
+      if (measured.error) return;
+      if (measured.ready) return this.setErrors(measured);
+      await new Promise((resolve) => setTimeout(resolve, POLL_INTERVAL_MS));
+    }
+  }
+
+  private async setErrors({ heats, plots, rows, worst_frame }: Errors): Promise<void> {
+    Object.assign(this.original, { heats, plots, rows, worst_frame });
+    this.render(this.original);
+    await this.player.setHeat(this.player.state().heat);
+    await this.opening.seekLargestError();
+  }
+
+  private render({ plots, rows }: Errors): void {
+    fillRows(byId("original-rows"), rows);
+    const seek = (frame: number) => void this.player.seek(frame).catch(this.player.onError);
+    this.plots = plots.map((info) => new Plot(info, seek));
+    byId("plots").replaceChildren(...this.plots.map(({ figure }) => figure));
+    this.update();
+  }
+}

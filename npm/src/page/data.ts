@@ -1,0 +1,122 @@
+// Loads data: exported pages embed or reference them; otherwise the server provides them.
+
+import { ReelFile, SegmentedReelFile, type TrackValues } from "../index.js";
+
+import type { Facts, ErrorProgress, Reel } from "./facts.js";
+
+/** A file embedded in the page, or its address. */
+type EmbeddedFile = { base64: string } | { url: string };
+
+/** Data of an exported page. */
+interface Exported {
+  facts: Facts;
+  stream: EmbeddedFile;
+  /** Frames of the original, as a separate file. */
+  original?: EmbeddedFile;
+  texture?: EmbeddedFile & { mediaType: string };
+}
+
+declare global {
+  interface Window {
+    MESHREEL?: Exported;
+  }
+}
+
+/** Access to frames of the original. */
+export interface Originals {
+  /** Positions (V, 3) relative to the center of the file. */
+  frame(number: number): Promise<Float32Array>;
+  /** Values of a track, in the layout of the file. */
+  values(track: string, number: number): Promise<TrackValues>;
+}
+
+/** Open the file and load its metadata. */
+export async function openReel(): Promise<Reel> {
+  const { MESHREEL: exported } = window;
+  const facts = exported?.facts ?? ((await (await request("api/facts")).json()) as Facts);
+  const source = exported ? fileSource(exported.stream) : "stream.reel";
+  const segments = await SegmentedReelFile.open(source);
+  return { ...facts, segments, file: segments.first };
+}
+
+/** Load the errors of all frames, or the progress of measuring them. */
+export async function loadErrorProgress(): Promise<ErrorProgress> {
+  return (await request("api/plots")).json();
+}
+
+/** Open the original of a file that has one. */
+export async function openOriginals({ file, original: info }: Reel): Promise<Originals> {
+  const { nVerts, center } = file.info;
+  const embedded = window.MESHREEL?.original;
+  if (!embedded) {
+    return {
+      frame: async (number) => {
+        const url = `api/original/${number}`;
+        const positions = new Float32Array(await (await request(url)).arrayBuffer());
+        if (positions.length !== 3 * nVerts) throw new Error(`${url} is damaged.`);
+        return positions;
+      },
+      values: async (track, number) => {
+        const url = `api/original_track/${info?.tracks.indexOf(track)}/${number}`;
+        const bytes = await (await request(url)).arrayBuffer();
+        const { nItems, nColumns } = file.track(track).info;
+        const width = bytes.byteLength / (nItems * nColumns);
+        if (width === 4) return new Float32Array(bytes);
+        if (width === 8) return new Float64Array(bytes);
+        throw new Error(`${url} is damaged.`);
+      },
+    };
+  }
+  const original = await ReelFile.open(fileSource(embedded));
+  return {
+    frame: async (number) =>
+      Float32Array.from(await original.frame(number), (value, i) => value - center[i % 3]),
+    values: (track, number) => {
+      // Tracks that are identical to those of the file are not embedded.
+      const isEmbedded = original.info.tracks.some(({ name }) => name === track);
+      return (isEmbedded ? original : file).track(track).frame(number);
+    },
+  };
+}
+
+/** Return the embedded image or video for the mesh, if any. */
+export function embeddedTexture(): { url: string; kind: "image" | "video" } | null {
+  const embedded = window.MESHREEL?.texture;
+  if (!embedded) return null;
+  const { mediaType } = embedded;
+  const kind = mediaType.startsWith("video/") ? "video" : "image";
+  if ("url" in embedded) return { url: embedded.url, kind };
+  return { url: URL.createObjectURL(new Blob([decodeBase64(embedded)], { type: mediaType })), kind };
+}
+
+function fileSource(embedded: EmbeddedFile): string | Uint8Array {
+  return "url" in embedded ? embedded.url : decodeBase64(embedded);
+}
+
+function decodeBase64({ base64 }: { base64: string }): Uint8Array<ArrayBuffer> {
+  return Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+}
+
+async function request(url: string): Promise<Response> {
+  let response: Response;
+  try {
+    response = await fetch(url);
+  } catch {
+    throw new Error(
+      "The meshreel server does not respond. Start `meshreel view` again and reload this page.",
+    );
+  }
+  if (!response.ok) {
+    throw new Error(`The server cannot provide ${url}: ${errorMessage(await response.text())}`);
+  }
+  return response;
+}
+
+/** Return the message of an error response: JSON with an error, or plain text. */
+function errorMessage(body: string): string {
+  try {
+    return (JSON.parse(body) as { error: string }).error;
+  } catch {
+    return body.slice(0, 300).trim();
+  }
+}

@@ -1,0 +1,105 @@
+// Metadata from the server or the exported page, in addition to those of the file.
+
+import type { ReelFile, SegmentedReelFile } from "../index.js";
+
+import type { TrackSettings } from "./tracks/settings.js";
+
+/** A heat map. */
+export interface HeatInfo {
+  kind: string;
+  label: string;
+  unit: string;
+  maximum: number;
+  range: number;
+  /** The track, for errors of a track. */
+  track?: string;
+}
+
+/** A curve of one value per frame. */
+export interface PlotInfo {
+  label: string;
+  values: (number | null)[];
+  /** Whether the values are those of a track, rather than errors. */
+  isTrack?: boolean;
+}
+
+/** Until all frames are measured, ranges are those of the first frame, and plots and rows are empty. */
+export interface Errors {
+  heats: HeatInfo[];
+  plots: PlotInfo[];
+  rows: [string, string][];
+  /** Frame with the largest error; null until all frames are measured. */
+  worst_frame: number | null;
+}
+
+/** Metadata of the original. */
+export interface OriginalInfo extends Errors {
+  name: string;
+  /** Diagonal of the bounding box of all its frames, in model units. */
+  diagonal: number;
+  /** Tracks that it shares with the file. */
+  tracks: string[];
+  /** Heat maps of tracks that are not exact. */
+  track_heats: HeatInfo[];
+}
+
+/** Return all available heat maps. */
+export function allHeats(original: OriginalInfo): HeatInfo[] {
+  return [...original.heats, ...original.track_heats];
+}
+
+/** Whether a heat map shows errors of a track. */
+export function isTrackHeat(kind: string | null): kind is string {
+  return kind?.startsWith("track ") ?? false;
+}
+
+/** Errors, or the progress of measuring them. */
+export interface ErrorProgress extends Errors {
+  ready: boolean;
+  /** Fraction of the measured frames. */
+  share: number;
+  /** Error message; empty if there was no error. */
+  error: string;
+}
+
+/** Metadata of a file. */
+export interface Facts {
+  name: string;
+  /** Bounding box of all frames, in model units. */
+  low: [number, number, number];
+  high: [number, number, number];
+  /** Extreme positions of all frames, relative to the center of the file. */
+  swept: [number, number, number][];
+  up: "y" | "z";
+  is_whole: boolean;
+  /** Number of modes of each block. */
+  n_modes: number[];
+  rows: [string, string][];
+  budget: [string, number][];
+  original: OriginalInfo | null;
+  /** The track that initially colors the mesh, or null. */
+  colored_by: TrackSettings | null;
+}
+
+/** An open file and its metadata. */
+export interface Reel extends Facts {
+  /** The file with all its segments. */
+  readonly segments: SegmentedReelFile;
+  /** The first segment; most files have only one. */
+  readonly file: ReelFile;
+}
+
+/** Playback rate in frames per second; 24 if the file does not define it. */
+export function playbackFps({ file }: Reel): number {
+  return file.info.fps > 0 ? file.info.fps : 24;
+}
+
+/** Time of a frame in seconds, including the start time of the file. */
+export function frameTime(reel: Reel, frame: number): number {
+  return reel.file.info.startS + frame / playbackFps(reel);
+}
+
+/** Largest number of modes of a block. */
+export function maxModes(reel: Reel): number {
+  return Math.max(0, ...reel.n_modes);
+}

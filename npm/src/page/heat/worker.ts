@@ -1,0 +1,17 @@
+// The script of the worker that computes errors.
+
+import { ErrorFields } from "./error_fields.js";
+import type { ErrorResponse, MeshMessage, ErrorRequest } from "./messages.js";
+
+let fields: ErrorFields;
+
+addEventListener("message", ({ data }: MessageEvent<MeshMessage | ErrorRequest>) => {
+  if ("triangles" in data) {
+    fields = new ErrorFields(data.triangles, data.nVerts, data.diagonal);
+    return;
+  }
+  const { id, kind, original, decoded } = data;
+  const values = kind === null ? null : fields.values(kind, original, decoded);
+  const answer: ErrorResponse = { id, values, errors: fields.errors(original, decoded) };
+  postMessage(answer);
+});

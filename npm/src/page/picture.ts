@@ -1,0 +1,291 @@
+// The contents of the views: the decoded mesh, the original, heat maps and shading.
+
+import type { TrackValues } from "../index.js";
+import { type ColorLegend, ReelMesh } from "../three/index.js";
+import * as THREE from "three";
+
+import { extremePoints } from "./camera.js";
+import { uniqueEdges } from "./edges.js";
+import type { Reel } from "./facts.js";
+import { MeshView } from "./shading/mesh_view.js";
+import { OriginalMesh } from "./shading/original.js";
+import type { Background, Stage } from "./stage.js";
+import { parseComponent, type TrackSettings, DEFAULT_RANGE } from "./tracks/settings.js";
+import { type Picked, pickFirst } from "./tracks/pick.js";
+
+export type Shading = "flat" | "smooth";
+export type Arrangement = "decoded" | "beside" | "over";
+
+export interface Look {
+  shading: Shading;
+  wire: boolean;
+  /** Whether to show colors and materials of the file. */
+  usesFileMaterials: boolean;
+  background: Background;
+  arrangement: Arrangement;
+  /** Whether the camera follows the mesh. */
+  isFollowed: boolean;
+}
+
+/** Margin around the pose of the shown frame, so that other poses fit too. */
+const POSE_MARGIN = 1.25;
+
+/** The camera follows the mesh initially if that brings it closer by this factor. */
+const FOLLOW_RATIO = 1.15;
+
+const INK: Record<Background, [number, number, number]> = {
+  light: [0.08, 0.1, 0.14],
+  dark: [0.02, 0.02, 0.03],
+  none: [0.08, 0.1, 0.14],
+};
+/**
+ * Offset of lines towards the camera, as fractions of the diagonal: for edges of the same mesh, and for
+ * edges of the original over the decoded mesh, which differ by the coding error.
+ */
+const LINE_LIFT = { wire: 0.001, over: 0.02 };
+const ORIGINAL_INK: [number, number, number] = [0.93, 0.42, 0.1];
+const MARKER: [number, number, number] = [1, 0.1, 0.6];
+
+export class Picture {
+  readonly mesh: ReelMesh;
+  /** Whether the file has colors or materials, or a texture is shown. */
+  readonly hasFileMaterials: boolean;
+  private readonly decoded: MeshView;
+  private readonly original: { mesh: OriginalMesh; figure: MeshView } | null = null;
+  private heat: THREE.BufferAttribute;
+  private hasHeat = false;
+  private hasTrackColors = false;
+  /** Whether the original is colored by the track. */
+  private hasOriginalTrackColors = false;
+  private readonly marker = new THREE.Points(
+    new THREE.BufferGeometry().setFromPoints([new THREE.Vector3()]),
+    new THREE.PointsMaterial({ size: 11, sizeAttenuation: false, depthTest: false }),
+  );
+  private markedVertex: number | null = null;
+
+  constructor(
+    private readonly stage: Stage,
+    private readonly reel: Reel,
+    readonly look: Look,
+    hasTexture: boolean,
+  ) {
+    const { file, segments } = reel;
+    const { renderer } = stage;
+    this.mesh = new ReelMesh(segments, { renderer, origin: segments.info.center });
+    this.mesh.addEventListener("segment", () => {
+      this.decoded.setFileMaterials(this.mesh.segmentMaterial);
+      this.rebuildAttributes();
+    });
+    const { geometry, material, sources } = this.mesh;
+    const { materials } = file.surface;
+    this.hasFileMaterials = hasTexture || "color" in geometry.attributes || materials.length > 0;
+    this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
+    geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
+    this.decoded = new MeshView(this.mesh, material);
+    this.marker.frustumCulled = false;
+    this.marker.renderOrder = 2;
+    this.marker.visible = false;
+    this.marker.material.color.setRGB(...MARKER);
+    this.decoded.group.add(this.marker);
+    stage.add(this.decoded.group);
+    if (reel.original) {
+      const mesh = new OriginalMesh(this.mesh);
+      this.original = { mesh, figure: new MeshView(mesh, material) };
+      stage.add(this.original.figure.group);
+    }
+    this.applyLook();
+  }
+
+  /** Apply changes of `look`. */
+  applyLook(): void {
+    const { stage, decoded, original } = this;
+    const { arrangement, background } = this.look;
+    this.applyAppearance();
+    if (!original || arrangement === "decoded") stage.setViews([[decoded.group]]);
+    else if (arrangement === "over") stage.setViews([[decoded.group, original.figure.group]]);
+    else stage.setViews([[decoded.group], [original.figure.group]]);
+    stage.setBackground(background);
+  }
+
+  /** Set the materials and lines of the meshes. */
+  private applyAppearance(): void {
+    const { arrangement, background, wire, shading } = this.look;
+    const usesOwn = this.hasFileMaterials && this.look.usesFileMaterials;
+    const isSmooth = shading === "smooth";
+    const ink = [...INK[background], 0.45] as const;
+    const own = usesOwn ? "own" : "plain";
+    this.decoded.setAppearance(this.hasHeat ? "plain" : this.hasTrackColors ? "track" : own, isSmooth);
+    this.setLines(this.decoded, this.mesh, wire, ink, LINE_LIFT.wire);
+    const { original } = this;
+    if (original) {
+      const isOver = arrangement === "over";
+      original.mesh.visible = !isOver;
+      original.figure.setAppearance(this.hasOriginalTrackColors ? "track" : own, isSmooth);
+      if (isOver) {
+        this.setLines(original.figure, original.mesh, true, [...ORIGINAL_INK, 0.4], LINE_LIFT.over);
+      } else this.setLines(original.figure, original.mesh, wire, ink, LINE_LIFT.wire);
+    }
+  }
+
+  get needsOriginal(): boolean {
+    return this.original !== null && this.look.arrangement !== "decoded";
+  }
+
+  /** Whether faces of the original are visible. */
+  get showsOriginal(): boolean {
+    return this.original !== null && this.look.arrangement === "beside";
+  }
+
+  /** Turn following on or off, and frame the current pose, or the whole animation. */
+  setFollowed(isFollowed: boolean): void {
+    this.look.isFollowed = isFollowed;
+    this.stage.frame(isFollowed ? this.posePoints() : null);
+  }
+
+  /** Whether the current pose is small compared to the whole animation. */
+  movesFar(): boolean {
+    return this.stage.distanceTo(null) > FOLLOW_RATIO * this.stage.distanceTo(this.posePoints());
+  }
+
+  setOriginal(positions: Float32Array): void {
+    this.original?.mesh.setPositions(positions);
+  }
+
+  /** Color the original by values of the track that colors the mesh. */
+  setOriginalValues(values: TrackValues): void {
+    const { original, decoded, mesh } = this;
+    if (!original) return;
+    original.mesh.setColors(mesh.colorAttribute(values));
+    if (this.hasOriginalTrackColors) return;
+    this.hasOriginalTrackColors = true;
+    original.figure.track.copyColors(decoded.track);
+    this.applyLook();
+  }
+
+  /** Show a heat map on the decoded mesh; null: none. */
+  setHeat(heat: { values: Float32Array; heatMaximum: number } | null): void {
+    const hadHeat = this.hasHeat;
+    this.hasHeat = heat !== null;
+    this.decoded.faces.heatMaximum = heat?.heatMaximum ?? null;
+    if (heat) this.paint(heat.values);
+    if (hadHeat !== this.hasHeat) this.applyLook();
+  }
+
+  /**
+   * Color the mesh by a track in place of the materials of the file; null: none. A new call cancels a
+   * pending one, which throws an `AbortError`.
+   */
+  async setTrack(look: TrackSettings | null): Promise<ColorLegend | null> {
+    this.hasOriginalTrackColors = false;
+    if (!look) {
+      this.hasTrackColors = false;
+      await this.mesh.colorBy(null);
+      this.rebuildAttributes();
+      this.applyLook();
+      return null;
+    }
+    const { track, component, range, colormap } = look;
+    const { kind } = this.reel.file.track(track).info;
+    const isColor = kind === "color" && (component ?? "color") === "color";
+    const defaultRange = kind === "normal" ? undefined : DEFAULT_RANGE;
+    this.hasTrackColors = true;
+    this.applyLook(); // `colorBy` applies to the current material
+    const legend = await this.mesh.colorBy(track, {
+      component: component === null || isColor ? undefined : parseComponent(component),
+      ...(isColor ? {} : { range: range ?? defaultRange, wholeFile: true }),
+      ...(colormap ? { map: colormap } : {}),
+    });
+    this.rebuildAttributes();
+    return legend;
+  }
+
+  /** Return the vertex, face and corner at a position on the page; null outside of the mesh. */
+  pickAt(clientX: number, clientY: number): Picked | null {
+    const ray = this.stage.rayAt(clientX, clientY);
+    return ray && pickFirst(ray, this.mesh);
+  }
+
+  /** Mark a vertex of the file while playback is paused; null: none. */
+  setMarker(vertex: number | null): void {
+    this.markedVertex = vertex === null ? null : this.mesh.sources.indexOf(vertex);
+  }
+
+  /** Read the drawn positions (V, 3) back from the GPU, relative to the center of the file. */
+  positions(): Float32Array {
+    const positions = new Float32Array(3 * this.mesh.reel.info.nVerts);
+    const point = new THREE.Vector3();
+    this.mesh.sources.forEach((source, vertex) => {
+      this.mesh.getVertexPosition(vertex, point).toArray(positions, 3 * source);
+    });
+    return positions;
+  }
+
+  /** Return the heat map values of the vertices; null without a heat map. */
+  heatValues(): Float32Array | null {
+    if (!this.hasHeat) return null;
+    const values = new Float32Array(this.reel.file.info.nVerts);
+    this.mesh.sources.forEach((source, vertex) => (values[source] = this.heat.array[vertex]));
+    return values;
+  }
+
+  draw(): void {
+    const { original } = this;
+    this.stage.follow(this.look.isFollowed ? this.centroid() : null);
+    this.decoded.syncPositions();
+    this.marker.visible = this.markedVertex !== null && !this.mesh.isPlaying;
+    if (this.marker.visible) {
+      this.mesh.getVertexPosition(this.markedVertex as number, this.marker.position);
+    }
+    if (original && this.needsOriginal) {
+      if (this.look.shading === "smooth") original.mesh.computeNormals();
+      original.figure.syncPositions();
+    }
+    this.stage.draw();
+  }
+
+  /** Rebuild attributes and lines for the current geometry, whose vertices a track may have split. */
+  private rebuildAttributes(): void {
+    const { geometry, sources } = this.mesh;
+    this.original?.mesh.rebuildGeometry();
+    if (geometry.getAttribute("heat") === this.heat) return;
+    const vertex = this.markedVertex;
+    this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
+    geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
+    for (const figure of [this.decoded, this.original?.figure]) figure?.lines.geometry.setIndex(null);
+    if (vertex !== null) this.markedVertex = null;
+    this.applyAppearance();
+  }
+
+  private centroid(): THREE.Vector3 {
+    return this.mesh.getCentroid(new THREE.Vector3());
+  }
+
+  private paint(values: Float32Array): void {
+    const painted = this.heat.array as Float32Array;
+    this.mesh.sources.forEach((source, vertex) => {
+      painted[vertex] = Number.isNaN(values[source]) ? -1 : values[source];
+    });
+    this.heat.needsUpdate = true;
+  }
+
+  private setLines(
+    { lines }: MeshView,
+    { geometry }: THREE.Mesh,
+    isVisible: boolean,
+    ink: readonly [number, number, number, number],
+    lift: number,
+  ): void {
+    lines.visible = isVisible;
+    lines.setStyle(ink, lift * this.reel.file.info.diagonal);
+    if (!isVisible || lines.geometry.index) return;
+    const nVerts = geometry.getAttribute("position").count;
+    const edges = uniqueEdges(geometry.index?.array as Uint32Array, nVerts);
+    lines.geometry.setIndex(new THREE.BufferAttribute(edges, 1));
+  }
+
+  /** Extreme points of the current pose about its centroid, with a margin. */
+  private posePoints(): THREE.Vector3[] {
+    const centroid = this.centroid();
+    return extremePoints(this.positions()).map((point) => point.sub(centroid).multiplyScalar(POSE_MARGIN));
+  }
+}
