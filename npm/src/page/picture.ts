@@ -4,7 +4,7 @@ import type { TrackValues } from "../index.js";
 import { type ColorLegend, ReelMesh } from "../three/index.js";
 import * as THREE from "three";
 
-import { extremePoints } from "./camera.js";
+import { extremePoints } from "./extreme_points.js";
 import { uniqueEdges } from "./edges.js";
 import type { Reel } from "./facts.js";
 import { MeshView } from "./shading/mesh_view.js";

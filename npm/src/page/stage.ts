@@ -1,9 +1,8 @@
 // The canvas: one camera, shared by one or two views side by side.
 
 import * as THREE from "three";
-import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import { framePoints, createCamera, setAspect, setDepthRange } from "./camera.js";
+import { PlayerCamera } from "../player/camera.js";
 import type { Reel } from "./facts.js";
 
 export type Background = "light" | "dark" | "none";
@@ -14,13 +13,21 @@ const CLEAR: Record<Background, [number, number]> = {
   none: [0x000000, 0],
 };
 
+/** The initial view, as of `meshreel render`: slightly from the side and above. */
+const POSE = {
+  ...{ theta: THREE.MathUtils.degToRad(30), phi: THREE.MathUtils.degToRad(78) },
+  ...{ distance: null, zoom: 1, target: null, fieldOfView: 30 },
+};
+
+/** Radius of the depth range, relative to that of the box of all frames. */
+const DEPTH_RATIO = 1.5;
+
 /** Renderer, camera, lights and views. */
 export class Stage {
   readonly renderer: THREE.WebGLRenderer;
   /** Called when a redraw is needed. */
   onChange: () => void = () => {};
-  private readonly camera = createCamera();
-  private readonly controls: OrbitControls;
+  private readonly camera: PlayerCamera;
   /** Rotated by the up axis; its child `model` is translated to follow the mesh. */
   private readonly world = new THREE.Group();
   private readonly model = new THREE.Group();
@@ -30,14 +37,12 @@ export class Stage {
   private framedPoints: THREE.Vector3[];
   private views: THREE.Object3D[][] = [];
   private background: Background = "light";
-  /** Whether the user has moved the camera. */
-  private isUserControlled = false;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
     reel: Reel,
   ) {
-    const { center, diagonal } = reel.file.info;
+    const { center } = reel.file.info;
     this.renderer = createRenderer(canvas);
     const origin = new THREE.Vector3(...center);
     this.box = new THREE.Box3(
@@ -46,15 +51,13 @@ export class Stage {
     );
     this.sweptPoints = reel.swept.map((point) => new THREE.Vector3(...point));
     this.framedPoints = this.sweptPoints;
-    this.scene.add(this.world, this.camera, new THREE.HemisphereLight(0xffffff, 0x667788, 1.2));
-    this.camera.add(...createLights());
+    this.camera = new PlayerCamera(canvas, () => this.onChange(), "always");
+    const { camera } = this.camera;
+    this.scene.add(this.world, camera, new THREE.HemisphereLight(0xffffff, 0x667788, 1.2));
+    camera.add(...createLights());
     this.world.add(this.model);
-    this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.zoomToCursor = true;
-    this.controls.minDistance = diagonal * 0.01;
-    this.controls.maxDistance = diagonal * 50 || 50;
-    this.controls.addEventListener("change", () => this.onChange());
-    this.controls.addEventListener("start", () => (this.isUserControlled = true));
+    this.camera.frame(this.sweptPoints, POSE);
+    this.camera.hasControls = true;
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement as HTMLElement);
   }
 
@@ -94,8 +97,7 @@ export class Stage {
 
   /** Distance of the camera if it framed these points. */
   distanceTo(points: THREE.Vector3[] | null): number {
-    const camera = this.camera.clone();
-    return framePoints(camera, this.toWorld(this.centered(points))).distanceTo(camera.position);
+    return this.camera.distanceTo(this.toWorld(this.centered(points)));
   }
 
   /** Return the ray through a position on the page; null outside of the canvas. */
@@ -107,7 +109,7 @@ export class Stage {
     if (!(x >= 0 && x < width && y >= 0 && y < height)) return null;
     const ray = new THREE.Raycaster();
     const place = new THREE.Vector2((2 * (x % w)) / w - 1, 1 - (2 * (y % h)) / h);
-    ray.setFromCamera(place, this.camera);
+    ray.setFromCamera(place, this.camera.camera);
     return ray;
   }
 
@@ -118,15 +120,13 @@ export class Stage {
 
   /** Return the camera to the view that frames the current points. */
   reset(): void {
-    this.isUserControlled = false;
-    this.controls.target.copy(framePoints(this.camera, this.toWorld(this.framedPoints)));
-    this.controls.update();
-    this.onChange();
+    this.camera.frame(this.toWorld(this.framedPoints));
   }
 
   draw(): void {
     const box = this.box.clone().applyMatrix4(this.world.matrixWorld);
-    setDepthRange(this.camera, box);
+    const { center, radius } = box.getBoundingSphere(new THREE.Sphere());
+    this.camera.setDepthRange(center, DEPTH_RATIO * (radius || 1));
     const { width, height } = this.renderer.getSize(new THREE.Vector2());
     const n = Math.max(1, this.views.length);
     const [w, h] = this.isPortrait ? [width, height / n] : [width / n, height];
@@ -139,7 +139,7 @@ export class Stage {
       // Set each time, since passes change the clear color.
       this.renderer.setClearColor(...CLEAR[this.background]);
       this.renderer.clear();
-      this.renderer.render(this.scene, this.camera);
+      this.renderer.render(this.scene, this.camera.camera);
     });
   }
 
@@ -158,8 +158,7 @@ export class Stage {
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
     const n = Math.max(1, this.views.length);
-    setAspect(this.camera, this.isPortrait ? (width * n) / height : width / n / height);
-    if (!this.isUserControlled) this.reset();
+    this.camera.setAspect(this.isPortrait ? (width * n) / height : width / n / height);
     this.onChange();
   }
 }

@@ -52,6 +52,7 @@ export class PlayerCamera {
   readonly target = new Vector3();
   readonly #canvas: HTMLCanvasElement;
   readonly #onChange: (isByUser: boolean) => void;
+  readonly #zooms: "focused" | "always";
   readonly #listeners = new AbortController();
   #controls: OrbitControls | null = null;
   #points: readonly Vector3[] = [new Vector3()];
@@ -61,10 +62,20 @@ export class PlayerCamera {
   #turn = 0;
   #lastInputMs = -Infinity;
 
-  /** @param onChange - called when the camera moves */
-  constructor(canvas: HTMLCanvasElement, onChange: (isByUser: boolean) => void) {
+  /**
+   * @param onChange - called when the camera moves
+   * @param zooms - whether the wheel and vertical swipes always move the camera, as on pages that do
+   *   not scroll, or the wheel only while the canvas has the focus
+   */
+  constructor(
+    canvas: HTMLCanvasElement,
+    onChange: (isByUser: boolean) => void,
+    zooms: "focused" | "always" = "focused",
+  ) {
     this.#canvas = canvas;
     this.#onChange = onChange;
+    this.#zooms = zooms;
+    if (zooms === "always") return;
     // The wheel scrolls the page, unless the canvas has the focus or Ctrl (Cmd) is pressed.
     const parent = canvas.parentElement as HTMLElement;
     const filterWheel = (event: WheelEvent) => {
@@ -84,7 +95,8 @@ export class PlayerCamera {
       return;
     }
     const controls = new OrbitControls(this.camera, this.#canvas);
-    this.#canvas.style.touchAction = "pan-y"; // vertical swipes scroll the page
+    const scrolls = this.#zooms === "focused"; // vertical swipes scroll the page
+    this.#canvas.style.touchAction = scrolls ? "pan-y" : "none";
     controls.zoomToCursor = true;
     controls.target = this.target;
     this.#controls = controls;
