@@ -223,11 +223,11 @@ def test_filling_in_interpolates_positions(own_page, decoded):
 
 
 def test_dragging_the_bar_shows_its_frame(page, decoded):
-    page.locator("#scrub").fill("29")
+    page.locator("#timeline input").fill("29")
     wait_until(page, "player.state().frame === 29")
     show(page, 29)
     assert np.abs(positions_of(page) - decoded[29]).max() < 1e-4 * diagonal_of(decoded)
-    assert page.locator("#time").inner_text().split()[:3] == ["29", "/", str(LAST)]
+    assert page.locator("#timeline .text").inner_text().split()[:3] == ["29", "/", str(LAST)]
 
 
 def test_measured_frame_rate_exceeds_1(page, record_property):

@@ -4,7 +4,7 @@ import { ComparisonPanel } from "./comparison.js";
 import { HeatBar } from "./heat/bar.js";
 import { Labels } from "./labels.js";
 import type { Opening } from "./opening.js";
-import { Choice, inputById, byId, showError } from "./page.js";
+import { Choice, inputById, byId } from "./page.js";
 import { Panel } from "./panel.js";
 import type { Arrangement, Look, Picture, Shading } from "./picture.js";
 import type { Player } from "./player.js";
@@ -38,7 +38,7 @@ export function connectControls(
     "]": () => player.setModes(player.state().modes + 1),
     h: () => comparison?.nextHeat(),
     t: () => tracks.next(),
-    g: toggleFullscreen,
+    g: () => timeline.bar.toggleFullScreen(),
     p: togglePanel,
     "?": () => byId<HTMLDialogElement>("help").showModal(),
   };
@@ -46,7 +46,6 @@ export function connectControls(
   const buttons = {
     reset: "r",
     screenshot: "s",
-    fullscreen: "g",
     "panel-button": "p",
     "help-button": "?",
   };
@@ -78,9 +77,9 @@ function timelineKeys(timeline: Timeline, reel: Reel): Actions {
     ShiftArrowRight: () => timeline.skip(10),
     Home: () => timeline.seek(0),
     End: () => timeline.seek(reel.segments.info.nFrames - 1),
-    "-": () => timeline.changeSpeed(-1),
-    "+": () => timeline.changeSpeed(1),
-    "=": () => timeline.changeSpeed(1),
+    "-": () => timeline.bar.changeSpeed(-1),
+    "+": () => timeline.bar.changeSpeed(1),
+    "=": () => timeline.bar.changeSpeed(1),
     l: () => timeline.toggleLoop(),
   };
 }
@@ -135,11 +134,6 @@ function togglePanel(): void {
   byId("panel-button").setAttribute("aria-expanded", String(!isHidden));
 }
 
-function toggleFullscreen(): void {
-  if (document.fullscreenElement) void document.exitFullscreen();
-  else void document.documentElement.requestFullscreen().catch(showError);
-}
-
 type Actions = Record<string, () => unknown>;
 
 /** Handle keys, except those that the focused control handles. */
@@ -159,7 +153,7 @@ function isHandledByControl({ target, key }: KeyboardEvent): boolean {
   if (!(target instanceof HTMLElement)) return false;
   if (target instanceof HTMLSelectElement) return true;
   if (target instanceof HTMLInputElement)
-    return key === " " || (target.id !== "scrub" && isNavigationKey(key));
+    return key === " " || (!target.closest("#timeline") && isNavigationKey(key));
   return target instanceof HTMLButtonElement && (key === " " || key === "Enter");
 }
 

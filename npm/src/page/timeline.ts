@@ -1,27 +1,37 @@
-// The control bar at the bottom: play, timeline, frame and time, speed, loop.
+// The control bar at the bottom: that of <reel-player>, with a button to loop.
 
-import { inputById, byId } from "./page.js";
+import { Bar } from "../player/bar.js";
+import { BAR_CSS } from "../player/style_sheet.js";
+import { byId } from "./page.js";
 import type { Player } from "./player.js";
 import { frameTime, type Reel } from "./facts.js";
 
 export class Timeline {
-  private readonly scrub = inputById("scrub");
-  private readonly play = byId<HTMLButtonElement>("play");
-  private readonly speed = byId<HTMLSelectElement>("speed");
+  readonly bar: Bar;
   private readonly loop = byId<HTMLButtonElement>("loop");
   private shown = "";
+  /** Whether to play again when the thumb is released. */
+  private isInterrupted = false;
 
   constructor(
     private readonly player: Player,
     private readonly reel: Reel,
   ) {
-    this.scrub.max = String(reel.segments.info.nFrames - 1);
-    this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
-    this.play.addEventListener("click", () => this.toggle());
-    byId("previous").addEventListener("click", () => this.skip(-1));
-    byId("next").addEventListener("click", () => this.skip(1));
+    this.bar = new Bar(document.documentElement, {
+      toggle: () => this.toggle(),
+      seek: (frame) => this.seek(frame),
+      step: (count) => this.skip(count),
+      setSpeed: (speed) => (player.speed = speed),
+      scrub: (isHeld) => this.interrupt(isHeld),
+      mute: () => {}, // hidden: the page has no sound
+    });
+    this.bar.showsFrames = true;
+    const sheet = new CSSStyleSheet();
+    sheet.replaceSync(BAR_CSS);
+    document.adoptedStyleSheets.push(sheet);
+    for (const id of ["loop", "help-button", "panel-button"]) this.bar.add(byId(id));
+    byId("timeline").append(this.bar.element);
     this.loop.addEventListener("click", () => this.toggleLoop());
-    this.speed.addEventListener("change", () => (player.speed = Number(this.speed.value)));
   }
 
   toggle(): void {
@@ -46,29 +56,29 @@ export class Timeline {
     this.update();
   }
 
-  /** Select the next higher or lower speed. */
-  changeSpeed(step: 1 | -1): void {
-    const at = this.speed.selectedIndex + step;
-    this.speed.selectedIndex = Math.min(Math.max(0, at), this.speed.options.length - 1);
-    this.player.speed = Number(this.speed.value);
-  }
-
   update(): void {
-    const { frame, playing, loop, buffering } = this.player.state();
-    const key = `${frame} ${playing} ${loop} ${buffering}`;
+    const { frame, playing, loop, buffering, speed } = this.player.state();
+    const key = `${frame} ${playing} ${loop} ${buffering} ${speed}`;
     if (key === this.shown) return;
     this.shown = key;
-    const last = this.reel.segments.info.nFrames - 1;
-    const [now, end] = [frameTime(this.reel, frame), frameTime(this.reel, last)];
-    this.scrub.value = String(frame);
-    this.scrub.setAttribute("aria-valuetext", `frame ${frame} of ${last}, ${now.toFixed(2)} s`);
-    byId("time").innerHTML =
-      `<b>${frame}</b><small> / ${last}</small> &nbsp;${now.toFixed(2)}<small> / ${end.toFixed(2)} s</small>`;
-    const name = playing ? "Pause" : "Play";
-    this.play.classList.toggle("playing", playing);
-    this.play.setAttribute("aria-label", name);
-    this.play.title = `${name} (space)`;
+    const { nFrames } = this.reel.segments.info;
+    this.bar.show({
+      ...{ isPlaying: playing || this.isInterrupted, frame, nFrames, speed, isMuted: null },
+      time: frameTime(this.reel, frame),
+      duration: frameTime(this.reel, nFrames),
+    });
     this.loop.setAttribute("aria-pressed", String(loop));
     byId("buffering").hidden = !buffering;
+  }
+
+  /** Stop time while the user holds the thumb. */
+  private interrupt(isHeld: boolean): void {
+    if (isHeld && this.player.isPlaying) {
+      this.isInterrupted = true;
+      this.player.pause();
+    } else if (!isHeld && this.isInterrupted) {
+      this.isInterrupted = false;
+      this.player.play();
+    }
   }
 }

@@ -53,7 +53,7 @@ export class Bar {
     this.#play = new IconButton("play", "play", "Play", () => actions.toggle());
     this.#next = new IconButton("step", "next", "Next frame", () => actions.step(1));
     this.#mute = new IconButton("", "loud", "Mute", () => actions.mute());
-    this.#full = new IconButton("", "full", "Full screen", () => this.#toggleFull());
+    this.#full = new IconButton("", "full", "Full screen", () => this.toggleFullScreen());
     this.#full.element.hidden = !document.fullscreenEnabled;
     const range = this.#range;
     Object.assign(range, { type: "range", min: "0", step: "1", value: "0" });
@@ -138,7 +138,8 @@ export class Bar {
     select.value = value;
   }
 
-  #toggleFull(): void {
+  /** Enter or leave full screen. */
+  toggleFullScreen(): void {
     // Ignore refusals: an iframe may lack the permission.
     if (this.#host.matches(":fullscreen")) void document.exitFullscreen().catch(() => {});
     else void this.#host.requestFullscreen().catch(() => {});

@@ -1,5 +1,59 @@
 // The style sheet of players: a constructed one, which content policies always allow.
 
+/** The control bar, which the page of `meshreel view` uses too. */
+export const BAR_CSS = `
+.bar {
+  position: absolute;
+  inset: auto 0 0 0;
+  display: flex;
+  align-items: center;
+  gap: 6px;
+  box-sizing: border-box;
+  height: 48px;
+  padding: 4px 8px;
+  color: var(--ink);
+  background: var(--panel);
+}
+.bar input {
+  flex: 1;
+  min-width: 40px;
+  height: 32px;
+  margin: 0 4px;
+  accent-color: var(--accent);
+  border-radius: 6px;
+  cursor: pointer;
+}
+.bar .text { flex: none; font-variant-numeric: tabular-nums; }
+.bar select {
+  flex: none;
+  min-height: 36px;
+  padding: 2px 4px;
+  font: inherit;
+  color: inherit;
+  background: var(--panel);
+  border: 1px solid #88888880;
+  border-radius: 6px;
+  cursor: pointer;
+}
+.bar select:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
+.bar button {
+  flex: none;
+  font: inherit;
+  color: inherit;
+  background: none;
+  border: 0;
+  border-radius: 6px;
+  min-width: 40px;
+  min-height: 40px;
+  padding: 8px;
+  cursor: pointer;
+}
+.bar button:hover { background: #88888840; }
+.bar button:disabled, .bar input:disabled { opacity: 0.5; cursor: default; }
+.bar button:focus-visible, .bar input:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
+.bar svg { display: block; width: 24px; height: 24px; fill: currentColor; }
+`;
+
 const CSS = `
 :host {
   display: block;
@@ -33,18 +87,6 @@ canvas { display: block; outline: none; }
 :host([controls]) :is(canvas, .poster) { height: calc(100% - 48px); }
 .poster { object-fit: contain; pointer-events: none; }
 canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff; }
-.bar {
-  position: absolute;
-  inset: auto 0 0 0;
-  display: flex;
-  align-items: center;
-  gap: 6px;
-  box-sizing: border-box;
-  height: 48px;
-  padding: 4px 8px;
-  color: var(--ink);
-  background: var(--panel);
-}
 button {
   flex: none;
   font: inherit;
@@ -61,28 +103,6 @@ button:hover { background: #88888840; }
 button:disabled, input:disabled { opacity: 0.5; cursor: default; }
 button:focus-visible, input:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
 svg { display: block; width: 24px; height: 24px; fill: currentColor; }
-input {
-  flex: 1;
-  min-width: 40px;
-  height: 32px;
-  margin: 0 4px;
-  accent-color: var(--accent);
-  border-radius: 6px;
-  cursor: pointer;
-}
-.text { flex: none; font-variant-numeric: tabular-nums; }
-select {
-  flex: none;
-  min-height: 36px;
-  padding: 2px 4px;
-  font: inherit;
-  color: inherit;
-  background: var(--panel);
-  border: 1px solid #88888880;
-  border-radius: 6px;
-  cursor: pointer;
-}
-select:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
 @container (max-width: 519px) { .step, .speed { display: none; } }
 .legend {
   position: absolute;
@@ -175,7 +195,7 @@ let sheet: CSSStyleSheet | null = null;
 export function playerStyleSheet(): CSSStyleSheet {
   if (!sheet) {
     sheet = new CSSStyleSheet();
-    sheet.replaceSync(CSS);
+    sheet.replaceSync(CSS + BAR_CSS);
   }
   return sheet;
 }
