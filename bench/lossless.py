@@ -118,7 +118,7 @@ def derived(sequence: meshreel.MeshSequence) -> Iterator[tuple[str, Numbers]]:
 
 
 def bytes_of_faces(faces: Numbers) -> int:
-    """Bytes of the faces in the files of others."""
+    """Bytes of the faces, which other coders compress with zstd."""
     coder = importable("zstandard").ZstdCompressor(level=ZSTD_LEVEL)
     return len(coder.compress(faces.tobytes()))
 

@@ -298,7 +298,7 @@ REEL_INLINE void end_positions(field_coder *f, int64_t row, int64_t first, int64
     }
 }
 
-/* Code whether a zero group stays 0, as one bit; if so, its statistics are left as they are. */
+/* Code whether a zero group stays 0, as one bit; if so, its statistics do not change. */
 REEL_INLINE bool code_stays_zero(reel_range_coder *coder, field_coder *f, const int32_t *row,
                                  int64_t first, int zero_rows, bool was_active) {
     int nonzero = 0, near_sum = 0;

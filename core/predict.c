@@ -25,7 +25,7 @@
 #define SMOOTH_FLOOR 0x1p-32F
 #define ROUNDING_NOISE 0.3F   /* quantization noise of a mode, in squared steps */
 #define RELATIVE_NOISE 0.001F /* plus noise relative to its mean squared offset */
-/* Plus noise relative to its squared error: what no weights explain teaches little. */
+/* Plus noise relative to its squared error: errors that no weights explain are not informative. */
 #define ERROR_NOISE 0.03125F
 
 #define ONE_LIMIT 1.5          /* magnitudes below it, in steps, count as ones */

@@ -124,7 +124,7 @@ static int retry_step(reading *r, const step *s) {
     }
 }
 
-/* ---- what is found ---- */
+/* ---- results ---- */
 
 /* Hash numbers, with canonical NaNs: processors differ in their bits. */
 static void hash_numbers(const void *numbers, uint64_t count, uint32_t type) {

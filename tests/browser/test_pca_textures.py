@@ -185,7 +185,7 @@ def test_godot_plays_vertices_like_python(browser, written):
     assert sorted(verts) == list(range(written.n_verts))
     for number in FRAMES:
         moved = written.moved(number)[verts] - written.rest[verts]
-        # Godot rounds the mesh at rest when it reads it; what the shader adds to it is exact.
+        # Godot rounds the rest mesh on import; the displacements of the shader are exact.
         found = floats_of_bits(told[f"{number} 0"])[: len(rest)]
         np.testing.assert_allclose(found, rest + moved, atol=ROUNDING)
     np.testing.assert_allclose(rest, written.rest[verts], atol=1e-4)

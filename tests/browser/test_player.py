@@ -526,7 +526,7 @@ def test_pages_do_not_disturb_each_other_when_two_are_open(new_page, url, decode
 def test_a_lost_server_is_an_error(new_page, flag):
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         page = new_page(address)
-        page.locator("#plots figure").first.wait_for()  # nothing else is asked for by itself
+        page.locator("#plots figure").first.wait_for()  # no other request is automatic
     page.keyboard.press("End")
     page.get_by_role("alert").wait_for()
     assert "server does not" in page.get_by_role("alert").inner_text()

@@ -89,7 +89,7 @@ def site(files):
 
 @pytest.fixture
 def ask(new_page, site):
-    """Return the result of a script called with a stand for a file and a texture."""
+    """Return the result of a script that receives a test scene: a file with a texture."""
 
     def answer(setting, body, **given):
         page = new_page(f"{site}/index.html", is_shown=False, **given)
@@ -467,7 +467,6 @@ def test_changed_and_disposed_textures_are_released(ask):
         """,
     )
     counts = found["counts"][1:]  # three.js creates some initially
-    assert counts == counts[:3] * 3
-    assert counts[:2] == [counts[2] + 1] * 2
+    assert counts == [counts[2] + 1, counts[2] + 1, counts[2]] * 3
     assert found["videos"] == [None, "AbortError"] * 3
     assert found["given"] == "/short.webm"

@@ -1,5 +1,5 @@
-// A page that shows the sheet of tests/samples/numbered_video.py with a texture, and reads in each
-// picture which frame of the mesh and which frame of the video it shows.
+// Shows the sheet of tests/samples/numbered_video.py with a texture, and reads from each picture
+// which frame of the mesh and which frame of the video it shows.
 
 import * as THREE from "three";
 import { ReelLoader } from "meshreel/three";
@@ -7,7 +7,7 @@ import { ReelLoader } from "meshreel/three";
 const [CELL, BITS, PIXELS, STEP] = [16, 12, 256, 4]; // of the video, and of the picture
 const LEFT = 13; // of the sheet at frame 0
 
-/** What is drawn: 1 unit is 256 pixels, as in the video. */
+/** The canvas: 1 unit is 256 pixels, as in the video. */
 class Screen {
   renderer = new THREE.WebGLRenderer({ preserveDrawingBuffer: true });
   scene = new THREE.Scene();
@@ -21,7 +21,7 @@ class Screen {
     this.scene.add(new THREE.AmbientLight(0xffffff, Math.PI));
   }
 
-  /** Frames of the mesh and the video in the picture that is drawn now. */
+  /** Return the frames of mesh and video in the current picture. */
   read() {
     this.renderer.render(this.scene, this.camera);
     const gl = this.renderer.getContext();
@@ -38,7 +38,7 @@ class Screen {
   }
 }
 
-/** The same without WebGL: from the attributes of the mesh and the image of its texture. */
+/** Return these frames without WebGL, from the attributes and the texture image of the mesh. */
 class Memory {
   constructor(mesh) {
     this.mesh = mesh;
@@ -55,7 +55,7 @@ class Memory {
   dispose() {}
 }
 
-/** The number in a row of cells; null where the cell of parity does not fit. */
+/** Return the number in a row of cells; null if the parity cell is wrong. */
 function numberIn(brightnessAt) {
   const cells = Array.from({ length: BITS + 1 }, (_, i) =>
     Number(brightnessAt(CELL * i + CELL / 2) > 127),
@@ -64,7 +64,7 @@ function numberIn(brightnessAt) {
   return isOdd ? parseInt(cells.slice(0, BITS).join(""), 2) : null;
 }
 
-/** A mesh that is drawn again and again, what it shows, and what it tells. */
+/** A repeatedly drawn mesh; records its shown frames and events. */
 class Stand {
   events = [];
   seen = [];
@@ -88,7 +88,7 @@ class Stand {
     requestAnimationFrame(draw);
   }
 
-  /** Waits until something holds. */
+  /** Wait until a condition holds. */
   async until(what, holds, seconds = 60) {
     const end = performance.now() + 1000 * seconds;
     while (!holds()) {
@@ -110,7 +110,7 @@ class Stand {
     return this.seen.at(-1);
   }
 
-  /** Pictures of which the mesh and the video show other frames. */
+  /** Return the pictures in which mesh and video show different frames. */
   get wrong() {
     return this.seen.filter(({ mesh, video }) => Math.abs(mesh - video) > 0.2 || video === null);
   }
@@ -122,7 +122,7 @@ class Stand {
   }
 }
 
-/** A stand of a file and a texture. */
+/** A test scene of a file and a texture. */
 window.made = async ({ reel = "/sheet.reel", texture, options, isDrawn = true, ...mesh }) => {
   const screen = isDrawn ? new Screen() : null;
   const given = isDrawn ? { renderer: screen.renderer } : { gpu: false };

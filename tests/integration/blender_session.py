@@ -13,7 +13,7 @@ ADD_ON_FOLDER = Path(__file__).parents[2] / "integrations" / "blender"
 ANSWER = "scenario answered: "
 
 PYTHON = os.environ.get("MESHREEL_BPY_PYTHON", sys.executable)
-"""A Python with bpy and meshreel: this one, or that of the Blender to test."""
+"""Python interpreter with bpy and meshreel: this one, or that of the tested Blender."""
 
 
 class BlenderError(Exception):

@@ -36,4 +36,4 @@ def main():
 
 if __name__ == "__main__":
     main()
-    os._exit(0)  # the bpy module may crash when the interpreter takes it down
+    os._exit(0)  # the bpy module may crash when the interpreter exits

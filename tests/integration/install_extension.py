@@ -11,7 +11,7 @@ NAME = "bl_ext.user_default.meshreel"
 
 
 def main(archive, reel):
-    import addon_utils  # which bpy puts on the path
+    import addon_utils  # bpy adds it to the path
 
     tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core/bl_pkg/cli/blender_ext.py"
     subprocess.run([sys.executable, tool, "validate", archive], check=True)
@@ -37,4 +37,4 @@ def main(archive, reel):
 if __name__ == "__main__":
     main(*sys.argv[1:])
     sys.stdout.flush()
-    os._exit(0)  # the bpy module may crash when the interpreter takes it down
+    os._exit(0)  # the bpy module may crash when the interpreter exits

@@ -15,7 +15,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
 PYTHON = os.environ.get("MESHREEL_BPY_PYTHON", sys.executable)
-"""A Python with bpy: this one, or that of the Blender to test."""
+"""Python interpreter with bpy: this one, or that of the tested Blender."""
 
 SIZES = np.array([4, 3, 5], np.int32)
 CORNERS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 0, 2, 4, 6], np.int32)

@@ -67,7 +67,7 @@ class Selector:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Record or select, as the environment says."""
+    """Record or select tests, depending on the environment."""
     if RECORD in os.environ:
         config.pluginmanager.register(Recorder(Path(os.environ[RECORD])))
     if SELECT in os.environ:

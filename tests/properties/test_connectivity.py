@@ -26,7 +26,7 @@ def random_meshes(draw):
 
 @st.composite
 def torn_grids(draw):
-    """A sheet with faces gone, turned, doubled, merged corners and any order."""
+    """A sheet with missing, flipped and duplicate faces, merged corners and any order."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     rows, columns = draw(st.integers(2, 40)), draw(st.integers(2, 30))
     faces = grid_faces(rows, columns)

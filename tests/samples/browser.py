@@ -20,7 +20,7 @@ DRAWN_BY_SOFTWARE = (  # so that no graphics card is needed
     "--no-sandbox",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
-    "--disable-gpu-compositing",  # which, drawn by software, costs more than what it saves
+    "--disable-gpu-compositing",  # in software rendering, it costs more than it saves
 )
 
 

@@ -1,4 +1,4 @@
-"""Plain shapes as (vertices, faces), and the slow, plain way to the closest points on them."""
+"""Simple shapes as (vertices, faces), and closest points on them by brute force."""
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def torus(n_rows=24, n_columns=48, bend=0.0):
 
 
 def split_at_centroids(vertices, faces):
-    """The same surface with three faces in place of each."""
+    """Split each face into three at its centroid."""
     centers = len(vertices) + np.arange(len(faces))
     parts = [np.stack([faces[:, i], faces[:, (i + 1) % 3], centers], 1) for i in range(3)]
     split = np.concatenate([vertices, vertices[faces].mean(axis=1)])

@@ -159,7 +159,7 @@ class _Track(ctypes.Structure):
 
 @dataclass(frozen=True)
 class FileInfo:
-    """What the header and the index of a file, or of a segment, say.
+    """Contents of the header and the index of a file or a segment.
 
     Attributes
     ----------
@@ -247,7 +247,7 @@ class FileBlock:
 
 @dataclass(frozen=True)
 class FileGroup:
-    """What a block says of a track.
+    """Header of a track in a block.
 
     Attributes
     ----------
@@ -319,7 +319,7 @@ def _run_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> No
 
 
 class _Reader:
-    """The bytes of a file that can seek, as the core asks for them; threads may share it."""
+    """Reads bytes of a seekable file for the core; threads may share it."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -334,7 +334,7 @@ class _Reader:
             return self._file.read(size)
 
     def failure(self) -> BaseException | None:
-        """What the file raised last for this thread, which is forgotten."""
+        """Return and clear the last exception of the file in this thread."""
         return self._failures.pop(threading.get_ident(), None)
 
     def read(self, _: int | None, offset: int, to: int, size: int) -> int:

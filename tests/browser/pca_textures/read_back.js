@@ -1,11 +1,11 @@
-// Reads back what vertex shaders make of PCA textures.
+// Reads back the output of vertex shaders that play PCA textures.
 import { FloatType, NearestFilter, NoToneMapping, OrthographicCamera, Points, Scene, WebGLRenderer, WebGLRenderTarget } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { loadPcaTexture, playPcaTexture } from "/meshreel_pca.js";
 
 const COLUMNS = 64;
 
-/** Positions and normals after the shader of three.js, four numbers a vertex, frame by frame. */
+/** Positions and normals computed by the shader of three.js, four numbers per vertex, frame by frame. */
 window.readThree = async (frames) => {
   const { scene: model } = await new GLTFLoader().loadAsync("/walk.glb");
   const mesh = model.getObjectByProperty("isMesh", true);
@@ -60,7 +60,7 @@ const bitmapOf = async (url) =>
     colorSpaceConversion: "none",
   });
 
-/** The outputs of a vertex shader, which transform feedback catches, frame by frame. */
+/** The outputs of a vertex shader, captured by transform feedback, frame by frame. */
 window.readShader = async ({ source, attributes, outputs, frames, n }) => {
   const gl = document.createElement("canvas").getContext("webgl2");
   const program = gl.createProgram();

@@ -1,11 +1,11 @@
-// Tracks of the waving grid, every number of which is known.
+// Tracks of the waving grid with known values.
 
 import type { BlockFields, OpenTrack, Surface, TrackFields } from "../../../npm/src/types";
 
 const STEP = 1 / 20000;
 const N_MODES = 3;
 
-/** The item that has no number, at all frames. */
+/** The item whose value is missing in all frames. */
 export const MISSING = 40;
 
 /** Tracks by name. */
@@ -56,7 +56,7 @@ function columnsOf(block: TrackFields, wanted?: readonly number[]): TrackFields 
   };
 }
 
-/** A track as of an open file; blocks that are `damaged` cannot be had. */
+/** A track of an open file; its `damaged` blocks cannot be decoded. */
 export function gridTrack(
   name: TrackName,
   surface: Surface,

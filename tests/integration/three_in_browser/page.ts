@@ -1,4 +1,4 @@
-// What tests ask of `meshreel/three` in a page. Everything is given back as plain numbers.
+// Functions of a page that tests of `meshreel/three` call; results are plain numbers.
 
 import * as THREE from "three";
 import { WebGPURenderer } from "three/webgpu";
@@ -21,7 +21,7 @@ class Stand {
   readonly scene = new THREE.Scene();
   readonly camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.1, 100);
   readonly complaints: string[] = [];
-  private picture: Uint8Array | null = null; // of the last drawing, where somebody has asked
+  private picture: Uint8Array | null = null; // pixels of the last drawing, if requested
   private readonly said = { error: console.error, warn: console.warn };
 
   constructor() {
@@ -39,7 +39,7 @@ class Stand {
     console.warn = (...words) => warn(...this.complain(words));
   }
 
-  /** Frees the context, of which browsers have few, and restores the console. */
+  /** Release the context, because browsers limit their number, and restore the console. */
   private dispose(): void {
     Object.assign(console, this.said);
     this.renderer.dispose();
@@ -67,7 +67,7 @@ class Stand {
     return [...this.picture.slice(at, at + 3)];
   }
 
-  /** Where a point of the scene is in the picture, 0..1 from the lower left. */
+  /** Return the place of a point of the scene in the picture, 0..1 from the lower left. */
   project(x: number, y: number, z: number): [number, number] {
     const place = new THREE.Vector3(x, y, z).project(this.camera);
     return [(place.x + 1) / 2, (place.y + 1) / 2];
@@ -87,12 +87,12 @@ function record(mesh: ReelMesh): Events {
   return events;
 }
 
-/** Waits until a picture is there. */
+/** Wait until a picture is drawn. */
 async function shown(mesh: ReelMesh): Promise<void> {
   while (mesh.isWaiting) await new Promise((resolve) => setTimeout(resolve, 5));
 }
 
-/** Numbers of an attribute as materials get them: from the buffer of WebGL, or from memory. */
+/** Return the numbers of an attribute of materials, from a WebGL buffer or from memory. */
 function drawnValues(stand: Stand, mesh: ReelMesh, name: "position" | "normal"): Float32Array {
   const attribute = mesh.geometry.getAttribute(name) as unknown as
     | THREE.GLBufferAttribute
@@ -106,7 +106,7 @@ function drawnValues(stand: Stand, mesh: ReelMesh, name: "position" | "normal"):
   return found;
 }
 
-/** Normals of the faces around each vertex, plainly. */
+/** Compute the normal of each vertex from its faces, in plain loops. */
 function trueNormals(positions: Float64Array, triangles: Uint32Array): THREE.Vector3[] {
   const at = (vertex: number) => new THREE.Vector3().fromArray(positions, 3 * vertex);
   const sums = Array.from({ length: positions.length / 3 }, () => new THREE.Vector3());
@@ -119,7 +119,7 @@ function trueNormals(positions: Float64Array, triangles: Uint32Array): THREE.Vec
   return sums.map((sum) => sum.normalize());
 }
 
-/** The largest errors at a place of the time: positions by the diagonal, normals by 1. */
+/** Return the largest errors at a time: of positions in diagonals, and of normals. */
 function errorsAt(stand: Stand, mesh: ReelMesh, place: number, origin = [0, 0, 0]) {
   const { info, surface } = mesh.reel;
   const expected = truth(place, info.center).map((one, i) => one - origin[i % 3]);
@@ -151,7 +151,7 @@ function removed(mesh: ReelMesh): void {
   mesh.dispose();
 }
 
-/** Values of a track at a place of the time: what is shown of each item. */
+/** Return the shown value of each item of a track at a time. */
 async function trackTruth(mesh: ReelMesh, name: string, place: number, component: unknown) {
   const track = mesh.reel.track(name);
   const { nColumns, nItems } = track.info;
@@ -168,7 +168,7 @@ async function trackTruth(mesh: ReelMesh, name: string, place: number, component
   });
 }
 
-/** In pixels: of triangles that are seen from the side, half a pixel shows. */
+/** In pixels; of triangles seen from the side only half a pixel is visible. */
 const LEAST_AREA = 60;
 
 /** Colors and values at the center of each clearly visible triangle. */
@@ -194,7 +194,7 @@ function middleColors(
       const [x, y, z] = vertices.slice(3 * vertex, 3 * vertex + 3);
       middle.addScaledVector(new THREE.Vector3(x, y, z), 1 / 3);
       seen.push(stand.project(x, y, z));
-      // Values beyond the range have the colors of its ends, at each corner.
+      // Values are clamped to the range at each corner.
       const one = values[itemOf(corner)];
       value += (one < low ? low : one > high ? high : one) / 3;
     }
@@ -202,13 +202,13 @@ function middleColors(
     const area = (640 * 480 * Math.abs((c - a) * (f - b) - (e - a) * (d - b))) / 2;
     if (area < LEAST_AREA) continue;
     ray.setFromCamera(new THREE.Vector2(...middle.clone().project(stand.camera)), stand.camera);
-    if (ray.intersectObject(mesh)[0]?.faceIndex !== triangle) continue; // it lies behind another
+    if (ray.intersectObject(mesh)[0]?.faceIndex !== triangle) continue; // hidden by another
     found.push({ color: stand.pixel(...stand.project(middle.x, middle.y, middle.z)), value });
   }
   return found;
 }
 
-/** Has the context be lost and come back; `during` is called in between. */
+/** Lose and restore the context; calls `during` in between. */
 async function lostContext(stand: Stand, during = () => {}): Promise<void> {
   const extension = stand.renderer.getContext().getExtension("WEBGL_lose_context");
   const told = (type: string) =>
@@ -242,7 +242,7 @@ function furnish(stand: Stand, light: THREE.DirectionalLight | THREE.PointLight)
 }
 
 const tests = {
-  /** Errors at places of the time; `path` says how positions are computed. */
+  /** Return errors at times; `path` selects how positions are computed. */
   async errors(places: number[], options: ReelMeshOptions, grid: GridOptions = {}) {
     const stand = new Stand();
     const mesh = await made(stand, grid, options);
@@ -266,7 +266,7 @@ const tests = {
       : new THREE.DirectionalLight(0xffffff, 3);
     furnish(stand, light);
     const mesh = await made(stand, {});
-    // The camera sees the middle of the shadow beside the grid, since that is lifted.
+    // The camera sees the center of the shadow next to the grid, which is lifted.
     mesh.position.z = 1;
     light.position.set(-4, 3, 6);
     const middle = isPoint ? [1.76, -1.32] : [1.47, -1.1];
@@ -281,7 +281,7 @@ const tests = {
     return { ...colors, complaints: stand.complaints };
   },
 
-  /** The picture to look at. */
+  /** Return the picture. */
   async picture(place: number) {
     const stand = new Stand();
     furnish(stand, new THREE.DirectionalLight(0xffffff, 3));
@@ -359,7 +359,7 @@ const tests = {
     return { isOnGpu, color: [...data.slice(0, 3)], complaints: stand.complaints };
   },
 
-  /** Hits of rays from above through the middle of triangles, and how far they are off. */
+  /** Return hits of rays from above through the centers of triangles, and their errors. */
   async pick(place: number, options: ReelMeshOptions) {
     const stand = new Stand();
     const mesh = await made(stand, {}, options);
@@ -397,7 +397,7 @@ const tests = {
     return { found, missed };
   },
 
-  /** What the renderer counts before a mesh is there, and after each of several is gone. */
+  /** Return the counts of the renderer, first without a mesh, then after each disposal. */
   async disposal(rounds: number) {
     const stand = new Stand();
     const floor = furnish(stand, new THREE.DirectionalLight(0xffffff, 3));
@@ -414,7 +414,7 @@ const tests = {
       await mesh.colorBy("scalar");
       mesh.play();
       for (let i = 0; i < 5; i++) {
-        mesh.update(0.6); // all of the file, and again
+        mesh.update(0.6); // passes the end of the file
         stand.draw();
         mesh.raycast(new THREE.Raycaster(), []);
         await new Promise((resolve) => setTimeout(resolve, 1));
@@ -445,7 +445,7 @@ const tests = {
     return { before, after };
   },
 
-  /** Events of a file that plays once, with a damaged block, drawn by whoever draws it. */
+  /** Return the events of a file that plays once with a damaged block. */
   async events(damaged: number[]) {
     const stand = new Stand();
     const reel = await wavingGrid({ damaged });
@@ -488,7 +488,7 @@ const tests = {
   },
 
   /**
-   * Largest difference of colors from the right ones, at places of the time; `isLost`: with a
+   * Return the largest error of colors at times; `isLost`: with a
    * context that was lost before.
    */
   async colors(
@@ -558,7 +558,7 @@ const tests = {
     return { url: stand.canvas.toDataURL(), complaints: stand.complaints };
   },
 
-  /** What `colorBy` throws, by its names and options; and whether the last call counts. */
+  /** Return the errors of `colorBy` by names and options, and whether the last call applies. */
   async refusedColors(calls: [name: string, options: object][]) {
     const stand = new Stand();
     const mesh = await made(stand, { isPlain: true });
@@ -578,7 +578,7 @@ const tests = {
     return { words, last, other };
   },
 
-  /** Whether the box and the sphere of the geometry hold all frames. */
+  /** Return whether the box and the sphere of the geometry contain all frames. */
   async bounds() {
     const stand = new Stand();
     const mesh = await made(stand, { center: [10, 20, 30] });

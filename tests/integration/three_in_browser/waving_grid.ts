@@ -1,4 +1,4 @@
-// A grid that waves, as an open file whose every number is known.
+// A waving grid as an open file with known values.
 
 import type { BlockFields, OpenReel, Surface } from "../../../npm/src/types";
 import { gridTrack, type TrackName } from "./grid_tracks";
@@ -44,7 +44,7 @@ function blockOf(number: number): BlockFields {
   const vertices: number[] = [];
   const starts = [0];
   for (let t = 0; t < nFrames; t++) {
-    // Some at every other frame; those of frames 2 and 4 have a vertex in common, 200.
+    // Some at every other frame; those of frames 2 and 4 share vertex 200.
     if (t % 2 === 0) vertices.push(t, 200, N_VERTS - 1 - t);
     starts.push(vertices.length);
   }
@@ -69,7 +69,7 @@ function blockOf(number: number): BlockFields {
 const N_FRAMES = FRAMES_OF_BLOCKS.reduce((sum, one) => sum + one);
 const BLOCKS = FRAMES_OF_BLOCKS.map((_, number) => blockOf(number));
 
-/** Positions of a whole frame, computed plainly. */
+/** Compute the positions of a frame in plain loops. */
 function frameOf(frame: number, center: readonly number[]): Float64Array {
   const block = BLOCKS.findLast((one) => one.start <= frame) as BlockFields;
   const t = frame - block.start;
@@ -92,7 +92,7 @@ function frameOf(frame: number, center: readonly number[]): Float64Array {
   return found;
 }
 
-/** Positions at a place of the time, in frames. */
+/** Compute the positions at a time in frames. */
 export function truth(place: number, center: readonly number[] = [0, 0, 0]): Float64Array {
   const frame = Math.min(Math.floor(place), N_FRAMES - 1);
   const here = frameOf(frame, center);
@@ -101,7 +101,7 @@ export function truth(place: number, center: readonly number[] = [0, 0, 0]): Flo
   return here.map((one, i) => one + (place - frame) * (there[i] - one));
 }
 
-/** Red on the left, a board of white and blue on the right. */
+/** Red on the left, a checkerboard of white and blue on the right. */
 async function picture(): Promise<Uint8Array> {
   const canvas = new OffscreenCanvas(64, 64);
   const pen = canvas.getContext("2d") as OffscreenCanvasRenderingContext2D;
@@ -170,13 +170,13 @@ async function surfaceOf(): Promise<Surface> {
   };
 }
 
-/** What a test may ask of the grid. */
+/** Options of the grid. */
 export interface GridOptions {
   center?: readonly [number, number, number];
   /** Numbers of blocks whose bytes are damaged. */
   damaged?: readonly number[];
   isPlain?: boolean;
-  /** Whether faces have four corners, and not three. */
+  /** Whether faces are quads instead of triangles. */
   hasQuads?: boolean;
   /** Numbers of blocks in which tracks are damaged. */
   damagedTracks?: readonly number[];

@@ -46,7 +46,7 @@ def reel(tmp_path_factory):
 def limited(monkeypatch):
     """Run `meshreel ARGUMENTS` with a limit on file sizes.
 
-    Python itself ignores the signal that comes of it.
+    Python ignores the resulting signal.
     """
     # Otherwise cached bytecode would be truncated at the limit.
     monkeypatch.setattr(sys, "dont_write_bytecode", True)

@@ -114,7 +114,7 @@ def test_given_anchors_with_many_bits_are_nearly_exact():
     data = encode(sequence, "pca-qp", n_modes=1, bits=4, anchors=anchors, choices=choices)
     assert len(coded_blocks(data)[0].anchors.residuals.integers[0]) == 3
     errors = np.linalg.norm(decode(data).vertices - sequence.vertices, axis=2).mean(axis=0)
-    # Weight 1 like all rows of L, so not exact in the solution; but nearer than others.
+    # Anchors have weight 1, like the rows of L: not exact, but more accurate than other vertices.
     assert errors[anchors].max() < np.median(errors)
 
 
@@ -150,7 +150,7 @@ def test_fewer_dictionary_bits_make_a_smaller_basis_and_a_larger_error():
         for choices in (coarse, None)
     ]
     assert sizes[0] < 0.7 * sizes[1]
-    # Six modes leave 0.01 %: what coarse entries of the basis add is all but the whole error.
+    # Six modes omit 0.01 %, so nearly the whole error is due to coarse entries of the basis.
     assert error(n_modes=6, choices=coarse) > 10 * error(n_modes=6)
 
 

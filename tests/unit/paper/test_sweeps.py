@@ -73,7 +73,7 @@ def test_choices_of_a_table_reach_the_variants_that_take_them():
     assert found["pca-qp"] == found["blocks"] == "anchor_values=coefficients"
     assert found["v2v"] is None
     assert found["pca"] is None
-    # What all streams have in common is in no label.
+    # Labels omit settings that all streams share.
     assert {one.label for one in variants(175, table=table)} == {one.label for one in variants(175)}
 
 

@@ -23,12 +23,12 @@ class Texture:
 
 
 def texture_for(reel: ReelFile, path: Path) -> Texture:
-    """The texture of a file for a mesh.
+    """Return the texture in a file, checked against the mesh.
 
     Raises
     ------
     InvalidInputError
-        If the file is missing, no format that browsers show, or the mesh has no UVs.
+        If the file is missing, browsers cannot show its format, or the mesh has no UVs.
     """
     media_type = MEDIA_TYPES.get(path.suffix.lower())
     if media_type is None:

@@ -15,7 +15,7 @@ from meshreel.kernel import order
 from meshreel.model.sequence import Faces
 
 VERTICES_ONLY, VERTICES_AND_FACES = 1, 2
-"""First byte: whose order follows."""
+"""First byte: which orders are stored."""
 
 
 def inverse_permutation(order: npt.NDArray[np.integer]) -> Integers:

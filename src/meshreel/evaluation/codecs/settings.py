@@ -13,7 +13,7 @@ DEFAULT_METHODS = ("reel", "pca-qp", "v2v")
 _STEPS: tuple[float, ...] = (1.6e-3, 8e-4, 4e-4, 2e-4, 1e-4, 5e-5, 2.5e-5, 1.25e-5)
 _PROFILES: tuple[tuple[str, int], ...] = (("visual", 5), ("visual", 9), ("geometry", 9))
 
-# Error bounds of `grid` in percent of the diagonal; it is not meant for larger ones.
+# Error bounds of `grid` in percent of the diagonal; larger bounds suit other methods.
 _GRID_ERRORS = (1e-3, 3e-4, 1e-4)
 _SHORT = {"n_modes": "modes", "block_frames": "frames"}
 

@@ -1,1 +1,1 @@
-"""How diagrams look: axes, names beside lines, colors."""
+"""Style of diagrams: axes, labels, colors."""

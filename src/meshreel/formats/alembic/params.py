@@ -66,7 +66,7 @@ class GeometryParam:
         return self._values.is_constant and (self._indices is None or self._indices.is_constant)
 
     def numbers(self) -> npt.NDArray[Any] | None:
-        """Return the values, of shape (N, width), in an attribute's type; None if none is exact."""
+        """Return the values, of shape (N, width), in an attribute type; None if all lose bits."""
         if self._values.header.dtype is None or self.width == 0:
             return None
         numbers = self._values.numbers(self._sample(self._values)).ravel()

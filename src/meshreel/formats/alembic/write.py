@@ -42,7 +42,7 @@ from meshreel.model.tracks import TrackKind, TrackSource
 ASSUMED_FPS = 24.0
 
 SAMPLE_OVERHEAD_BYTES = 256
-"""Bound on the overhead of a part in a frame, beside its positions; 124 bytes measured."""
+"""Bound on the overhead of a part in a frame, in addition to its positions; 124 bytes measured."""
 PART_OVERHEAD_BYTES = 1 << 14
 """Bound on headers and names of a part; about 1.5 kB measured."""
 

@@ -46,7 +46,7 @@ def write_mesh(
     morph_mesh : MorphMesh
         Motion of the vertices before the split.
     buffer, materials
-        Gain what the mesh needs.
+        Receive the values and the materials of the mesh.
     """
     data = _write_vertices(split, morph_mesh, buffer)
     primitives = [_primitive(one, data, buffer, materials) for one in split.primitives]

@@ -1,6 +1,6 @@
 """Draco (`.drc`): the mesh of one frame, with texture coordinates, colors and normals.
 
-Draco stores a point for each combination of values at a vertex, so that surfaces come apart along
+Draco stores a point for each combination of values at a vertex, so that surfaces are split along
 the seams of their textures. Points are welded along these seams; values that differ across a seam
 become values of corners.
 """
@@ -161,7 +161,7 @@ def _decode_points(data: bytes) -> Any:
     library = LIBRARY.load()
     try:
         return library.decode(data)
-    except Exception:  # its own types, whose messages do not tell damaged from foreign files
+    except Exception:  # of various types, whose messages are misleading
         raise FormatError("is damaged or incomplete: Draco cannot decode it") from None
 
 

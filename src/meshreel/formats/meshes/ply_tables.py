@@ -1,4 +1,4 @@
-"""The elements of a PLY file: where their numbers stand, and as tables of columns."""
+"""The elements of a PLY file: positions of their numbers, and tables of columns."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -130,7 +130,7 @@ def edges_from_creases(mesh: PolygonMesh, creases: npt.NDArray[np.integer]) -> H
 
 
 class NormalNotes:
-    """Notes on what became of the normals of all meshes of a file, updated with each mesh.
+    """Notes on the conversion of normals to hard edges, updated with each mesh of a file.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ NOT_UTF8 = "it contains text that is not UTF-8"
 
 @contextmanager
 def usd_errors(what: str) -> Iterator[None]:
-    """Raise errors of USD within the context as `FormatError`, and drop what USD would print.
+    """Raise errors of USD within the context as `FormatError`, and suppress its output.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def usd_errors(what: str) -> Iterator[None]:
         Start of the message, such as "USD cannot read the file".
     """
     tf = USD.load("Tf")
-    # While it lives, it receives what would go to the terminal.
+    # While it exists, it receives the messages instead of the terminal.
     delegate = USD.load("UsdUtils").CoalescingDiagnosticDelegate()
     try:
         yield

@@ -103,7 +103,7 @@ def layer_number(layer: Any, key: str) -> float | None:
 
 
 def _open_layer(name: str, *, is_needed: bool) -> Any | None:
-    """Return the layer as it is on disk now; None if it is not needed and cannot be read."""
+    """Return the current layer on disk; None if it is not needed and cannot be read."""
     layers = USD.load("Sdf").Layer
     with suppress(*(() if is_needed else (FormatError,))), usd_errors(DAMAGED):
         layer = layers.Find(name)

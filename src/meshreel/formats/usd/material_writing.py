@@ -21,7 +21,7 @@ class Materials:
     used : set of str
         Names of existing prims below the root.
     looks : tuple of Material
-        Appearance of materials, where it is known.
+        Known appearance of materials, by their names.
     notes : list of str
         Gains a sentence for each kind of property that USD cannot store.
     """

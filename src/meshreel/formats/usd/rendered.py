@@ -137,7 +137,7 @@ def _reason_not_rendered(rendered: RenderedMesh) -> str:
 
 
 def _visibility(mesh: RenderedMesh) -> list[bool]:
-    """Return whether a mesh is visible, at each time where that may change, at least once."""
+    """Return the visibility of a mesh at each of its samples, or a single value without samples."""
     attributes = [one.GetVisibilityAttr() for one in _visibility_chain(mesh)]
     times = sorted({code for one in attributes for code in attribute_codes(one)}) or [0.0]
     invisible = USD.load("UsdGeom").Tokens.invisible

@@ -52,7 +52,7 @@ class TextureWriter:
         material : UsdShade.Material
             Parent of the texture shaders.
         notes : MaterialNotes
-            Gains what USD cannot store.
+            Gains a sentence for each property that USD cannot store.
         """
         outputs: dict[str, Any] = {}
         for slot, texture in look.textures.items():

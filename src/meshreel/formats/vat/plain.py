@@ -38,7 +38,7 @@ class PlaybackErrors:
 
 @dataclass(frozen=True, eq=False)
 class _Bake:
-    """What is written to a folder."""
+    """Data to write to a folder."""
 
     prepared: BakeInput
     motion: Motion

@@ -41,7 +41,7 @@ class BakeInput:
 def prepare(
     stream: FrameStream, options: WriteOptions, *, max_distance: float = np.inf
 ) -> BakeInput:
-    """Return a stream loaded for baking; its notes gain what the folder cannot store.
+    """Return a stream loaded for baking; notes report data that the folder cannot store.
 
     Parameters
     ----------

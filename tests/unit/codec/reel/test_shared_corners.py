@@ -182,7 +182,7 @@ def test_corners_have_separate_values_when_all_differ():
 
 
 def test_corners_have_separate_values_when_rows_take_more_bytes():
-    """Faces are randomly 0 or 1, so rows repeat per corner what one value tells per face."""
+    """Faces are randomly 0 or 1: rows would repeat the value of a face at each of its corners."""
     grid = waving_grid(2, 20, 20)
     of_faces = np.random.default_rng(3).integers(0, 2, grid.n_faces).astype(np.uint8)
     values = np.repeat(np.tile(of_faces, (2, 1)), 3, axis=1)

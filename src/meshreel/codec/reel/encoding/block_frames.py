@@ -29,7 +29,7 @@ SAMPLED = 1024
 """Vertices, at least, that are sampled to detect rest."""
 
 SKETCHED = 64
-"""Columns of a sketch by rows. What K modes from a sketch leave is larger by a share of about
+"""Columns of a sketch, by rows. The residual of K modes from a sketch is larger by a share of about
 K / columns, which is less than 1 / 64."""
 
 

@@ -34,7 +34,7 @@ class SharedTrack(DerivedTrack):
     whole : TrackSource
         Values of all N corners.
     corners : integer array of shape (n,)
-        A corner with each value.
+        One of the corners that have each value.
     is_unused : bool array of shape (n,)
         Vertices without corners: they have the value of corner 0, or the normal 0.
     sharing : Sharing
