@@ -112,7 +112,10 @@ def test_render_keeps_an_existing_output_without_force(flag, tmp_path):
         (["-o", "a"], ["got no extension"]),
         (["-o", "a.png", "--heatmap", "angle"], ["--original"]),
         (["-o", "a.png", "--original", "flag.npz", "--heatmap", "heat"], ["distance, angle, sted"]),
-        (["-o", "a.png", "--original", "grid.npz"], ["only sequences of the same mesh"]),
+        (
+            ["-o", "a.png", "--original", "grid.npz", "--heatmap", "sted"],
+            ["vertex counts differ", "distance compares any surfaces"],
+        ),
         (["-o", "a.png", "--turntable", "4"], [".mp4 or .gif"]),
         (["-o", "a.gif", "--turntable", "0"], ["seconds above 0"]),
         (["-o", "a.png", "--frames", "12"], ["frames 0 to 11"]),
@@ -236,3 +239,52 @@ def test_error_says_why_a_track_cannot_be_shown(warm, tmp_path, options, message
     done = run("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options, cwd=warm)
     assert_fails(done, message)
     assert not (tmp_path / "a.png").exists()
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    """A folder with frame files whose faces change, and their streams with and without order."""
+    folder = tmp_path_factory.mktemp("capture")
+    grid = waving_grid(6)
+    meshreel.save(MeshSequence(grid.vertices[:2], grid.faces[::2]), folder / "frames/a_%d.ply")
+    meshreel.save(MeshSequence(grid.vertices[2:], grid.faces), folder / "frames/b_%d.ply")
+    sequence = meshreel.load_segments(folder / "frames", fps=10)
+    for order in ("keep", "drop"):
+        data = meshreel.encode(sequence, quality=40, order=order)
+        (folder / f"{order}.reel").write_bytes(data)
+    return folder
+
+
+@pytest.mark.parametrize("source", ["frames", "keep.reel", "drop.reel"])
+def test_render_draws_frames_whose_faces_change(capture, tmp_path, source):
+    views = []
+    for frame in (1, 2):
+        options = ["--frames", frame, *SMALL, "--view", "top", "--up", "z"]
+        run_json("render", capture / source, "-o", tmp_path / f"{frame}.png", *options)
+        views.append(inked(tmp_path / f"{frame}.png"))
+    assert 0.35 < views[0].sum() / views[1].sum() < 0.65
+
+
+def test_render_films_frames_whose_faces_change(capture, tmp_path):
+    made = run_json("render", capture / "keep.reel", "-o", tmp_path / "a.gif", "--size", "120x90")
+    assert (made["n_pictures"], made["fps"]) == (6, 10)
+    with Image.open(tmp_path / "a.gif") as image:
+        assert len(list(ImageSequence.Iterator(image))) == 6
+
+
+@pytest.mark.parametrize("source", ["keep.reel", "drop.reel"])
+def test_render_shows_distances_of_frames_whose_faces_change(capture, tmp_path, source):
+    options = ["--original", capture / "frames", "--heatmap", "distance"]
+    made = run_json("render", capture / source, "-o", tmp_path / "a.png", *options)
+    assert made["frames"] == [2, 3, 5]
+    with Image.open(tmp_path / "a.png") as image:
+        picture = np.asarray(image.convert("RGB"))
+    assert (picture == HEAT[-1]).all(axis=2).sum() > 10
+
+
+def test_render_refuses_a_plot_of_frames_whose_faces_change(capture, tmp_path):
+    options = ["-o", tmp_path / "a.png", "--track", "heat", "--at", 3]
+    assert_fails(
+        run("render", capture / "keep.reel", *options),
+        "the faces change: 6 frames in 2 segments; a plot over time (--at) needs the same faces",
+    )

@@ -8,16 +8,18 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
+from meshreel.metrics.closest_points import TriangleTree
 from meshreel.metrics.edge_neighborhoods import EdgeNeighborhoods
 from meshreel.metrics.normals import DEGENERATE_AREA, face_angles_deg
-from meshreel.metrics.reference import paired_frames, shared_reference
+from meshreel.metrics.reference import Reference, paired_frames, shared_reference
 from meshreel.metrics.sted import relative_edge_errors
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces
 
 Frame = npt.NDArray[np.floating]
 Field = Callable[[Frame, Frame], Floats]
-"""Maps original and decoded positions of a frame, of shape (V, 3), to values of shape (V,)."""
+"""Maps original and decoded positions of a frame, of shape (V, 3), to a value of each decoded
+vertex."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,9 @@ HEATS = {
     "angle": Heat("angle between normals, degrees", "degrees"),
     "sted": Heat("local STED: deviation of relative edge lengths", ""),
 }
+
+SURFACE_HEAT = Heat("distance to the original surface, % of the diagonal", "%")
+"""Replaces the vertex distance if the meshes differ."""
 
 
 def heat_field(kind: str, faces: Faces, n_verts: int, diagonal: float) -> Field:
@@ -83,6 +88,34 @@ def vertex_distance_percent(original: Frame, decoded: Frame, diagonal: float) ->
     distances = np.sqrt(np.einsum("va,va->v", displacement, displacement)) / reference.scale
     infinite = np.where(distances > 0, np.inf, 0.0)
     return np.asarray(np.divide(100 * distances, diagonal, out=infinite, where=diagonal > 0))
+
+
+def surface_distance_percent(
+    original: Frame, decoded: Frame, faces: Faces, faces_hat: Faces, reference: Reference
+) -> Floats:
+    """Distance of each decoded vertex from the original surface, in percent of the diagonal.
+
+    Parameters
+    ----------
+    original : float array of shape (V, 3), in model units, finite
+    decoded : float array of shape (W, 3), in model units, finite
+    faces, faces_hat : integer arrays of shape (M, 3)
+        Of the original, at least one, and of the decoded mesh.
+    reference : Reference
+        Of the whole original sequence. If its diagonal is 0, every distance above 0 is infinite.
+
+    Returns
+    -------
+    float64 array of shape (W,), NaN for vertices that no face uses
+    """
+    tree = TriangleTree(reference.apply(original)[faces])
+    used = np.unique(faces_hat)
+    distances = np.sqrt(tree.closest(reference.apply(decoded[used])).squared_distances)
+    diagonal = reference.diagonal_scaled
+    infinite = np.where(distances > 0, np.inf, 0.0)
+    percents = np.full(len(decoded), np.nan)
+    percents[used] = np.divide(100 * distances, diagonal, out=infinite, where=diagonal > 0)
+    return percents
 
 
 @np.errstate(over="ignore", invalid="ignore")

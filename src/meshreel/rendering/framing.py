@@ -22,17 +22,17 @@ PROBE_PX = 512
 
 @dataclass(frozen=True, eq=False)
 class _Centered:
-    """Frames translated so that their mean vertex is the origin."""
+    """Frames translated so that their center is the origin."""
 
     frames: ChosenFrames
 
     def __iter__(self) -> Iterator[Frame]:
-        return (frame - _middle(frame) for frame in self.frames)
+        return (frame - center for frame, center in self.frames.with_centers())
 
 
 @dataclass(frozen=True)
 class Framing:
-    """A view, and whether the camera follows the mean vertex of the mesh."""
+    """A view, and whether the camera follows the center of the mesh."""
 
     view: View
     is_followed: bool = False
@@ -52,7 +52,7 @@ class Framing:
         if not self.is_followed:
             return [self.view.camera(frames, width, height)] * len(frames.numbers)
         near = self.view.camera(_Centered(frames), width, height)
-        return [replace(near, eye=near.eye + _middle(frame)) for frame in frames]
+        return [replace(near, eye=near.eye + center) for _, center in frames.with_centers()]
 
 
 def framing_of(
@@ -74,24 +74,19 @@ def framing_of(
         Longest path of the mean vertex without following, as a fraction of a view.
     """
     if is_followed is None:
-        middles = np.array([_middle(frame) for frame in frames])
+        centers = np.array([center for _, center in frames.with_centers()])
         static, near = (
             view.camera(points, PROBE_PX, PROBE_PX) for points in (frames, _Centered(frames))
         )
         near_distance = _distance(near, np.zeros((1, 3)))
-        travel_px = np.ptp(static.project(middles)[0], axis=0).max()
+        travel_px = np.ptp(static.project(centers)[0], axis=0).max()
         is_followed = bool(
-            _distance(static, middles) > MIN_DISTANCE_RATIO * near_distance
+            _distance(static, centers) > MIN_DISTANCE_RATIO * near_distance
             or travel_px > max_travel * PROBE_PX
         )
     return Framing(view, is_followed)
 
 
-def _middle(frame: Frame) -> Floats:
-    middle: Floats = frame.mean(axis=0, dtype=np.float64)
-    return middle
-
-
-def _distance(camera: Camera, middles: Floats) -> float:
+def _distance(camera: Camera, centers: Floats) -> float:
     """Mean distance of the mesh from the camera along the viewing direction."""
-    return float(((middles - camera.eye) @ camera.axes[2]).mean())
+    return float(((centers - camera.eye) @ camera.axes[2]).mean())

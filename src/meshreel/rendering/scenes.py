@@ -2,26 +2,36 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Values
+from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.compare import require_comparable
-from meshreel.metrics.heat import HEATS, Field, heat_field
+from meshreel.metrics.compare import connectivity_difference, require_comparable
+from meshreel.metrics.heat import (
+    HEATS,
+    SURFACE_HEAT,
+    Field,
+    Heat,
+    heat_field,
+    surface_distance_percent,
+)
 from meshreel.metrics.reference import reference_of_box
 from meshreel.model.geometry.fans import fan_corners
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.sequence import Faces, FrameSource
+from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, tracks_of_all
+from meshreel.model.sequence import Faces
 from meshreel.model.surface import Domain, Kind, Surface
-from meshreel.model.tracks import TrackSource, track_by_name
+from meshreel.model.tracks import describe_track, track_by_name
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
 from meshreel.rendering.painting import Color, Image
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackLook, TrackScale
+from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count, Progress, silent
 
 HEAT_PERCENTILE = 99.5
@@ -72,18 +82,41 @@ NO_SCALES = Scales()
 
 
 @dataclass(frozen=True, eq=False)
+class MeshLook:
+    """What the frames of a segment share.
+
+    Attributes
+    ----------
+    colors : array
+        As for `render`.
+    shading : RowNormals or None
+        Normals of a mesh with hard edges; None for a smooth mesh.
+    """
+
+    faces: Faces
+    surface: Surface
+    colors: npt.ArrayLike
+    shading: RowNormals | None
+
+
+@dataclass(frozen=True, eq=False)
 class Moment:
     """A frame of each sequence of a scene, the original first.
 
     Attributes
     ----------
     positions : list of float arrays of shape (V, 3)
+    looks : list of MeshLook
     values : list of arrays of shape (N, C)
-        Track values; empty without a track.
+        Track values, NaN in a segment without the track; empty without a track.
+    field : Field or None
+        Error of the decoded positions; None without such a heat map.
     """
 
     positions: list[Frame]
+    looks: list[MeshLook]
     values: list[Values]
+    field: Field | None
 
 
 class Scene:
@@ -91,10 +124,13 @@ class Scene:
 
     Parameters
     ----------
-    original : FrameSource, optional
-        With the same frames, vertices and triangles.
+    sequence : FrameSource or SegmentedSequence
+    original : FrameSource or SegmentedSequence, optional
+        With as many frames.
     heat : str, optional
-        One of `HEAT_NAMES`; needs the original.
+        One of `HEAT_NAMES`; needs the original. "distance" is that of vertices if all frames have
+        the same vertices and triangles, else from decoded vertices to the original surface; the
+        others need the same vertices and triangles.
     background : three integers
         sRGB in 0..255.
     track : TrackLook, optional
@@ -103,13 +139,14 @@ class Scene:
     Raises
     ------
     InvalidInputError
-        If the original has another mesh or is missing for a heat map, or the track is missing.
+        If the original has another number of frames, or is missing or has another mesh for a heat
+        map that compares the same vertices, or the track is missing.
     """
 
     def __init__(
         self,
-        sequence: FrameSource,
-        original: FrameSource | None = None,
+        sequence: AnySequence,
+        original: AnySequence | None = None,
         heat: str | None = None,
         *,
         background: Color = WHITE,
@@ -119,25 +156,28 @@ class Scene:
             raise InvalidInputError(
                 "a heat map shows the difference from an original; name it with --original"
             )
+        if heat not in (None, *HEAT_NAMES):
+            raise InvalidInputError(f"heat must be one of {', '.join(HEAT_NAMES)}; got {heat!r}")
         if heat == TRACK_HEAT and track is None:
             raise InvalidInputError("a heat map of a track needs its name: add --track")
         self.sequence, self.original = sequence, original
         self.heat, self.background = heat, background
-        self._sources = [sequence] if original is None else [original, sequence]
-        self._colors = [_colors_of(source) for source in self._sources]
-        self._shadings = [_shading_of(source) for source in self._sources]
-        if original is not None:
-            require_comparable(original, sequence)
+        several = [sequence] if original is None else [original, sequence]
+        self._sources = [SegmentedSequence(segments_of(source)) for source in several]
+        self._difference = _mesh_difference(self._sources)
+        if self._difference and heat not in (None, "distance"):
+            raise InvalidInputError(
+                f"{self._difference}; a heat map of {heat} compares the same vertices, that of "
+                "distance compares any surfaces"
+            )
+        # Frames are drawn in order: only the look of the last segment is needed again.
+        self._looks = [lru_cache(1)(partial(_look_of, source)) for source in self._sources]
+        self._field = lru_cache(1)(self._field_of_segments)
         self.track: TrackColors | None = None
-        self._tracks: list[TrackSource] = []
         if track is not None:
-            self.track = TrackColors(track, track_by_name(sequence.tracks, track.name))
-            self._tracks = [track_by_name(source.tracks, track.name) for source in self._sources]
-        self._field: Field | None = None
-        if original is not None and heat is not None and heat != TRACK_HEAT:
-            extent = original.extent
-            diagonal = reference_of_box(extent.low, extent.high).diagonal
-            self._field = heat_field(heat, original.faces, original.n_verts, diagonal)
+            tracks = [track_by_name(tracks_of_all(source), track.name) for source in several]
+            _require_same_kind(self._sources, track.name)
+            self.track = TrackColors(track, tracks[-1])
 
     @property
     def track_column(self) -> int:
@@ -150,34 +190,60 @@ class Scene:
         if self.original is None:
             return [""]
         suffix = f": {self.track.title}" if self.track is not None else ""
-        heat = [self._heat_label] if self.heat else []
+        heat = [self._heat_text.label] if self.heat else []
         return [f"original{suffix}", f"decoded{suffix}", *heat]
 
     @property
-    def _heat_label(self) -> str:
-        if self.track is not None and self.heat == TRACK_HEAT:
-            unit = f", {self.track.error_unit}" if self.track.error_unit else ""
-            return f"error of {self.track.name}{unit}"
-        return HEATS[self.heat].label if self.heat else ""
+    def _heat_text(self) -> Heat:
+        """Label and unit of the heat map."""
+        if self.heat == TRACK_HEAT:
+            assert self.track is not None  # checked in __init__
+            unit = self.track.error_unit
+            return Heat(f"error of {self.track.name}{f', {unit}' if unit else ''}", unit)
+        return SURFACE_HEAT if self._difference else HEATS[self.heat or "distance"]
 
     @property
     def heat_unit(self) -> str:
         """The unit of the heat map; may be empty."""
-        if self.track is not None and self.heat == TRACK_HEAT:
-            return self.track.error_unit
-        return HEATS[self.heat].unit if self.heat else ""
+        return self._heat_text.unit if self.heat else ""
 
     @property
-    def framed(self) -> FrameSource:
+    def framed(self) -> AnySequence:
         """The sequence that the camera frames: the original if there is one."""
         return self.original if self.original is not None else self.sequence
 
     def read(self, number: int) -> Moment:
         """Read a frame of each sequence."""
+        segments = [source.segment_of(number) for source in self._sources]
         return Moment(
-            [_frame(source, number) for source in self._sources],
-            [np.asarray(track.read(number, number + 1)[0]) for track in self._tracks],
+            [source.frame(number).vertices for source in self._sources],
+            [look(segment) for look, segment in zip(self._looks, segments, strict=True)],
+            [] if self.track is None else [self._values(one, number) for one in self._sources],
+            self._field(segments[0], segments[-1]) if self.heat not in (None, TRACK_HEAT) else None,
         )
+
+    def _values(self, source: SegmentedSequence, number: int) -> Values:
+        """Values of the track in a frame; NaN in a segment without it."""
+        assert self.track is not None
+        index = source.segment_of(number)
+        segment, local = source.segments[index], number - source.starts[index]
+        if self.track.name in segment.tracks:
+            return np.asarray(segment.tracks[self.track.name].read(local, local + 1)[0])
+        n_items = segment.surface.n_items(self.track.domain, segment.n_verts, len(segment.faces))
+        return np.full((n_items, self.track.n_columns), np.nan, np.float32)
+
+    def _field_of_segments(self, original: int, decoded: int) -> Field:
+        """Return the error field of frames in a segment of the original and one of the decoded."""
+        assert self.heat is not None
+        extent, segment = self._sources[0].extent, self._sources[0].segments[original]
+        reference = reference_of_box(extent.low, extent.high)
+        if self._difference:
+            faces_hat = self._sources[-1].segments[decoded].faces
+            return partial(
+                surface_distance_percent,
+                faces=segment.faces, faces_hat=faces_hat, reference=reference,
+            )  # fmt: skip
+        return heat_field(self.heat, segment.faces, segment.n_verts, reference.diagonal)
 
     def scales(self, numbers: Sequence[int], progress: Progress = silent) -> Scales:
         """Return color ranges that suit these frames, of which there must be at least one."""
@@ -211,34 +277,32 @@ class Scene:
         scales : Scales, optional
             From `scales`.
         """
-        colors, glow = self._colors, 0.0
+        colors, glow = [look.colors for look in moment.looks], 0.0
         if self.track is not None:
             colors, glow = self._track_colors(self.track, moment, scales.track), GLOW
         views = [
-            (positions, source.faces, view_colors, glow, shading)
-            for positions, source, view_colors, shading in zip(
-                moment.positions, self._sources, colors, self._shadings, strict=True
+            (positions, look, view_colors, glow)
+            for positions, look, view_colors in zip(
+                moment.positions, moment.looks, colors, strict=True
             )
         ]
         if scales.heat is not None:
-            heat = colorize(self._heat(moment), 0.0, scales.heat.high)
+            heat, look = colorize(self._heat(moment), 0.0, scales.heat.high), moment.looks[-1]
             if self.track is not None and self.heat == TRACK_HEAT:
-                heat = self._of_items(self.track, heat, self.sequence)
-            views.append(
-                (moment.positions[-1], self.sequence.faces, heat, GLOW, self._shadings[-1])
-            )
+                heat = self._of_items(self.track, heat, look)
+            views.append((moment.positions[-1], look, heat, GLOW))
         return [
             render(
-                frame, faces, camera,
-                colors=view_colors, background=self.background, glow=glow, shading=shading,
+                frame, look.faces, camera,
+                colors=view_colors, background=self.background, glow=glow, shading=look.shading,
             )
-            for frame, faces, view_colors, glow, shading in views
+            for frame, look, view_colors, glow in views
         ]  # fmt: skip
 
     def _heat(self, moment: Moment) -> npt.NDArray[np.float64]:
         """Error of each vertex, or of each value of the track."""
-        if self._field is not None:
-            return self._field(*moment.positions)
+        if moment.field is not None:
+            return moment.field(*moment.positions)
         assert self.track is not None  # checked in __init__
         return self.track.errors(*moment.values)
 
@@ -246,41 +310,99 @@ class Scene:
         self, track: TrackColors, moment: Moment, scale: TrackScale | None
     ) -> list[npt.ArrayLike]:
         return [
-            self._of_items(track, track.colors(values, scale), source)
-            for values, source in zip(moment.values, self._sources, strict=True)
+            self._of_items(track, track.colors(values, scale), look)
+            for values, look in zip(moment.values, moment.looks, strict=True)
         ]
 
     @staticmethod
-    def _of_items(track: TrackColors, colors: Image, source: FrameSource) -> Image:
-        return colors_of_items(colors, track.domain, source.surface, source.faces)
+    def _of_items(track: TrackColors, colors: Image, look: MeshLook) -> Image:
+        return colors_of_items(colors, track.domain, look.surface, look.faces)
 
 
-def _shading_of(source: FrameSource) -> RowNormals | None:
-    """Normals of a mesh with hard edges; None for a smooth mesh."""
-    if source.surface.hard_edges is None:
-        return None
-    return RowNormals.of_surface(source.faces, source.surface, source.n_verts)
+def _mesh_difference(sources: Sequence[SegmentedSequence]) -> str:
+    """Return how the meshes of an original and a decoded sequence differ, "" if they do not.
+
+    Raises
+    ------
+    InvalidInputError
+        If the number of frames differs, or the meshes are the same and tracks of equal names have
+        different kinds.
+    """
+    if len(sources) < 2:
+        return ""
+    original, decoded = sources
+    if original.n_frames != decoded.n_frames:
+        raise InvalidInputError(
+            f"the original has {counted(original.n_frames, 'frame')} and the decoded "
+            f"{decoded.n_frames}; only sequences of as many frames can be compared"
+        )
+    if original.starts != decoded.starts:
+        return "the faces change in different frames"
+    pairs = list(zip(original.segments, decoded.segments, strict=True))
+    if difference := next(filter(None, (connectivity_difference(*pair) for pair in pairs)), ""):
+        return difference
+    for pair in pairs:
+        require_comparable(*pair)
+    return ""
 
 
-def _colors_of(source: FrameSource) -> npt.ArrayLike:
-    colors = surface_colors(source.surface, source.faces)
-    return CLAY if colors is None else colors
+def _look_of(source: SegmentedSequence, number: int) -> MeshLook:
+    """Return what the frames of a segment share."""
+    segment = source.segments[number]
+    faces, surface = segment.faces, segment.surface
+    colors, shading = surface_colors(surface, faces), None
+    if surface.hard_edges is not None:
+        shading = RowNormals.of_surface(faces, surface, segment.n_verts)
+    return MeshLook(faces, surface, CLAY if colors is None else colors, shading)
+
+
+def _require_same_kind(sources: Sequence[SegmentedSequence], name: str) -> None:
+    """Raise InvalidInputError if a track has another domain or width in some segment."""
+    segments = [segment for source in sources for segment in source.segments]
+    tracks = [segment.tracks[name] for segment in segments if name in segment.tracks]
+    kinds = {(track.kind, track.domain, track.shape[2]): track for track in tracks}
+    if len(kinds) > 1:
+        described = " and ".join(describe_track(track) for track in kinds.values())
+        raise InvalidInputError(
+            f"track {name!r} is {described}; only a track of one kind in all segments can be drawn"
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class ChosenFrames:
     """Positions of selected frames, read during iteration."""
 
-    source: FrameSource
+    source: AnySequence
     numbers: Sequence[int]
 
     def __iter__(self) -> Iterator[Frame]:
-        return (_frame(self.source, number) for number in self.numbers)
+        return (frame for frame, _ in self._read())
+
+    def with_centers(self) -> Iterator[tuple[Frame, Floats]]:
+        """Yield the positions and the center of each frame: the point that a camera follows.
+
+        It is the mean vertex. If the mesh changes, it is the centroid of the surface, which does
+        not jump where another triangulation begins.
+        """
+        is_constant = len(segments_of(self.source)) == 1
+        for frame, faces in self._read():
+            center = frame.mean(axis=0, dtype=np.float64) if is_constant else centroid(frame, faces)
+            yield frame, center
+
+    def _read(self) -> Iterator[tuple[Frame, Faces]]:
+        whole = SegmentedSequence(segments_of(self.source))
+        return map(whole.frame, self.numbers)
 
 
-def _frame(source: FrameSource, number: int) -> Frame:
-    frame: Frame = source.read(number, number + 1)[0]
-    return frame
+def centroid(vertices: Frame, faces: Faces) -> Floats:
+    """Center of mass of a surface, shape (3,); the mean vertex of one without area."""
+    middle = vertices.mean(axis=0, dtype=np.float64)
+    corners = vertices[faces] - middle
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    total = areas.sum()
+    offset = areas @ corners.mean(axis=1) / total if total > 0 else 0.0
+    return np.asarray(middle + offset)
 
 
 def surface_colors(surface: Surface, faces: Faces) -> npt.NDArray[np.float32] | None:

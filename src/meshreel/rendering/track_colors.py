@@ -10,7 +10,13 @@ from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.track_errors import error_unit, value_errors
 from meshreel.model.tracks import TrackKind, TrackSource
-from meshreel.rendering.colormap import Image, check_colormap, colorize, short_number
+from meshreel.rendering.colormap import (
+    NOT_A_NUMBER,
+    Image,
+    check_colormap,
+    colorize,
+    short_number,
+)
 from meshreel.runtime.counting import counted
 
 AXES = ("x", "y", "z")
@@ -83,6 +89,7 @@ class TrackColors:
     def __init__(self, look: TrackLook, track: TrackSource) -> None:
         self.name, self.kind, self.unit = look.name, track.kind, track.unit
         self.domain, self.error_unit = track.domain, error_unit(track)
+        self.n_columns = track.shape[2]
         self._columns, self.component = _select_columns(look, track)
         self.shows_colors = self.component == "color"
         self.colormap = look.colormap
@@ -129,7 +136,8 @@ class TrackColors:
         if self.shows_colors or scale is None:
             colors = values[:, :3].astype(np.float64)
             if values.dtype != np.uint8:
-                colors = 255 * np.nan_to_num(colors)
+                is_missing = np.isnan(colors).all(axis=1, keepdims=True)
+                colors = np.where(is_missing, NOT_A_NUMBER, 255 * np.nan_to_num(colors))
             return np.rint(np.clip(colors, 0, 255)).astype(np.uint8)
         return colorize(self.numbers(values), scale.low, scale.high, self.colormap)
 

@@ -9,6 +9,7 @@ from meshreel.metrics.heat import (
     HEATS,
     LocalSted,
     heat_field,
+    surface_distance_percent,
     vertex_distance_percent,
     vertex_normal_angle_deg,
     vertex_sted,
@@ -48,6 +49,25 @@ def test_vertex_distance_percent_without_a_diagonal_is_infinite():
     moved = point.copy()
     moved[1, 0] = 1
     np.testing.assert_array_equal(vertex_distance_percent(point, moved, 0.0), [0, np.inf])
+
+
+def test_surface_distance_percent_is_the_height_above_a_plane_triangulated_otherwise():
+    square = np.array([[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]], np.float32)
+    points = np.array([[1, 1, 0.5], [9, 9, 9], [2, 2, 0], [3, 0.5, -1], [7, 3, 4]], np.float32)
+    distances = surface_distance_percent(
+        square, points, np.array([[0, 1, 2], [0, 2, 3]]), np.array([[0, 2, 3], [4, 3, 2]]),
+        bounding_box_reference(square),
+    )  # fmt: skip
+    assert distances == pytest.approx([10, np.nan, 0, 20, 100], nan_ok=True)
+
+
+def test_surface_distance_percent_is_infinite_when_there_is_no_diagonal():
+    point = np.ones((3, 3))
+    distances = surface_distance_percent(
+        point, np.stack([point[0], 2 * point[0]]), np.array([[0, 1, 2]]), np.array([[0, 1, 1]]),
+        bounding_box_reference(point),
+    )  # fmt: skip
+    assert distances.tolist() == [0, np.inf]
 
 
 def test_vertex_normal_angle_deg_averages_incident_faces():

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.films import UNKNOWN_FPS, film
-from meshreel.rendering.scenes import Moment, Scene
+from meshreel.rendering.scenes import Scene
 from meshreel.rendering.views import View
 
 VIEW, SIZE = View(), (160, 120)
@@ -47,11 +47,9 @@ def test_film_of_unknown_rate_plays_at_the_default_rate(grid):
 def test_film_reads_frames_on_demand(grid, monkeypatch):
     scene = Scene(grid)
     result = film(scene, range(12), VIEW, size=SIZE)
-    read = []
+    read, read_frame = [], Scene.read
     monkeypatch.setattr(
-        Scene,
-        "read",
-        lambda self, number: read.append(number) or Moment([grid.vertices[number]], []),
+        Scene, "read", lambda self, number: read.append(number) or read_frame(self, number)
     )
     next(result.pictures())
     assert 0 in read

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshreel.model.segments import SegmentedSequence
 from meshreel.rendering.framing import MIN_DISTANCE_RATIO, Framing, framing_of
 from meshreel.rendering.scenes import ChosenFrames
 from meshreel.rendering.views import View
@@ -73,3 +74,17 @@ def test_explicit_choice_overrides_the_default(grid, is_followed):
     for step in (0.0, 0.5):
         frames = travelling(grid, step)
         assert framing_of(FRONT, frames, is_followed=is_followed).is_followed == is_followed
+
+
+def test_a_following_camera_does_not_jump_where_the_faces_change(grid):
+    """Vertices that are added in a corner move their mean, but not the surface."""
+    still = replace(grid, vertices=np.repeat(grid.vertices[:1], 4, axis=0))
+    corner = np.repeat(still.vertices[:, :1], 200, axis=1)
+    dense = replace(still, vertices=np.concatenate([still.vertices, corner], axis=1))
+    frames = ChosenFrames(SegmentedSequence([still, dense]), range(8))
+    eyes = np.array(
+        [camera.eye for camera in Framing(FRONT, is_followed=True).cameras(frames, 300, 200)]
+    )
+    means = np.array([frame.mean(axis=0) for frame in frames])
+    assert np.ptp(means, axis=0).max() > 0.2
+    assert np.ptp(eyes, axis=0).max() < 1e-6

@@ -6,6 +6,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.reference import bounding_box_reference
+from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
@@ -28,9 +29,15 @@ def test_error_for_heat_without_an_original_names_the_option(grid):
         Scene(grid, None, "angle")
 
 
-def test_scene_rejects_an_original_with_another_mesh(grid):
-    with pytest.raises(InvalidInputError, match="only sequences of the same mesh"):
-        Scene(grid, waving_grid(12, 5, 5))
+def test_scene_rejects_an_original_with_another_number_of_frames(grid):
+    with pytest.raises(InvalidInputError, match=r"5 frames and the decoded 12; .* as many frames"):
+        Scene(grid, waving_grid(5))
+
+
+@pytest.mark.parametrize("heat", ["angle", "sted"])
+def test_scene_refuses_heat_of_vertices_if_the_original_has_another_mesh(heat, grid):
+    with pytest.raises(InvalidInputError, match=r"vertex counts differ .* distance compares any"):
+        Scene(grid, waving_grid(12, 5, 5), heat)
 
 
 def test_scene_has_a_view_for_each_title(grid, lifted):
@@ -166,3 +173,82 @@ def test_hard_edges_give_each_face_of_a_box_one_color():
     flat = render(box[0], box.faces, camera, colors=CLAY, background=scene.background, smooth=False)
     assert np.abs(picture.astype(int) - flat).max() <= 1
     assert count[1] > 2 * count[0]
+
+
+def with_other_faces(sequence):
+    """The same surface in every frame, with vertices and faces in another order."""
+    order = np.random.default_rng(3).permutation(sequence.n_verts)
+    faces = np.argsort(order)[sequence.faces[::-1]]
+    return MeshSequence(sequence.vertices[:, order], faces, sequence.fps)
+
+
+@pytest.fixture
+def changing(grid):
+    """A grid whose second half has half the faces."""
+    return SegmentedSequence([
+        MeshSequence(grid.vertices[:6], grid.faces, grid.fps),
+        MeshSequence(grid.vertices[6:], grid.faces[::2], grid.fps),
+    ])  # fmt: skip
+
+
+def test_scene_draws_each_frame_with_the_faces_of_its_segment(changing, grid):
+    camera = View().camera(grid.vertices, 160, 120)
+    scene = Scene(changing)
+    for number in (5, 6, 2):
+        (view,) = scene.draw(scene.read(number), camera)
+        faces = grid.faces if number < 6 else grid.faces[::2]
+        expected = render(grid[number], faces, camera, colors=CLAY, background=scene.background)
+        assert np.array_equal(view, expected)
+
+
+def test_heat_of_segments_is_the_vertex_distance_if_their_meshes_are_the_same(changing, lifted):
+    decoded = SegmentedSequence([
+        MeshSequence(lifted.vertices[:6], changing.segments[0].faces, 25.0),
+        MeshSequence(lifted.vertices[6:], changing.segments[1].faces, 25.0),
+    ])  # fmt: skip
+    scene = Scene(decoded, changing, "distance")
+    assert scene.titles[-1] == HEATS["distance"].label
+    moment = scene.read(8)
+    low, high = changing.extent.low, changing.extent.high
+    expected = np.where(np.arange(99) < 20, 5.0 / np.linalg.norm(high - low), 0.0)
+    assert moment.field(*moment.positions) == pytest.approx(expected, rel=1e-5, abs=1e-9)
+
+
+def test_heat_is_the_distance_to_the_surface_if_the_order_of_vertices_differs(changing, grid):
+    shuffled = SegmentedSequence([with_other_faces(one) for one in changing.segments])
+    same = Scene(shuffled, changing, "distance")
+    assert same.titles[-1] == "distance to the original surface, % of the diagonal"
+    assert same.scales(range(12)).heat.largest < 1e-10
+    raised = [replace(one, vertices=one.vertices + np.float32(0.5)) for one in shuffled.segments]
+    heat = Scene(SegmentedSequence(raised), changing, "distance").scales(range(12)).heat
+    longest = 50 * np.sqrt(3) / np.linalg.norm(changing.extent.high - changing.extent.low)
+    assert 0.5 * longest < heat.largest <= longest * (1 + 1e-6)
+
+
+def test_heat_is_the_distance_to_the_surface_if_faces_change_in_other_frames(changing, grid):
+    assert Scene(grid, changing, "distance").scales([2]).heat.largest < 1e-10
+    with pytest.raises(InvalidInputError, match="change in different frames; a heat map of sted"):
+        Scene(grid, changing, "sted")
+
+
+def test_segments_without_the_track_are_gray(changing):
+    first, second = changing.segments
+    values = np.linspace(0, 1, 6 * 99, dtype=np.float32).reshape(6, 99)
+    scene = Scene(SegmentedSequence([first, with_track(second, values)]), track=TrackLook("heat"))
+    scales = scene.scales(range(12))
+    assert scales.track.has_missing
+    camera = View().camera(changing.segments[0].vertices, 160, 120)
+    spreads = []
+    for number in (3, 9):
+        (view,) = scene.draw(scene.read(number), camera, scales)
+        spreads.append(np.ptp(view.astype(int), axis=2).max())
+    assert spreads[0] <= 2
+    assert spreads[1] > 60
+
+
+def test_scene_rejects_a_track_of_other_kinds_in_different_segments(changing):
+    first, second = changing.segments
+    tracks = np.zeros((6, 99), np.float32), np.zeros((6, 99, 2), np.float32)
+    sequence = SegmentedSequence([with_track(first, tracks[0]), with_track(second, tracks[1])])
+    with pytest.raises(InvalidInputError, match="2 x float32; only a track of one kind"):
+        Scene(sequence, track=TrackLook("heat"))

@@ -53,7 +53,8 @@ VIEW, BACKGROUND = "30,12", "white"
     metavar="distance|angle|sted|track",
     completion=names_of(["distance", "angle", "sted", "track"]),
     help="Color the decoded mesh by its error: vertex distance, angle between normals, local STED, "
-    "or error of --track in its unit.",
+    "or error of --track in its unit. If the meshes differ, distance is that to the surface of the "
+    "original.",
 )
 @option(
     "--track",
@@ -138,7 +139,7 @@ def render_command(
 
     A .png shows frames side by side with their numbers and times, or a single frame. With
     --original, each frame has a row: original, decoded and, with --heatmap, the error. --track
-    colors the mesh by one of its tracks.
+    colors the mesh by one of its tracks. The faces may change.
 
     Examples:
 
@@ -167,9 +168,10 @@ def render_command(
         picture_size,
         track_look,
     )
-    from meshreel.formats.load import open_for_purpose
+    from meshreel.formats.load import open_for_encoding
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
+    from meshreel.model.segments import single_segment
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.track_plots import plot_track
     from meshreel.rendering.views import guess_up, parse_view
@@ -195,17 +197,19 @@ def render_command(
     notes = reading.notes
     with progress_bar() as progress:
         reading = replace(reading, progress=progress)
-        purpose = "meshreel render"
-        shown = open_for_purpose(source, supported_only(reading, source), purpose)
+        shown = open_for_encoding(source, None, supported_only(reading, source))
         reference = None
         if original:
-            reference = open_for_purpose(original, supported_only(reading, original), purpose)
+            reference = open_for_encoding(original, None, supported_only(reading, original))
         numbers = frame_numbers(frames, shown.n_frames, notes)
         if look is not None and at is not None:
             numbers = sorted(set(numbers))
+            purpose = "a plot over time (--at)"
             plot_track(
-                output, look, at, shown, reference, numbers, overwrite=force, progress=progress
-            )
+                output, look, at, single_segment(shown, purpose),
+                None if reference is None else single_segment(reference, purpose),
+                numbers, overwrite=force, progress=progress,
+            )  # fmt: skip
             figures: dict[str, Any] = {"plotted_frames": len(numbers)}
         else:
             scene = Scene(shown, reference, heatmap, background=color, track=look)
