@@ -16,6 +16,7 @@ import { basename, dirname, join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
+import { threeSubset } from "./three_subset.mjs";
 import { separateStreams } from "./wasm_streams.mjs";
 
 const here = dirname(fileURLToPath(import.meta.url));
@@ -156,7 +157,7 @@ async function buildPackage() {
     entryPoints: ["src/player/index.ts"],
     outfile: join(dist, "player.js"),
     // These scripts of `meshreel` are loaded on demand.
-    plugins: [embedEngine, externalScripts(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
+    plugins: [embedEngine, threeSubset, externalScripts(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
     define: embeddedModules,
     legalComments: "eof", // copyright notices of three.js, whose license follows
     footer: { js: `/* Contains three.js.\n\n${threeLicense}\n*/` },
@@ -200,7 +201,7 @@ async function bundleForPage(entry) {
     write: false,
     format: "iife",
     legalComments: "eof", // notices of three.js
-    plugins: [embedEngine, scriptText],
+    plugins: [embedEngine, threeSubset, scriptText],
     define: embeddedModules,
   });
   for (const input of Object.keys(result.metafile.inputs)) {
