@@ -58,7 +58,7 @@ def _is_usable(lock: Any) -> bool:
 def _unlock_in_child() -> None:
     for lock in list(_LOCKS):
         if not _is_usable(lock):
-            lock._at_fork_reinit()  # as the standard library does with its own
+            lock._at_fork_reinit()  # like locks of the standard library
     if sys.version_info < (3, 12):  # later versions of cached_property have no lock
         _unlock_cached_properties()
 

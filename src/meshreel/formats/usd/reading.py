@@ -168,7 +168,7 @@ def _common_grid(samples: Sequence[Codes], interval: float) -> Codes:
 
 
 def open_stage(path: Path, options: ReadOptions) -> Any:
-    """Return the ``Usd.Stage`` of a file, as it is on disk now.
+    """Return the ``Usd.Stage`` of the current file on disk.
 
     Parameters
     ----------

@@ -230,7 +230,7 @@ def test_missing_library_is_named(tmp_path, monkeypatch):
 
 
 def test_surface_belongs_to_the_given_file():
-    """Decoding is cached, so that reading two files in turn must not mix them."""
+    """Decoding is cached, which must not mix the surfaces of two files."""
     points, uv, faces = tube()
     plain = DracoPy.encode(points, faces)
     textured = DracoPy.encode(points, faces, tex_coord=uv)

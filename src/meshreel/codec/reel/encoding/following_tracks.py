@@ -37,7 +37,7 @@ MIN_TRACK_SHARE = 0.25
 positions, about as many as half the step costs."""
 
 SLACK = 1e-9
-"""Relative tolerance of measured errors, for rounding of the measure."""
+"""Relative tolerance of measured errors, for rounding in the measurement."""
 
 
 class FollowingTracks:
