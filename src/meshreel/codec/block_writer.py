@@ -1,6 +1,5 @@
-"""Encoding and writing of blocks of live frames."""
+"""Encoding and writing of blocks of live frames, in segments."""
 
-from itertools import chain
 from typing import BinaryIO
 
 import numpy as np
@@ -8,32 +7,40 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import Sections, StreamWriter
 from meshreel.codec.source import CodedMesh
-from meshreel.codec.subspace.trajectories import bounding_frame
+from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import TrackTargets
-from meshreel.model.sequence import extent_of
 from meshreel.model.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
 
 
-class BlockWriter:
-    """Encodes and writes blocks of positions in given order; the first sets bounding box and step.
+class LiveSegment:
+    """Encoder of the blocks of a segment, with positions in given order.
 
     Parameters
     ----------
-    file : binary file, open for writing
+    frame : BoundingFrame
+        Origin and unit of the positions.
     first : float array of shape (T_b, V, 3)
-        The first block, which determines bounding box and step; it is not written yet.
+        The first block, which determines the step; it is not encoded yet.
     tracks : dict of str to Track
         Tracks of the first block.
     targets : mapping of str to str or float, or None
         Error bounds of tracks.
+    fps, name
+        Of the stream.
+
+    Attributes
+    ----------
+    header : Header
+    leading : list of (Section, bytes)
+        The sections before the first block.
     """
 
     def __init__(
         self,
-        file: BinaryIO,
         mesh: CodedMesh,
+        frame: BoundingFrame,
         first: Vertices,
         tracks: dict[str, Track],
         targets: TrackTargets | None,
@@ -41,29 +48,42 @@ class BlockWriter:
         name: str,
     ) -> None:
         self._mesh = mesh
-        frame = bounding_frame(extent_of(first))
         internal = first.take(mesh.order, axis=1)
         self._coder = mesh.config.method_row.live_coder(mesh, frame, internal, tracks, targets)
-        leading = self._coder.leading_sections()
-        header = mesh.header(frame, first.dtype, n_frames=0, fps=fps, name=name)
-        self._writer = StreamWriter(file, header, chain(mesh.leading_sections(), leading))
+        self.header = mesh.header(frame, first.dtype, n_frames=0, fps=fps, name=name)
+        self.leading = [*mesh.leading_sections(), *self._coder.leading_sections()]
 
-    @property
-    def size_bytes(self) -> int:
-        """Bytes written so far."""
-        return self._writer.size_bytes
-
-    def analyze(self, vertices: Vertices, tracks: dict[str, Track]) -> Sections:
+    def code(self, vertices: Vertices, tracks: dict[str, Track]) -> Sections:
         """Encode a block of shape (T_b, V, 3), in the given order of vertices.
 
         Integers are computed now, bytes when the sections are iterated.
         """
         return self._coder.code(vertices.take(self._mesh.order, axis=1), tracks)
 
-    def write(self, n_frames: int, sections: Sections) -> None:
-        """Write a block."""
-        self._writer.write_block(n_frames, sections)
+
+class BlockWriter:
+    """Writes blocks of live segments to a file that is open for writing."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._stream: StreamWriter | None = None
+        self._segment: LiveSegment | None = None
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes written so far."""
+        return self._stream.size_bytes if self._stream else 0
+
+    def write(self, segment: LiveSegment, n_frames: int, sections: Sections) -> None:
+        """Write a block, after the header of its segment if it is the first."""
+        if self._stream is None:
+            self._stream = StreamWriter(self._file, segment.header, segment.leading)
+        elif segment is not self._segment:
+            self._stream.begin_segment(segment.header, segment.leading)
+        self._segment = segment
+        self._stream.write_block(n_frames, sections)
 
     def finish(self) -> None:
-        """Write the end of the stream."""
-        self._writer.finish()
+        """Write the end of the stream, if a block was written."""
+        if self._stream is not None:
+            self._stream.finish()

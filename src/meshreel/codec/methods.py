@@ -197,6 +197,9 @@ METHOD_CODES = {
 
 METHOD_NAMES = tuple(METHOD_CODES)
 
+SEGMENT_METHODS = ("reel", "lossless", "grid")
+"""Methods whose streams may have several segments; the paper's assume constant connectivity."""
+
 Methods = Mapping[str, Method]
 _LOADERS: dict[str, Callable[[], Methods]] = {}
 

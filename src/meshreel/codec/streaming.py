@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -13,13 +14,22 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import Sections
-from meshreel.codec.block_writer import BlockWriter
+from meshreel.codec.block_writer import BlockWriter, LiveSegment
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig, config_of
+from meshreel.codec.methods import SEGMENT_METHODS
 from meshreel.codec.source import CodedMesh
-from meshreel.codec.surface.uv_grid import check_uvs
+from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
+from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import validate_faces, validate_fps, validate_start, validate_vertices
+from meshreel.model.sequence import (
+    Faces,
+    extent_of,
+    validate_faces,
+    validate_fps,
+    validate_start,
+    validate_vertices,
+)
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import Track, concatenate_tracks, describe_track, validated_tracks
 from meshreel.runtime.counting import counted
@@ -36,6 +46,29 @@ FPS_IF_UNKNOWN = 25.0
 """Default frame rate, which converts a latency to frames."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Mesh:
+    """The mesh of a segment, and what its frames have in common.
+
+    Attributes
+    ----------
+    given_surface : Surface
+        `surface` as the caller passed it.
+    first_frame : int
+        Number of the first frame of the segment.
+    tracks : dict of str to str
+        Description of each track.
+    """
+
+    faces: Faces
+    surface: Surface
+    given_surface: Surface
+    n_verts: int
+    dtype: np.dtype[np.floating]
+    first_frame: int
+    tracks: dict[str, str]
+
+
 class Encoder:
     """Encoder of live frames: `push` each, and `close`, or use it in a `with` statement.
 
@@ -47,9 +80,13 @@ class Encoder:
     relative to the size of its model, and `step` and `max_error` are shares of the diagonal of its
     bounding box. The bounding box of all frames is no smaller, so the bound holds for it too.
 
+    A frame with other faces begins a segment, in a new block. `quality` then is relative to the
+    model of that block; the bounding box remains that of the first.
+
     Parameters
     ----------
     faces : integer array of shape (M, 3)
+        Of the first frame, and of all others that are pushed without faces.
     output : path that ends in ``.reel``, or binary file that is open for writing
         An open file stays open.
     fps : float, default 0
@@ -66,15 +103,15 @@ class Encoder:
         Whether an existing file may be replaced.
     tracks : mapping of str to str or float, optional
         Error bounds of tracks, as in `meshreel.encode`. Shares refer to the range of the first
-        block.
+        block of a segment. The first frame needs all of these tracks, further segments do not.
     **options
         Options of `meshreel.encode`; of the targets only `quality`, `step`, `max_error` and
         `lossless`, because the others need the whole sequence.
 
     Attributes
     ----------
-    n_frames : int
-        Number of frames pushed so far.
+    n_frames, n_segments : int
+        Numbers of frames pushed, and of segments begun, so far.
     latency_s : float
         Longest time so far from the push of a block's first frame to its bytes in the file, in
         seconds.
@@ -112,20 +149,21 @@ class Encoder:
     ) -> None:
         if not max_latency_s > 0:
             raise InvalidInputError(f"max_latency_s must be above 0; got {max_latency_s}")
-        self.n_frames = 0
+        self.n_frames = self.n_segments = 0
         self.latency_s = 0.0
         self._fps, self._name = validate_fps(fps), name
         self._start_s, self._surface = validate_start(start_s), surface
         self._max_latency_s = max_latency_s
         self._config = _checked_config(block_frames, options)
         self._targets = tracks
-        self._tracks: list[dict[str, Track]] = []
-        self._described: dict[str, str] | None = None
         self._faces = np.asarray(faces)
+        self._mesh: _Mesh | None = None  # of the last frame
         self._frames: list[Vertices] = []
-        self._first: tuple[int, np.dtype[np.floating]] | None = None
+        self._tracks: list[dict[str, Track]] = []
         self._since = 0.0
-        self._writer: BlockWriter | None = None
+        self._coded_mesh: _Mesh | None = None  # of the last block
+        self._bounding_frame: BoundingFrame | None = None
+        self._segment: LiveSegment | None = None
         self._is_closed = False
         self._path = Path(output) if isinstance(output, str | os.PathLike) else None
         if self._path is not None:
@@ -133,6 +171,7 @@ class Encoder:
             check_extension(self._path, (".reel",), "meshreel.save writes other formats")
             check_output_path(self._path, overwrite=overwrite)
         self._file: BinaryIO = self._path.open("wb") if self._path else output  # type: ignore[assignment]
+        self._writer = BlockWriter(self._file)
         # A block is analyzed while the previous one is written.
         self._analysis_thread = ThreadPoolExecutor(1, "meshreel-encoder")
         self._file_thread = ThreadPoolExecutor(1, "meshreel-writer")
@@ -140,43 +179,59 @@ class Encoder:
         self._writing: Future[None] | None = None
 
     def push(
-        self, frame: npt.ArrayLike, tracks: Mapping[str, Track | npt.ArrayLike] | None = None
+        self,
+        frame: npt.ArrayLike,
+        tracks: Mapping[str, Track | npt.ArrayLike] | None = None,
+        *,
+        faces: npt.ArrayLike | None = None,
+        surface: Surface | None = None,
     ) -> None:
         """Add a frame; waits only if a block is complete and the previous one is not encoded yet.
 
         Parameters
         ----------
         frame : float32 or float64 array of shape (V, 3)
-            Copied. V and type must equal those of the first frame.
+            Copied. V and type must equal those of the last frame, unless it begins a segment.
         tracks : mapping of str to Track of a single frame, or to arrays of shape (N,) or (N, C)
             Values by track name; copied. Names, shapes, types, kinds and units must equal those of
-            the first frame. Corners are coded separately, because later frames decide which corners
-            share their values.
+            the first frame of the segment. Corners are coded separately, because later frames
+            decide which corners share their values.
+        faces : integer array of shape (M, 3), optional
+            Faces of this frame and the next ones; copied. If V or the faces differ from those of
+            the last frame, they begin a segment. Default: those of the last frame.
+        surface : Surface, optional
+            Surface of these faces. Another object than that of the last frame begins a segment.
+            Default: none if the faces differ, else that of the last frame.
 
         Raises
         ------
         InvalidInputError
-            If the frame or a track differs in shape or type from the first frame, or a position is
-            not finite; the frame is skipped, and others can follow. Also if a block cannot be
-            encoded with these options.
+            If the frame or a track differs in shape or type from the last frame and does not begin
+            a segment, faces or surface are invalid, the method needs the same faces in every frame,
+            or a position is not finite; the frame is skipped, and others can follow. Also if a
+            block cannot be encoded with these options.
         """
         if self._is_closed:
             raise InvalidInputError("the encoder is closed; it takes no more frames")
         array = np.asarray(frame)
-        self._check(array)
-        values = self._checked_tracks(tracks, len(array))
+        mesh, values = self._checked(array, tracks, faces, surface)
+        if mesh is not self._mesh:
+            if self._frames:
+                self._code()
+            self._mesh = mesh
+            self.n_segments += 1
         if not self._frames:
             self._since = time.perf_counter()
         self._frames.append(np.array(array))
         self._tracks.append(values)
         self.n_frames += 1
-        if len(self._frames) == self._block_frames(array.shape[0]):
+        if len(self._frames) == self._block_frames(mesh.n_verts):
             self._code()
 
     @property
     def size_bytes(self) -> int:
         """Bytes written so far."""
-        return self._writer.size_bytes if self._writer else 0
+        return self._writer.size_bytes
 
     def close(self) -> None:
         """Code the remaining frames and finish the file.
@@ -193,14 +248,13 @@ class Encoder:
             if self._frames:
                 self._code()
             self._wait_for_all()
-            if self._writer is not None:
-                with self._errors_naming_output():
-                    self._writer.finish()
+            with self._errors_naming_output():
+                self._writer.finish()
         finally:
             self._analysis_thread.shutdown()
             self._file_thread.shutdown()
             self._release()
-        if self._writer is None:
+        if not self.n_frames:
             raise InvalidInputError("no frame was pushed; there is nothing to write")
 
     def __enter__(self) -> "Encoder":
@@ -222,59 +276,95 @@ class Encoder:
     def __repr__(self) -> str:
         name = f" {self._name!r}" if self._name else ""
         state = "closed" if self._is_closed else "open"
-        n_faces = len(np.atleast_1d(self._faces))  # not validated before the first frame
+        # The first faces are not validated before the first frame.
+        faces = np.atleast_1d(self._faces) if self._mesh is None else self._mesh.faces
+        several = f" in {self.n_segments} segments" if self.n_segments > 1 else ""
         return (
-            f"<Encoder{name}, {state}: {self.n_frames} frames pushed, {self.size_bytes} bytes "
-            f"written, {n_faces} faces, {self._fps:g} fps>"
+            f"<Encoder{name}, {state}: {self.n_frames} frames{several} pushed, "
+            f"{self.size_bytes} bytes written, {len(faces)} faces, {self._fps:g} fps>"
         )
 
     def _release(self) -> None:
         if self._path is not None:
             with self._errors_naming_output():
                 self._file.close()
-            if self._writer is None:
+            if not self._writer.size_bytes:
                 self._path.unlink(missing_ok=True)
 
     def _errors_naming_output(self) -> AbstractContextManager[None]:
         return os_errors_naming_output(self._path) if self._path else nullcontext()
 
-    def _check(self, array: Vertices) -> None:
+    def _checked(
+        self,
+        array: Vertices,
+        tracks: Mapping[str, Track | npt.ArrayLike] | None,
+        faces: npt.ArrayLike | None,
+        surface: Surface | None,
+    ) -> tuple[_Mesh, dict[str, Track]]:
+        """Return the mesh of a frame, which is the last one or new, and a copy of its tracks."""
         if array.ndim != 2:
             raise InvalidInputError(f"a frame must have shape (V, 3); got {array.shape}")
         validate_vertices(array[None])
-        if self._first is None:
-            self._faces = validate_faces(self._faces, len(array))
-            self._surface = self._surface.validated(len(array), len(self._faces))
-            if self._config.uv_bits is not None:
-                check_uvs(self._surface, self._config.uv_bits)
-            self._first = len(array), array.dtype
-        elif self._first != (len(array), array.dtype):
+        last = self._mesh
+        if last is None:
+            faces = self._faces if faces is None else faces
+            surface = self._surface if surface is None else surface
+        elif _begins_segment(last, len(array), faces, surface):
+            if self._config.method not in SEGMENT_METHODS:
+                raise InvalidInputError(
+                    f"frame {self.n_frames} has other faces; method {self._config.method} needs "
+                    "the same in every frame; use reel or lossless"
+                )
+            if faces is None:
+                faces = last.faces
+        else:
+            return last, self._tracks_like(last, array, tracks)
+        return self._new_mesh(array, tracks, faces, surface or PLAIN)
+
+    def _tracks_like(
+        self, mesh: _Mesh, array: Vertices, tracks: Mapping[str, Track | npt.ArrayLike] | None
+    ) -> dict[str, Track]:
+        """Return the tracks of a frame of the last mesh; raises InvalidInputError if it differs."""
+        if (mesh.n_verts, mesh.dtype) != (len(array), array.dtype):
             raise InvalidInputError(
                 f"frame {self.n_frames} has {counted(len(array), 'vertex')} of type {array.dtype}; "
-                f"the first has {self._first[0]} of type {self._first[1]}"
+                f"frame {mesh.first_frame} has {mesh.n_verts} of type {mesh.dtype}; another mesh "
+                "needs its faces with the frame"
             )
-
-    def _checked_tracks(
-        self, tracks: Mapping[str, Track | npt.ArrayLike] | None, n_verts: int
-    ) -> dict[str, Track]:
-        """Copy the tracks of a frame; raises InvalidInputError if the first frame had others."""
-        of_frame = {
-            name: one if isinstance(one, Track) else np.asarray(one)[None]
-            for name, one in dict(tracks or {}).items()
-        }
-        checked = validated_tracks(of_frame, 1, n_verts, len(self._faces), self._surface)
-        for name, track in checked.items():
-            checked[name] = Track(track.values.copy(), track.domain, track.kind, track.unit)
-        described = {name: describe_track(track) for name, track in checked.items()}
-        if self._described is None:
-            kept_bounds(self._config, checked, self._targets)
-            self._described = described
-        elif self._described != described:
+        values = _copied_tracks(tracks, mesh.n_verts, len(mesh.faces), mesh.surface)
+        described = {name: describe_track(track) for name, track in values.items()}
+        if mesh.tracks != described:
             raise InvalidInputError(
-                f"frame {self.n_frames} has the tracks {described or 'none'}; the first has "
-                f"{self._described or 'none'}"
+                f"frame {self.n_frames} has the tracks {described or 'none'}; frame "
+                f"{mesh.first_frame} has {mesh.tracks or 'none'}"
             )
-        return checked
+        return values
+
+    def _new_mesh(
+        self,
+        array: Vertices,
+        tracks: Mapping[str, Track | npt.ArrayLike] | None,
+        faces: npt.ArrayLike,
+        given_surface: Surface,
+    ) -> tuple[_Mesh, dict[str, Track]]:
+        checked = np.array(validate_faces(faces, len(array)))
+        surface = given_surface.validated(len(array), len(checked))
+        bits = self._config.uv_bits
+        if bits is not None and (self._mesh is None or has_uvs(surface)):
+            check_uvs(surface, bits)
+        values = _copied_tracks(tracks, len(array), len(checked), surface)
+        kept_bounds(self._config, values, self._targets_of(values, is_first=self._mesh is None))
+        described = {name: describe_track(track) for name, track in values.items()}
+        mesh = _Mesh(
+            checked, surface, given_surface, len(array), array.dtype, self.n_frames, described
+        )
+        return mesh, values
+
+    def _targets_of(self, tracks: Mapping[str, Track], *, is_first: bool) -> TrackTargets | None:
+        """Return the error bounds of a segment; those of the first need all named tracks."""
+        if is_first or self._targets is None:
+            return self._targets
+        return {name: one for name, one in self._targets.items() if name in tracks}
 
     def _block_frames(self, n_verts: int) -> int:
         if self._config.block_frames is not None:
@@ -292,25 +382,40 @@ class Encoder:
         vertices, since, self._frames = np.stack(self._frames), self._since, []
         tracks, self._tracks = concatenate_tracks(self._tracks), []
 
+        mesh = self._mesh
+        assert mesh is not None  # there are frames
+        begins, is_first = mesh is not self._coded_mesh, self._coded_mesh is None
+        self._coded_mesh = mesh
+
         def analyze() -> None:
-            if self._writer is None:
-                n_verts = vertices.shape[1]
-                mesh = CodedMesh(self._faces, n_verts, self._config, self._surface, self._start_s)
-                with self._errors_naming_output():
-                    self._writer = BlockWriter(
-                        self._file, mesh, vertices, tracks, self._targets, self._fps, self._name
-                    )
-            sections = self._writer.analyze(vertices, tracks)
+            if begins:
+                self._segment = self._new_segment(mesh, vertices, tracks, is_first=is_first)
+            segment = self._segment
+            assert segment is not None  # the first block begins one
+            sections = segment.code(vertices, tracks)
             if self._writing is not None:
                 self._writing.result()
-            self._writing = self._file_thread.submit(write, self._writer, sections)
+            self._writing = self._file_thread.submit(write, segment, sections)
 
-        def write(writer: BlockWriter, sections: Sections) -> None:
+        def write(segment: LiveSegment, sections: Sections) -> None:
             with self._errors_naming_output():
-                writer.write(len(vertices), sections)
+                self._writer.write(segment, len(vertices), sections)
             self.latency_s = max(self.latency_s, time.perf_counter() - since)
 
         self._analysis = self._analysis_thread.submit(analyze)
+
+    def _new_segment(
+        self, mesh: _Mesh, first: Vertices, tracks: dict[str, Track], *, is_first: bool
+    ) -> LiveSegment:
+        """Return the encoder of a segment, given its first block."""
+        if self._bounding_frame is None:
+            self._bounding_frame = bounding_frame(extent_of(first))
+        start_s = self._start_s if is_first else 0.0  # times of further segments follow
+        coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, start_s)
+        targets = self._targets_of(tracks, is_first=is_first)
+        return LiveSegment(
+            coded, self._bounding_frame, first, tracks, targets, self._fps, self._name
+        )
 
     def _wait(self) -> None:
         """Wait until the previous block is analyzed; raises its error at every call."""
@@ -330,3 +435,28 @@ def _checked_config(block_frames: int | str, options: dict[str, Any]) -> Encoder
     config = config_of({**options, "block_frames": chosen})
     config.method_row.check_live(config)
     return config
+
+
+def _begins_segment(
+    last: _Mesh, n_verts: int, faces: npt.ArrayLike | None, surface: Surface | None
+) -> bool:
+    """Return whether a pushed mesh differs from the last one."""
+    if surface is not None and surface is not last.given_surface:
+        return True
+    if faces is None:
+        return False
+    return n_verts != last.n_verts or not np.array_equal(np.asarray(faces), last.faces)
+
+
+def _copied_tracks(
+    tracks: Mapping[str, Track | npt.ArrayLike] | None, n_verts: int, n_faces: int, surface: Surface
+) -> dict[str, Track]:
+    """Return copies of the tracks of a frame; raises InvalidInputError if they do not fit it."""
+    of_frame = {
+        name: one if isinstance(one, Track) else np.asarray(one)[None]
+        for name, one in dict(tracks or {}).items()
+    }
+    return {
+        name: Track(track.values.copy(), track.domain, track.kind, track.unit)
+        for name, track in validated_tracks(of_frame, 1, n_verts, n_faces, surface).items()
+    }

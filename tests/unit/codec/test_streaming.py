@@ -218,7 +218,7 @@ def test_invalid_options_are_refused(options, message):
 @pytest.mark.parametrize(
     ("frame", "message"),
     [
-        (np.zeros((5, 3), np.float32), "frame 1 has 5 vertices of type float32; the first has"),
+        (np.zeros((5, 3), np.float32), "frame 1 has 5 vertices of type float32; frame 0 has 99"),
         (SEQUENCE.vertices[0].astype(np.float64), "of type float64"),
         (np.full_like(SEQUENCE.vertices[0], np.nan), "must be finite"),
         (SEQUENCE.vertices, r"shape \(V, 3\)"),

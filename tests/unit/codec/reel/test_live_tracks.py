@@ -41,7 +41,7 @@ def test_tracks_of_pushed_frames_are_within_their_bounds():
 def test_frame_with_other_tracks_than_the_first_is_refused():
     with meshreel.Encoder(GRID.faces, BytesIO()) as encoder:
         encoder.push(GRID[0], {"heat": HEAT[0]})
-        with pytest.raises(InvalidInputError, match="frame 1 has the tracks none; the first has"):
+        with pytest.raises(InvalidInputError, match="frame 1 has the tracks none; frame 0 has"):
             encoder.push(GRID[1])
         with pytest.raises(InvalidInputError, match="float64"):
             encoder.push(GRID[1], {"heat": HEAT[1].astype(float)})
