@@ -20,7 +20,14 @@ class FieldsExtension(griffe.Extension):
         if not any(str(one.value).startswith(f"{DECORATOR}(") for one in func.decorators):
             return
         found = getattr(import_module(func.module.path), func.name)
-        func.docstring = griffe.Docstring(found.__doc__, parent=func, lineno=func.lineno)
+        source = func.docstring
+        func.docstring = griffe.Docstring(
+            inspect.getdoc(found) or "",
+            parent=func,
+            lineno=func.lineno,
+            parser=source.parser if source else None,
+            parser_options=source.parser_options if source else None,
+        )
         func.parameters = griffe.Parameters(
             *(_parameter(one) for one in inspect.signature(found).parameters.values())
         )
