@@ -24,7 +24,7 @@ def test_visible_faces_covers_the_area_of_a_triangle(order):
 
 
 def test_visible_faces_covers_each_pixel_of_adjacent_faces_once():
-    """A crooked mosaic over the whole picture: the faces alone add up to the picture."""
+    """Irregular faces tile the whole picture: their areas add up to it."""
     rng = np.random.default_rng(2)
     grid = np.stack(np.meshgrid(np.linspace(0, 100, 12), np.linspace(0, 80, 9)), axis=-1)
     grid[1:-1, 1:-1] += rng.uniform(-3, 3, (7, 10, 2))

@@ -21,7 +21,7 @@ NUMBER_TYPES: dict[int, np.dtype[Any]] = {
 TEXT = 12
 
 OWN_METADATA = 0xFF
-"""Metadata index that means: the metadata follows inline."""
+"""Metadata index of metadata that follow inline."""
 HASHES_BYTES = 32  # at the end of the object headers
 ACYCLIC_S = np.finfo(np.float64).max / 32
 """Cycle length that marks acyclic sampling, where every time is listed."""

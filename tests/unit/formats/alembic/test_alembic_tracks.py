@@ -22,7 +22,7 @@ RNG = np.random.default_rng(9)
 N_FRAMES = 3
 MOVES = RNG.normal(size=(N_FRAMES, 6, 3)).astype(np.float32)
 REVERSED = [3, 2, 1, 0, 7, 6, 5, 4]
-"""Corner permutation bracketing_samples the file, whose faces are clockwise, and meshreel."""
+"""Corner permutation between the file, whose faces are clockwise, and meshreel."""
 
 SCOPES = {"Vertex": ("vertex", 6), "Varying": ("vertex", 6), "Uniform": ("face", 2),
           "Facevarying": ("corner", 8)}  # fmt: skip

@@ -59,7 +59,7 @@ def test_count_has_no_dictionary_derived_from_connectivity():
 def test_fixed_length_is_bits_of_the_largest_integer_of_each_row():
     data = meshreel.encode(waving_grid(), "v2v", n_modes=3, bits=8)
     (block,) = coded_blocks(data)
-    # A sign and the bits of the magnitude, for each of the vertices of a row.
+    # A sign and the bits of the magnitude for each vertex of a row.
     each = [
         len(f"{max(abs(int(one)) for one in row):b}") + 1 if row.any() else 0
         for axis in block.coefficients.integers
