@@ -219,7 +219,10 @@ def test_heat_is_the_distance_to_the_surface_if_the_order_of_vertices_differs(ch
     same = Scene(shuffled, changing, "distance")
     assert same.titles[-1] == "distance to the original surface, % of the diagonal"
     assert same.scales(range(12)).heat.largest < 1e-10
-    raised = [replace(one, vertices=one.vertices + np.float32(0.5)) for one in shuffled.segments]
+    raised = [
+        MeshSequence(one.read(0, one.n_frames) + np.float32(0.5), one.faces, one.fps)
+        for one in shuffled.segments
+    ]
     heat = Scene(SegmentedSequence(raised), changing, "distance").scales(range(12)).heat
     longest = 50 * np.sqrt(3) / np.linalg.norm(changing.extent.high - changing.extent.low)
     assert 0.5 * longest < heat.largest <= longest * (1 + 1e-6)
