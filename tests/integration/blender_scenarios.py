@@ -50,6 +50,29 @@ def play(path, frames, fps=24, settings=None, **options):
     return shapes(obj, frames)
 
 
+def play_segments(path, frames, material=None):
+    """Return positions and corners of each object at each frame; keys are "FRAME NAME what"."""
+    set_rate(24)
+    objects, found = import_file(path), {}
+    if material:  # as a user who shades the mesh
+        objects[0].data.materials[0] = bpy.data.materials.new(material)
+    for frame in frames:
+        bpy.context.scene.frame_set(int(frame), subframe=frame % 1)
+        for obj in objects:
+            evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+            key = f"{frame} {obj.name}"
+            found[f"{key} positions"] = positions_of(evaluated).reshape(-1, 3)
+            found[f"{key} corners"] = [v for face in evaluated.polygons for v in face.vertices]
+            found[f"{key} problem"] = player.problem(obj)
+            slots = [face.material_index for face in evaluated.polygons]
+            found[f"{key} materials"] = [
+                evaluated.materials[slot].name if slot < len(evaluated.materials) else ""
+                for slot in slots
+            ]
+    found["text"] = description(objects[0])[1]
+    return found
+
+
 def describe_import(path, **options):
     scene = bpy.context.scene
     objects = import_file(path, **options)

@@ -269,3 +269,68 @@ def test_hard_edges_are_sharp_and_part_normals_in_every_frame(blender, tmp_path)
     for normals in found["normals"]:
         expected = meshreel.corner_normals(box[0], box.faces, box.surface)
         np.testing.assert_allclose(normals, expected, atol=1e-3)
+
+
+def with_material(sequence, label):
+    groups = FaceGroups("material", (label,), np.zeros(sequence.n_faces, np.int32))
+    return meshreel.MeshSequence(
+        sequence.vertices, sequence.faces, sequence.fps, surface=Surface(groups=(groups,))
+    )
+
+
+def write_segments(path, *segments):
+    data = meshreel.encode(meshreel.concatenate(segments))
+    path.write_bytes(data)
+    return meshreel.decode_segments(data)
+
+
+def test_the_mesh_is_that_of_the_segment_when_faces_change(blender, tmp_path):
+    box = meshreel.MeshSequence(hard_box(2).vertices, hard_box(2).faces, 24)
+    decoded = write_segments(tmp_path / "two.reel", strip(3), box)
+    frames = [0, 2, 3, 4, 1, 2.5, 90]
+    found = blender("play_segments", path=tmp_path / "two.reel", frames=frames)
+    for frame in frames:
+        vertices, faces = decoded[min(int(frame), 4)]  # not blended across segments
+        np.testing.assert_array_equal(found[f"{frame} strip positions"], vertices)
+        np.testing.assert_array_equal(found[f"{frame} strip corners"], faces.ravel())
+        assert str(found[f"{frame} strip problem"]) == ""
+    assert str(found["text"]).startswith("5 frames in 2 segments, 24 fps, ")
+
+
+def test_material_slots_are_kept_when_faces_change(blender, tmp_path):
+    first, second = with_material(strip(2), "cloth"), with_material(strip(1), "skin")
+    write_segments(tmp_path / "a.reel", first, second, first)
+    options = {"frames": [0, 2, 3], "material": "mine"}
+    found = blender("play_segments", path=tmp_path / "a.reel", **options)
+    name = next(key.split()[1] for key in found if key.endswith("materials"))
+    shown = [set(found[f"{frame} {name} materials"].tolist()) for frame in (0, 2, 3)]
+    assert shown == [{"mine"}, {"skin"}, {"mine"}]
+
+
+def test_parts_of_equal_names_become_objects(blender, tmp_path):
+    one = strip(2)
+    vertices = np.concatenate([one.vertices, one.vertices + np.float32(5)], axis=1)
+    faces = np.concatenate([one.faces, one.faces + 6])
+    parts = (Part("/body", 6, 4), Part("/body", 6, 4))
+    whole = meshreel.MeshSequence(vertices, faces, 24, surface=Surface(parts=parts))
+    decoded = write(tmp_path / "two.reel", whole)
+    found = blender("import_surface", path=tmp_path / "two.reel")
+    np.testing.assert_array_equal(found["body positions"], decoded[1, :6])
+    np.testing.assert_array_equal(found["body 2 positions"], decoded[1, 6:])
+
+
+def test_a_part_is_empty_in_segments_without_it(blender, tmp_path):
+    named = [
+        meshreel.MeshSequence(
+            strip(1).vertices, strip().faces, 24, surface=Surface(parts=(Part(name, 6, 4),))
+        )
+        for name in ("/body", "/arm")
+    ]
+    write_segments(tmp_path / "a.reel", *named)
+    found = blender("play_segments", path=tmp_path / "a.reel", frames=[0, 1, 0])
+    counts = {
+        (frame, name): len(found[f"{frame} {name} positions"])
+        for frame in (0, 1)
+        for name in ("body", "arm")
+    }
+    assert counts == {(0, "body"): 6, (0, "arm"): 0, (1, "body"): 0, (1, "arm"): 6}

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from .axes import rotation_from_file
-from .mesh_building import build_mesh, object_name
+from .mesh_building import new_mesh, object_name
 from .open_reels import OpenReel, open_reel
 from .timeline import (
     last_scene_frame,
@@ -24,7 +24,7 @@ class Imported:
     Attributes
     ----------
     objects : list of bpy.types.Object
-        One per part of the file.
+        One per part of the file; a part that only some segments have is empty in the others.
     notes : list of str
         A sentence for each part that Blender cannot represent.
     """
@@ -65,23 +65,23 @@ def import_reel(
     UnplayableError
         If the file cannot be read.
     MeshReelError
-        If its first frame is damaged.
+        If its first frame, or the mesh of a segment, is damaged.
     """
     opened = open_reel(path)
-    first = opened.positions(0.0)
+    part_names, first = opened.part_names(), opened.shown(0.0)
     if set_rate and opened.reel.fps:
         scene.render.fps, scene.render.fps_base = rate_numbers(opened.reel.fps)
     start_frame = _start_frame(scene, opened)
     if set_range:
         _set_range(scene, opened, start_frame)
     imported = Imported()
-    for number, part in enumerate(opened.parts):
-        mesh = build_mesh(part, first[part.verts], imported.notes)
-        obj = bpy.data.objects.new(object_name(part), mesh)
+    for number, name in enumerate(part_names):
+        mesh = new_mesh(name, opened.mesh(0).parts.get(name), first.positions, imported.notes)
+        obj = bpy.data.objects.new(object_name(name), mesh)
         obj.rotation_euler = rotation_from_file(up)
         obj.scale = (scale, scale, scale)
         collection.objects.link(obj)
-        _attach(obj, opened, number, start_frame, stored_path)
+        _attach(obj, opened, number, name, start_frame, stored_path)
         imported.objects.append(obj)
     return imported
 
@@ -99,8 +99,11 @@ def _set_range(scene: Any, opened: OpenReel, start_frame: float) -> None:
     scene.frame_end = last_scene_frame(start_frame, duration, opened.reel.n_frames)
 
 
-def _attach(obj: Any, opened: OpenReel, part: int, start_frame: float, stored_path: str) -> None:
+def _attach(
+    obj: Any, opened: OpenReel, part: int, part_name: str, start_frame: float, stored_path: str
+) -> None:
     settings = obj.meshreel
-    settings.part, settings.fingerprint = part, opened.fingerprint
+    settings.part, settings.part_name = part, part_name
+    settings.segment, settings.fingerprint = 0, opened.mesh(0).fingerprint
     settings.start_frame = start_frame
     settings.filepath = stored_path  # last: this starts playback

@@ -1,5 +1,6 @@
 """Create Blender meshes from the parts of a file."""
 
+import json
 from typing import Any
 
 import bpy
@@ -12,19 +13,41 @@ from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 MAX_UV_MAPS = 8
 MATERIALS = "material"
 
+SLOTS = "meshreel_slots"
+"""Custom property of a mesh: the material slot of each label as JSON, which stays valid if a user
+puts another material into a slot."""
 
-def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) -> Any:
-    """Create the mesh of a part: polygons, UV maps, color attributes, materials and sharp edges.
+
+def new_mesh(
+    name: str, part: PartMesh | None, positions: npt.NDArray[Any], notes: list[str]
+) -> Any:
+    """Create the mesh of a part; see `fill_mesh`."""
+    mesh = bpy.data.meshes.new(object_name(name))
+    fill_mesh(mesh, part, positions, notes)
+    return mesh
+
+
+def fill_mesh(
+    mesh: Any, part: PartMesh | None, positions: npt.NDArray[Any], notes: list[str]
+) -> None:
+    """Replace a mesh: polygons, UV maps, color attributes, materials and sharp edges.
 
     Parameters
     ----------
-    part : PartMesh
+    mesh : bpy.types.Mesh
+        Its material slots are kept, and completed.
+    part : PartMesh or None
+        None leaves the mesh empty.
     positions : float array of shape (V, 3)
-        Positions of the vertices of the part.
+        Positions of the vertices of all parts.
     notes : list of str
         Receives a sentence for everything that Blender cannot store.
     """
-    mesh = bpy.data.meshes.new(object_name(part))
+    mesh.clear_geometry()
+    if part is None:
+        mesh.update()
+        return
+    positions = positions[part.verts]
     mesh.vertices.add(len(positions))
     mesh.loops.add(len(part.corners))
     mesh.polygons.add(len(part.counts))
@@ -45,7 +68,6 @@ def build_mesh(part: PartMesh, positions: npt.NDArray[Any], notes: list[str]) ->
             f"{mesh.name}: left out {n_left_out} faces, which Blender does not hold: they name a "
             "vertex twice, or another face has the same vertices"
         )
-    return mesh
 
 
 def write_positions(mesh: Any, positions: npt.NDArray[Any]) -> None:
@@ -58,9 +80,9 @@ def write_positions(mesh: Any, positions: npt.NDArray[Any]) -> None:
     mesh.update()
 
 
-def object_name(part: PartMesh) -> str:
+def object_name(part_name: str) -> str:
     """Last component of the path of a part: "body" of "/root/body"."""
-    return part.name.rstrip("/").rpartition("/")[2] or part.name
+    return part_name.rstrip("/").rpartition("/")[2] or part_name
 
 
 def _add_uv_maps(mesh: Any, part: PartMesh, notes: list[str]) -> None:
@@ -113,14 +135,17 @@ def _at_corners(attribute: Attribute, part: PartMesh) -> npt.NDArray[Any]:
 
 
 def _add_groups(mesh: Any, groups: FaceGroups, notes: list[str]) -> None:
-    """Assign material slots by name; faces without a material get an empty last slot."""
+    """Assign material slots by label; faces without a material get an empty slot."""
     if groups.name != MATERIALS:
         notes.append(f"{mesh.name}: left out face groups {groups.name!r}; only materials are read")
         return
-    for label in groups.labels:
-        mesh.materials.append(bpy.data.materials.get(label) or bpy.data.materials.new(label))
-    numbers = groups.numbers
-    if (numbers < 0).any():
-        mesh.materials.append(None)
-        numbers = np.where(numbers < 0, len(groups.labels), numbers).astype(np.int32)
+    slots = json.loads(mesh.get(SLOTS, "{}"))
+    labels = [*groups.labels, *[""] * bool((groups.numbers < 0).any())]  # number -1: the last
+    for label in labels:
+        if slots.get(label, len(mesh.materials)) >= len(mesh.materials):
+            found = bpy.data.materials.get(label) or bpy.data.materials.new(label)
+            mesh.materials.append(found if label else None)
+            slots[label] = len(mesh.materials) - 1
+    mesh[SLOTS] = json.dumps(slots)
+    numbers = np.array([slots[label] for label in labels], np.int32)[groups.numbers]
     mesh.polygons.foreach_set("material_index", numbers)

@@ -2,8 +2,10 @@
 
 import hashlib
 import os
+from bisect import bisect_right
+from collections import OrderedDict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +21,32 @@ class UnplayableError(Exception):
     """An object cannot play its file; the message is one sentence for the user."""
 
 
+MAX_MESHES = 4
+"""Meshes of segments of a file that are kept, as `meshreel` keeps their streams."""
+
+
+class SegmentMesh(NamedTuple):
+    """The mesh of a segment.
+
+    Attributes
+    ----------
+    parts : dict of str to PartMesh
+        By name, to which a number is added if another part has it.
+    fingerprint : str
+        Fingerprint of its faces: equal for the same vertices in the same order.
+    """
+
+    parts: dict[str, PartMesh]
+    fingerprint: str
+
+
+class Shown(NamedTuple):
+    """A segment, and positions (V, 3) of its vertices."""
+
+    segment: int
+    positions: Positions
+
+
 class OpenReel:
     """An open `.reel` file.
 
@@ -28,44 +56,65 @@ class OpenReel:
 
     Attributes
     ----------
-    reel : meshreel.ReelFile
-    parts : list of PartMesh
-    fingerprint : str
-        Fingerprint of its faces: equal for files with the same vertices in the same order.
+    reel : meshreel.SegmentedReelFile
 
     Raises
     ------
     MeshReelError, OSError
-        If it cannot be opened.
+        If it cannot be opened, or its first mesh is damaged.
     """
 
     def __init__(self, path: Path) -> None:
-        self.reel = meshreel.open(path)
+        self.reel = meshreel.open_segments(path)
+        self._name = self.reel.name or path.stem
+        self._meshes: OrderedDict[int, SegmentMesh] = OrderedDict()
+        self._shown: tuple[float, Shown] | None = None
         try:
-            faces = self.reel.faces
-            name = self.reel.name or path.stem
-            self.parts: list[PartMesh] = list(
-                split_parts(faces, self.reel.surface, self.reel.n_verts, name)
-            )
+            self.mesh(0)
         except BaseException:
             self.reel.close()
             raise
-        self.fingerprint = hashlib.sha256(faces.astype("<i4").tobytes()).hexdigest()[:16]
-        self._shown: tuple[float, Positions] | None = None
 
-    def positions(self, position: float) -> Positions:
-        """Positions (V, 3), linearly interpolated between two frames of the file."""
+    def mesh(self, segment: int) -> SegmentMesh:
+        """Return the mesh of a segment."""
+        if segment not in self._meshes:
+            reel = self.reel.segment(segment)
+            parts: dict[str, PartMesh] = {}
+            for part in split_parts(reel.faces, reel.surface, reel.n_verts, self._name):
+                name, number = part.name, 1
+                while name in parts:  # names of parts may be equal
+                    number += 1
+                    name = f"{part.name} {number}"
+                parts[name] = part
+            digest = hashlib.sha256(reel.faces.astype("<i4").tobytes()).hexdigest()[:16]
+            self._meshes[segment] = SegmentMesh(parts, digest)
+            if len(self._meshes) > MAX_MESHES:
+                self._meshes.popitem(last=False)
+        self._meshes.move_to_end(segment)
+        return self._meshes[segment]
+
+    def part_names(self) -> list[str]:
+        """Return the names of the parts of all segments; opens each segment."""
+        meshes = map(self.mesh, range(self.reel.n_segments))
+        return list(dict.fromkeys(name for mesh in meshes for name in mesh.parts))
+
+    def shown(self, position: float) -> Shown:
+        """Return the shape at a position, linearly interpolated between frames of a segment."""
         if self._shown is None or self._shown[0] != position:
             self._shown = position, self._decoded(position)
         return self._shown[1]
 
-    def _decoded(self, position: float) -> Positions:
+    def _decoded(self, position: float) -> Shown:
         before = int(position)
         share = position - before
-        first = self.reel[before]
-        if share == 0:
-            return first
-        return ((1 - share) * first + share * self.reel[before + 1]).astype(first.dtype)
+        segment = bisect_right(self.reel.starts, before) - 1
+        start, stop = self.reel.starts[segment : segment + 2]
+        reel = self.reel.segment(segment)
+        first = reel[before - start]
+        if share == 0 or before + 1 == stop:
+            return Shown(segment, first)
+        second = reel[before + 1 - start]
+        return Shown(segment, ((1 - share) * first + share * second).astype(first.dtype))
 
 
 Stamp = tuple[int, int]

@@ -8,9 +8,10 @@ import bpy
 from bpy.app.handlers import persistent
 
 from meshreel.errors import MeshReelError
+from meshreel.formats.scenes.parts import PartMesh
 
-from .mesh_building import write_positions
-from .open_reels import OpenReel, UnplayableError, open_reel, release_all
+from .mesh_building import fill_mesh, write_positions
+from .open_reels import OpenReel, SegmentMesh, UnplayableError, open_reel, release_all
 from .timeline import reel_position, scene_frames_per_reel_frame, scene_rate
 
 logger = logging.getLogger(__name__)
@@ -36,14 +37,24 @@ def reel_of(obj: Any) -> OpenReel:
     Raises
     ------
     UnplayableError
-        If it is missing, unreadable, or differs from the one that was imported.
+        If it is missing, unreadable, or the mesh is not that of its segment.
     """
-    opened = open_reel(reel_path(obj))
-    if opened.fingerprint != obj.meshreel.fingerprint or obj.meshreel.part >= len(opened.parts):
+    opened, settings = open_reel(reel_path(obj)), obj.meshreel
+    is_there = settings.segment < opened.reel.n_segments
+    if not is_there or opened.mesh(settings.segment).fingerprint != settings.fingerprint:
         raise UnplayableError(
             f"{reel_path(obj)} has other faces than when {obj.name} was imported; import it again"
         )
     return opened
+
+
+def _part_of(obj: Any, mesh: SegmentMesh) -> PartMesh | None:
+    """Return the part of an object in a segment; None if the segment does not have it."""
+    number: int = obj.meshreel.part
+    name: str = obj.meshreel.part_name
+    if not name:  # imported before files had segments
+        return [*mesh.parts.values()][number]
+    return mesh.parts.get(name)
 
 
 def show(obj: Any, scene: Any) -> None:
@@ -54,7 +65,7 @@ def show(obj: Any, scene: Any) -> None:
     if not obj.meshreel.filepath or obj.type != "MESH" or obj.data.is_editmode:
         return
     try:
-        _write_positions(obj, scene)
+        _update_mesh(obj, scene)
         found = ""
     except (UnplayableError, MeshReelError, OSError) as error:
         found = str(error)
@@ -63,10 +74,10 @@ def show(obj: Any, scene: Any) -> None:
     _problems[obj.name_full] = found
 
 
-def _write_positions(obj: Any, scene: Any) -> None:
+def _update_mesh(obj: Any, scene: Any) -> None:
     settings, mesh, opened = obj.meshreel, obj.data, reel_of(obj)
-    verts = opened.parts[settings.part].verts
-    n_verts = verts.stop - verts.start
+    part = _part_of(obj, opened.mesh(settings.segment))
+    n_verts = part.verts.stop - part.verts.start if part else 0
     if len(mesh.vertices) != n_verts:
         raise UnplayableError(
             f"{obj.name} has {len(mesh.vertices)} vertices and its reel {n_verts}; undo what "
@@ -81,8 +92,17 @@ def _write_positions(obj: Any, scene: Any) -> None:
         scene.frame_current_final, settings.start_frame, duration, opened.reel.n_frames,
         settings.end,
     )  # fmt: skip
-    positions = opened.positions(position if settings.interpolate else float(int(position)))
-    write_positions(mesh, positions[verts])
+    shown = opened.shown(position if settings.interpolate else float(int(position)))
+    if shown.segment == settings.segment:
+        if part:
+            write_positions(mesh, shown.positions[part.verts])
+        return
+    segment_mesh = opened.mesh(shown.segment)
+    notes: list[str] = []
+    fill_mesh(mesh, _part_of(obj, segment_mesh), shown.positions, notes)
+    settings.segment, settings.fingerprint = shown.segment, segment_mesh.fingerprint
+    for note in notes:
+        logger.info("segment %d: %s", shown.segment, note)
 
 
 def show_all(scene: Any) -> None:

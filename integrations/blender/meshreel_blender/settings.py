@@ -28,8 +28,14 @@ class ReelSettings(bpy.types.PropertyGroup):
         update=_show,
     )
     part: bpy.props.IntProperty(name="Part", description="Part of the file", min=0)
+    part_name: bpy.props.StringProperty(
+        name="Part Name", description="Name of the part, which finds it in other segments"
+    )
+    segment: bpy.props.IntProperty(
+        name="Segment", description="Segment of the file that the mesh contains", min=0
+    )
     fingerprint: bpy.props.StringProperty(
-        name="Fingerprint", description="Fingerprint of the faces of the imported file"
+        name="Fingerprint", description="Fingerprint of the faces of that segment"
     )
     start_frame: bpy.props.FloatProperty(
         name="Start Frame",
