@@ -312,8 +312,13 @@ def _sequence(sequence: Any) -> AnySequence:
     if isinstance(sequence, ReelFile):
         return _decode_reel(sequence, None)
     if isinstance(sequence, SegmentedReelFile):
-        segments = map(sequence.segment, range(sequence.n_segments))
-        several = [_decode_reel(segment, None) for segment in segments]
+        several: list[MeshSequence] = []
+        held_bytes = 0
+        for segment in map(sequence.segment, range(sequence.n_segments)):
+            frame_bytes = 3 * segment.n_verts * segment.dtype.itemsize
+            sequence.require_memory(held_bytes + segment.n_frames * frame_bytes)
+            several.append(_decode_reel(segment, None))
+            held_bytes += several[-1].raw_size_bytes
         return SegmentedSequence(several, sequence.name, sequence.start_s)
     if isinstance(sequence, SegmentedSequence):
         return sequence

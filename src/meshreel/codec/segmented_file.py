@@ -115,6 +115,10 @@ class SegmentedReelFile:
         is_remote = isinstance(self._file, RangedFile)
         return file_info(self._opened, limit=self._limit, is_remote=is_remote)
 
+    def require_memory(self, needed_bytes: int) -> None:
+        """Raise MemoryLimitError if its decoded segments exceed the memory limit of this file."""
+        self._limit.require(needed_bytes, f"all {self.n_frames} frames of {self!r}")
+
     @property
     def size_bytes(self) -> int:
         """Size of the file up to its end or last complete block."""

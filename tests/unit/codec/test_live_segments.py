@@ -189,3 +189,16 @@ def test_memory_is_bounded_by_a_block_while_faces_change(monkeypatch):
             assert len(alive) <= 2
         assert alive
     assert encoder.n_segments > 30
+
+
+def test_a_file_in_segments_is_encoded_within_its_memory_limit(tmp_path):
+    grids = [waving_grid(200, 5 + n, 6) for n in range(12)]
+    path = tmp_path / "a.reel"
+    path.write_bytes(meshreel.encode(SegmentedSequence(grids), "lossless"))
+    needed = sum(grid.vertices.nbytes + grid.faces.nbytes for grid in grids)
+    with meshreel.open_segments(path, memory=0.9 * needed) as reel:
+        assert len(list(reel)) == 2400
+        with pytest.raises(meshreel.MemoryLimitError, match="all 2400 frames"):
+            meshreel.encode(reel)
+    with meshreel.open_segments(path, memory=1.1 * needed) as reel:
+        assert decode_segments(meshreel.encode(reel, "lossless")).n_segments == 12
