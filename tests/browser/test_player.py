@@ -3,6 +3,7 @@
 import re
 import subprocess
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -315,29 +316,35 @@ def test_heat_map_of_a_paused_player_is_of_the_shown_frame(compared, flag, decod
     np.testing.assert_allclose(values_of(compared), expected, atol=1e-4)
 
 
-def test_color_bar_shows_ends_and_ticks(compared):
-    bar = compared.locator("#heat-bar")
+def test_legend_shows_ends_and_ticks(compared):
+    bar = compared.locator(".legend")
     assert not bar.is_visible()
     compared.evaluate("player.setHeat('distance')")
-    shown = picture_of(compared, "#heat-bar")
+    shown = picture_of(compared, ".legend")
     for color in (HEAT[0], HEAT[-1]):
         assert (np.abs(shown - color).max(axis=2) < 12).sum() > 5
     assert "% of the diagonal" in bar.inner_text()
-    shown = picture_of(compared, "#heat-bar canvas")
-    below = np.abs(shown[18:] - shown[-1, shown.shape[1] // 3]).max(axis=2) > 100
-    assert below[:, :8].any()
-    assert below[:, -8:].any()
-    label = compared.locator("#heat-bar").get_attribute("aria-label")
-    assert re.search(r"yellow from (≥ )?[\d.]+ %$", label)
+    first, last, *ticks = bar.locator(".values span").all_inner_texts()
+    assert first == "0 %"
+    label = bar.get_attribute("aria-label")
+    assert re.search(rf"from 0 % to {last}$", label)
+    largest = float(re.fullmatch(r"(?:≥ )?([\d.]+) %", last)[1])
+    assert all(0 < float(tick) < largest for tick in ticks)
+    assert ticks
+    edges = bar.locator(".values span").evaluate_all(
+        "spans => spans.map((one) => one.getBoundingClientRect()).map((box) => [box.x, box.right])"
+    )
+    edges.sort()
+    assert all(right < left for (_, right), (left, _) in pairwise(edges))
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
 def test_legend_covers_nothing(new_page, compared_url, width, height):
     page = new_page(compared_url, width=width, height=height)
     page.evaluate("player.setHeat('distance')")
-    legend, canvas = (page.locator(one).bounding_box() for one in ("#heat-bar", "#canvas"))
+    legend, canvas = (page.locator(one).bounding_box() for one in (".legend", "#canvas"))
     assert legend["y"] >= canvas["y"] + canvas["height"]
-    for inner in (page.locator("#heat-bar canvas"), page.locator("#heat-bar figcaption")):
+    for inner in (page.locator(f".legend {part}") for part in (".title", ".colors", ".values")):
         box = inner.bounding_box()
         assert box["x"] >= legend["x"] + 8
         assert box["x"] + box["width"] <= legend["x"] + legend["width"] - 8
@@ -462,6 +469,20 @@ def test_help_lists_the_keys(page):
     assert "play or pause" in page.get_by_role("dialog").inner_text()
     page.keyboard.press("Escape")
     assert not page.get_by_role("dialog").is_visible()
+
+
+def test_screenshot_contains_the_legend(compared):
+    compared.evaluate("player.setHeat('distance')")
+    with compared.expect_download() as download:
+        compared.get_by_role("button", name="Screenshot").click()
+    with Image.open(download.value.path()) as image:
+        saved = np.asarray(image.convert("RGB")).astype(int)
+    lower_left = saved[-80:, :360]
+    ramp = np.array(HEAT)
+    found = [np.abs(lower_left - color).max(axis=2).min() < 12 for color in ramp]
+    assert all(found)
+    corner = saved[-16, 16]
+    assert (np.abs(lower_left - corner).max(axis=2) > 150).sum() > 50  # text
 
 
 def test_screenshot_button_saves_the_picture(page):

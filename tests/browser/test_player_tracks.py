@@ -83,14 +83,14 @@ def original_url(browser, folder):
 
 
 def legend_of(page):
-    return page.locator("#track-bar").get_attribute("aria-label")
+    return page.locator(".legend").get_attribute("aria-label")
 
 
 def chosen(page, selector, value):
     """Select an option, and wait until the legend is updated."""
     before = legend_of(page)
     page.select_option(selector, value)
-    wait_until(page, f"document.getElementById('track-bar').ariaLabel !== {before!r}")
+    wait_until(page, f"document.querySelector('.legend').ariaLabel !== {before!r}")
 
 
 def show_track(page, track):
@@ -102,7 +102,7 @@ def show_track(page, track):
 def test_page_opens_with_the_requested_track(new_page, stress_url, decoded):
     page = new_page(stress_url)
     assert page.locator("#track").input_value() == "stress"
-    assert re.match("Colou?rs of stress: from -400 Pa to 400 Pa", legend_of(page))
+    assert legend_of(page).startswith("Colors: stress from -400 Pa to 400 Pa")
     assert page.locator("#range").input_value() == "typed"
     assert page.locator("#range-low").input_value() == "-400"
     page.locator("#panel-button").click()
@@ -122,7 +122,7 @@ def test_legend_follows_track_component_and_range(new_page, stress_url, decoded)
     low, high = np.percentile(speed[np.rint(np.arange(8) * 23 / 7).astype(int)], [2, 98])
     ends = [float(one) for one in re.findall(r"(\S+) m/s", legend_of(page))]
     assert ends == pytest.approx([low, high], rel=6e-3)
-    assert "2nd and 98th percentile" in page.locator("#track-bar figcaption").inner_text()
+    assert "2nd and 98th percentile" in page.locator(".legend .title").inner_text()
     chosen(page, "#component", "z")
     assert "velocity, z" in legend_of(page)
     chosen(page, "#range", "0%:100%")
@@ -130,10 +130,10 @@ def test_legend_follows_track_component_and_range(new_page, stress_url, decoded)
     ends = [float(one) for one in re.findall(r"(\S+) m/s", legend_of(page))]
     assert ends == pytest.approx([-most, most], rel=6e-3)
     chosen(page, "#track", "paint")
-    assert re.fullmatch("The mesh has the colou?rs of paint", legend_of(page))
+    assert legend_of(page) == "Colors: paint"
     assert page.locator("#range-row").is_hidden()
     page.select_option("#track", "")
-    wait_until(page, "document.getElementById('track-bar').hidden")
+    wait_until(page, "document.querySelector('.legend').hidden")
     assert page.locator("#track-options").is_hidden()
 
 
@@ -145,7 +145,7 @@ def test_invalid_custom_range_is_rejected(new_page, stress_url):
     assert "from -400 Pa to 400 Pa" in legend_of(page)
     page.locator("#range-high").fill("600")
     page.locator("#range-high").press("Enter")
-    wait_until(page, "document.getElementById('track-bar').ariaLabel.includes('500 Pa to 600 Pa')")
+    wait_until(page, "document.querySelector('.legend').ariaLabel.includes('500 Pa to 600 Pa')")
 
 
 @pytest.mark.parametrize("track", ["stress", "heat", "part"])
@@ -199,7 +199,7 @@ def test_page_without_tracks_hides_their_controls(new_page, url):
     page = new_page(url)
     assert page.locator("#tracks").is_hidden()
     page.keyboard.press("t")
-    assert page.locator("#track-bar").is_hidden()
+    assert page.locator(".legend").is_hidden()
 
 
 def test_errors_of_tracks_are_those_of_the_original(new_page, original_url, folder, decoded):
@@ -211,26 +211,26 @@ def test_errors_of_tracks_are_those_of_the_original(new_page, original_url, fold
     page.evaluate("player.setHeat('track 0')")
     wanted = np.abs(original["stress"].values - decoded["stress"])[9, :, 0]
     np.testing.assert_allclose(values_of(page), wanted, rtol=1e-4, atol=1e-4)
-    caption = page.locator("#heat-bar figcaption").inner_text()
+    caption = page.locator(".legend .title").inner_text()
     assert re.fullmatch(r"error of stress, up to [\d.]+ Pa", caption)
     page.evaluate("player.setHeat('track 2')")
     faces = meshreel.decode((folder / "flag.reel").read_bytes()).faces
     off = np.abs(original["heat"].values - decoded["heat"])[9, :, 0].astype(np.float64)
     most = np.zeros(16 * 18)
     np.maximum.at(most, faces, off[:, None])
-    assert "error of heat" in page.locator("#heat-bar figcaption").inner_text()
+    assert "error of heat" in page.locator(".legend .title").inner_text()
     np.testing.assert_allclose(values_of(page), most, rtol=1e-4, atol=1e-6)
 
 
 def test_heat_map_and_track_replace_each_other(new_page, original_url):
     page = new_page(original_url)
     page.select_option("#track", "heat")  # splits vertices
-    wait_until(page, "!document.getElementById('track-bar').hidden")
+    wait_until(page, "!document.querySelector('.legend').hidden")
     page.locator("#wire").check()
     page.select_option("#heat", "distance")
     wait_until(page, "player.heatValues() !== null")
     wait_until(page, "document.getElementById('track').value === ''")
-    assert page.locator("#track-bar").is_hidden()
+    assert legend_of(page).startswith("Colors: vertex distance")
     assert len(values_of(page)) == 16 * 18
     page.select_option("#track", "stress")
     wait_until(page, "player.heatValues() === null")
@@ -249,7 +249,7 @@ def exported_tracks(browser, folder):
 
 def test_exported_page_opens_with_an_exact_track(new_page, exported_tracks, decoded):
     page = new_page(exported_tracks)
-    assert re.match("Colou?rs of part: from 0 to 8", legend_of(page))
+    assert legend_of(page) == "Colors: part from 0 to 8"
     page.locator("#probe-item").fill("77")
     page.locator("#probe-item").press("Enter")
     wait_until(page, "player.probed() !== null")

@@ -626,7 +626,7 @@ def test_a_track_colors_the_mesh_with_a_legend(shown):
     settled(page)
     until(page, f"!{LEGEND}.hidden")
     label = f"{LEGEND}.getAttribute('aria-label')"
-    assert page.evaluate(label) == "Colors: stress (Pa) from -400 to 400"
+    assert page.evaluate(label) == "Colors: stress from -400 Pa to 400 Pa"
     colors = picture(page)
     red, blue = colors[..., 0] - colors[..., 2], colors[..., 2] - colors[..., 0]
     assert (red > 60).mean() > 0.02

@@ -3,11 +3,14 @@
 
 import { loadErrorProgress } from "./data.js";
 import { fillRows, inputById, byId } from "./page.js";
-import { formatNumber } from "./heat/map.js";
+import { formatNumber } from "../player/axis_numbers.js";
+import type { LegendContent } from "../player/legend.js";
+import { colorAt } from "../three/color/color_map.js";
 import type { Opening } from "./opening.js";
 import type { Player } from "./player.js";
 import { Plot } from "./plots.js";
-import { type Errors, type HeatInfo, allHeats, isTrackHeat, type OriginalInfo } from "./facts.js";
+import { type Errors, allHeats, isTrackHeat, type OriginalInfo } from "./facts.js";
+import { HEAT_COLORS } from "./shading/faces.js";
 
 /** Update interval of displayed values during playback: faster updates are unreadable. */
 const VALUE_INTERVAL_MS = 200;
@@ -37,10 +40,22 @@ export class ComparisonPanel {
     if (original.plots.length === 0) void this.pollErrors().catch(player.onError);
   }
 
-  /** The selected heat map. */
-  get heatInfo(): HeatInfo | null {
-    const { heat } = this.player.state();
-    return allHeats(this.original).find(({ kind }) => kind === heat) ?? null;
+  /**
+   * The legend of the shown heat map, or null.
+   *
+   * @param modes - how many modes are shown; empty for all
+   */
+  legendContent(modes: string): LegendContent | null {
+    const { heat: shown, hottest, isFew, perFrameRange } = this.player.state();
+    const heat = allHeats(this.original).find(({ kind }) => kind === shown);
+    if (!heat) return null;
+    return {
+      title: modes ? `${heat.label} (${modes})` : heat.label,
+      unit: heat.unit,
+      range: [0, hottest],
+      isClipped: !isFew && !perFrameRange && hottest < heat.maximum,
+      colorOf: (value) => colorAt(HEAT_COLORS, value / (hottest || 1)),
+    };
   }
 
   /** Select the next heat map of the list, or none. */
@@ -71,7 +86,7 @@ export class ComparisonPanel {
     const { modes, frameErrors } = this.player.state();
     if (!frameErrors) return;
     const { frame } = frameErrors;
-    const percent = (value: number) => `${formatNumber(Number(value.toPrecision(3)))} %`;
+    const percent = (value: number) => `${formatNumber(value, 3)} %`;
     byId("few-title").textContent = `Frame ${frame} with ${modes === 1 ? "1 mode" : `${modes} modes`}`;
     fillRows(byId("few-rows"), [
       ["largest error", `${percent(frameErrors.maxFinite)} of the diagonal`],

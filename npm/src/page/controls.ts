@@ -1,7 +1,7 @@
 // Connects controls and keys with their actions.
 
+import { Legend } from "../player/legend.js";
 import { ComparisonPanel } from "./comparison.js";
-import { HeatBar } from "./heat/bar.js";
 import { Labels } from "./labels.js";
 import type { Opening } from "./opening.js";
 import { Choice, inputById, byId } from "./page.js";
@@ -24,6 +24,8 @@ export function connectControls(
   player: Player,
   opening: Opening,
 ): TrackPanel {
+  const legend = new Legend();
+  byId("stage").append(legend.element);
   const timeline = new Timeline(player, reel);
   const panel = new Panel(player, reel);
   const comparison = reel.original && new ComparisonPanel(player, reel.original, opening);
@@ -33,7 +35,7 @@ export function connectControls(
   });
   const actions: Actions = {
     ...timelineKeys(timeline, reel),
-    ...viewKeys(reel, stage, picture, player),
+    ...viewKeys(reel, stage, picture, player, legend),
     "[": () => player.setModes(player.state().modes - 1),
     "]": () => player.setModes(player.state().modes + 1),
     h: () => comparison?.nextHeat(),
@@ -52,16 +54,14 @@ export function connectControls(
   for (const [id, key] of Object.entries(buttons)) byId(id).addEventListener("click", actions[key]);
   const isFramed = window.self !== window.top;
   if (isFramed || (window.matchMedia(PHONE).matches && !reel.original)) togglePanel();
-  const [bar, labels] = [new HeatBar(), new Labels()];
+  const labels = new Labels();
   player.onChange = () => {
     timeline.update();
     panel.update();
     comparison?.update();
     tracks.update(player.frame, player.isPlaying);
-    const { hottest, isFew, perFrameRange } = player.state();
-    const heat = comparison?.heatInfo ?? null;
-    const isClipped = heat !== null && !isFew && !perFrameRange && hottest < heat.maximum;
-    bar.update(heat, hottest, isClipped, isFew ? panel.modesText : "");
+    const modes = player.state().isFew ? panel.modesText : "";
+    legend.show(comparison?.legendContent(modes) ?? tracks.legendContent);
     labels.update(picture.look.arrangement, stage.isPortrait, player.isTrackMissing);
   };
   stage.onChange = () => player.redraw();
@@ -85,7 +85,13 @@ function timelineKeys(timeline: Timeline, reel: Reel): Actions {
 }
 
 /** Connect the controls of the view; returns their keys. */
-function viewKeys(reel: Reel, stage: Stage, picture: Picture, player: Player): Actions {
+function viewKeys(
+  reel: Reel,
+  stage: Stage,
+  picture: Picture,
+  player: Player,
+  legend: Legend,
+): Actions {
   const { look } = picture;
   const choose =
     <K extends keyof Look>(name: K) =>
@@ -118,7 +124,7 @@ function viewKeys(reel: Reel, stage: Stage, picture: Picture, player: Player): A
     r: () => stage.reset(),
     s: () => {
       player.drawNow();
-      saveScreenshot(byId("canvas"), `${reel.name}-${player.frame}.png`);
+      saveScreenshot(byId("canvas"), legend, `${reel.name}-${player.frame}.png`);
     },
   };
 }

@@ -1,6 +1,6 @@
 // Plots of values over frames: a line marks the current frame, and clicking or dragging seeks.
 
-import { formatNumber, roundTicks } from "./heat/map.js";
+import { formatNumber, roundTicks } from "../player/axis_numbers.js";
 import { createElement } from "./page.js";
 import type { PlotInfo } from "./facts.js";
 

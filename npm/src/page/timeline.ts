@@ -1,7 +1,7 @@
 // The control bar at the bottom: that of <reel-player>, with a button to loop.
 
 import { Bar } from "../player/bar.js";
-import { BAR_CSS } from "../player/style_sheet.js";
+import { BAR_CSS, LEGEND_CSS } from "../player/style_sheet.js";
 import { byId } from "./page.js";
 import type { Player } from "./player.js";
 import { frameTime, type Reel } from "./facts.js";
@@ -27,7 +27,7 @@ export class Timeline {
     });
     this.bar.showsFrames = true;
     const sheet = new CSSStyleSheet();
-    sheet.replaceSync(BAR_CSS);
+    sheet.replaceSync(BAR_CSS + LEGEND_CSS);
     document.adoptedStyleSheets.push(sheet);
     for (const id of ["loop", "help-button", "panel-button"]) this.bar.add(byId(id));
     byId("timeline").append(this.bar.element);

@@ -9,7 +9,7 @@ import type { SourceInput } from "../source/open.js";
 import type { OpenReel, OpenSegments } from "../types.js";
 import { PlayerAttributes } from "./attributes.js";
 import { Bar, type BarState } from "./bar.js";
-import { Legend } from "./legend.js";
+import { Legend, trackTitle } from "./legend.js";
 import { Messages } from "./messages.js";
 import type { CameraOrbit } from "./camera.js";
 import { createElement, IconButton } from "./dom.js";
@@ -572,7 +572,8 @@ export class ReelPlayerElement extends PlayerAttributes {
       if (track === null) await mesh.setTexture(texture, { kind, offset, frameNumber });
       else {
         const legend = await mesh.colorBy(track, { component, range, map });
-        this.#ui?.legend.show(legend, mesh.reel.track(track).info.nColumns);
+        const title = trackTitle(track, legend.component, mesh.reel.track(track).info.nColumns);
+        this.#ui?.legend.show({ ...legend, title });
       }
       if (mesh.video) mesh.video.muted = muted;
       this.#ui?.view.invalidate();

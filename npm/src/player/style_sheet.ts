@@ -54,6 +54,30 @@ export const BAR_CSS = `
 .bar svg { display: block; width: 24px; height: 24px; fill: currentColor; }
 `;
 
+/** The color legend, which the page of `meshreel view` uses too. */
+export const LEGEND_CSS = `
+.legend {
+  box-sizing: border-box;
+  padding: 6px 10px;
+  font-size: 12px;
+  line-height: 1.4;
+  color: var(--ink);
+  background: var(--panel);
+}
+.legend span { display: block; overflow-wrap: anywhere; }
+.legend .colors { height: 10px; margin: 4px 0 2px; border-radius: 2px; forced-color-adjust: none; }
+.legend .values { position: relative; display: flex; justify-content: space-between; gap: 8px; }
+.legend .tick { position: absolute; transform: translateX(-50%); white-space: nowrap; }
+.legend .tick::before {
+  content: "";
+  position: absolute;
+  left: 50%;
+  top: -2px;
+  height: 4px;
+  border-left: 1px solid;
+}
+`;
+
 const CSS = `
 :host {
   display: block;
@@ -108,18 +132,10 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
   position: absolute;
   left: 12px;
   top: 12px;
-  box-sizing: border-box;
   width: clamp(110px, 34%, 180px);
-  padding: 6px 10px;
   border-radius: 6px;
-  font-size: 12px;
-  color: var(--ink);
-  background: var(--panel);
   pointer-events: none;
 }
-.legend span { display: block; overflow-wrap: anywhere; }
-.legend .colors { height: 10px; margin: 4px 0 2px; border-radius: 2px; forced-color-adjust: none; }
-.legend .ends { display: flex; justify-content: space-between; gap: 8px; }
 .start {
   position: absolute;
   inset: 0;
@@ -195,7 +211,7 @@ let sheet: CSSStyleSheet | null = null;
 export function playerStyleSheet(): CSSStyleSheet {
   if (!sheet) {
     sheet = new CSSStyleSheet();
-    sheet.replaceSync(CSS + BAR_CSS);
+    sheet.replaceSync(CSS + BAR_CSS + LEGEND_CSS);
   }
   return sheet;
 }

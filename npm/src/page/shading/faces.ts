@@ -2,7 +2,10 @@
 
 import * as THREE from "three";
 
-import { HEAT_COLORS } from "../heat/map.js";
+import { resolveColorMap } from "../../three/color/color_map.js";
+
+/** The color map of heat maps, as in `meshreel render`. */
+export const HEAT_COLORS = resolveColorMap("sequential");
 
 const list = HEAT_COLORS.map((color) => `vec3(${color.map((c) => (c / 255).toFixed(5)).join(",")})`);
 

@@ -1,12 +1,12 @@
 // The panel section that colors the mesh by a track.
 
+import { type LegendContent, trackTitle } from "../../player/legend.js";
 import type { ColorLegend } from "../../three/index.js";
 
 import type { Reel } from "../facts.js";
 import { inputById, byId } from "../page.js";
 import type { Picture } from "../picture.js";
 import type { Player } from "../player.js";
-import { TrackBar } from "./bar.js";
 import { formatComponent, type TrackSettings, DEFAULT_RANGE } from "./settings.js";
 import type { Picked } from "./pick.js";
 import { Probe } from "./probe.js";
@@ -26,7 +26,6 @@ export class TrackPanel {
   private readonly component = byId<HTMLSelectElement>("component");
   private readonly range = byId<HTMLSelectElement>("range");
   private readonly ends = [inputById("range-low"), inputById("range-high")];
-  private readonly bar = new TrackBar();
   readonly probe: Probe;
   private settings: TrackSettings | null = null;
   private legend: ColorLegend | null = null;
@@ -92,6 +91,11 @@ export class TrackPanel {
     this.track.dispatchEvent(new Event("change"));
   }
 
+  /** The legend of the shown track, or null. */
+  get legendContent(): LegendContent | null {
+    return this.legend && { ...this.legend, title: this.label, note: this.note };
+  }
+
   pick(result: Picked | null): void {
     this.probe.pick(result);
   }
@@ -105,7 +109,6 @@ export class TrackPanel {
     const writesValues = !playing || now - this.lastWriteMs > 200;
     if (writesValues) this.lastWriteMs = now;
     this.probe.update(frame, writesValues);
-    this.bar.update(this.legend, this.label, this.note);
   }
 
   private change(changes: Partial<TrackSettings>): void {
@@ -166,11 +169,8 @@ export class TrackPanel {
   private get label(): string {
     if (!this.legend) return "";
     const { name, component } = this.legend;
-    const { nColumns } = this.reel.file.track(name).info;
-    const isSingle = nColumns === 1 || component === "color";
-    return isSingle ? name : `${name}, ${componentLabel(formatComponent(component, nColumns))}`;
+    return trackTitle(name, component, this.reel.file.track(name).info.nColumns);
   }
-
 }
 
 function componentLabel(component: string): string {

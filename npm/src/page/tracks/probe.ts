@@ -1,5 +1,7 @@
 // Plots a track at one vertex, face or corner over time.
 
+import { formatNumber } from "../../player/axis_numbers.js";
+import { withUnit } from "../../player/legend.js";
 import type { ColorLegend } from "../../three/index.js";
 
 import type { Reel } from "../facts.js";
@@ -7,7 +9,6 @@ import { inputById, byId } from "../page.js";
 import type { Picture } from "../picture.js";
 import type { Player } from "../player.js";
 import { Plot } from "../plots.js";
-import { formatWithUnit } from "./bar.js";
 import type { Domain } from "./items.js";
 import { vertexOfItem, type Picked } from "./pick.js";
 
@@ -104,7 +105,7 @@ export class Probe {
     }
     signal.throwIfAborted();
     const finite = values.filter((value) => value !== null);
-    const ends = [Math.min(...finite), Math.max(...finite)].map((end) => formatWithUnit(end, legend.unit));
+    const ends = [Math.min(...finite), Math.max(...finite)].map((end) => withUnit(formatNumber(end), legend.unit));
     status.textContent = finite.length
       ? `${ends.join(" to ")} in frames 0 to ${file.info.nFrames - 1}`
       : "No value at any frame";
