@@ -168,3 +168,13 @@ def test_decode_writes_frame_files_of_all_segments(changing, tmp_path):
     found, whole = (meshreel.load_segments(one) for one in (tmp_path / "out", changing))
     assert found.starts == (0, 2, 4)
     np.testing.assert_array_equal(found[3].vertices, whole[4].vertices)
+
+
+def test_convert_splits_the_segments_of_a_stream(changing, tmp_path):
+    run_json("encode", changing, "-o", tmp_path / "a.reel", "--fps", 10, "--lossless")
+    figures = run_json("convert", tmp_path / "a.reel", "-o", tmp_path / "b.npz", "--split")
+    names = [Path(name).name for one in figures["outputs"] for name in one["outputs"]]
+    assert names == ["b_0-2.npz", "b_3-4.npz"]
+    whole = meshreel.load_segments(changing)
+    for name, segment in zip(names, whole.segments, strict=True):
+        np.testing.assert_array_equal(meshreel.load(tmp_path / name).vertices, segment.vertices)

@@ -294,10 +294,15 @@ def whole_file(data: bytes, limit: MemoryLimit = DEFAULT_LIMIT) -> OpenFile:
         If a newer build is needed.
     """
     file = OpenFile(data, limit.limit_bytes)
+    require_whole(file, len(data))
+    return file
+
+
+def require_whole(file: OpenFile, size_bytes: int) -> None:
+    """Raise an error if the end of a file of this size is missing or damaged; as `whole_file`."""
     if file.info.damage is not None:
         raise file.info.damage
-    if file.info.size_bytes != len(data):
+    if file.info.size_bytes != size_bytes:
         raise CorruptStreamError(
-            f"{len(data) - file.info.size_bytes} bytes follow the end marker of the stream"
+            f"{size_bytes - file.info.size_bytes} bytes follow the end marker of the stream"
         )
-    return file

@@ -1,5 +1,6 @@
 """A `.reel` file of several segments whose frames are decoded on demand."""
 
+import os
 from collections import OrderedDict
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import BinaryIO
 
 from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.memory import memory_limit
+from meshreel.codec.open_stream import require_whole
 from meshreel.codec.reel_file import ReelFile
 from meshreel.kernel.files import OpenFile
 from meshreel.model.frame_choice import chosen_frames
@@ -114,6 +116,10 @@ class SegmentedReelFile:
         """Return the contents of the file and the bytes of each part; decodes no frame."""
         is_remote = isinstance(self._file, RangedFile)
         return file_info(self._opened, limit=self._limit, is_remote=is_remote)
+
+    def require_whole(self) -> None:
+        """Raise CorruptStreamError or TruncatedStreamError if the end is missing or damaged."""
+        require_whole(self._opened, self._file.seek(0, os.SEEK_END))
 
     def require_memory(self, needed_bytes: int) -> None:
         """Raise MemoryLimitError if its decoded segments exceed the memory limit of this file."""

@@ -1,12 +1,11 @@
 """Options for reading and writing files."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
-from meshreel.model.segments import HasSegments
+from meshreel.model.segments import each_segment
 from meshreel.model.surface_selection import ALL, Names
 from meshreel.runtime.progress import Progress, silent
 
@@ -89,14 +88,14 @@ class Origin:
 
 def origin_of(sequence: "AnySource") -> Origin | None:
     """Return the origin of frames decoded from a stream; None for original frames."""
-    segments: Sequence[Any] = [sequence]
-    if isinstance(sequence, HasSegments):
-        segments = [sequence.segment(number) for number in range(sequence.n_segments)]
-    if not all(hasattr(one, "promised_error") for one in segments):
-        return None
-    reels = cast("Sequence[ReelFile]", segments)
-    errors = [math.inf if one.promised_error is None else one.promised_error for one in reels]
-    return Origin(max(errors), max(one.frame.scale for one in reels))
+    error = diagonal = 0.0
+    for segment in each_segment(sequence):
+        if not hasattr(segment, "promised_error"):
+            return None
+        reel = cast("ReelFile", segment)
+        error = max(error, math.inf if reel.promised_error is None else reel.promised_error)
+        diagonal = max(diagonal, reel.frame.scale)
+    return Origin(error, diagonal)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 from meshreel.errors import ConnectivityChangeError
@@ -18,7 +18,7 @@ from meshreel.formats.scenes.scene_source import frame_range, open_mesh, select_
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.segments import AnySequence, SegmentedSequence, single_segment
+from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, single_segment
 from meshreel.model.sequence import FrameSource
 from meshreel.runtime.counting import counted
 from meshreel.runtime.profiling import staged
@@ -154,7 +154,7 @@ def find_segments(source: Source | SourceFiles, options: ReadOptions) -> list[Fo
     Parameters
     ----------
     source : str, Path, list or tuple of them, or SourceFiles
-        As in `meshreel.load`. Only frame files and scene files can have changing faces.
+        As in `meshreel.load`. Only frame files, scene files and ``.reel`` can have changing faces.
 
     Raises
     ------
@@ -176,8 +176,12 @@ def _find_segments(found: SourceFiles, options: ReadOptions) -> list[FoundSegmen
         return list(_of_files(MeshFiles(found.paths, found.format), found, options))
     path, form = found.paths[0], found.format
     if form.read_meshes is None:
-        sequence = single_segment(form.open(path, options), "--split")
-        return [FoundSegment(0, sequence.n_frames, lambda: sequence)]
+        segments = segments_of(form.open(path, options))
+        stops = accumulate(one.n_frames for one in segments)
+        return [
+            FoundSegment(stop - one.n_frames, stop, partial(_opened, one))
+            for one, stop in zip(segments, stops, strict=True)
+        ]
     mesh = select_mesh(form.read_meshes, path, options)
     with errors_naming(path):
         runs = _same_faces(mesh.frame, len(mesh.times_s), options)
@@ -185,6 +189,10 @@ def _find_segments(found: SourceFiles, options: ReadOptions) -> list[FoundSegmen
         FoundSegment(start, stop, partial(open_mesh, frame_range(mesh, start, stop), path, options))
         for start, stop in runs
     ]
+
+
+def _opened(segment: FrameSource) -> FrameSource:
+    return segment
 
 
 def _of_files(files: MeshFiles, found: SourceFiles, options: ReadOptions) -> Iterator[FoundSegment]:

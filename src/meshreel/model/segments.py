@@ -207,6 +207,17 @@ class HasSegments(Protocol):
         """Return a segment, whose frames count from 0."""
 
 
+def each_segment(sequence: Any) -> Iterator[Any]:
+    """Yield each segment of a sequence or a file; one of constant connectivity is its own.
+
+    Files decode segments on demand: a caller that keeps none needs memory for a few of them.
+    """
+    if isinstance(sequence, HasSegments):
+        yield from map(sequence.segment, range(sequence.n_segments))
+    else:
+        yield sequence
+
+
 AnySequence = FrameSource | SegmentedSequence
 """An animated mesh, with or without changes of its connectivity."""
 

@@ -106,12 +106,12 @@ def convert_command(
         refuse_stream_options,
     )
     from meshreel.codec.config import EncoderConfig
-    from meshreel.formats.load import loading_for, open_for_encoding
+    from meshreel.formats.load import loading_for
     from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel.reading import origin_of_file
     from meshreel.formats.remote import local_copy, uploaded
-    from meshreel.formats.segments import find_segments
-    from meshreel.formats.sources import files_of_source
+    from meshreel.formats.segments import find_segments, open_any
+    from meshreel.formats.sources import files_of_source, find_files
 
     stream_options = {name: encoding[name] for name in encoding if name not in GENERAL_OPTIONS}
     bound = checked_bound(encoding["max_error"], encoding["unit"])
@@ -127,8 +127,11 @@ def convert_command(
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
         progress = stack.enter_context(progress_bar())
-        reading = replace(reading, progress=progress)
         origin = origin_of_file(files[0]) if len(inputs) == 1 else None
+        reading = loading_for(config.memory_bytes, replace(reading, progress=progress))
+        if origin is not None and not is_stream(output):
+            # Writers read each frame once, so that decoding all frames first would gain nothing.
+            reading = replace(reading, max_loaded_bytes=0)
         conversion = Conversion(
             target,
             files,
@@ -143,7 +146,7 @@ def convert_command(
         # Check the output before the input is read, which may take long.
         conversion.check(target.local, None if split else known_frames(files, chosen))
         if split:
-            segments = find_segments(source, loading_for(config.memory_bytes, reading))
+            segments = find_segments(source, reading)
             path = Path(target.local)
             paths = [part.path(path) for part in segments] if len(segments) > 1 else [path]
             for part, path in zip(segments, paths, strict=True):
@@ -151,9 +154,7 @@ def convert_command(
             for part, path in zip(segments, paths, strict=True):
                 conversion.write(part.open(), path, first=part.start)
         else:
-            conversion.write(
-                open_for_encoding(source, config.memory_bytes, reading), target.local, chosen
-            )
+            conversion.write(open_any(find_files(source), reading), target.local, chosen)
     print_notes(notes)
     if as_json:
         outputs = conversion.figures

@@ -184,17 +184,16 @@ def written_figures(
     written: list[Path], source: "AnySource", n_frames: int, target: "Output"
 ) -> dict[str, Any]:
     """Figures of written files for JSON."""
-    from meshreel.model.segments import HasSegments
+    from meshreel.model.segments import each_segment
 
-    segments: Sequence[Any] = [source]
-    if isinstance(source, HasSegments):
-        segments = [source.segment(number) for number in range(source.n_segments)]
+    sizes = [(segment.n_verts, len(segment.faces)) for segment in each_segment(source)]
+    n_verts, n_faces = map(max, zip(*sizes, strict=True))
     return {
         "outputs": [target.name(path) for path in written],
         "n_frames": n_frames,
-        "n_segments": len(segments),
-        "n_verts": max(segment.n_verts for segment in segments),
-        "n_faces": max(len(segment.faces) for segment in segments),
+        "n_segments": len(sizes),
+        "n_verts": n_verts,
+        "n_faces": n_faces,
         "fps": source.fps,
         "size_bytes": sum(path.stat().st_size for path in written),
     }

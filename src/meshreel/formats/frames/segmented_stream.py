@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
 Tracks = Mapping[str, TrackSource]
 
+MAX_KEPT_BYTES = 1 << 26
+"""Faces and surfaces up to this size are decoded once, though writers go over them several times;
+positions and tracks are always read again."""
+
 
 @dataclass(frozen=True)
 class StreamedSegment:
@@ -59,6 +63,25 @@ class SegmentMesh:
     dtype: np.dtype[np.floating]
     surface: Surface
     tracks: Tracks
+
+
+class _KeptMeshes:
+    """Faces and surfaces of the first segments, up to `MAX_KEPT_BYTES`."""
+
+    def __init__(self) -> None:
+        self._found: dict[StreamedSegment, tuple[Faces, Surface]] = {}
+        self._size_bytes = 0
+
+    def of(self, segment: StreamedSegment, source: Any) -> tuple[Faces, Surface]:
+        """Return the faces and the surface of a segment, given its source."""
+        if segment in self._found:
+            return self._found[segment]
+        faces, surface = source.faces, source.surface
+        size_bytes = faces.nbytes + surface.size_bytes
+        if self._size_bytes + size_bytes <= MAX_KEPT_BYTES:
+            self._found[segment] = faces, surface
+            self._size_bytes += size_bytes
+        return faces, surface
 
 
 def _all_tracks(tracks: Tracks, notes: list[str]) -> Tracks:
@@ -116,6 +139,7 @@ class SegmentedStream:
         self.data_files: list[tuple[str, Path]] = []
         self._supported_tracks = supported_tracks
         self._change: Callable[[SegmentMesh], SegmentMesh] = _unchanged
+        self._kept = _KeptMeshes()
 
     @classmethod
     def of(cls, stream: FrameStream) -> "SegmentedStream":
@@ -164,9 +188,8 @@ class SegmentedStream:
             name: track if len(frames) == track.shape[0] else TrackPart(track, frames)
             for name, track in self._supported_tracks(source.tracks, notes).items()
         }
-        mesh = SegmentMesh(
-            len(frames), source.n_verts, source.faces, source.dtype, source.surface, tracks
-        )
+        faces, surface = self._kept.of(segment, source)
+        mesh = SegmentMesh(len(frames), source.n_verts, faces, source.dtype, surface, tracks)
         return self._change(mesh)
 
     def _stream(self, number: int) -> FrameStream:

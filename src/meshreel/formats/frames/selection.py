@@ -2,14 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
+from meshreel.formats.reel.stored_segment import StoredSegment
 from meshreel.model.segments import AnySequence, SegmentedSequence
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Surface
-from meshreel.model.surface_selection import Names, select
+from meshreel.model.surface_selection import ALL, Names, select
 
 
 def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSource:
@@ -17,7 +19,7 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
 
     Parameters
     ----------
-    sequence : MeshSequence or StoredFrames
+    sequence : MeshSequence, StoredFrames or StoredSegment
     names : str or sequence of str
         As `meshreel.model.surface_selection.select` takes them.
     path : Path
@@ -28,8 +30,12 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
     InvalidInputError
         If a name does not exist; the message lists the available names.
     """
+    if names == ALL:
+        return sequence
     with errors_naming(path):
         surface = select(sequence.surface, names)
+    if isinstance(sequence, StoredSegment):  # keep no decoded surface
+        return sequence.changed(partial(select, names=names))
     return with_surface(sequence, surface)
 
 
@@ -37,6 +43,8 @@ def with_surface(sequence: FrameSource, surface: Surface) -> FrameSource:
     """Return the sequence with another surface."""
     if surface is sequence.surface:
         return sequence
+    if isinstance(sequence, StoredSegment):
+        return sequence.changed(lambda _: surface)
     if not isinstance(sequence, MeshSequence | StoredFrames):
         raise TypeError(f"cannot replace the surface of a {type(sequence).__name__}")
     return replace(sequence, surface=surface)

@@ -3,8 +3,10 @@
 import os
 from contextlib import ExitStack
 from dataclasses import replace
+from io import FileIO
+from itertools import pairwise, starmap
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 from meshreel.codec.decoder import decode_segments
 from meshreel.codec.inspect import StreamInfo, file_info
@@ -13,9 +15,11 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.segmented_file import SegmentedReelFile
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.options import Origin, ReadOptions, origin_of
+from meshreel.formats.reel.stored_segment import StoredSegment
 from meshreel.kernel.files import OpenFile
-from meshreel.model.segments import AnySequence, with_rate
-from meshreel.model.sequence import MeshSequence
+from meshreel.model.frame_choice import start_of
+from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, with_rate
+from meshreel.model.sequence import MeshSequence, positions_size_bytes
 from meshreel.runtime.stores.address import is_remote, without_query
 from meshreel.runtime.stores.ranged_file import open_ranged
 
@@ -131,13 +135,21 @@ def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
 
 
 def open_reel(path: Path, options: ReadOptions) -> AnySequence:
-    """Decode the sequence of a `.reel` file; its default name is the file stem.
+    """Open the sequence of a `.reel` file; its default name is the file stem.
+
+    Positions above `max_loaded_bytes` are decoded when they are read, a segment at a time; memory
+    is then limited for each block instead of for the sequence.
 
     Raises
     ------
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the file is not a complete stream that this version supports; errors name the file.
     """
+    if options.max_loaded_bytes is not None:
+        stored = _stored(path, options)
+        size_bytes = sum(map(positions_size_bytes, segments_of(stored)))
+        if size_bytes > options.max_loaded_bytes:
+            return stored
     with errors_naming(path):
         decoded = decode_segments(
             path.read_bytes(), memory=options.memory, progress=options.progress
@@ -152,3 +164,25 @@ def open_reel(path: Path, options: ReadOptions) -> AnySequence:
     if sequence.name and fps == sequence.fps:  # replacing would validate all positions again
         return sequence
     return replace(sequence, fps=fps, name=name)
+
+
+class _SelfClosingFile(FileIO):
+    """A file for reading that is closed when nothing refers to it anymore."""
+
+    def __del__(self) -> None:
+        self.close()
+
+
+def _stored(path: Path, options: ReadOptions) -> AnySequence:
+    """Open the sequence of a complete `.reel` file, whose frames stay in the file."""
+    file = cast("BinaryIO", _SelfClosingFile(path))
+    with errors_naming(path):
+        reel = SegmentedReelFile(file, memory=options.memory)
+        reel.require_whole()
+    fps = reel.fps if options.fps is None else options.fps
+    name = reel.name or path.stem
+    segments = [
+        StoredSegment(reel, number, path, fps, name, start_of(frames, reel.start_s, fps))
+        for number, frames in enumerate(starmap(range, pairwise(reel.starts)))
+    ]
+    return segments[0] if len(segments) == 1 else SegmentedSequence(segments, name, reel.start_s)

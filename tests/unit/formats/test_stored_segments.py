@@ -1,0 +1,140 @@
+"""Segments of `.reel` files that are decoded when they are read."""
+
+import gc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec import segmented_file
+from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.segmented_file import MAX_OPEN_SEGMENTS
+from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.formats.frames import segmented_stream
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.reel.stored_segment import StoredSegment
+from meshreel.formats.segments import find_segments, open_any
+from meshreel.formats.sources import find_files
+from meshreel.model.tracks import Track
+from samples.meshes import assert_same_surface, quad_sheet, waving_grid
+from samples.tracks import assert_same_tracks
+
+
+@pytest.fixture
+def path(tmp_path):
+    """A lossless file of three segments with surfaces; the second has a track."""
+    sheet = quad_sheet(3)
+    heat = np.random.default_rng(1).random((3, sheet.n_verts)).astype(np.float32)
+    heated = replace(sheet, tracks={"heat": Track(heat)})
+    segments = [replace(one, fps=25.0, name="") for one in (waving_grid(4), heated, quad_sheet(2))]
+    data = meshreel.encode(meshreel.concatenate(segments), lossless=True)
+    (tmp_path / "a.reel").write_bytes(data)
+    return tmp_path / "a.reel"
+
+
+def opened(path, **options):
+    return open_any(find_files(path), ReadOptions(max_loaded_bytes=0, **options))
+
+
+def test_stored_segments_are_those_that_load_decodes(path):
+    found, expected = opened(path), meshreel.load_segments(path)
+    assert all(isinstance(one, StoredSegment) for one in found.segments)
+    assert (found.starts, found.name, found.fps) == (expected.starts, "a", expected.fps)
+    assert found.raw_size_bytes == expected.raw_size_bytes
+    for one, other in zip(found.segments, expected.segments, strict=True):
+        np.testing.assert_array_equal(one.read(0, one.n_frames), other.vertices)
+        np.testing.assert_array_equal(one.faces, other.faces)
+        np.testing.assert_array_equal(one.extent.low, other.extent.low)
+        np.testing.assert_array_equal(one.extent.high, other.extent.high)
+        assert_same_surface(one.surface, other.surface)
+        assert_same_tracks(one.tracks, other.tracks)
+
+
+def test_stored_segments_have_the_frame_rate_of_the_options(path):
+    found, expected = opened(path, fps=50), meshreel.load_segments(path, fps=50)
+    assert [one.start_s for one in found.segments] == [0, 4 / 50, 7 / 50]
+    assert found.fps == expected.fps == 50
+
+
+@pytest.mark.parametrize(("surplus", "is_stored"), [(0, False), (-1, True)])
+def test_segments_are_stored_above_max_loaded_bytes(path, surplus, is_stored):
+    expected = meshreel.load_segments(path)
+    size = sum(one.vertices.nbytes for one in expected.segments)
+    found = open_any(find_files(path), ReadOptions(max_loaded_bytes=size + surplus))
+    assert isinstance(found.segments[0], StoredSegment) == is_stored
+
+
+def test_stored_segments_have_the_selected_attributes(path):
+    found = opened(path, attributes="none")
+    assert any(one.surface.attributes for one in opened(path).segments)
+    assert not any(one.surface.attributes for one in found.segments)
+    with pytest.raises(InvalidInputError, match=r"a\.reel: has no attribute or group 'skin'"):
+        opened(path, attributes="skin")
+
+
+def test_few_segments_are_decoded_at_a_time_while_a_file_is_written(tmp_path):
+    grids = [waving_grid(2, 4 + number, 5) for number in range(12)]
+    data = meshreel.encode(meshreel.concatenate(grids), lossless=True)
+    (tmp_path / "a.reel").write_bytes(data)
+    counts = []
+
+    def count(_stage, _share):
+        gc.collect()
+        counts.append(sum(isinstance(one, ReelFile) for one in gc.get_objects()))
+
+    before = sum(isinstance(one, ReelFile) for one in gc.get_objects())
+    meshreel.save(opened(tmp_path / "a.reel"), tmp_path / "f_%02d.ply", progress=count)
+    assert 1 <= max(counts) - before <= MAX_OPEN_SEGMENTS + 1
+    assert len(counts) >= 24
+
+
+def test_split_finds_the_segments_of_a_stream(path):
+    found = find_segments(path, ReadOptions(max_loaded_bytes=0))
+    assert [(one.start, one.stop) for one in found] == [(0, 4), (4, 7), (7, 9)]
+    assert [one.open().n_verts for one in found] == [
+        one.n_verts for one in meshreel.load_segments(path).segments
+    ]
+
+
+def test_an_incomplete_file_is_refused_when_it_is_opened(path):
+    data = path.read_bytes()
+    path.write_bytes(data[:-20])
+    with pytest.raises(TruncatedStreamError, match=r"a\.reel: "):
+        opened(path)
+    path.write_bytes(data + b"more")
+    with pytest.raises(CorruptStreamError, match=r"a\.reel: bytes follow"):
+        opened(path)
+
+
+def test_a_damaged_segment_is_named_with_its_file_when_it_is_read(path):
+    data = bytearray(path.read_bytes())
+    with meshreel.open_segments(path) as reel:
+        last = reel.segment(2)
+        middle = last._opened.file.block(0).offset + last._opened.file.block(0).size_bytes - 8
+    data[middle] ^= 255
+    path.write_bytes(data)
+    found = opened(path)
+    assert found.segments[0].read(0, 1).shape[0] == 1
+    with pytest.raises(CorruptStreamError, match=r"a\.reel: "):
+        found.segments[2].read(0, 1)
+
+
+@pytest.mark.parametrize(("limit", "n_decodings"), [(1 << 26, 1), (0, 4)])
+def test_meshes_are_decoded_once_if_they_are_small(path, tmp_path, monkeypatch, limit, n_decodings):
+    monkeypatch.setattr(segmented_stream, "MAX_KEPT_BYTES", limit)
+    monkeypatch.setattr(segmented_file, "MAX_OPEN_SEGMENTS", 1)
+    surface_of, numbers = StoredSegment.surface.fget, []
+
+    def counted(segment):
+        numbers.append(segment.number)
+        return surface_of(segment)
+
+    sequence = opened(path)
+    monkeypatch.setattr(StoredSegment, "surface", property(counted))
+    meshreel.save(sequence, tmp_path / "a.vtkhdf", notes=[])
+    assert max(np.bincount(numbers)) <= n_decodings + 1
+    assert min(np.bincount(numbers)) >= n_decodings
+    found = meshreel.load_segments(tmp_path / "a.vtkhdf")
+    for one, other in zip(found, meshreel.load_segments(path), strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
