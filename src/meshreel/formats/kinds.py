@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from meshreel.formats.animations import AnimationInfo
-from meshreel.formats.extras import Extra
 from meshreel.formats.frames.field_tracks import Fields
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
@@ -18,6 +17,7 @@ from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.segments import AnySequence
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
+from meshreel.runtime.extras import Extra
 
 ReadOption = Literal[
     "object", "merge", "topology", "dataset", "skip_bad", "allow_outside", "animation"

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import ALEMBIC, DRACO_FRAMES, HDF, OPEN_EXR, USD
 from meshreel.formats.kinds import (
     ALL_TRACKS,
     FolderFormat,
@@ -19,6 +18,7 @@ from meshreel.formats.kinds import (
     scene_format,
 )
 from meshreel.model.surface import Domain
+from meshreel.runtime.extras import ALEMBIC, DRACO_FRAMES, HDF, OPEN_EXR, USD
 
 COMPANION = ".obj"
 """Extension of the mesh file that accompanies a point cache."""

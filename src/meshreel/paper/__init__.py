@@ -36,13 +36,13 @@ if TYPE_CHECKING:
         from_matrices,
         to_matrices,
     )
-    from meshreel.model.geometry.laplacian import (
+    from meshreel.paper.anchors import choose_anchors
+    from meshreel.paper.choices import PaperChoices
+    from meshreel.paper.laplacian import (
         cotangent_laplacian,
         delta_coordinates,
         uniform_laplacian,
     )
-    from meshreel.paper.anchors import choose_anchors
-    from meshreel.paper.choices import PaperChoices
     from meshreel.paper.quantization import (
         dequantize,
         quantize,
@@ -95,7 +95,7 @@ _ITERATIONS = ("advance_basis", "align_basis", "ritz_vectors")
 _LAPLACIANS = ("cotangent_laplacian", "delta_coordinates", "uniform_laplacian")
 
 _MODULES = {
-    **dict.fromkeys(_LAPLACIANS, "model.geometry.laplacian"),
+    **dict.fromkeys(_LAPLACIANS, "paper.laplacian"),
     **dict.fromkeys(_STEPS, "paper.quantization"),
     **dict.fromkeys(_UNITS, "codec.subspace.trajectories"),
     **dict.fromkeys(_ITERATIONS, "paper.subspace.orthogonal_iteration"),

@@ -9,8 +9,8 @@ from scipy.sparse import csr_array
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.bitstream.layout import Laplacian
 from meshreel.model.geometry.connectivity import isolated_vertices
-from meshreel.model.geometry.laplacian import cotangent_laplacian, uniform_laplacian
 from meshreel.model.sequence import Faces
+from meshreel.paper.laplacian import cotangent_laplacian, uniform_laplacian
 from meshreel.paper.reconstruction.system import ReconstructionSystem
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.profiling import staged

@@ -8,8 +8,8 @@ import numpy as np
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.config import FINE_BITS, Allocation, EncoderConfig
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
-from meshreel.model.geometry.laplacian import delta_coordinates
 from meshreel.paper.decoded_block import FramesOf, product_frames
+from meshreel.paper.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization import (
     Steps,

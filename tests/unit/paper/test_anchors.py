@@ -3,7 +3,7 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.connectivity import adjacency_matrix, component_labels
+from meshreel.paper.adjacency import adjacency_matrix, component_labels
 from meshreel.paper.anchors import check_anchors, choose_anchors, farthest_points
 from samples.meshes import grid_faces, octahedron_faces
 

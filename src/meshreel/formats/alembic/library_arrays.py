@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import IMATH
+from meshreel.runtime.extras import IMATH
 
 
 def library_array(kind: str, values: npt.NDArray[Any]) -> Any:

@@ -28,7 +28,6 @@ from meshreel.formats.alembic.write_tracks import (
     normal_sample,
     unwritable_tracks,
 )
-from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.notes import note_name
@@ -38,6 +37,7 @@ from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.sequence import Vertices
 from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.runtime.extras import ALEMBIC
 
 ASSUMED_FPS = 24.0
 

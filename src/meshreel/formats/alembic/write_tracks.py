@@ -13,7 +13,6 @@ from meshreel.formats.alembic.names import IN_METADATA, clean, clean_unique_name
 from meshreel.formats.alembic.track_reading import TRACK_KIND, UNIT
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.alembic.write_attributes import is_texture, scope_of
-from meshreel.formats.extras import ALEMBIC
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.notes import (
     note_name,
@@ -25,6 +24,7 @@ from meshreel.formats.notes import (
 from meshreel.formats.scenes.parts import PartMesh
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
+from meshreel.runtime.extras import ALEMBIC
 
 PARAMS = {
     "u1": ("Uchar", "Uchar"), "i1": ("Int32", "Int32"), "i2": ("Int32", "Int32"),

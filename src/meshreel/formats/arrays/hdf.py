@@ -20,7 +20,6 @@ from meshreel.formats.arrays.named_arrays import (
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
-from meshreel.formats.extras import HDF
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.array_frames import ArrayFrames, checksum
 from meshreel.formats.frames.frame_stream import FrameStream
@@ -43,6 +42,7 @@ from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
 from meshreel.model.segments import single_segment
 from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.runtime.extras import HDF
 
 POSITIONS = "vertices"
 CHUNK_BYTES = 1 << 16  # minimum, so that small frames share a chunk

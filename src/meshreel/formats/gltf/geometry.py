@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import read_varint
 from meshreel.errors import FormatError, MeshReelError
-from meshreel.formats.extras import DRACO as LIBRARY
 from meshreel.formats.gltf.accessors import WIDTHS, Accessors, Values, declared_type
 from meshreel.formats.gltf.attributes import read_attributes
 from meshreel.formats.gltf.document import DRACO
@@ -30,6 +29,7 @@ from meshreel.formats.surfaces.welding import SplitMesh, weld_rows
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Surface
 from meshreel.runtime.counting import counted
+from meshreel.runtime.extras import DRACO as LIBRARY
 
 HEADER_START = b"DRACO\x02\x02\x01"
 """Start of a triangle mesh with bitstream version 2.2, the only one that glTF allows."""

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, MeshReelError
-from meshreel.formats.extras import HDF
 from meshreel.runtime.counting import counted
+from meshreel.runtime.extras import HDF
 
 MAX_RATIO = 1100  # deflate compresses by at most 1032:1
 MAX_LINKS = 64

@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from meshreel.arrays import Values
-from meshreel.formats.extras import HDF
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.hdf.reading import Node
 from meshreel.model.sequence import Vertices
 from meshreel.model.tracks import TrackSource, track_blocks
+from meshreel.runtime.extras import HDF
 
 
 class DeferredErrorFile(io.RawIOBase):

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.errors import FormatError
-from meshreel.formats.extras import DRACO_FRAMES as LIBRARY
 from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
@@ -22,6 +21,7 @@ from meshreel.formats.surfaces.seams import weld_seams
 from meshreel.formats.surfaces.welding import SplitMesh
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
+from meshreel.runtime.extras import DRACO_FRAMES as LIBRARY
 
 MAGIC = b"DRACO"
 GEOMETRY_TYPE = 7

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
+from meshreel.runtime.extras import USD
 
 NOT_UTF8 = "it contains text that is not UTF-8"
 

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.formats.usd.transforms import Matrix, Transforms
+from meshreel.runtime.extras import USD
 
 Indices = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.file_errors import refuse_pipe
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.usd.diagnostics import usd_errors
+from meshreel.runtime.extras import USD
 
 DEFAULT_RATE = 24.0
 """Time codes per second of a file that does not declare them, by the standard."""

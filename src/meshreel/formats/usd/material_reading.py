@@ -6,11 +6,11 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from meshreel.formats.extras import USD
 from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.usd.preview_surface import PreviewSurface
 from meshreel.formats.usd.stage_images import StageImages
 from meshreel.model.materials import Image, Material, select_materials
+from meshreel.runtime.extras import USD
 
 
 class StageMaterials:

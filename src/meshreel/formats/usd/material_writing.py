@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from meshreel.formats.extras import USD
 from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.usd.prim_names import prim_name, unique_name
 from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.model.materials import AlphaMode, Material
 from meshreel.model.surface import FaceGroups
+from meshreel.runtime.extras import USD
 
 
 class Materials:

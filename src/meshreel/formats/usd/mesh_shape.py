@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.holes import Mask, solid_faces
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.model.sequence import Vertices
 from meshreel.runtime.counting import counted
+from meshreel.runtime.extras import USD
 
 INFINITELY_SHARP = 10.0
 """Sharpness from which USD does not smooth a crease."""

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.extras import USD
 from meshreel.formats.frames.shared_data import Key
 from meshreel.formats.scenes.parts import PartMesh
 from meshreel.formats.usd.material_writing import Materials, set_display_name
@@ -16,6 +15,7 @@ from meshreel.formats.usd.quantities import COMPUTED, IS_ATTRIBUTE
 from meshreel.formats.usd.subsets import MATERIALS
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.runtime.extras import USD
 
 INTERPOLATIONS = {
     Domain.VERTEX: "vertex",

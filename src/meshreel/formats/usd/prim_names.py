@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from meshreel.formats.extras import USD
+from meshreel.runtime.extras import USD
 
 Elements = tuple[str, ...]
 

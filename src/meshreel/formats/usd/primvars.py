@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.extras import USD
 from meshreel.formats.notes import UNCHANGING, note_kinds
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
+from meshreel.runtime.extras import USD
 
 DOMAINS = {
     "vertex": Domain.VERTEX,

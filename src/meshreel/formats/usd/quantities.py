@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.formats.extras import USD
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.scenes.vector_transforms import Matrix, transform_normals, transform_vectors
 from meshreel.formats.usd.primvars import DERIVED, DOMAINS, primvar_kind
 from meshreel.formats.usd.sampling import Codes, attribute_codes
 from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
+from meshreel.runtime.extras import USD
 
 READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
 """Conversions of number types that tracks do not support, without loss."""

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.usd.diagnostics import usd_errors
@@ -46,6 +45,7 @@ from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.track_reading import MeshTracks
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.model.sequence import validate_fps
+from meshreel.runtime.extras import USD
 
 AnyMesh = StageMesh | InstancedMesh
 

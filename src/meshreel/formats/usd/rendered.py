@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.usd.instancers import PointInstancer, PrototypeInstances, all_prims_predicate
 from meshreel.formats.usd.mesh_shape import MeshShape
 from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
 from meshreel.formats.usd.sampling import attribute_codes
+from meshreel.runtime.extras import USD
 
 MAX_PRIMS = 1_000_000
 """Limit, since nested instances can make a small file expand to any number of prims."""

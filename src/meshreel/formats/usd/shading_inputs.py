@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
+from meshreel.runtime.extras import USD
 
 
 @dataclass(frozen=True)

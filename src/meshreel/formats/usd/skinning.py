@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.usd.instancers import all_prims_predicate
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.formats.usd.transforms import Transforms
 from meshreel.model.sequence import Vertices
+from meshreel.runtime.extras import USD
 
 
 @dataclass(frozen=True, eq=False)

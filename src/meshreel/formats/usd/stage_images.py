@@ -4,10 +4,10 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.surfaces.images import image_type
 from meshreel.model.materials import Image
+from meshreel.runtime.extras import USD
 
 
 class StageImages:

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.formats.extras import USD
 from meshreel.formats.usd.material_reading import MeshMaterials, label_of
 from meshreel.model.surface import FaceGroups, Int32s
+from meshreel.runtime.extras import USD
 
 MATERIALS = "materialBind"
 """The subset family for material bindings."""

@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from meshreel.formats.extras import USD
 from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.usd.prim_names import prim_name
 from meshreel.formats.usd.texture_reading import UV_READER, WRAPS, usd_translation
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
+from meshreel.runtime.extras import USD
 
 WRAP_TOKENS = {wrap: token for token, wrap in WRAPS.items()}
 PACKAGE_TYPES = ("image/png", "image/jpeg", "image/x-exr", "image/avif")

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.formats.extras import USD
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.usd.mesh_writing import INTERPOLATIONS, MeshWriter, primvar_names
 from meshreel.formats.usd.prim_names import prim_name, unique_name
 from meshreel.formats.usd.quantities import TRACK_KIND, TRACK_NAME, UNIT
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.runtime.extras import USD
 
 ELEMENTS = {
     "u1": "uchar", "i1": "int", "u2": "int", "i2": "int", "i4": "int", "u4": "uint",

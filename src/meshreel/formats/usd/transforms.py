@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.model.sequence import Vertices
+from meshreel.runtime.extras import USD
 
 Matrix = npt.NDArray[np.float64]
 

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import USD
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData, sharing_materials
@@ -33,6 +32,7 @@ from meshreel.formats.usd.track_writing import TrackWriter, track_writers
 from meshreel.model.materials import Image
 from meshreel.model.sequence import Corners
 from meshreel.model.tracks import TrackKind
+from meshreel.runtime.extras import USD
 
 UNSAVED_BYTES = 1 << 25
 PACKAGE_FOLDER = "textures"

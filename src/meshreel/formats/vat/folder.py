@@ -4,7 +4,6 @@ from pathlib import Path
 
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError
-from meshreel.formats.extras import OPEN_EXR, PNG
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.layouts import DEFAULT_LAYOUT, LAYOUT_NAMES, LAYOUTS, PCA
@@ -12,6 +11,7 @@ from meshreel.formats.vat.pca.write import PcaNames, write_pca
 from meshreel.formats.vat.plain import write_plain
 from meshreel.formats.vat.plain_layout import FileNames, PlainLayout
 from meshreel.formats.vat.textures import TexelType
+from meshreel.runtime.extras import OPEN_EXR, PNG
 
 TEXEL_TYPES = {
     "exr": (TexelType.HALF, TexelType.FLOAT),

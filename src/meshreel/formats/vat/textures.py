@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.extras import OPEN_EXR, PNG
 from meshreel.formats.notes import listed
+from meshreel.runtime.extras import OPEN_EXR, PNG
 
 Texels = npt.NDArray[Any]
 """Texels of shape (height, width, channels)."""

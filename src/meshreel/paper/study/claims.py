@@ -14,9 +14,9 @@ from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.evaluation.runs.run import Outcome, Run
 from meshreel.evaluation.runs.timing import REPEATS, processor_seconds_of, timed_on_both_clocks
-from meshreel.model.geometry.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
+from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.payloads import write_curves, write_rows
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import uniform_step

@@ -4,8 +4,8 @@ import statistics
 import time
 
 from meshreel.evaluation.runs.run import Outcome, Run
-from meshreel.model.geometry.laplacian import uniform_laplacian
 from meshreel.model.sequence import MeshSequence
+from meshreel.paper.laplacian import uniform_laplacian
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.runtime.progress import Progress
 

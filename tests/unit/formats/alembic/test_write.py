@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.extras import Extra
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.geometry.fans import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.runtime.extras import Extra
 from samples.meshes import quad_sheet
 from samples.opening import open_source
 from samples.surfaces import two_cubes

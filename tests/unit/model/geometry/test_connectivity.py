@@ -1,13 +1,7 @@
 import numpy as np
 
-from meshreel.model.geometry.connectivity import (
-    adjacency_matrix,
-    boundary_edges,
-    component_labels,
-    isolated_vertices,
-    undirected_edges,
-)
-from samples.meshes import grid_faces, irregular_sequence, octahedron_faces
+from meshreel.model.geometry.connectivity import boundary_edges, isolated_vertices, undirected_edges
+from samples.meshes import grid_faces, octahedron_faces
 
 
 def test_edges_are_listed_once_when_two_faces_share_one():
@@ -17,18 +11,6 @@ def test_edges_are_listed_once_when_two_faces_share_one():
 
 def test_edges_exclude_loops_of_degenerate_faces():
     assert undirected_edges(np.array([[0, 0, 1], [2, 2, 2]], np.int32)).tolist() == [[0, 1]]
-
-
-def test_adjacency_is_binary_when_faces_are_duplicated():
-    faces = np.array([[0, 1, 2], [0, 1, 2]], np.int32)
-    expected = np.ones((3, 3)) - np.eye(3)
-    np.testing.assert_array_equal(adjacency_matrix(faces, 3).toarray(), expected)
-
-
-def test_components_include_isolated_vertices():
-    sequence = irregular_sequence()
-    # Vertex 0, the grid, the octahedron, the last vertex.
-    assert component_labels(sequence.faces, sequence.n_verts)[0] == 4
 
 
 def test_isolated_vertices_include_those_of_degenerate_faces():

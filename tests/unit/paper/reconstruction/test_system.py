@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import SolverError
-from meshreel.model.geometry.laplacian import delta_coordinates, uniform_laplacian
+from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.reconstruction.system import ReconstructionSystem
 from samples.meshes import grid_faces, octahedron_faces
 

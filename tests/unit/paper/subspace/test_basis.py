@@ -4,7 +4,7 @@ import numpy as np
 
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
-from meshreel.model.geometry.laplacian import delta_coordinates, uniform_laplacian
+from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.subspace.basis import expand, project
 from samples.meshes import waving_grid
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.laplacian import uniform_laplacian
+from meshreel.paper.laplacian import uniform_laplacian
 from meshreel.paper.subspace.graph_fourier import check_basis_size, graph_fourier_basis
 from samples.meshes import grid_faces, octahedron_faces
 

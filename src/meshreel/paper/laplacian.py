@@ -6,8 +6,8 @@ from scipy.sparse import csr_array, diags_array
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.connectivity import adjacency_matrix
 from meshreel.model.sequence import Faces
+from meshreel.paper.adjacency import adjacency_matrix
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 

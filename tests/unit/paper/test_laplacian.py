@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.connectivity import adjacency_matrix
-from meshreel.model.geometry.laplacian import (
+from meshreel.paper.adjacency import adjacency_matrix
+from meshreel.paper.laplacian import (
     cotangent_laplacian,
     delta_coordinates,
     reproducing_laplacian,

@@ -3,10 +3,10 @@ import sys
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.extras import HDF, USD, Extra
 from meshreel.formats.load import load
 from meshreel.formats.registry import described_formats
 from meshreel.formats.save import save
+from meshreel.runtime.extras import HDF, USD, Extra
 from samples.meshes import waving_grid
 
 MISSING = Extra("hdf", "h5py", "surely_not_installed")
