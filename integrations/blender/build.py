@@ -45,9 +45,6 @@ TARGETS = {
 NOT_NEEDED = frozenset({"click", "numpy", "pillow", "rich"})
 """Blender includes NumPy; the others are for the command line and rendering."""
 
-BOUNDS = {"scipy": "<1.16"}
-"""Newer versions do not run with NumPy 1.24 of Blender 4.2 and 4.3."""
-
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Build the zip and print its size."""
@@ -82,12 +79,7 @@ def requirements() -> list[str]:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
     # Markers exclude only platforms that Blender does not support.
     stated = [requirement.partition(";")[0].strip() for requirement in project["dependencies"]]
-    names = [re.split(r"[<>=!~ \[]", one, maxsplit=1)[0] for one in stated]
-    return [
-        one + ("," + BOUNDS[name] if name in BOUNDS else "")
-        for name, one in zip(names, stated, strict=True)
-        if name not in NOT_NEEDED
-    ]
+    return [one for one in stated if re.split(r"[<>=!~ \[]", one, maxsplit=1)[0] not in NOT_NEEDED]
 
 
 def write_extension(output: Path, platforms: Iterable[str], wheels: Iterable[Path]) -> None:

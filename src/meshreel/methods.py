@@ -10,6 +10,9 @@ def _reel() -> Methods:
 
 
 def _paper() -> Methods:
+    from meshreel.runtime.extras import PAPER
+
+    PAPER.load()
     from meshreel.paper.method import METHODS
 
     return METHODS

@@ -1,6 +1,7 @@
 """Commands, options, links and files in the documentation exist."""
 
 import re
+import tomllib
 from itertools import pairwise
 
 import click
@@ -19,6 +20,8 @@ COMMANDS = {name: command_named(name) for name in NAMES}
 LANGUAGES = {"bash", "c", "cpp", "csharp", "html", "css", "js", "python", "text", "tsx"}
 OPEN = {"component"}
 """Parameters that also accept values that shell completion does not list."""
+DEVELOPMENT = {"core", "docs", "lint", "test", "verify"}
+"""Extras for work on meshreel."""
 every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 
 
@@ -188,6 +191,13 @@ def test_every_command_has_a_table_of_options():
     text = (ROOT / "docs/options.md").read_text(encoding="utf-8")
     tables = re.findall(r"^<!-- options: (\w+) -->$", text, re.MULTILINE)
     assert {*tables, "formats"} == set(COMMANDS)
+
+
+def test_installation_lists_every_extra_for_users():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    rows = re.findall(r"^\| (`.*?) \|", (ROOT / "docs/install.md").read_text("utf-8"), re.MULTILINE)
+    listed = re.findall(r"`(\w+)`", " ".join(rows))
+    assert sorted(listed) == sorted(project["optional-dependencies"].keys() - DEVELOPMENT)
 
 
 def test_readme_is_short():

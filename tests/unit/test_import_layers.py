@@ -109,6 +109,28 @@ def test_normative_code_imports_nothing_of_the_encoder():
     assert {name.split(".")[3] for name in own} == {"normative"}
 
 
+def imported_libraries(source):
+    """Top-level names of all imports of a module's text, also by name, anywhere in it."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names.add(node.module or "")
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("import_module", "Extra"):
+            names |= {one.value for one in node.args if isinstance(one, ast.Constant)}
+    return {name.partition(".")[0] for name in names}
+
+
+def test_only_the_paper_imports_its_solvers():
+    users = {
+        name_of(path)
+        for path in FILES
+        if {"scipy", "cholespy"} & imported_libraries(path.read_text(encoding="utf-8"))
+    }
+    assert {name for name in users if unit_of(name) != "paper"} == {"runtime.extras"}
+
+
 def test_picture_shows_the_table():
     drawn = runpy.run_path(str(DOCS / "architecture_picture.py"))["picture"](PAGE)
     assert drawn == (DOCS / "images" / "architecture.svg").read_text(encoding="utf-8")

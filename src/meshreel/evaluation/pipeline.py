@@ -21,6 +21,7 @@ from meshreel.rendering.documents.parts import (
     Table,
 )
 from meshreel.rendering.plots import require_matplotlib
+from meshreel.runtime.extras import PEERS
 from meshreel.runtime.progress import Count, Progress, silent
 
 
@@ -134,9 +135,10 @@ def evaluate(
     Raises
     ------
     InvalidInputError
-        If matplotlib is missing, or the folder contains other files.
+        If matplotlib or SciPy is missing, or the folder contains other files.
     """
     require_matplotlib()
+    PEERS.load()
     command = command or study.program
     claim_folder(out, study.program, command)
     figures = out / "figures"

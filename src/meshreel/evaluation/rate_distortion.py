@@ -8,9 +8,11 @@ piecewise cubic (PCHIP) interpolation instead of one cubic, as in JCTVC-B055.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+
+from meshreel.runtime.extras import PEERS
 
 Point = tuple[float, float]  # rate, error
 
@@ -81,7 +83,7 @@ def bd_rate(codec: Sequence[Point], other: Sequence[Point]) -> RateDifference:
     if not low < high:
         return RateDifference(None, reason="no common errors")
     rate, rate_other = (
-        PchipInterpolator(errors, rates).integrate(low, high) for errors, rates in curves
+        _interpolator(errors, rates).integrate(low, high) for errors, rates in curves
     )
     percent = 100 * np.expm1(float(rate - rate_other) / (high - low))
     return RateDifference(float(percent), float(np.exp(low)), float(np.exp(high)))
@@ -93,7 +95,7 @@ def rate_at_error(points: Sequence[Point], error: float) -> float | None:
     log_error = np.log(error)
     if len(errors) < 2 or not errors[0] <= log_error <= errors[-1]:
         return None
-    return float(np.exp(PchipInterpolator(errors, rates)(log_error)))
+    return float(np.exp(_interpolator(errors, rates)(log_error)))
 
 
 def compare_at_equal_rate(first: Sequence[Point], second: Sequence[Point]) -> Overlap | None:
@@ -109,9 +111,14 @@ def compare_at_equal_rate(first: Sequence[Point], second: Sequence[Point]) -> Ov
     if not low < high:
         return None
     rates = np.linspace(low, high, 101)
-    error, error_other = (PchipInterpolator(*curve.T)(rates) for curve in curves)
+    error, error_other = (_interpolator(*curve.T)(rates) for curve in curves)
     difference = float(np.mean(error - error_other))
     return Overlap(float(np.exp(low)), float(np.exp(high)), float(np.exp(difference)))
+
+
+def _interpolator(x: np.ndarray, y: np.ndarray) -> Any:
+    """Piecewise cubic (PCHIP) interpolation of y over ascending x."""
+    return PEERS.load("interpolate").PchipInterpolator(x, y)
 
 
 def _log_curve(points: Sequence[Point]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,12 +1,12 @@
 """Closest points on triangles, exact and without any library but SciPy."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from meshreel.arrays import Floats
+from meshreel.runtime.extras import SURFACES
 
 Indices = npt.NDArray[np.intp]
 
@@ -20,6 +20,17 @@ POINTS_AT_ONCE = 1 << 14
 
 MAX_PAIRS = 1 << 22
 """Largest number of pairs of packet and node in memory; with more, the points are halved."""
+
+
+def k_d_tree(points: Floats, **options: Any) -> Any:
+    """Return SciPy's k-d tree of the points.
+
+    Raises
+    ------
+    InvalidInputError
+        If SciPy, the extra [surfaces], is not installed.
+    """
+    return SURFACES.load("spatial").cKDTree(points, **options)
 
 
 class ClosestPoints(NamedTuple):
@@ -60,7 +71,7 @@ class TriangleTree:
             _dots(self._edges[i], self._edges[j]) for i, j in ((0, 0), (0, 1), (1, 1))
         )
         self._duals = _dual_edges(*self._edges)
-        self._centroids = cKDTree(corners.mean(axis=1))
+        self._centroids = k_d_tree(corners.mean(axis=1))
         self._order: Indices = self._centroids.indices
         low, high = corners.min(axis=1)[self._order], corners.max(axis=1)[self._order]
         self._boxes = [(low, high)]
@@ -74,7 +85,7 @@ class TriangleTree:
         if not len(points):
             return ClosestPoints(np.empty(0), np.empty(0, np.intp), np.empty((0, 3)))
         # Packets are neighbors in this order.
-        order = cKDTree(points, leafsize=PACKET, compact_nodes=False).indices
+        order = k_d_tree(points, leafsize=PACKET, compact_nodes=False).indices
         parts = [
             self._closest(points[order[start : start + POINTS_AT_ONCE]])
             for start in range(0, len(points), POINTS_AT_ONCE)

@@ -174,7 +174,7 @@ def measure_quality(
     """
     difference = connectivity_difference(original, decoded)
     if surface or (surface is None and difference):
-        from meshreel.metrics import surface_distance  # which imports SciPy's trees
+        from meshreel.metrics import surface_distance
 
         return surface_distance.compare_surfaces(
             *map(surface_distance.frames_of, (original, decoded)),

@@ -1,12 +1,21 @@
 """Exact diameter of a point cloud, also of flat ones."""
 
 import numpy as np
-from scipy.spatial import cKDTree
+import numpy.typing as npt
 
-from meshreel.arrays import Floats
+from meshreel.arrays import Floats, Integers
 
-_SLACK = 1e-9
-"""Relative margin for rounding when points are excluded; larger values only cost time."""
+SLACK = 1e-13
+"""Relative margin for rounding when points and pairs are excluded."""
+
+FANOUT = 4
+"""Children of each node of the tree of boxes."""
+
+MAX_PAIRS = 1 << 18
+"""Largest number of pairs of nodes that are compared at once."""
+
+CELLS = 1 << 16
+"""Cells along each axis of the grid whose Z-order sorts the points."""
 
 
 def diameter(points: Floats) -> float:
@@ -14,32 +23,84 @@ def diameter(points: Floats) -> float:
 
     Repeated jumps to the farthest point give a first pair at distance d. About its midpoint,
     ``|x - y|^2 = 2 |x|^2 + 2 |y|^2 - |x + y|^2`` shows that a longer pair needs
-    ``|x|^2 + |y|^2 >= d^2 / 2``, which excludes most points. The farthest partner of each other
-    point x is its nearest neighbor among the mirrored points -y, lifted by
-    ``sqrt(2 max|y|^2 - 2 |y|^2)`` into a fourth dimension to account for |y|. Unlike a convex hull
-    this needs no special case for planar, collinear or repeated points, and stays fast if every
-    point is on the hull.
+    ``|x|^2 + |y|^2 >= d^2 / 2``, which excludes most points. A tree of bounding boxes excludes
+    most pairs of the others: for two nodes, the largest |x|^2 and |y|^2 and the gap between the
+    boxes of x and -y bound the distance. Unlike a convex hull this needs no special case for
+    planar, collinear or repeated points, and stays fast if every point is on the hull.
 
     Parameters
     ----------
     points : float64 array of shape (N, 3), N at least 1, with coordinates of magnitude about 1
     """
     first, second = _distant_pair(points)
-    distance = float(np.linalg.norm(points[first] - points[second]))
+    longest = float(np.linalg.norm(points[first] - points[second]))
     centered = points - (points[first] + points[second]) / 2
     squares = np.einsum("na,na->n", centered, centered)
-    largest = squares.max()
-    is_candidate = squares + largest >= distance**2 / 2 * (1 - _SLACK)
-    centered, squares = centered[is_candidate], squares[is_candidate]
-    lift = np.sqrt(2 * (largest - squares))
-    tree = cKDTree(np.column_stack([-centered, lift]))
-    reach = np.sqrt(max(4 * largest - distance**2, 0) + _SLACK * largest)
-    queries = np.column_stack([centered, np.zeros_like(lift)])
-    partners = np.asarray(tree.query(queries, distance_upper_bound=reach)[1])
-    near = partners < len(centered)  # cKDTree returns N if nothing is within reach
-    pairs = centered[near] - centered[partners[near]]
-    longest = np.sqrt(np.einsum("na,na->n", pairs, pairs).max(initial=0))
-    return max(distance, float(longest))
+    is_candidate = 2 * (squares + squares.max()) >= longest**2 * (1 - SLACK)
+    candidates = np.unique(centered[is_candidate], axis=0)
+    return _longest_pair(candidates[_z_order(candidates)], longest)
+
+
+def _longest_pair(points: Floats, longest: float) -> float:
+    """Largest distance between two of the points, or `longest` if none is farther apart.
+
+    Parameters
+    ----------
+    points : float64 array of shape (N, 3)
+        Neighbors in this order should be close. Nodes are runs of `FANOUT` points or nodes.
+    """
+    levels = [(points, points, np.einsum("na,na->n", points, points))]
+    while len(levels[-1][0]) > FANOUT:
+        low, high, square = levels[-1]
+        starts = np.arange(0, len(low), FANOUT)
+        levels.append(
+            (
+                np.minimum.reduceat(low, starts),
+                np.maximum.reduceat(high, starts),
+                np.maximum.reduceat(square, starts),
+            )
+        )
+    pending = [(len(levels) - 1, *np.triu_indices(len(levels[-1][0])))]
+    while pending:
+        level, first, second = pending.pop()
+        if len(first) > MAX_PAIRS:
+            half = len(first) // 2
+            pending.append((level, first[:half], second[:half]))
+            pending.append((level, first[half:], second[half:]))
+            continue
+        low, high, square = levels[level]
+        gaps = np.maximum(low[first] + low[second], -(high[first] + high[second]))
+        np.maximum(gaps, 0.0, out=gaps)
+        bounds = 2 * (square[first] + square[second]) - np.einsum("na,na->n", gaps, gaps)
+        is_far = bounds >= longest**2 * (1 - SLACK)
+        first, second = first[is_far], second[is_far]
+        if level:
+            pending.append((level - 1, *_children(first, second, len(levels[level - 1][0]))))
+        else:
+            offsets = points[first] - points[second]
+            squares = np.einsum("na,na->n", offsets, offsets)
+            longest = max(longest, float(np.sqrt(squares.max(initial=0))))
+    return longest
+
+
+def _children(first: Integers, second: Integers, n_nodes: int) -> tuple[Integers, Integers]:
+    """All pairs of children of pairs of nodes, each once."""
+    child, other = np.divmod(np.arange(FANOUT**2), FANOUT)
+    first = (first[:, None] * FANOUT + child).ravel()
+    second = (second[:, None] * FANOUT + other).ravel()
+    exists = (first <= second) & (second < n_nodes)
+    return first[exists], second[exists]
+
+
+def _z_order(points: Floats) -> npt.NDArray[np.intp]:
+    """Order of the points along a Z-curve, in which neighbors are close."""
+    low, extent = points.min(axis=0), np.ptp(points, axis=0).max()
+    cells = ((points - low) * ((CELLS - 1) / (extent or 1.0))).astype(np.int64)
+    codes = np.zeros(len(points), np.int64)
+    for bit in range(CELLS.bit_length() - 1):
+        for axis in range(3):
+            codes |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(codes)
 
 
 def _distant_pair(points: Floats) -> tuple[int, int]:

@@ -1,7 +1,6 @@
 """Statistics of edge values over the vertex neighborhoods of STED."""
 
 import numpy as np
-from scipy.sparse import coo_array
 
 from meshreel.arrays import Floats, Integers
 
@@ -65,14 +64,13 @@ class _Incidence:
     """Row sums with a binary matrix of shape (R, C)."""
 
     def __init__(self, rows: Integers, columns: Integers, shape: tuple[int, int]) -> None:
-        self._matrix = coo_array((np.ones(len(rows)), (rows, columns)), shape=shape).tocsr()
-        counts = np.diff(self._matrix.indptr)
-        self._rows = np.repeat(np.arange(shape[0]), counts)
-        self._columns = self._matrix.indices.astype(np.intp)
+        self._n_rows = shape[0]
+        order = np.argsort(rows * shape[1] + columns)
+        self._rows, self._columns = rows[order], columns[order]
 
     def sums(self, values: Floats) -> Floats:
         """Sum of the values of each row, shape (R,)."""
-        return np.asarray(self._matrix @ values)
+        return self._sums(values[self._columns])
 
     def squares(self, weights: Floats, values: Floats, centers: Floats) -> Floats:
         """Sum of ``weights (values - center)^2`` of each row, shape (R,)."""
@@ -80,7 +78,11 @@ class _Incidence:
         offsets -= centers[self._rows]
         offsets *= offsets
         offsets *= weights[self._columns]
-        return np.bincount(self._rows, offsets, len(centers)).astype(np.float64, copy=False)
+        return self._sums(offsets)
+
+    def _sums(self, entries: Floats) -> Floats:
+        # Without any entry, bincount returns integers.
+        return np.bincount(self._rows, entries, self._n_rows).astype(np.float64, copy=False)
 
 
 def _triangles(edges: Integers, n_verts: int) -> tuple[Integers, Integers]:

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array, csr_array
 
 from meshreel.arrays import Floats, Integers
 from meshreel.metrics.frame_sums import sum_of_squares
@@ -66,8 +65,7 @@ class FrameNmsve:
     """
 
     def __init__(self, first: npt.NDArray[np.floating], faces: Faces, reference: Reference) -> None:
-        self._edges = undirected_edges(faces)
-        self._incidence = _signed_incidence(self._edges, len(first))
+        self._edges = np.ascontiguousarray(undirected_edges(faces).T)
         start = bounding_box_reference(first)
         diagonal = start.diagonal_scaled / start.scale * reference.scale
         self._size = 2 * len(first) * (diagonal or reference.diagonal_scaled)
@@ -80,24 +78,26 @@ class FrameNmsve:
         return relative(math.inf if math.isnan(error) else error, self._size)
 
     def _laplacian(self, frame: Floats) -> Floats:
-        return _geometric_laplacian(frame, self._edges, self._incidence)
+        return _geometric_laplacian(frame, self._edges)
 
 
-def _signed_incidence(edges: Integers, n_verts: int) -> csr_array:
-    """Matrix (V, E) with +1 at the first vertex of each edge and -1 at the second."""
-    signs = np.repeat([1.0, -1.0], len(edges))
-    positions = (edges.T.ravel(), np.tile(np.arange(len(edges)), 2))
-    return coo_array((signs, positions), shape=(n_verts, len(edges))).tocsr()
+def _geometric_laplacian(frame: Floats, edges: Integers) -> Floats:
+    """GL of every vertex, as ``(sum_j (v_i - v_j) / l_ij) / (sum_j 1 / l_ij)``, shape (3, V).
 
-
-def _geometric_laplacian(frame: Floats, edges: Integers, incidence: csr_array) -> Floats:
-    """GL of every vertex, as ``(sum_j (v_i - v_j) / l_ij) / (sum_j 1 / l_ij)``, shape (V, 3)."""
-    back = frame[edges[:, 0]] - frame[edges[:, 1]]
-    lengths = np.sqrt(np.einsum("ea,ea->e", back, back))
+    Parameters
+    ----------
+    frame : float64 array of shape (V, 3)
+    edges : integer array of shape (2, E)
+        Their first and second vertices.
+    """
+    (first, second), columns, n_verts = edges, np.ascontiguousarray(frame.T), len(frame)
+    back = columns[:, first] - columns[:, second]
+    lengths = np.sqrt(np.einsum("ae,ae->e", back, back))
     present = lengths > 0
     inverse = np.divide(1.0, lengths, out=np.full_like(lengths, np.inf), where=present)
-    unit = np.divide(back, lengths[:, None], out=np.zeros_like(back), where=present[:, None])
-    weights = abs(incidence) @ inverse
-    sums = incidence @ unit
-    weights = weights[:, None]
+    unit = np.divide(back, lengths, out=np.zeros_like(back), where=present)
+    weights = np.bincount(first, inverse, n_verts) + np.bincount(second, inverse, n_verts)
+    parts = [np.bincount(first, one, n_verts) - np.bincount(second, one, n_verts) for one in unit]
+    # Without any edge, bincount returns integers.
+    sums = np.stack(parts).astype(np.float64, copy=False)
     return np.asarray(np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0))

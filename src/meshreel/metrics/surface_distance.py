@@ -7,11 +7,10 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.closest_points import TriangleTree
+from meshreel.metrics.closest_points import TriangleTree, k_d_tree
 from meshreel.metrics.normals import DEGENERATE_AREA
 from meshreel.metrics.reference import Reference, reference_of_box
 from meshreel.metrics.surface_samples import (
@@ -364,7 +363,7 @@ def _grid_errors(
 ) -> tuple[float, float]:
     """Return the mean squared distances D1 and D2, each the larger one of both directions."""
     sets = [sample_on_grid(one, space.low, space.step) for one in (triangles, triangles_hat)]
-    trees = [cKDTree(one.points, balanced_tree=False) for one in sets]
+    trees = [k_d_tree(one.points, balanced_tree=False) for one in sets]
     there = _point_errors(sets[0], sets[1], trees[1], space)
     back = _point_errors(sets[1], sets[0], trees[0], space)
     return max(there[0], back[0]), max(there[1], back[1])

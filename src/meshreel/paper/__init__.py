@@ -23,10 +23,14 @@ step_for_all_rows     quantization steps of coefficients (Eq. 10); steps_for_eac
 quantize              integers of coefficients (Eq. 10); dequantize inverts it
 choose_anchors        farthest-point or random anchors
 ReconstructionSystem  least squares with anchors (Eqs. 11 and 12)
+
+They need the extra [paper].
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from meshreel.runtime.extras import PAPER
 
 if TYPE_CHECKING:
     from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
@@ -114,6 +118,7 @@ def __getattr__(name: str) -> Any:
     """Import public names lazily, because every start of the program imports this package."""
     if name not in _MODULES:
         raise AttributeError(f"module 'meshreel.paper' has no attribute {name!r}")
+    PAPER.load()
     module = import_module(f"meshreel.{_MODULES[name]}")
     return globals().setdefault(name, getattr(module, name))
 

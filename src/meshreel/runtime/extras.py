@@ -5,12 +5,12 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 
 
 @dataclass(frozen=True)
 class Extra:
-    """An optional library that some formats need.
+    """An optional library that some features need.
 
     Parameters
     ----------
@@ -20,11 +20,14 @@ class Extra:
         Name of the distribution on PyPI.
     module : str
         Name of the module to import.
+    error : subclass of MeshReelError, default FormatError
+        Raised if the library is not installed.
     """
 
     name: str
     library: str
     module: str
+    error: type[MeshReelError] = FormatError
 
     @property
     def is_installed(self) -> bool:
@@ -36,13 +39,13 @@ class Extra:
 
         Raises
         ------
-        FormatError
+        MeshReelError
             If it is not installed; the message gives the command to install it.
         """
         try:
             return import_module(f"{self.module}.{submodule}" if submodule else self.module)
         except ImportError as error:
-            raise FormatError(
+            raise self.error(
                 f"this needs {self.library} ({error}); "
                 f"install it with: pip install 'meshreel[{self.name}]'"
             ) from error
@@ -56,3 +59,6 @@ DRACO = Extra("gltf", "DracoPy", "DracoPy")  # only for Draco-compressed files
 DRACO_FRAMES = Extra("draco", "DracoPy", "DracoPy")
 PNG = Extra("textures", "imagecodecs", "imagecodecs")  # 16-bit PNG
 OPEN_EXR = Extra("textures", "OpenEXR", "OpenEXR")
+PAPER = Extra("paper", "SciPy", "scipy", InvalidInputError)
+SURFACES = Extra("surfaces", "SciPy", "scipy", InvalidInputError)  # to compare changing faces
+PEERS = Extra("peers", "SciPy", "scipy", InvalidInputError)  # to compare curves

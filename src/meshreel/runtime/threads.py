@@ -183,7 +183,8 @@ class _Limit:
 
 
 def _limit_blas() -> Any:
-    return _controller().limit(limits=1, user_api="blas")
+    # SciPy loads its own BLAS, which a controller finds only if it is loaded.
+    return _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
 
 
 _LIMIT = _Limit()
@@ -231,10 +232,8 @@ def n_cores() -> int:
     return min(available, _core_limit or available)
 
 
-@lru_cache(maxsize=1)
-def _controller() -> ThreadpoolController:
-    import scipy.linalg  # noqa: F401  loads its own BLAS, which the controller finds only if loaded
-
+@lru_cache(maxsize=2)
+def _controller(with_scipy: bool) -> ThreadpoolController:
     # threadpoolctl before 3.7 held the loader's lock while running Python: a deadlock with a thread
     # that imported a library, which needs that lock while it holds the interpreter's.
     return ThreadpoolController()

@@ -44,7 +44,7 @@ sys.setswitchinterval(1e-6)
 importing = threading.Thread(target=import_copies, daemon=True)
 importing.start()
 while importing.is_alive():
-    _controller.__wrapped__()
+    _controller.__wrapped__(True)
 """
 """Imports libraries in one thread, while another searches for BLAS libraries."""
 

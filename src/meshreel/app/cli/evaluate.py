@@ -69,8 +69,8 @@ def evaluate_command(
     """Compare rate, distortion and speed of our methods with other codecs, on your data.
 
     Writes report.md, report.html, figures/ and results/ (each run as JSON). Existing results are
-    not measured again. The extras [peers] and [meshopt] install codecs; the report lists missing
-    ones. Plots need the extra [plot].
+    not measured again. This needs the extras [peers] and [plot], and [paper] for methods of the
+    paper; [meshopt] installs one more codec. The report lists missing codecs.
 
     Examples:
 

@@ -77,7 +77,7 @@ def paper_command(
     """Run the variants of the paper, and write its tables and figures as a report.
 
     Writes report.md, report.html, figures/ and results/ (each result as JSON and .reel). Existing
-    results are not computed again. Figures need the extra [plot].
+    results are not computed again. This needs the extras [paper] and [plot].
 
     Examples:
 
@@ -92,6 +92,10 @@ def paper_command(
     - `meshreel paper walk.npz --modes 30 --bits 9 --choices anchor-values=coefficients`
     """
     from dataclasses import replace
+
+    from meshreel.runtime.extras import PAPER
+
+    PAPER.load()  # the modules of the study import it
 
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.evaluation.choices import checked_names

@@ -15,6 +15,7 @@ from meshreel.formats.sources import files_of_source
 from meshreel.model.flag import simulate_flag
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.plots import require_matplotlib
+from meshreel.runtime.extras import PEERS
 from meshreel.runtime.outputs.checks import check_output_folder
 
 
@@ -33,9 +34,10 @@ def check_before_work(inputs: Sequence[str], out: Path, others: Sequence[Path] =
     Raises
     ------
     InvalidInputError
-        If matplotlib or an input is missing, or the folder cannot be written.
+        If matplotlib, SciPy or an input is missing, or the folder cannot be written.
     """
     require_matplotlib()
+    PEERS.load()
     files = [file for source in inputs for file in files_of_source(source)]
     check_output_folder(out, inputs=[*files, *others])
 

@@ -1,7 +1,6 @@
 """Least squares by normal equations."""
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from meshreel.arrays import Floats
 from meshreel.runtime.threads import one_blas_thread
@@ -28,8 +27,15 @@ def solve_gram(gram: Floats, products: Floats) -> Floats:
     if not gram.size or not products.size:
         return np.zeros(products.shape)
     with one_blas_thread():
-        factor, failed = dpotrf(gram, lower=True)
-        pivots = np.diagonal(factor)
-        if not failed and pivots.min() > MIN_PIVOT * pivots.max():
-            return np.asarray(dpotrs(factor, products, lower=True)[0])
+        if _is_regular(gram):
+            return np.asarray(np.linalg.solve(gram, products))
         return np.asarray(np.linalg.lstsq(gram, products, rcond=None)[0])
+
+
+def _is_regular(gram: Floats) -> bool:
+    """Whether the smallest pivot of the Cholesky factor is reliable."""
+    try:
+        pivots = np.diagonal(np.linalg.cholesky(gram))
+    except np.linalg.LinAlgError:
+        return False
+    return bool(pivots.min() > MIN_PIVOT * pivots.max())

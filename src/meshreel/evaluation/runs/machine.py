@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
 from meshreel import __version__
+from meshreel.runtime.extras import PEERS
 
 
 def machine_facts() -> dict[str, str | int]:
@@ -20,7 +20,7 @@ def machine_facts() -> dict[str, str | int]:
         "platform": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "numpy": np.__version__,
-        "scipy": scipy.__version__,
+        "scipy": PEERS.load().__version__,
         "meshreel": __version__,
     }
 

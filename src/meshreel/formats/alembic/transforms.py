@@ -129,16 +129,28 @@ def _rotation(axis: npt.NDArray[np.float64], angle_deg: float) -> Matrix:
         return turn
 
 
+def _axis_and_angle(rotation: Matrix) -> tuple[npt.NDArray[np.float64], float]:
+    """Return the axis, of any length, and the angle of a rotation for row vectors, in degrees."""
+    products = np.empty((4, 4))  # of the quaternion with itself, times 4; its scalar comes first
+    products[1:, 1:] = rotation + rotation.T + (1 - np.trace(rotation)) * np.eye(3)
+    products[0, 0] = 1 + np.trace(rotation)
+    products[0, 1:] = products[1:, 0] = [
+        rotation[row, column] - rotation[column, row] for row, column in ((1, 2), (2, 0), (0, 1))
+    ]
+    quaternion = products[products.diagonal().argmax()]  # the largest one loses no digits
+    quaternion = quaternion * np.copysign(1.0, quaternion[0])
+    angle = 2 * np.arctan2(np.linalg.norm(quaternion[1:]), quaternion[0])
+    return quaternion[1:], float(np.rad2deg(angle))
+
+
 def _interpolate(first: Matrix, second: Matrix, weight: float) -> Matrix:
     """Return a matrix between two: rotations are interpolated spherically, the rest linearly."""
-    from scipy.spatial.transform import Rotation
-
     blend = (1 - weight) * first + weight * second
     if not np.isfinite(blend).all():
         return blend
     rotations, stretches = zip(*(_polar(one[:3, :3]) for one in (first, second)), strict=True)
-    vector = Rotation.from_matrix(rotations[0].T @ rotations[1]).as_rotvec() * weight
-    rotation = rotations[0] @ Rotation.from_rotvec(vector).as_matrix()
+    axis, angle_deg = _axis_and_angle(rotations[0].T @ rotations[1])
+    rotation = rotations[0] @ _rotation(axis, weight * angle_deg)
     blend[:3, :3] = ((1 - weight) * stretches[0] + weight * stretches[1]) @ rotation
     return blend
 

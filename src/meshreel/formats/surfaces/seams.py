@@ -1,8 +1,6 @@
 """Welding of surfaces that files split along the seams of textures and normals."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from meshreel.formats.surfaces.welding import Numbers, SplitMesh, weld_rows
 from meshreel.model.sequence import Vertices
@@ -37,8 +35,23 @@ def weld_seams(points: Vertices, triangles: Numbers) -> SplitMesh:
     # Two sides of a triangle coincide if its third has no length.
     are_apart = open_sides[pairs[:, 0]] // 3 != open_sides[pairs[:, 1]] // 3
     one, other = pairs[are_opposite & are_apart].T
-    joined = np.concatenate([starts[one], ends[one]]), np.concatenate([ends[other], starts[other]])
-    links = coo_array((np.ones(len(joined[0]), np.int8), joined), (n_points, n_points))
-    _, labels = connected_components(links, directed=False)
-    vertex_of, first = weld_rows([labels[:, np.newaxis]])
+    links = np.concatenate([[starts[one], ends[other]], [ends[one], starts[other]]], axis=1)
+    vertex_of, first = weld_rows([_lowest_linked(links, n_points)[:, np.newaxis]])
     return SplitMesh(vertex_of, first, triangles.ravel())
+
+
+def _lowest_linked(links: Numbers, n_points: int) -> Numbers:
+    """The lowest of all points that each point is linked to, directly or through others.
+
+    Parameters
+    ----------
+    links : int64 array of shape (2, L)
+        Pairs of points.
+    """
+    lowest = np.arange(n_points)
+    while (lowest[links[0]] != lowest[links[1]]).any():
+        roots, others = lowest[links]
+        np.minimum.at(lowest, np.maximum(roots, others), np.minimum(roots, others))
+        while (lowest[lowest] != lowest).any():
+            lowest = lowest[lowest]
+    return lowest

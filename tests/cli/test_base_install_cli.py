@@ -1,0 +1,93 @@
+"""The program without the libraries that only extras install."""
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import meshreel
+from samples.meshes import waving_grid
+
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
+
+OPTIONAL = (
+    "scipy", "cholespy", "matplotlib", "imageio_ffmpeg", "DracoPy", "blosc2", "fpzip", "pcodec",
+    "pysz", "zfpy", "meshoptimizer", "distributed", "alembic3d", "imath", "pxr", "h5py", "fsspec",
+    "imagecodecs", "OpenEXR",
+)  # fmt: skip
+"""Modules of the extras that users install."""
+
+PROGRAM = f"""
+import json, sys
+sys.modules.update(dict.fromkeys({OPTIONAL!r}))  # an import of these fails
+from meshreel.app.cli import main
+
+for words in json.loads(sys.argv[1]):
+    sys.argv = ["meshreel", *words]
+    try:
+        main()
+    except SystemExit as end:
+        if end.code:
+            raise
+"""
+
+COMMANDS = """
+demo --frames 12 --out demo
+encode demo/flag.npz -o near.reel --max-error 0.1
+encode demo/flag.npz -o exact.reel --lossless
+encode demo/flag.npz -o same.reel --sted 0.05
+info near.reel
+compare demo/flag.npz near.reel
+decode near.reel -o walk.glb
+decode near.reel -o walk.pvd
+decode near.reel -o frames/frame_%02d.obj
+encode frames/ -o part.reel --fps 30
+convert walk.glb -o back.npz
+render near.reel -o walk.png
+export near.reel -o walk.html --original demo/flag.npz
+batch demo streams
+"""
+
+
+def run_without_extras(folder, *lines):
+    words = json.dumps([line.split() for line in lines])
+    command = [sys.executable, "-c", PROGRAM, words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder)
+
+
+def test_base_installation_runs_every_base_command(tmp_path):
+    done = run_without_extras(tmp_path, *COMMANDS.strip().splitlines())
+    assert done.returncode == 0, done.stderr
+    original = meshreel.load(tmp_path / "demo" / "flag.npz")
+    near = meshreel.decode((tmp_path / "near.reel").read_bytes())
+    assert meshreel.compare(original, near).max_error_percent <= 0.1
+
+
+@pytest.mark.parametrize(
+    ("line", "extra"),
+    [
+        ("encode walk.npz -o walk.reel --method pca-qp", "paper"),
+        ("decode paper.reel -o back.npz", "paper"),
+        ("paper walk.npz --quick", "paper"),
+        ("compare walk.npz other.npz", "surfaces"),
+    ],
+)
+def test_missing_scipy_is_an_error_that_names_the_extra(tmp_path, line, extra):
+    sequence = waving_grid()
+    meshreel.save(sequence, tmp_path / "walk.npz")
+    other = meshreel.MeshSequence(sequence.vertices, sequence.faces[1:])
+    meshreel.save(other, tmp_path / "other.npz")
+    (tmp_path / "paper.reel").write_bytes(meshreel.encode(sequence, "pca-qp"))
+    done = run_without_extras(tmp_path, line)
+    assert done.returncode == 1
+    assert "this needs SciPy" in done.stderr
+    assert f"pip install 'meshreel[{extra}]'" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_base_dependencies_exclude_those_of_the_paper():
+    stated = " ".join(PROJECT["project"]["dependencies"])
+    assert not [name for name in ("scipy", "cholespy") if name in stated]
