@@ -1,8 +1,8 @@
 """Draco, applied to each frame separately."""
 
 from dataclasses import dataclass
+from importlib import import_module
 
-import DracoPy
 import numpy as np
 import numpy.typing as npt
 
@@ -49,7 +49,8 @@ class Draco:
 
     def decode(self, data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices:
         """Positions in Draco's order, which may repeat a vertex."""
-        frames = [np.asarray(DracoPy.decode(frame).points) for frame in unpack_frames(data)]
+        draco = import_module("DracoPy")
+        frames = [np.asarray(draco.decode(frame).points) for frame in unpack_frames(data)]
         if len({frame.shape for frame in frames}) != 1:
             raise InvalidInputError("Draco gives frames of different vertex counts")
         return np.stack(frames).astype(np.float32)
@@ -88,7 +89,8 @@ def draco_order(sequence: MeshSequence) -> Integers:
     bits = max((sequence.n_verts - 1).bit_length(), 1)
     numbered = np.zeros((sequence.n_verts, 3), np.float32)
     numbered[:, 0] = np.arange(sequence.n_verts)
-    stream = DracoPy.encode(
+    draco = import_module("DracoPy")
+    stream = draco.encode(
         numbered,
         sequence.faces.astype(np.uint32),
         quantization_bits=bits,
@@ -97,7 +99,7 @@ def draco_order(sequence: MeshSequence) -> Integers:
         quantization_origin=[0, 0, 0],
         create_metadata=False,
     )
-    points = np.asarray(DracoPy.decode(bytes(stream)).points)
+    points = np.asarray(draco.decode(bytes(stream)).points)
     numbers: Integers = np.rint(points[:, 0]).astype(np.int64)
     return numbers
 
@@ -119,7 +121,7 @@ def separate_equal(frame: Floats32) -> Floats32:
 
 def _encode_frame(vertices: Vertices, faces: npt.NDArray[np.uint32], bits: int) -> bytes:
     return bytes(
-        DracoPy.encode(
+        import_module("DracoPy").encode(
             vertices, faces, quantization_bits=bits, compression_level=LEVEL, create_metadata=False
         )
     )
