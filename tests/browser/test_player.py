@@ -224,11 +224,11 @@ def test_filling_in_interpolates_positions(own_page, decoded):
 
 
 def test_dragging_the_bar_shows_its_frame(page, decoded):
-    page.locator("#timeline input").fill("29")
+    page.locator(".bar input").fill("29")
     wait_until(page, "player.state().frame === 29")
     show(page, 29)
     assert np.abs(positions_of(page) - decoded[29]).max() < 1e-4 * diagonal_of(decoded)
-    assert page.locator("#timeline .text").inner_text().split()[:3] == ["29", "/", str(LAST)]
+    assert page.locator(".bar .text").inner_text().split()[:3] == ["29", "/", str(LAST)]
 
 
 def test_measured_frame_rate_exceeds_1(page, record_property):
@@ -246,7 +246,7 @@ def test_player_plays_in_the_frame_of_a_notebook_when_a_file_shows_itself(new_pa
     wait_until(frame, "window.player?.state?.().playing === true")
     wait_until(frame, "player.state().frame > 3")
     assert not frame.locator("#panel").is_visible()
-    assert 0.05 < covered(picture_of(frame, "#canvas")).mean() < 0.9
+    assert 0.05 < covered(picture_of(frame, "canvas")).mean() < 0.9
 
 
 def test_page_sends_no_external_requests(browser, new_page, compared_url):
@@ -277,7 +277,7 @@ def test_heat_map_colors_the_mesh(own_compared):
     own_compared.evaluate("player.setHeat('distance')")
     own_compared.get_by_label(re.compile("Colou?rs span the shown frame only")).check()
     own_compared.evaluate("player.setHeat('distance')")
-    picture = picture_of(own_compared, "#canvas")[60:]
+    picture = picture_of(own_compared, "canvas")[60:]
     painted = picture[covered(picture)]
     steps = np.linspace(0, len(HEAT) - 1, 200)
     channels = np.array(HEAT).T
@@ -342,7 +342,7 @@ def test_legend_shows_ends_and_ticks(compared):
 def test_legend_covers_nothing(new_page, compared_url, width, height):
     page = new_page(compared_url, width=width, height=height)
     page.evaluate("player.setHeat('distance')")
-    legend, canvas = (page.locator(one).bounding_box() for one in (".legend", "#canvas"))
+    legend, canvas = (page.locator(one).bounding_box() for one in (".legend", "canvas"))
     assert legend["y"] >= canvas["y"] + canvas["height"]
     for inner in (page.locator(f".legend {part}") for part in (".title", ".colors", ".values")):
         box = inner.bounding_box()
@@ -367,7 +367,7 @@ def test_panel_shows_ratio_errors_and_sizes(compared):
 
 
 def test_mesh_is_centered_at_first(own_page):
-    mask = covered(picture_of(own_page, "#canvas"))[60:]
+    mask = covered(picture_of(own_page, "canvas"))[60:]
     assert 0.1 < mask.mean() < 0.7
     middle = np.argwhere(mask).mean(axis=0) / mask.shape
     assert np.abs(middle - 0.5).max() < 0.25
@@ -377,7 +377,7 @@ def test_mesh_is_centered_at_first(own_page):
 def test_mesh_fills_two_thirds_of_the_canvas_at_first(new_page, url, width, height):
     page = new_page(url, width=width, height=height)
     page.evaluate("document.getElementById('name').hidden = true")
-    mask = covered(picture_of(page, "#canvas"))
+    mask = covered(picture_of(page, "canvas"))
     shares = [np.ptp(np.flatnonzero(mask.any(axis=axis))) / mask.shape[1 - axis] for axis in (0, 1)]
     assert max(shares) > FILLED
     assert max(shares) < 1
@@ -389,26 +389,26 @@ def test_followed_mesh_stays_centered(new_page, url):
     for frame in (0, LAST):
         show(page, frame)
         page.wait_for_timeout(200)
-        mask = covered(picture_of(page, "#canvas"))[60:]
+        mask = covered(picture_of(page, "canvas"))[60:]
         assert 0.1 < mask.mean() < 0.8, frame
         assert np.abs(np.argwhere(mask).mean(axis=0) / mask.shape - 0.5).max() < 0.12, frame
 
 
 def test_meshes_side_by_side_have_the_same_size(compared):
-    left, right = np.array_split(covered(picture_of(compared, "#canvas"))[60:-120], 2, axis=1)
+    left, right = np.array_split(covered(picture_of(compared, "canvas"))[60:-120], 2, axis=1)
     assert left.mean() > 0.05
     assert left.mean() == pytest.approx(right.mean(), rel=0.02)
 
 
 def test_views_share_a_camera(own_compared):
-    before = picture_of(own_compared, "#canvas")
-    box = own_compared.locator("#canvas").bounding_box()
+    before = picture_of(own_compared, "canvas")
+    box = own_compared.locator("canvas").bounding_box()
     own_compared.mouse.move(box["x"] + box["width"] * 0.25, box["y"] + box["height"] / 2)
     own_compared.mouse.down()
     own_compared.mouse.move(box["x"] + box["width"] * 0.35, box["y"] + box["height"] * 0.6, steps=4)
     own_compared.mouse.up()
     own_compared.wait_for_timeout(300)
-    after = picture_of(own_compared, "#canvas")
+    after = picture_of(own_compared, "canvas")
     changed = np.abs(after - before).max(axis=2) > 12
     left, right = np.array_split(changed[60:], 2, axis=1)
     assert min(left.mean(), right.mean()) > 0.03
@@ -417,7 +417,7 @@ def test_views_share_a_camera(own_compared):
 def test_overlay_draws_lines_of_the_original(own_compared):
     own_compared.locator("[name=arrangement][value=over]").check()
     own_compared.wait_for_timeout(300)
-    red, _, blue = picture_of(own_compared, "#canvas")[60:].transpose(2, 0, 1)
+    red, _, blue = picture_of(own_compared, "canvas")[60:].transpose(2, 0, 1)
     assert (red - blue > 40).mean() > 0.01
 
 
@@ -429,12 +429,12 @@ def test_overlay_is_not_hidden_when_the_original_lies_just_behind(new_page, flag
         page = new_page(address)
         page.locator("[name=arrangement][value=over]").check()
         page.wait_for_timeout(300)
-        red, _, blue = picture_of(page, "#canvas")[60:].transpose(2, 0, 1)
+        red, _, blue = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
     assert (red - blue > 40).mean() > 0.02
 
 
 def test_keys_act_like_their_controls(own_page):
-    before = picture_of(own_page, "#canvas")
+    before = picture_of(own_page, "canvas")
     for key, changed in (
         ("w", "#wire"),
         ("f", "[name=shading][value=smooth]"),
@@ -443,7 +443,7 @@ def test_keys_act_like_their_controls(own_page):
         own_page.keyboard.press(key)
         assert own_page.locator(changed).is_checked(), key
         own_page.wait_for_timeout(300)
-        after = picture_of(own_page, "#canvas")
+        after = picture_of(own_page, "canvas")
         assert (after != before).any(), key
         before = after
 
@@ -529,11 +529,11 @@ def test_nothing_overflows_on_a_phone(new_page, compared_url):
         page.set_viewport_size({"width": 390, "height": height})
         wait_until(page, f"innerHeight === {height}")
         assert page.evaluate("document.documentElement.scrollWidth") == 390
-        for control in page.locator("#timeline button:visible").all():
+        for control in page.locator("#player button:visible").all():
             box = control.bounding_box()
             assert min(box["width"], box["height"]) >= 40
             assert box["x"] + box["width"] <= 390
-        assert page.locator("#canvas").bounding_box()["height"] > 0.25 * height
+        assert page.locator("canvas").bounding_box()["height"] > 0.25 * height
 
 
 def test_pages_do_not_disturb_each_other_when_two_are_open(new_page, url, decoded):
@@ -568,7 +568,7 @@ def test_page_skips_a_block_and_shows_an_error_when_it_is_damaged(
         page = new_page(address)
         page.get_by_role("alert").wait_for()  # blocks are fetched ahead
         told = page.get_by_role("alert").inner_text()
-        assert "Frames 12 to 23 are damaged and left out" in told
+        assert "Frames 12 to 23 are missing: " in told
         show(page, 30)
         assert np.abs(positions_of(page) - decoded[30]).max() < 1e-4 * diagonal_of(decoded)
         show(page, 0)
@@ -617,11 +617,11 @@ def textured(tmp_path):
 def test_exported_page_shows_an_image_when_it_has_one(new_page, textured, tmp_path):
     Image.new("RGB", (16, 16), (220, 30, 30)).save(tmp_path / "red.png")
     page = new_page(textured(tmp_path / "red.png"))
-    red, green, blue = picture_of(page, "#canvas")[60:].transpose(2, 0, 1)
+    red, green, blue = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
     assert ((red - green > 100) & (red - blue > 100)).mean() > 0.05
     page.get_by_label(re.compile("Colou?rs of the file")).uncheck()
     page.wait_for_timeout(300)
-    red, green, _ = picture_of(page, "#canvas")[60:].transpose(2, 0, 1)
+    red, green, _ = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
     assert (red - green > 100).mean() < 0.001
 
 
@@ -630,7 +630,7 @@ def test_exported_page_plays_a_video_with_the_mesh_when_it_has_one(new_page, tex
     page = new_page(textured(tmp_path / "moving.webm"))
     show(page, 40)
     assert np.abs(positions_of(page)[0, 0] - 40 * STEP) < STEP / 10
-    red, _, blue = picture_of(page, "#canvas")[60:].transpose(2, 0, 1)
+    red, _, blue = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
     assert (np.abs(red - blue) > 40).mean() > 0.02
     page.get_by_role("button", name="Play").click()
     wait_until(page, "player.state().frame > 50")

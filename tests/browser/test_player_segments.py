@@ -55,10 +55,10 @@ def test_exported_page_shows_edges_of_the_current_segment(new_page, exported, de
     page.keyboard.press("w")
     assert_frames_match(page, decoded)
     show(page, 7)
-    first = picture_of(page, "#canvas")
+    first = picture_of(page, "canvas")
     show(page, 1)
     show(page, 7)
-    assert np.abs(picture_of(page, "#canvas").astype(int) - first).max() <= 8
+    assert np.abs(picture_of(page, "canvas").astype(int) - first).max() <= 8
 
 
 def test_a_comparison_is_refused(path):

@@ -1,17 +1,14 @@
 // Connects controls and keys with their actions.
 
-import { Legend } from "../player/legend.js";
 import { ComparisonPanel } from "./comparison.js";
 import { Labels } from "./labels.js";
 import type { Opening } from "./opening.js";
 import { Choice, inputById, byId } from "./page.js";
 import { Panel } from "./panel.js";
-import type { Arrangement, Look, Picture, Shading } from "./picture.js";
+import type { Arrangement, Background, Look, Picture, Shading } from "./picture.js";
 import type { Player } from "./player.js";
 import type { Reel } from "./facts.js";
 import { saveScreenshot } from "./screenshot.js";
-import type { Background, Stage } from "./stage.js";
-import { Timeline } from "./timeline.js";
 import { TrackPanel } from "./tracks/panel.js";
 
 const PHONE = "(max-width: 720px)";
@@ -19,33 +16,30 @@ const PHONE = "(max-width: 720px)";
 /** Connect all controls of the page. */
 export function connectControls(
   reel: Reel,
-  stage: Stage,
   picture: Picture,
   player: Player,
   opening: Opening,
 ): TrackPanel {
-  const legend = new Legend();
-  byId("stage").append(legend.element);
-  const timeline = new Timeline(player, reel);
+  const { legend, view } = player.parts;
   const panel = new Panel(player, reel);
   const comparison = reel.original && new ComparisonPanel(player, reel.original, opening);
   const tracks = new TrackPanel(reel, picture, player);
-  byId("canvas").addEventListener("dblclick", ({ clientX, clientY }) => {
+  view.canvas.addEventListener("dblclick", ({ clientX, clientY }) => {
     if (player.hasTrack) tracks.pick(picture.pickAt(clientX, clientY));
   });
   const actions: Actions = {
-    ...timelineKeys(timeline, reel),
-    ...viewKeys(reel, stage, picture, player, legend),
+    ...playbackKeys(player, reel),
+    ...viewKeys(reel, picture, player),
     "[": () => player.setModes(player.state().modes - 1),
     "]": () => player.setModes(player.state().modes + 1),
     h: () => comparison?.nextHeat(),
     t: () => tracks.next(),
-    g: () => timeline.bar.toggleFullScreen(),
     p: togglePanel,
     "?": () => byId<HTMLDialogElement>("help").showModal(),
   };
   listenForKeys(actions);
   const buttons = {
+    loop: "l",
     reset: "r",
     screenshot: "s",
     "panel-button": "p",
@@ -56,43 +50,47 @@ export function connectControls(
   if (isFramed || (window.matchMedia(PHONE).matches && !reel.original)) togglePanel();
   const labels = new Labels();
   player.onChange = () => {
-    timeline.update();
     panel.update();
     comparison?.update();
     tracks.update(player.frame, player.isPlaying);
     const modes = player.state().isFew ? panel.modesText : "";
     legend.show(comparison?.legendContent(modes) ?? tracks.legendContent);
-    labels.update(picture.look.arrangement, stage.isPortrait, player.isTrackMissing);
+    labels.update(picture.look.arrangement, view.isPortrait, player.isTrackMissing);
   };
-  stage.onChange = () => player.redraw();
   return tracks;
 }
 
-function timelineKeys(timeline: Timeline, reel: Reel): Actions {
+/** Return the keys of playback. */
+function playbackKeys(player: Player, reel: Reel): Actions {
+  const { element, parts } = player;
+  const seek = (frame: number): void => void player.seek(frame).catch(player.onError);
+  const skip = (count: number): void => {
+    element.pause();
+    seek(player.frame + count);
+  };
   return {
-    " ": () => timeline.toggle(),
-    ArrowLeft: () => timeline.skip(-1),
-    ArrowRight: () => timeline.skip(1),
-    ShiftArrowLeft: () => timeline.skip(-10),
-    ShiftArrowRight: () => timeline.skip(10),
-    Home: () => timeline.seek(0),
-    End: () => timeline.seek(reel.segments.info.nFrames - 1),
-    "-": () => timeline.bar.changeSpeed(-1),
-    "+": () => timeline.bar.changeSpeed(1),
-    "=": () => timeline.bar.changeSpeed(1),
-    l: () => timeline.toggleLoop(),
+    " ": () => player.toggle(),
+    ArrowLeft: () => parts.step(-1),
+    ArrowRight: () => parts.step(1),
+    ShiftArrowLeft: () => skip(-10),
+    ShiftArrowRight: () => skip(10),
+    Home: () => seek(0),
+    End: () => seek(reel.segments.info.nFrames - 1),
+    "-": () => parts.bar.changeSpeed(-1),
+    "+": () => parts.bar.changeSpeed(1),
+    "=": () => parts.bar.changeSpeed(1),
+    l: () => {
+      element.loop = !element.loop;
+      byId("loop").setAttribute("aria-pressed", String(element.loop));
+    },
+    g: () => parts.bar.toggleFullScreen(),
   };
 }
 
 /** Connect the controls of the view; returns their keys. */
-function viewKeys(
-  reel: Reel,
-  stage: Stage,
-  picture: Picture,
-  player: Player,
-  legend: Legend,
-): Actions {
+function viewKeys(reel: Reel, picture: Picture, player: Player): Actions {
   const { look } = picture;
+  const { element, parts } = player;
   const choose =
     <K extends keyof Look>(name: K) =>
     (value: Look[K]) => {
@@ -108,12 +106,13 @@ function viewKeys(
     look.arrangement,
     choose("arrangement"),
   );
-  const up = new Choice<"y" | "z">("up", reel.up, (axis) => stage.setUp(axis));
+  element.up = reel.up;
+  const up = new Choice<"y" | "z">("up", reel.up, (axis) => (element.up = axis));
   const wire = checkbox("wire", choose("wire"));
   const follow = checkbox("follow", (isFollowed) => picture.setFollowed(isFollowed));
   byId("own-look-row").hidden = !picture.hasFileMaterials;
   checkbox("own-look", choose("usesFileMaterials"));
-  checkbox("smooth-play", (isSmooth) => player.setSmoothPlay(isSmooth));
+  checkbox("smooth-play", (isSmooth) => (element.interpolate = isSmooth));
   return {
     f: () => shading.next(),
     b: () => background.next(),
@@ -121,10 +120,10 @@ function viewKeys(
     w: () => wire.click(),
     c: () => follow.click(),
     o: () => reel.original && arrangement.next(),
-    r: () => stage.reset(),
+    r: () => element.resetCamera(),
     s: () => {
-      player.drawNow();
-      saveScreenshot(byId("canvas"), legend, `${reel.name}-${player.frame}.png`);
+      parts.view.drawNow();
+      saveScreenshot(parts, `${reel.name}-${player.frame}.png`);
     },
   };
 }
@@ -142,24 +141,28 @@ function togglePanel(): void {
 
 type Actions = Record<string, () => unknown>;
 
-/** Handle keys, except those that the focused control handles. */
+/** Handle keys, except those that the focused control handles; before the player handles them. */
 function listenForKeys(actions: Actions): void {
-  document.addEventListener("keydown", (event) => {
+  const handle = (event: KeyboardEvent): void => {
     if (event.ctrlKey || event.metaKey || event.altKey || isHandledByControl(event)) return;
     const key = event.shiftKey && event.key.startsWith("Arrow") ? `Shift${event.key}` : event.key;
     const action = actions[key] ?? actions[key.toLowerCase()];
     if (!action) return;
     event.preventDefault();
+    event.stopPropagation();
     action();
-  });
+  };
+  document.addEventListener("keydown", handle, { capture: true });
 }
 
-function isHandledByControl({ target, key }: KeyboardEvent): boolean {
+function isHandledByControl(event: KeyboardEvent): boolean {
   if (document.querySelector("dialog[open]")) return true;
+  const [target] = event.composedPath();
+  const { key } = event;
   if (!(target instanceof HTMLElement)) return false;
   if (target instanceof HTMLSelectElement) return true;
   if (target instanceof HTMLInputElement)
-    return key === " " || (!target.closest("#timeline") && isNavigationKey(key));
+    return key === " " || (!target.closest(".bar") && isNavigationKey(key));
   return target instanceof HTMLButtonElement && (key === " " || key === "Enter");
 }
 

@@ -1,6 +1,7 @@
 // Loads data: exported pages embed or reference them; otherwise the server provides them.
 
-import { ReelFile, SegmentedReelFile, type TrackValues } from "../index.js";
+import { ReelFile, type TrackValues } from "../index.js";
+import type { ReelPlayerElement } from "../player/element.js";
 
 import type { Facts, ErrorProgress, Reel } from "./facts.js";
 
@@ -30,13 +31,23 @@ export interface Originals {
   values(track: string, number: number): Promise<TrackValues>;
 }
 
-/** Open the file and load its metadata. */
-export async function openReel(): Promise<Reel> {
+/** Load the metadata of the file. */
+export async function loadFacts(): Promise<Facts> {
+  return window.MESHREEL?.facts ?? ((await request("api/facts")).json() as Promise<Facts>);
+}
+
+/** Open the file in a player, with the embedded image or video for the mesh, if any. */
+export async function openInPlayer(player: ReelPlayerElement): Promise<void> {
   const { MESHREEL: exported } = window;
-  const facts = exported?.facts ?? ((await (await request("api/facts")).json()) as Facts);
   const source = exported ? fileSource(exported.stream) : "stream.reel";
-  const segments = await SegmentedReelFile.open(source);
-  return { ...facts, segments, file: segments.first };
+  if (typeof source === "string") player.src = source;
+  else player.srcObject = source;
+  const texture = embeddedTexture();
+  if (texture) Object.assign(player, { texture: texture.url, textureKind: texture.kind });
+  await new Promise((resolve, reject) => {
+    player.addEventListener("load", resolve, { once: true });
+    player.addEventListener("error", ({ error }) => reject(error as Error), { once: true });
+  });
 }
 
 /** Load the errors of all frames, or the progress of measuring them. */
@@ -80,7 +91,7 @@ export async function openOriginals({ file, original: info }: Reel): Promise<Ori
 }
 
 /** Return the embedded image or video for the mesh, if any. */
-export function embeddedTexture(): { url: string; kind: "image" | "video" } | null {
+function embeddedTexture(): { url: string; kind: "image" | "video" } | null {
   const embedded = window.MESHREEL?.texture;
   if (!embedded) return null;
   const { mediaType } = embedded;

@@ -1,6 +1,6 @@
 // Metadata from the server or the exported page, in addition to those of the file.
 
-import type { ReelFile, SegmentedReelFile } from "../index.js";
+import type { OpenReel, OpenSegments } from "../index.js";
 
 import type { TrackSettings } from "./tracks/settings.js";
 
@@ -65,9 +65,6 @@ export interface ErrorProgress extends Errors {
 /** Metadata of a file. */
 export interface Facts {
   name: string;
-  /** Bounding box of all frames, in model units. */
-  low: [number, number, number];
-  high: [number, number, number];
   /** Extreme positions of all frames, relative to the center of the file. */
   swept: [number, number, number][];
   up: "y" | "z";
@@ -84,19 +81,14 @@ export interface Facts {
 /** An open file and its metadata. */
 export interface Reel extends Facts {
   /** The file with all its segments. */
-  readonly segments: SegmentedReelFile;
+  readonly segments: OpenSegments;
   /** The first segment; most files have only one. */
-  readonly file: ReelFile;
+  readonly file: OpenReel;
 }
 
 /** Playback rate in frames per second; 24 if the file does not define it. */
 export function playbackFps({ file }: Reel): number {
   return file.info.fps > 0 ? file.info.fps : 24;
-}
-
-/** Time of a frame in seconds, including the start time of the file. */
-export function frameTime(reel: Reel, frame: number): number {
-  return reel.file.info.startS + frame / playbackFps(reel);
 }
 
 /** Largest number of modes of a block. */

@@ -1,35 +1,34 @@
 // Entry point of the page.
 
+import "../player/index.js";
+import { partsOf } from "../player/element.js";
 import { connectControls } from "./controls.js";
-import { embeddedTexture, openReel } from "./data.js";
+import { loadFacts, openInPlayer } from "./data.js";
 import type { Reel } from "./facts.js";
 import { Opening } from "./opening.js";
-import { byId, showError } from "./page.js";
+import { byId, playerElement, showError } from "./page.js";
 import { Picture, type Look } from "./picture.js";
 import { Player } from "./player.js";
-import { Stage } from "./stage.js";
 import { exposeForTests } from "./window_player.js";
 
 async function start(): Promise<void> {
-  const reel = await openReel();
+  const element = playerElement();
+  const parts = partsOf(element);
+  parts.view.camera.zoomsAlways = true;
+  parts.bar.isDetailed = true;
+  parts.bar.element.before(parts.legend.element);
+  const [facts] = await Promise.all([loadFacts(), openInPlayer(element)]);
+  const { file: segments, mesh } = element;
+  if (!segments || !mesh) throw new Error("The player was removed from the page.");
+  const reel: Reel = { ...facts, segments, file: segments.first };
   document.title = `${reel.name} – meshreel`;
   byId("name").textContent = reel.name;
-  const canvas = byId<HTMLCanvasElement>("canvas");
-  const stage = new Stage(canvas, reel);
-  canvas.addEventListener("webglcontextlost", () =>
-    showError(new Error("The browser has dropped the WebGL context of this page. Reload it.")),
-  );
-  const texture = embeddedTexture();
-  const picture = new Picture(stage, reel, firstLook(reel), texture !== null);
-  stage.setUp(reel.up);
-  const player = new Player(reel, picture);
+  const picture = new Picture(parts, mesh, reel, firstLook(reel), element.texture !== null);
+  const player = new Player(element, reel, picture);
   const opening = new Opening(reel, player);
-  player.onError = showError;
-  const tracks = connectControls(reel, stage, picture, player, opening);
+  const tracks = connectControls(reel, picture, player, opening);
   exposeForTests(player, picture, opening, tracks);
-  if (texture) {
-    await picture.mesh.setTexture(texture.url, { kind: texture.kind }).catch(showError);
-  }
+  parts.frame();
   await player.seek(0);
   await opening.begin();
   if (reel.colored_by) await tracks.show(reel.colored_by).catch(showError);
@@ -49,4 +48,6 @@ function firstLook(reel: Reel): Look {
 
 const ready = start();
 window.player = { ready } as typeof window.player;
-ready.catch(showError);
+ready.catch((error: unknown) => {
+  if (error !== playerElement().error) showError(error); // the player displays its own errors
+});

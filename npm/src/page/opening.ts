@@ -27,7 +27,7 @@ export class Opening {
       await this.player.setHeat(distance.kind);
       await this.seekLargestError();
     } else if (segments.info.nFrames > 1 && !matchMedia("(prefers-reduced-motion: reduce)").matches) {
-      this.player.play();
+      this.player.toggle();
     }
   }
 

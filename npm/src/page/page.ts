@@ -1,5 +1,7 @@
 // Helpers for DOM elements.
 
+import { partsOf, type ReelPlayerElement } from "../player/element.js";
+
 /** Return the element of index.html with an id. */
 export function byId<T extends Element = HTMLElement>(id: string): T {
   return document.getElementById(id) as unknown as T;
@@ -47,11 +49,13 @@ export class Choice<T extends string> {
   }
 }
 
+/** The player of the page. */
+export function playerElement(): ReelPlayerElement {
+  return byId<ReelPlayerElement>("player");
+}
+
 /** Show an error until the user closes it. */
 export function showError(error: unknown): void {
-  const box = byId("message");
   const text = error instanceof Error ? error.message : String(error);
-  (box.querySelector("p") as HTMLElement).textContent = text;
-  box.hidden = false;
-  (box.querySelector("button") as HTMLElement).onclick = () => (box.hidden = true);
+  partsOf(playerElement()).messages.showError(text, false, false);
 }

@@ -1,7 +1,9 @@
 // The contents of the views: the decoded mesh, the original, heat maps and shading.
 
 import type { TrackValues } from "../index.js";
-import { type ColorLegend, ReelMesh } from "../three/index.js";
+import type { PlayerParts } from "../player/element.js";
+import type { View } from "../player/view.js";
+import type { ColorLegend, ReelMesh } from "../three/index.js";
 import * as THREE from "three";
 
 import { extremePoints } from "./extreme_points.js";
@@ -9,10 +11,10 @@ import { uniqueEdges } from "./edges.js";
 import type { Reel } from "./facts.js";
 import { MeshView } from "./shading/mesh_view.js";
 import { OriginalMesh } from "./shading/original.js";
-import type { Background, Stage } from "./stage.js";
 import { parseComponent, type TrackSettings, DEFAULT_RANGE } from "./tracks/settings.js";
 import { type Picked, pickFirst } from "./tracks/pick.js";
 
+export type Background = "light" | "dark" | "none";
 export type Shading = "flat" | "smooth";
 export type Arrangement = "decoded" | "beside" | "over";
 
@@ -47,7 +49,9 @@ const ORIGINAL_INK: [number, number, number] = [0.93, 0.42, 0.1];
 const MARKER: [number, number, number] = [1, 0.1, 0.6];
 
 export class Picture {
-  readonly mesh: ReelMesh;
+  private readonly view: View;
+  /** Extreme positions of all frames, relative to the center of the file. */
+  private readonly sweptPoints: THREE.Vector3[];
   /** Whether the file has colors or materials, or a texture is shown. */
   readonly hasFileMaterials: boolean;
   private readonly decoded: MeshView;
@@ -64,20 +68,21 @@ export class Picture {
   private markedVertex: number | null = null;
 
   constructor(
-    private readonly stage: Stage,
+    private readonly parts: PlayerParts,
+    readonly mesh: ReelMesh,
     private readonly reel: Reel,
     readonly look: Look,
     hasTexture: boolean,
   ) {
-    const { file, segments } = reel;
-    const { renderer } = stage;
-    this.mesh = new ReelMesh(segments, { renderer, origin: segments.info.center });
+    this.view = parts.view;
+    this.sweptPoints = reel.swept.map((point) => new THREE.Vector3(...point));
+    this.view.framedPoints = this.sweptPoints;
     this.mesh.addEventListener("segment", () => {
       this.decoded.setFileMaterials(this.mesh.segmentMaterial);
       this.rebuildAttributes();
     });
     const { geometry, material, sources } = this.mesh;
-    const { materials } = file.surface;
+    const { materials } = reel.file.surface;
     this.hasFileMaterials = hasTexture || "color" in geometry.attributes || materials.length > 0;
     this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
     geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
@@ -87,24 +92,23 @@ export class Picture {
     this.marker.visible = false;
     this.marker.material.color.setRGB(...MARKER);
     this.decoded.group.add(this.marker);
-    stage.add(this.decoded.group);
+    this.view.model.add(this.decoded.group);
     if (reel.original) {
       const mesh = new OriginalMesh(this.mesh);
       this.original = { mesh, figure: new MeshView(mesh, material) };
-      stage.add(this.original.figure.group);
+      this.view.model.add(this.original.figure.group);
     }
     this.applyLook();
   }
 
   /** Apply changes of `look`. */
   applyLook(): void {
-    const { stage, decoded, original } = this;
-    const { arrangement, background } = this.look;
+    const { view, decoded, original } = this;
+    const { arrangement } = this.look;
     this.applyAppearance();
-    if (!original || arrangement === "decoded") stage.setViews([[decoded.group]]);
-    else if (arrangement === "over") stage.setViews([[decoded.group, original.figure.group]]);
-    else stage.setViews([[decoded.group], [original.figure.group]]);
-    stage.setBackground(background);
+    if (!original || arrangement === "decoded") view.setPanes([[decoded.group]]);
+    else if (arrangement === "over") view.setPanes([[decoded.group, original.figure.group]]);
+    else view.setPanes([[decoded.group], [original.figure.group]]);
   }
 
   /** Set the materials and lines of the meshes. */
@@ -139,12 +143,17 @@ export class Picture {
   /** Turn following on or off, and frame the current pose, or the whole animation. */
   setFollowed(isFollowed: boolean): void {
     this.look.isFollowed = isFollowed;
-    this.stage.frame(isFollowed ? this.posePoints() : null);
+    this.view.framedPoints = isFollowed ? this.posePoints() : this.sweptPoints;
+    this.parts.frame();
   }
 
   /** Whether the current pose is small compared to the whole animation. */
   movesFar(): boolean {
-    return this.stage.distanceTo(null) > FOLLOW_RATIO * this.stage.distanceTo(this.posePoints());
+    const { camera, world } = this.view;
+    const [all, pose] = [this.sweptPoints, this.posePoints()].map((points) => {
+      return camera.distanceTo(points.map((one) => one.clone().applyMatrix4(world.matrixWorld)));
+    });
+    return all > FOLLOW_RATIO * pose;
   }
 
   setOriginal(positions: Float32Array): void {
@@ -201,7 +210,7 @@ export class Picture {
 
   /** Return the vertex, face and corner at a position on the page; null outside of the mesh. */
   pickAt(clientX: number, clientY: number): Picked | null {
-    const ray = this.stage.rayAt(clientX, clientY);
+    const ray = this.view.rayAt(clientX, clientY);
     return ray && pickFirst(ray, this.mesh);
   }
 
@@ -228,9 +237,12 @@ export class Picture {
     return values;
   }
 
-  draw(): void {
+  /** Prepare the next drawing. */
+  prepare(): void {
     const { original } = this;
-    this.stage.follow(this.look.isFollowed ? this.centroid() : null);
+    const { position } = this.view.model;
+    if (this.look.isFollowed) this.centroid(position).negate();
+    else position.set(0, 0, 0);
     this.decoded.syncPositions();
     this.marker.visible = this.markedVertex !== null && !this.mesh.isPlaying;
     if (this.marker.visible) {
@@ -240,7 +252,6 @@ export class Picture {
       if (this.look.shading === "smooth") original.mesh.computeNormals();
       original.figure.syncPositions();
     }
-    this.stage.draw();
   }
 
   /** Rebuild attributes and lines for the current geometry, whose vertices a track may have split. */
@@ -256,8 +267,8 @@ export class Picture {
     this.applyAppearance();
   }
 
-  private centroid(): THREE.Vector3 {
-    return this.mesh.getCentroid(new THREE.Vector3());
+  private centroid(target = new THREE.Vector3()): THREE.Vector3 {
+    return this.mesh.getCentroid(target);
   }
 
   private paint(values: Float32Array): void {

@@ -1,18 +1,19 @@
-// Playback: loads data of the current frame, and redraws when something has changed.
+// Playback: loads what the page shows in addition to the picture of <reel-player>.
 
 import { CorruptStreamError, TruncatedStreamError } from "../index.js";
+import { partsOf, type PlayerParts, type ReelPlayerElement } from "../player/element.js";
 import type { ColorLegend, ReelMesh } from "../three/index.js";
 
 import { FrameData } from "./frame_data.js";
 import { maxModes, type Reel } from "./facts.js";
 import type { FrameErrors } from "./heat/error_fields.js";
+import { showError } from "./page.js";
 import type { Picture } from "./picture.js";
 import type { TrackSettings } from "./tracks/settings.js";
 
 export interface PlayerState {
   frame: number;
   playing: boolean;
-  buffering: boolean;
   modes: number;
   /** Whether fewer modes than all are shown. */
   isFew: boolean;
@@ -20,49 +21,40 @@ export interface PlayerState {
   frameErrors: (FrameErrors & { frame: number }) | null;
   heat: string | null;
   hottest: number;
-  speed: number;
-  loop: boolean;
-  smoothPlay: boolean;
   perFrameRange: boolean;
-  drawMs: number;
 }
 
 /** Controls playback of the page. */
 export class Player {
   /** Called when anything in `state()` may have changed. */
   onChange: () => void = () => {};
-  onError: (error: unknown) => void = () => {};
+  readonly onError = showError;
+  readonly parts: PlayerParts;
   private nModes: number;
-  private isDirty = true;
-  private isMeasuring = false;
-  private nDrawn = 0;
-  private drawMs = 0;
-  private lastMs = 0;
   private readonly mesh: ReelMesh;
   private readonly extras: FrameData;
   private loadingFrameData: Promise<void> | null = null;
 
   constructor(
+    readonly element: ReelPlayerElement,
     private readonly reel: Reel,
     private readonly picture: Picture,
   ) {
+    this.parts = partsOf(element);
     this.mesh = picture.mesh;
-    this.mesh.interpolate = false;
     this.nModes = maxModes(reel);
     const markDirty = () => {
-      this.isDirty = true;
+      this.parts.view.invalidate();
       this.onChange();
     };
-    this.extras = new FrameData(reel, picture, markDirty, (error) => this.fail(error));
-    this.mesh.addEventListener("frame", markDirty);
-    this.mesh.addEventListener("waiting", () => this.onChange());
-    this.mesh.addEventListener("playing", () => this.onChange());
-    this.mesh.addEventListener("ended", () => this.pause());
-    this.mesh.addEventListener("warning", ({ message }) => this.onError(new Error(message)));
-    this.mesh.addEventListener("error", ({ error, block, frames }) =>
-      this.reportError(error, frames ?? (block === null ? null : this.mesh.reel.info.blocks[block])),
-    );
-    requestAnimationFrame((now) => this.tick(now));
+    this.extras = new FrameData(reel, picture, markDirty, showError);
+    this.parts.view.onDraw = () => picture.prepare();
+    element.addEventListener("timeupdate", () => this.update());
+    element.addEventListener("pause", () => this.redraw());
+    for (const type of ["play", "waiting", "playing"]) {
+      element.addEventListener(type, () => this.onChange());
+    }
+    new ResizeObserver(() => this.onChange()).observe(element);
   }
 
   get frame(): number {
@@ -70,54 +62,32 @@ export class Player {
   }
 
   get isPlaying(): boolean {
-    return this.mesh.isPlaying;
-  }
-
-  get isLooping(): boolean {
-    return this.mesh.loop === "repeat";
-  }
-
-  set isLooping(isLooping: boolean) {
-    this.mesh.loop = isLooping ? "repeat" : "once";
-  }
-
-  set speed(speed: number) {
-    this.mesh.speed = speed;
+    return !this.element.paused;
   }
 
   state(): PlayerState {
-    const { mesh, extras } = this;
+    const { extras } = this;
     return {
-      frame: mesh.frame,
-      playing: mesh.isPlaying,
-      buffering: mesh.isWaiting,
+      frame: this.frame,
+      playing: this.isPlaying,
       modes: this.nModes,
       isFew: extras.reducedModes !== null,
       frameErrors: extras.frameErrors,
       heat: extras.heatKind,
       hottest: extras.heatMaximum,
-      speed: mesh.speed,
-      loop: this.isLooping,
-      smoothPlay: mesh.interpolate,
       perFrameRange: extras.isPerFrameRange,
-      drawMs: this.drawMs,
     };
   }
 
-  play(): void {
-    this.mesh.play();
-    this.onChange();
-  }
-
-  pause(): void {
-    this.mesh.pause();
-    void this.seek(this.mesh.frame).catch(this.onError);
+  toggle(): void {
+    if (this.isPlaying) this.element.pause();
+    else this.element.play().catch(() => {}); // the element displays what prevents it
   }
 
   /** Show a frame with its heat map and original; resolves once it is drawn. */
   async seek(frame: number): Promise<void> {
     const last = this.reel.segments.info.nFrames - 1;
-    this.mesh.seek({ frame: Math.min(Math.max(0, Math.round(frame)), last) });
+    this.element.seek({ frame: Math.min(Math.max(0, Math.round(frame)), last) });
     await this.show();
   }
 
@@ -149,6 +119,7 @@ export class Player {
     if (look) {
       this.extras.heatKind = null;
       this.extras.invalidateHeat();
+      this.onChange();
     }
     this.extras.setTrack(null);
     const legend = await this.picture.setTrack(look).catch((error: Error) => {
@@ -173,25 +144,11 @@ export class Player {
     await this.show();
   }
 
-  setSmoothPlay(isSmooth: boolean): void {
-    this.mesh.interpolate = isSmooth;
-    this.redraw();
-  }
-
   /** Schedule a redraw with all data that the current look needs. */
   redraw(): void {
-    this.isDirty = true;
-    if (!this.isPlaying) void this.loadFrameData().then(() => this.onChange(), this.onError);
+    this.parts.view.invalidate();
+    if (!this.isPlaying) void this.loadFrameData().then(() => this.onChange(), showError);
     this.onChange();
-  }
-
-  /** Draw synchronously, such as to read the canvas afterwards. */
-  drawNow(): void {
-    const started = performance.now();
-    this.picture.draw();
-    this.isDirty = false;
-    this.nDrawn++;
-    this.drawMs = performance.now() - started;
   }
 
   /** Read the drawn positions (V, 3) back from the GPU, in model units. */
@@ -203,23 +160,31 @@ export class Player {
   /** Measure the rate of redraws during playback, in frames per second. */
   async measureFps(seconds: number): Promise<number> {
     await this.show();
-    this.isMeasuring = true;
-    this.play();
+    void this.element.play();
     const started = performance.now();
-    this.nDrawn = 0;
-    await new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
+    let nDrawn = 0;
+    for (; performance.now() < started + 1000 * seconds; nDrawn++) {
+      await new Promise(requestAnimationFrame);
+      this.parts.view.drawNow();
+    }
     this.picture.positions(); // waits for the GPU
-    const rate = (1000 * this.nDrawn) / (performance.now() - started);
-    this.isMeasuring = false;
-    this.pause();
-    return rate;
+    this.element.pause();
+    return (1000 * nDrawn) / (performance.now() - started);
+  }
+
+  /** Another frame is shown. */
+  private update(): void {
+    if (!this.isPlaying) return this.redraw();
+    this.extras.prefetch(this.frame, this.mesh.speed);
+    this.extras.show(this.frame);
+    this.onChange();
   }
 
   private async show(): Promise<void> {
     this.onChange();
     await this.waitUntilReady();
     await this.loadFrameData();
-    this.drawNow();
+    this.parts.view.drawNow();
     this.onChange();
   }
 
@@ -230,14 +195,14 @@ export class Player {
       await new Promise<void>((resolve, reject) => {
         const end = (error?: Error) => {
           mesh.removeEventListener("frame", shown);
-          mesh.removeEventListener("error", onError);
+          mesh.removeEventListener("error", fail);
           if (error) reject(error);
           else resolve();
         };
         const shown = () => end();
-        const onError = ({ error }: { error: Error }) => end(isDamageError(error) ? undefined : error);
+        const fail = ({ error }: { error: Error }) => end(isDamage(error) ? undefined : error);
         mesh.addEventListener("frame", shown);
-        mesh.addEventListener("error", onError);
+        mesh.addEventListener("error", fail);
       });
     }
   }
@@ -254,43 +219,10 @@ export class Player {
   private async loadCurrentFrame(): Promise<void> {
     await this.extras.load(this.frame);
     this.extras.show(this.frame);
-    this.isDirty = true;
-  }
-
-  private tick(nowMs: number): void {
-    requestAnimationFrame((now) => this.tick(now));
-    const seconds = (nowMs - this.lastMs) / 1000;
-    this.lastMs = nowMs;
-    try {
-      if (this.isPlaying) this.advance(seconds);
-      if (this.isDirty || this.isMeasuring) this.drawNow();
-    } catch (error) {
-      this.fail(error);
-    }
-  }
-
-  private advance(seconds: number): void {
-    this.mesh.update(seconds);
-    this.extras.prefetch(this.frame, this.mesh.speed);
-    if (this.extras.show(this.frame)) this.isDirty = true;
-  }
-
-  private fail(error: unknown): void {
-    this.mesh.pause();
-    this.onError(error);
-    this.onChange();
-  }
-
-  /** Report an error; playback skips damaged blocks and stops for other errors. */
-  private reportError(error: Error, range: { start: number; nFrames: number } | null): void {
-    if (!range) return this.onError(error); // a material image or a texture
-    if (!isDamageError(error)) return this.fail(error);
-    const { start, nFrames } = range;
-    const frames = `Frames ${start} to ${start + nFrames - 1} are damaged and left out`;
-    this.onError(new Error(`${frames}: ${error.message}`));
+    this.parts.view.invalidate();
   }
 }
 
-function isDamageError(error: Error): boolean {
+function isDamage(error: unknown): boolean {
   return error instanceof CorruptStreamError || error instanceof TruncatedStreamError;
 }

@@ -43,14 +43,14 @@ export function exposeForTests(
   Object.assign(window.player, {
     takeOver: () => opening.cancel(),
     seek: (frame: number) => player.seek(frame),
-    play: () => player.play(),
-    pause: () => player.pause(),
+    play: () => void player.element.play(),
+    pause: () => player.element.pause(),
     positions: () => player.positions(),
     heatValues: () => picture.heatValues(),
     measureFps: (seconds: number) => player.measureFps(seconds),
     setModes: (nModes: number) => {
       player.setModes(nModes);
-      player.drawNow();
+      player.parts.view.drawNow();
     },
     setHeat: (kind: string | null) => player.setHeat(kind),
     setTrack: (look: TrackSettings | null) => tracks.show(look),

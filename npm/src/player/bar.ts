@@ -33,8 +33,6 @@ export interface BarActions {
 /** The control bar of a player. */
 export class Bar {
   readonly element: HTMLElement;
-  /** Whether the bar shows the number of the frame, besides the time. */
-  showsFrames = false;
   readonly #previous: IconButton;
   readonly #play: IconButton;
   readonly #next: IconButton;
@@ -44,6 +42,7 @@ export class Bar {
   readonly #range = createElement("input", "time");
   readonly #text = createElement("span", "text");
   readonly #host: HTMLElement;
+  #isDetailed = false;
   readonly #listeners = new AbortController();
 
   /** @param host - the element that becomes full screen */
@@ -67,6 +66,8 @@ export class Bar {
     speed.value = "1";
     speed.addEventListener("change", () => actions.setSpeed(Number(speed.value)));
     this.#text.setAttribute("aria-hidden", "true"); // the range announces the time
+    const controls = createElement("slot", ""); // of the page
+    controls.name = "controls";
     this.element = createElement(
       "div",
       "bar",
@@ -77,6 +78,7 @@ export class Bar {
       this.#text,
       speed,
       this.#mute.element,
+      controls,
       this.#full.element,
     );
     const { signal } = this.#listeners;
@@ -87,17 +89,21 @@ export class Bar {
     }
   }
 
+  /**
+   * Whether the bar also shows the number of the frame, and all controls on narrow screens, in a
+   * second row.
+   */
+  set isDetailed(isOn: boolean) {
+    this.#isDetailed = isOn;
+    this.element.classList.toggle("detailed", isOn);
+  }
+
   /** Select the next higher or lower speed of the menu. */
   changeSpeed(by: 1 | -1): void {
     const speed = this.#speed;
     const { length } = speed.options;
     speed.selectedIndex = Math.min(Math.max(0, speed.selectedIndex + by), length - 1);
     speed.dispatchEvent(new Event("change"));
-  }
-
-  /** Add a control at the end. */
-  add(element: HTMLElement): void {
-    this.#full.element.before(element);
   }
 
   /** Display a state; null: no file is open. */
@@ -118,7 +124,7 @@ export class Bar {
     const words = `${time.toFixed(1)} of ${duration.toFixed(1)} seconds, frame ${frame}`;
     range.setAttribute("aria-valuetext", words);
     const times = `${formatTime(time)} / ${formatTime(duration)}`;
-    this.#text.textContent = this.showsFrames ? `${frame} / ${nFrames - 1} · ${times}` : times;
+    this.#text.textContent = this.#isDetailed ? `${frame} / ${nFrames - 1} · ${times}` : times;
     this.#showSpeed(speed);
   }
 

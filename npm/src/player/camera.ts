@@ -52,7 +52,8 @@ export class PlayerCamera {
   readonly target = new Vector3();
   readonly #canvas: HTMLCanvasElement;
   readonly #onChange: (isByUser: boolean) => void;
-  readonly #zooms: "focused" | "always";
+  /** Whether the wheel and vertical swipes move the camera even without the focus. */
+  #zoomsAlways = false;
   readonly #listeners = new AbortController();
   #controls: OrbitControls | null = null;
   #points: readonly Vector3[] = [new Vector3()];
@@ -64,26 +65,27 @@ export class PlayerCamera {
 
   /**
    * @param onChange - called when the camera moves
-   * @param zooms - whether the wheel and vertical swipes always move the camera, as on pages that do
-   *   not scroll, or the wheel only while the canvas has the focus
    */
-  constructor(
-    canvas: HTMLCanvasElement,
-    onChange: (isByUser: boolean) => void,
-    zooms: "focused" | "always" = "focused",
-  ) {
+  constructor(canvas: HTMLCanvasElement, onChange: (isByUser: boolean) => void) {
     this.#canvas = canvas;
     this.#onChange = onChange;
-    this.#zooms = zooms;
-    if (zooms === "always") return;
     // The wheel scrolls the page, unless the canvas has the focus or Ctrl (Cmd) is pressed.
     const parent = canvas.parentElement as HTMLElement;
     const filterWheel = (event: WheelEvent) => {
       const root = canvas.getRootNode() as ShadowRoot;
-      const isZoom = root.activeElement === canvas || event.ctrlKey || event.metaKey;
+      const isZoom = this.#zoomsAlways || root.activeElement === canvas || event.ctrlKey || event.metaKey;
       if (!isZoom) event.stopPropagation();
     };
     parent.addEventListener("wheel", filterWheel, { capture: true, signal: this.#listeners.signal });
+  }
+
+  /**
+   * Whether the wheel and vertical swipes always move the camera, as on pages that do not scroll;
+   * else they scroll the page, the wheel unless the canvas has the focus.
+   */
+  set zoomsAlways(isOn: boolean) {
+    this.#zoomsAlways = isOn;
+    this.#canvas.style.touchAction = isOn ? "none" : "pan-y";
   }
 
   /** Whether the user can move the camera. */
@@ -95,8 +97,7 @@ export class PlayerCamera {
       return;
     }
     const controls = new OrbitControls(this.camera, this.#canvas);
-    const scrolls = this.#zooms === "focused"; // vertical swipes scroll the page
-    this.#canvas.style.touchAction = scrolls ? "pan-y" : "none";
+    this.zoomsAlways = this.#zoomsAlways; // the controls have just set `touchAction`
     controls.zoomToCursor = true;
     controls.target = this.target;
     this.#controls = controls;

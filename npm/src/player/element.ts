@@ -62,14 +62,21 @@ interface Failure {
 }
 
 /** The parts of a player that exist while it is connected to a document. */
-interface Ui {
+export interface PlayerParts {
   readonly view: View;
   readonly bar: Bar;
   readonly messages: Messages;
   readonly legend: Legend;
   readonly start: IconButton;
   readonly poster: HTMLImageElement;
+  /** Frame the model, or `view.framedPoints`, in the initial view. */
+  frame(): void;
+  /** Pause, and move by a number of frames; while looping, past the end to the start. */
+  step(nFrames: number): void;
 }
+
+/** Return the parts of a connected player, for the inspector. */
+export let partsOf: (player: ReelPlayerElement) => PlayerParts;
 
 /**
  * The element `<reel-player>`: opens a `.reel` file and plays it.
@@ -99,8 +106,11 @@ export class ReelPlayerElement extends PlayerAttributes {
   static readonly HAVE_CURRENT_DATA = READY_STATES.HAVE_CURRENT_DATA;
   static readonly HAVE_FUTURE_DATA = READY_STATES.HAVE_FUTURE_DATA;
   static readonly HAVE_ENOUGH_DATA = READY_STATES.HAVE_ENOUGH_DATA;
+  static {
+    partsOf = (player) => player.#ui as PlayerParts;
+  }
   readonly #stage = createElement("div", "stage");
-  #ui: Ui | null = null;
+  #ui: PlayerParts | null = null;
   #settings: PlayerSettings | null = null;
   #loading: AbortController | null = null;
   #mesh: ReelMesh | null = null;
@@ -339,7 +349,10 @@ export class ReelPlayerElement extends PlayerAttributes {
   }
 
   #build(): void {
-    const view = new View(this.#stage, {
+    const overlay = createElement("slot", "");
+    overlay.name = "overlay"; // of the page
+    const picture = createElement("div", "picture", overlay);
+    const view = new View(picture, {
       hasPicture: () => !!this.#mesh && !this.#mesh.isWaiting,
       isAnimating: () => {
         const mesh = this.#mesh;
@@ -383,9 +396,12 @@ export class ReelPlayerElement extends PlayerAttributes {
     poster.alt = "";
     const messages = new Messages(() => this.#retry());
     const legend = new Legend();
-    this.#stage.append(poster, legend.element, start.element);
-    this.#stage.append(messages.waiting, bar.element, messages.alert);
-    this.#ui = { view, bar, start, poster, messages, legend };
+    overlay.before(poster, legend.element, start.element);
+    overlay.after(messages.waiting, messages.alert);
+    this.#stage.append(picture, bar.element);
+    const frame = () => this.#mesh && this.#settings && this.#frameModel(this.#settings);
+    const step = (nFrames: number) => this.#step(nFrames);
+    this.#ui = { view, bar, start, poster, messages, legend, frame, step };
     this.#listeners = new AbortController();
     const { signal } = this.#listeners;
     window.addEventListener("online", () => this.#retry(), { signal });
@@ -410,7 +426,7 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   /** Apply attributes that have changed. */
   #refresh(): void {
-    const { view, bar, poster } = this.#ui as Ui;
+    const { view, bar, poster } = this.#ui as PlayerParts;
     view.canvas.setAttribute("aria-label", this.alt || NO_ALT);
     let next: PlayerSettings;
     try {
@@ -514,7 +530,7 @@ export class ReelPlayerElement extends PlayerAttributes {
   }
 
   #showMesh(mesh: ReelMesh, settings: PlayerSettings): void {
-    const { view } = this.#ui as Ui;
+    const { view } = this.#ui as PlayerParts;
     this.#mesh = mesh;
     this.#listen(mesh);
     this.#applySettings(mesh, settings);
@@ -532,7 +548,7 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   /** Frame the model in the initial view. */
   #frameModel({ up, camera, autoRotate, shadowIntensity }: PlayerSettings): void {
-    const { view } = this.#ui as Ui;
+    const { view } = this.#ui as PlayerParts;
     view.world.rotation.x = up === "z" ? -Math.PI / 2 : 0;
     view.world.updateMatrixWorld();
     const [x, y, z] = this.#extents;
@@ -540,8 +556,10 @@ export class ReelPlayerElement extends PlayerAttributes {
     view.setShadow(shadowIntensity, extents);
     // While it rotates, all of a cylinder must stay in view.
     const side = Math.hypot(extents[0], extents[2]);
-    const framed = autoRotate ? boxCorners([side, extents[1], side]) : boxCorners(extents);
-    view.camera.frame(framed, { ...camera, target: this.#worldTarget(camera.target) });
+    const box = autoRotate ? boxCorners([side, extents[1], side]) : boxCorners(extents);
+    const { matrixWorld } = view.world;
+    const framed = view.framedPoints?.map((point) => point.clone().applyMatrix4(matrixWorld));
+    view.camera.frame(framed ?? box, { ...camera, target: this.#worldTarget(camera.target) });
   }
 
   /** Convert `camera-target` to the coordinates of the view; null if it is the center of the model. */
@@ -549,7 +567,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     const { center } = (this.#mesh as ReelMesh).file.info;
     if (target.every((one) => one === null)) return null;
     const offsets = target.map((one, axis) => (one === null ? 0 : one - center[axis]));
-    return new Vector3(...offsets).applyMatrix4((this.#ui as Ui).view.world.matrixWorld);
+    return new Vector3(...offsets).applyMatrix4((this.#ui as PlayerParts).view.world.matrixWorld);
   }
 
   /** Apply the playback settings to a mesh. */

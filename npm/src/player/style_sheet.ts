@@ -1,10 +1,56 @@
 // The style sheet of players: a constructed one, which content policies always allow.
 
-/** The control bar, which the page of `meshreel view` uses too. */
-export const BAR_CSS = `
+const CSS = `
+:host {
+  display: block;
+  position: relative;
+  width: 100%;
+  aspect-ratio: 16 / 9;
+  overflow: hidden;
+  font: 14px/1.4 system-ui, sans-serif;
+  --ink: var(--reel-color, #14181e);
+  --panel: var(--reel-bar-background, #f1f3f6);
+  --accent: var(--reel-accent, #1668b8);
+  --alarm: #c22b1e;
+  background: var(--reel-background, #fff);
+}
+@media (prefers-color-scheme: dark) {
+  :host {
+    --ink: var(--reel-color, #fff);
+    --panel: var(--reel-bar-background, #1c2129);
+    --accent: var(--reel-accent, #8cc8ff);
+    --alarm: #ff8f85;
+    background: var(--reel-background, #101418);
+  }
+}
+:host([hidden]) { display: none; }
+:host(:fullscreen) { aspect-ratio: auto; width: 100%; height: 100%; }
+[hidden] { display: none !important; }
+.stage, .poster, canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
+.stage { display: flex; flex-direction: column; container-type: inline-size; }
+.picture { position: relative; flex: 1; min-height: 0; }
+canvas { display: block; outline: none; }
+.snapshot { pointer-events: none; }
+.poster { object-fit: contain; pointer-events: none; }
+canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff; }
+button {
+  flex: none;
+  font: inherit;
+  color: inherit;
+  background: none;
+  border: 0;
+  border-radius: 6px;
+  min-width: 40px;
+  min-height: 40px;
+  padding: 8px;
+  cursor: pointer;
+}
+button:hover { background: #88888840; }
+button:disabled, input:disabled { opacity: 0.5; cursor: default; }
+button:focus-visible, input:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
+svg { display: block; width: 24px; height: 24px; fill: currentColor; }
 .bar {
-  position: absolute;
-  inset: auto 0 0 0;
+  flex: none;
   display: flex;
   align-items: center;
   gap: 6px;
@@ -36,26 +82,6 @@ export const BAR_CSS = `
   cursor: pointer;
 }
 .bar select:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
-.bar button {
-  flex: none;
-  font: inherit;
-  color: inherit;
-  background: none;
-  border: 0;
-  border-radius: 6px;
-  min-width: 40px;
-  min-height: 40px;
-  padding: 8px;
-  cursor: pointer;
-}
-.bar button:hover { background: #88888840; }
-.bar button:disabled, .bar input:disabled { opacity: 0.5; cursor: default; }
-.bar button:focus-visible, .bar input:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
-.bar svg { display: block; width: 24px; height: 24px; fill: currentColor; }
-`;
-
-/** The color legend, which the page of `meshreel view` uses too. */
-export const LEGEND_CSS = `
 .legend {
   box-sizing: border-box;
   padding: 6px 10px;
@@ -76,59 +102,13 @@ export const LEGEND_CSS = `
   height: 4px;
   border-left: 1px solid;
 }
-`;
-
-const CSS = `
-:host {
-  display: block;
-  position: relative;
-  width: 100%;
-  aspect-ratio: 16 / 9;
-  overflow: hidden;
-  font: 14px/1.4 system-ui, sans-serif;
-  --ink: var(--reel-color, #14181e);
-  --panel: var(--reel-bar-background, #f1f3f6);
-  --accent: var(--reel-accent, #1668b8);
-  --alarm: #c22b1e;
-  background: var(--reel-background, #fff);
+@container (max-width: 519px) {
+  .bar:not(.detailed) :is(.step, .speed) { display: none; }
+  .bar.detailed { flex-wrap: wrap; justify-content: space-between; height: auto; }
+  .bar.detailed .time { order: -2; flex: 1 1 calc(100% - 190px); }
+  .bar.detailed .text { order: -1; }
 }
-@media (prefers-color-scheme: dark) {
-  :host {
-    --ink: var(--reel-color, #fff);
-    --panel: var(--reel-bar-background, #1c2129);
-    --accent: var(--reel-accent, #8cc8ff);
-    --alarm: #ff8f85;
-    background: var(--reel-background, #101418);
-  }
-}
-:host([hidden]) { display: none; }
-:host(:fullscreen) { aspect-ratio: auto; width: 100%; height: 100%; }
-[hidden] { display: none !important; }
-.stage, .poster, canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
-.stage { container-type: inline-size; }
-canvas { display: block; outline: none; }
-.snapshot { pointer-events: none; }
-:host([controls]) :is(canvas, .poster) { height: calc(100% - 48px); }
-.poster { object-fit: contain; pointer-events: none; }
-canvas:focus-visible { box-shadow: inset 0 0 0 3px #1668b8, inset 0 0 0 5px #fff; }
-button {
-  flex: none;
-  font: inherit;
-  color: inherit;
-  background: none;
-  border: 0;
-  border-radius: 6px;
-  min-width: 40px;
-  min-height: 40px;
-  padding: 8px;
-  cursor: pointer;
-}
-button:hover { background: #88888840; }
-button:disabled, input:disabled { opacity: 0.5; cursor: default; }
-button:focus-visible, input:focus-visible { outline: 2px solid var(--accent); outline-offset: -2px; }
-svg { display: block; width: 24px; height: 24px; fill: currentColor; }
-@container (max-width: 519px) { .step, .speed { display: none; } }
-.legend {
+.picture > .legend {
   position: absolute;
   left: 12px;
   top: 12px;
@@ -136,6 +116,8 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
   border-radius: 6px;
   pointer-events: none;
 }
+.stage > .legend { border-bottom: 1px solid #88888840; }
+.stage > .legend :is(.colors, .values) { max-width: 320px; }
 .start {
   position: absolute;
   inset: 0;
@@ -211,7 +193,7 @@ let sheet: CSSStyleSheet | null = null;
 export function playerStyleSheet(): CSSStyleSheet {
   if (!sheet) {
     sheet = new CSSStyleSheet();
-    sheet.replaceSync(CSS + BAR_CSS + LEGEND_CSS);
+    sheet.replaceSync(CSS);
   }
   return sheet;
 }

@@ -6,8 +6,10 @@ import {
   HemisphereLight,
   type Mesh,
   type Object3D,
+  Raycaster,
   Scene,
   type Texture,
+  Vector2,
   Vector3,
   WebGLRenderer,
 } from "three";
@@ -58,6 +60,8 @@ export class View implements ContextHolder {
   readonly model = new Group();
   /** Called before each drawing. */
   onDraw: (() => void) | null = null;
+  /** Points of `model` to frame in place of its box; null: the box. */
+  framedPoints: readonly Vector3[] | null = null;
   readonly #scene = new Scene();
   readonly #sky = new HemisphereLight(0xffffff, 0x8a8f98, Math.PI / 2);
   readonly #key = new DirectionalLight(0xffffff, Math.PI / 2);
@@ -182,6 +186,19 @@ export class View implements ContextHolder {
   /** Whether several views are stacked vertically. */
   get isPortrait(): boolean {
     return this.canvas.clientWidth < this.canvas.clientHeight;
+  }
+
+  /** Return the ray through a position on the page; null outside of the canvas. */
+  rayAt(clientX: number, clientY: number): Raycaster | null {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    const n = this.#panes?.length ?? 1;
+    const [w, h] = this.isPortrait ? [width, height / n] : [width / n, height];
+    const [x, y] = [clientX - left, clientY - top];
+    if (!(x >= 0 && x < width && y >= 0 && y < height)) return null;
+    const ray = new Raycaster();
+    const place = new Vector2((2 * (x % w)) / w - 1, 1 - (2 * (y % h)) / h);
+    ray.setFromCamera(place, this.camera.camera);
+    return ray;
   }
 
   remove(mesh: Mesh): void {
