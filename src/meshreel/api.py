@@ -228,7 +228,8 @@ def compare(
     original, decoded : MeshSequence, SegmentedSequence, path, bytes, or ReelFile
         Sequences, what `load` reads, or `.reel` streams, of equal frame counts. Meshes are the
         same if they have equal vertex counts and the same oriented triangles; the order of the
-        triangles, and the vertex at which each begins, may differ.
+        triangles, and the vertex at which each begins, may differ. So may the order of vertices,
+        if the decoded one is that of a stream of the original with ``order="drop"``.
     surface : bool, optional
         True measures distances between surfaces in any case; False compares vertices, and fails
         if the meshes differ. Default: as above.
@@ -243,11 +244,14 @@ def compare(
         If there is no such file, frame counts differ, a frame has no face with an area where
         surfaces are compared, or `n_samples` is given where vertices are compared.
     """
+    from meshreel.codec.dropped_order import match_order
     from meshreel.metrics.compare import measure_quality  # which takes half a second
 
+    first, second = _loaded(original), _loaded(decoded)
+    second, _ = match_order(first, second)
     return measure_quality(
-        _loaded(original),
-        _loaded(decoded),
+        first,
+        second,
         surface=surface,
         n_samples=n_samples,
         progress=progress,

@@ -87,3 +87,24 @@ def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):
     assert 0 < figures["to_decoded"]["mean_percent"] < 0.1
     with pytest.warns(UserWarning, match="6 frames in 2 segments"):
         assert meshreel.compare(folder, stream, n_samples=400).reason == figures["reason"]
+
+
+def test_compare_matches_the_vertices_of_a_stream_without_its_order(files, tmp_path):
+    stream, sheet = tmp_path / "a.reel", meshreel.load(files[0])
+    stream.write_bytes(meshreel.encode(sheet, max_error=0.5, order="drop"))
+    figures = json.loads(run(files[0], stream, "--json").stdout)
+    assert 0 < figures["max_error_percent"] <= 0.5
+    assert [note[:32] for note in figures["notes"]] == ["the order of vertices differs; t"]
+    assert "the order of vertices differs" in run(files[0], stream).stderr
+
+
+def test_compare_shows_errors_of_vertices_of_segments(files, tmp_path):
+    folder, stream = tmp_path / "frames", tmp_path / "a.reel"
+    for name, path in zip("ab", files[:2], strict=True):
+        meshreel.save(meshreel.load(path), folder / f"{name}_%d.ply")
+    sequence = meshreel.load_segments(folder, fps=25)
+    stream.write_bytes(meshreel.encode(sequence, max_error=0.5, order="drop"))
+    text = run(folder, stream, "--samples", 400).stdout
+    assert "surfaces: the faces change over time" in text
+    assert "KG error of vertices" in text
+    assert "largest error of a vertex" in text

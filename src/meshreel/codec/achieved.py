@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.metrics.sted import sted
@@ -107,5 +107,4 @@ def _internal(sequence: FrameSource, order: str) -> Integers | None:
     """Return the decoded number of each vertex; None if the order is kept."""
     if order != "drop":
         return None
-    connectivity = encode_connectivity(sequence.faces, sequence.n_verts, order="drop")
-    return np.argsort(connectivity.internal_to_given)
+    return internal_numbers(sequence.faces, sequence.n_verts)

@@ -1,6 +1,6 @@
 """All quality metrics of a decoded sequence against its original."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +14,9 @@ from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.reference import bounding_box_reference, shared_reference
 from meshreel.metrics.sted import sted
+from meshreel.metrics.streamed import ErrorSums, StreamedErrors, add_sequence
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
-from meshreel.model.segments import AnySequence, SegmentedSequence
+from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import describe_track
 from meshreel.runtime.counting import counted
@@ -166,6 +167,11 @@ def measure_quality(
     progress : callable, optional
         Called as ``progress("comparing", fraction)``.
 
+    Returns
+    -------
+    Quality or SurfaceQuality
+        The latter has the errors of vertices too, if the meshes of all segments are the same.
+
     Raises
     ------
     InvalidInputError
@@ -176,12 +182,13 @@ def measure_quality(
     if surface or (surface is None and difference):
         from meshreel.metrics import surface_distance
 
-        return surface_distance.compare_surfaces(
+        distances = surface_distance.compare_surfaces(
             *map(surface_distance.frames_of, (original, decoded)),
             n_samples=surface_distance.N_SAMPLES if n_samples is None else n_samples,
             reason=difference or "requested",
             progress=progress,
         )
+        return replace(distances, vertex_errors=_vertex_errors(original, decoded))
     if n_samples is not None:
         raise InvalidInputError(
             "n_samples has no effect where vertices are compared; surface=True compares surfaces"
@@ -191,6 +198,18 @@ def measure_quality(
             f"{difference}; a comparison of vertices needs the same faces in every frame"
         )
     return compare(original, decoded, progress=progress)
+
+
+def _vertex_errors(original: AnySequence, decoded: AnySequence) -> StreamedErrors | None:
+    """Return the errors of vertices if the meshes of all segments are the same."""
+    pairs = list(zip(segments_of(original), segments_of(decoded), strict=False))
+    counts = [[one.n_frames for one in segments_of(either)] for either in (original, decoded)]
+    if counts[0] != counts[1] or any(connectivity_difference(*pair) for pair in pairs):
+        return None
+    sums = ErrorSums(original.extent)
+    for segment, segment_hat in pairs:
+        add_sequence(sums, segment, segment_hat)
+    return sums.errors
 
 
 def connectivity_difference(original: AnySequence, decoded: AnySequence) -> str:
@@ -203,10 +222,15 @@ def connectivity_difference(original: AnySequence, decoded: AnySequence) -> str:
     ):
         if count != count_hat:
             return f"the {noun} counts differ ({count} and {count_hat})"
-    if np.array_equal(original.faces, decoded.faces):
-        return ""
-    missing = _first_missing_face(original.faces, decoded.faces, original.n_verts)
-    return "" if missing is None else "the faces differ"
+    is_same = has_same_triangles(original.faces, decoded.faces, original.n_verts)
+    return "" if is_same else "the faces differ"
+
+
+def has_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> bool:
+    """Return whether two lists of the same length contain the same oriented triangles."""
+    if np.array_equal(faces, faces_hat):
+        return True
+    return _first_missing_face(faces, faces_hat, n_verts) is None
 
 
 def require_comparable(original: FrameSource, decoded: FrameSource) -> None:

@@ -77,6 +77,17 @@ class ErrorSums:
         )
 
 
+def add_sequence(sums: ErrorSums, original: FrameSource, decoded: FrameSource) -> None:
+    """Add all frames of two sequences of the same mesh; a part of both is in memory at a time."""
+    n_per_read = max(1, BYTES_PER_READ // max(1, decoded.n_verts * 3 * decoded.dtype.itemsize))
+    n_frames = decoded.n_frames
+    blocks = (
+        (start, decoded.read(start, min(start + n_per_read, n_frames)))
+        for start in range(0, n_frames, n_per_read)
+    )
+    add_blocks(sums, original, blocks)
+
+
 def streamed_errors(
     original: FrameSource, decoded_blocks: Iterable[tuple[int, Vertices]]
 ) -> StreamedErrors:

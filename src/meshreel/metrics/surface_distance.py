@@ -13,6 +13,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.metrics.closest_points import TriangleTree, k_d_tree
 from meshreel.metrics.normals import DEGENERATE_AREA
 from meshreel.metrics.reference import Reference, reference_of_box
+from meshreel.metrics.streamed import StreamedErrors
 from meshreel.metrics.surface_samples import (
     SurfacePoints,
     TriangleSet,
@@ -138,6 +139,9 @@ class SurfaceQuality:
         In model units.
     reason : str
         Why surfaces were compared rather than vertices: "the faces differ".
+    vertex_errors : StreamedErrors or None
+        Errors of the vertices, if those of original and decoded correspond nevertheless, as in a
+        stream of several segments and its original.
 
     References
     ----------
@@ -159,6 +163,7 @@ class SurfaceQuality:
     diagonal: float
     longest_side: float
     reason: str
+    vertex_errors: StreamedErrors | None = None
 
     @property
     def worse(self) -> SurfaceDistances:
@@ -180,6 +185,9 @@ class SurfaceQuality:
         """Every figure by name in plain Python types; each direction is a nested dict."""
         return {
             **vars(self),
+            "vertex_errors": None
+            if self.vertex_errors is None
+            else vars(self.vertex_errors).copy(),
             "to_decoded": vars(self.to_decoded).copy(),
             "to_original": vars(self.to_original).copy(),
             "mean_percent_of_frames": self.mean_percent_of_frames.tolist(),

@@ -107,3 +107,48 @@ def test_repr_of_surface_quality_contains_its_figures(sheet):
         "<SurfaceQuality: mean distance 0 %, largest 0 %, surface PSNR inf dB, D1 inf dB, "
         "D2 inf dB; 3 frames>"
     )
+
+
+def shuffled(sheet, seed=3):
+    """Return a sheet whose vertices and faces have a random order, with a track of vertices."""
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(sheet.n_verts)
+    faces = np.argsort(order)[rng.permutation(sheet.faces)]
+    vertices = sheet.vertices[:, order]
+    return meshreel.MeshSequence(vertices, faces, 25, tracks={"height": vertices[..., 2].copy()})
+
+
+def test_vertices_of_a_stream_without_its_order_are_matched(sheet):
+    original = shuffled(sheet)
+    data = meshreel.encode(original, max_error=0.5, order="drop")
+    kept = meshreel.encode(original, max_error=0.5)
+    quality, expected = meshreel.compare(original, data), meshreel.compare(original, kept)
+    assert isinstance(quality, meshreel.Quality)
+    assert 0 < quality.max_error_percent <= 0.5
+    assert quality.max_error_percent == pytest.approx(expected.max_error_percent, rel=1e-6)
+    assert quality.tracks["height"].largest <= 0.05
+
+
+def test_a_mesh_with_another_order_of_vertices_is_compared_by_its_surface(sheet):
+    quality = meshreel.compare(shuffled(sheet, 3), shuffled(sheet, 4))
+    assert quality.reason == "the faces differ"
+    assert quality.vertex_errors is None
+    assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
+
+
+@pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
+def test_vertices_of_segments_are_compared_as_well_as_surfaces(sheet, order):
+    segments = [shuffled(sheet), shuffled(waving_grid(2, 5, 6))]
+    sequence = meshreel.SegmentedSequence(segments)
+    data = meshreel.encode(sequence, max_error=0.5, order=order)
+    quality = meshreel.compare(sequence, data, n_samples=200)
+    assert quality.reason == "the faces change over time"
+    assert 0 < quality.vertex_errors.max_error_percent <= 0.5
+    assert quality.worse.max_percent <= quality.vertex_errors.max_error_percent
+    assert json.loads(json.dumps(quality.as_dict()))["vertex_errors"]["kg_error_percent"] > 0
+
+
+def test_vertices_of_other_segments_are_not_compared(sheet):
+    segments = meshreel.SegmentedSequence([split(sheet), sheet])
+    others = meshreel.SegmentedSequence([sheet, split(sheet)])
+    assert meshreel.compare(segments, others, n_samples=200).vertex_errors is None

@@ -56,6 +56,7 @@ def compare_command(
     """Measure the error of a decoded animation relative to its original.
 
     If the vertex counts or the faces differ, the distances between the surfaces are measured.
+    Vertices of a stream without its order (--order drop) are matched with those of the original.
 
     Examples:
 
@@ -71,6 +72,7 @@ def compare_command(
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.app.cli.figures import distance_rows, quality_rows
+    from meshreel.codec.dropped_order import MATCHED, match_order
     from meshreel.formats.load import load_any
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
@@ -93,6 +95,9 @@ def compare_command(
         reading = replace(reading, progress=progress)
         first = load_any(original, supported_only(reading, original))
         second = load_any(decoded, supported_only(replace(reading, animation=None), decoded))
+        second, is_matched = match_order(first, second)
+        if is_matched:
+            notes.append(MATCHED)
         quality = measure_quality(
             first, second, surface=surface or None, n_samples=n_samples, progress=progress
         )

@@ -190,8 +190,20 @@ def distance_rows(quality: "SurfaceQuality") -> dict[str, str]:
         "decoded to original": _distances_text(quality.to_original),
         "normal error": f"mean {worse.normal_angle_mean_deg:.2f} degrees, "
         f"95th percentile {worse.normal_angle_p95_deg:.2f}",
+        **_vertex_rows(quality),
         "samples": f"{counted(quality.n_samples, 'point')} per surface and frame",
         "grid of D1 and D2": f"{quality.n_grid_lines} lines along the longest side",
+    }
+
+
+def _vertex_rows(quality: "SurfaceQuality") -> dict[str, str]:
+    """Errors of vertices that correspond, although surfaces are compared."""
+    errors = quality.vertex_errors
+    if errors is None:
+        return {}
+    return {
+        "KG error of vertices": f"{errors.kg_error_percent:.4f} %",
+        "largest error of a vertex": f"{errors.max_error_percent:.4f} % of the diagonal",
     }
 
 

@@ -1,0 +1,79 @@
+"""Vertices of streams whose order was dropped, matched with those of their original."""
+
+import numpy as np
+
+from meshreel.arrays import Integers
+from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.metrics.compare import has_same_triangles
+from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of, segments_of
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track
+
+Loaded = MeshSequence | SegmentedSequence
+
+MATCHED = (
+    "the order of vertices differs; they were matched, as the decoded mesh has the order in which "
+    "meshreel stores the original without its own"
+)
+"""Note on sequences whose vertices were matched."""
+
+
+def internal_numbers(faces: Faces, n_verts: int) -> Integers:
+    """Return the number of each vertex after decoding, if its order is dropped."""
+    connectivity = encode_connectivity(faces, n_verts, order="drop")
+    return np.argsort(connectivity.internal_to_given)
+
+
+def match_order(original: AnySequence, decoded: Loaded) -> tuple[Loaded, bool]:
+    """Return the decoded sequence with the vertices in the order of the original.
+
+    The encoder's order follows from the faces of the original. A segment is reordered if its faces
+    then equal those of the original, and returned unchanged otherwise.
+
+    Returns
+    -------
+    decoded : MeshSequence or SegmentedSequence
+    is_matched : bool
+        Whether any segment was reordered.
+    """
+    segments, segments_hat = segments_of(original), segments_of(decoded)
+    if len(segments) != len(segments_hat):
+        return decoded, False
+    pairs = list(zip(segments, segments_hat, strict=True))
+    matched = [_in_order_of(*pair) for pair in pairs]
+    if all(one is segment for one, (_, segment) in zip(matched, pairs, strict=True)):
+        return decoded, False
+    if isinstance(decoded, SegmentedSequence):
+        return SegmentedSequence(matched, decoded.name, decoded.start_s), True
+    (only,) = matched
+    assert isinstance(only, MeshSequence)
+    return only, True
+
+
+def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
+    """Return a decoded segment in the order of the original, or unchanged if they differ."""
+    n_verts = original.n_verts
+    if (n_verts, len(original.faces)) != (decoded.n_verts, len(decoded.faces)):
+        return decoded
+    if has_same_triangles(original.faces, decoded.faces, n_verts):
+        return decoded
+    numbers = internal_numbers(original.faces, n_verts)
+    given = np.argsort(numbers)
+    faces = given[decoded.faces].astype(np.int32)
+    if not has_same_triangles(original.faces, faces, n_verts):
+        return decoded
+    loaded = frames_of(decoded, range(decoded.n_frames))
+    tracks = {
+        name: Track(track.values[:, numbers], track.domain, track.kind, track.unit)
+        for name, track in loaded.tracks.items()
+        if track.domain is Domain.VERTEX  # others need the order
+    }
+    return MeshSequence(
+        loaded.vertices[:, numbers],
+        faces,
+        loaded.fps,
+        loaded.name,
+        loaded.start_s,
+        tracks=tracks,
+    )
