@@ -1,5 +1,8 @@
 """Vertex animation textures written by `meshreel decode` and `convert`."""
 
+import json
+from dataclasses import replace
+
 import pytest
 
 import meshreel
@@ -37,3 +40,27 @@ def test_convert_uses_layout_and_textures(tmp_path):
     assert figures["size_bytes"] == sum(one.stat().st_size for one in files)
     done = run("convert", "walk.npz", "-o", "out.glb", "--layout", "labs", cwd=tmp_path)
     assert_fails(done, "--layout", "has no effect on a .glb file", ".vat")
+
+
+@pytest.mark.parametrize("layout", ["openvat", "pca"])
+def test_convert_writes_textures_of_each_segment_with_split(tmp_path, layout):
+    segments = [replace(one, fps=25.0) for one in (waving_grid(4), waving_grid(3, 5, 6))]
+    data = meshreel.encode(meshreel.concatenate(segments), max_error=0.01)
+    (tmp_path / "walk.reel").write_bytes(data)
+    words = ("convert", "walk.reel", "-o", "walk.vat/", "--layout", layout)
+    refused = run(*words, cwd=tmp_path)
+    assert_fails(refused, "7 frames in 2 segments", "convert --split")
+    assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
+    figures = run_json(*words, "--split", cwd=tmp_path)
+    assert [one["n_frames"] for one in figures["outputs"]] == [4, 3]
+    assert [one["n_verts"] for one in figures["outputs"]] == [99, 30]
+    for name, segment in zip(("walk_0-3", "walk_4-6"), segments, strict=True):
+        folder = tmp_path / f"{name}.vat"
+        [description] = folder.glob("*.json")
+        text = json.loads(description.read_text())
+        about = text if layout == "pca" else text["os-remap"]
+        assert about["frames" if layout == "pca" else "Frames"] == segment.n_frames
+        rest = meshreel.load(folder / f"{name}.glb")
+        assert rest.n_faces == len(segment.faces)
+    errors = [note for note in figures["notes"] if "largest error is at most" in note]
+    assert len(errors) == 2

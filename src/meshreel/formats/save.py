@@ -261,7 +261,7 @@ def _checked_paths(
         raise ConnectivityChangeError(
             f"{output}: the faces change: {n_frames} frames in {n_segments} segments, but "
             f"{found.extension} stores the same faces in every frame; write one output per "
-            f"segment (--split, or decode --segment), one file per frame, or {others}"
+            f"segment (convert --split, or decode --segment), one file per frame, or {others}"
         )
     return paths
 
