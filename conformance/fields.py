@@ -47,7 +47,8 @@ class FieldReader:
     ----------
     data : bytes
     passes : list of dict of int to list of int
-        For each pass, the context neighbors of each of its columns, in coding order.
+        For each pass, the context neighbors of each of its columns, in coding order. A column
+        can be listed repeatedly.
     """
 
     def __init__(self, data, passes):
@@ -55,7 +56,7 @@ class FieldReader:
         self.near = {i: near for columns in passes for i, near in columns.items()}
         self.sums = {i: [4096] * 3 for i in self.near}
         self.neighbor_means = dict.fromkeys(self.near, 192)
-        self.agreement = {(i, j): 16 for i, near in self.near.items() for j in near}
+        self.agreements = {i: [16] * len(near) for i, near in self.near.items()}
         self.weights = [0, 0, 16384, 16384, 8192, 8192, 24576, 8192, -16384]
         self.means, self.bias = [32768] * len(passes), [0] * len(passes)
         self.n_zero_rows = defaultdict(int)
@@ -137,13 +138,14 @@ class FieldReader:
         return value
 
     def read_sign(self, i, magnitude):
-        signs = [(j, (self.values[j] > 0) - (self.values[j] < 0)) for j in self.near[i]]
-        vote = sum(self.agreement[i, j] * sign for j, sign in signs)
+        signs = [(self.values[j] > 0) - (self.values[j] < 0) for j in self.near[i]]
+        agreements = self.agreements[i]
+        vote = sum(a * sign for a, sign in zip(agreements, signs, strict=True))
         wrong = self.stream.adaptive(self.models.wrong[abs(vote).bit_length()])
         own = -1 if wrong != (vote < 0) else 1
-        for j, sign in signs:
+        for n, sign in enumerate(signs):
             if sign:
-                self.agreement[i, j] += 16 * own * sign - (self.agreement[i, j] >> 3)
+                agreements[n] += 16 * own * sign - (agreements[n] >> 3)
         return own * magnitude
 
     def update_means(self, number, m, slow):

@@ -30,6 +30,7 @@ from conformance.sources import (
     moving,
     of_boxes,
     of_everything,
+    of_rough_integers,
     pinched,
     sheet_of_quads,
     shuffled,
@@ -38,6 +39,7 @@ from conformance.sources import (
     together,
     uneven,
 )
+from conformance.surface import read_on_surface
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import Header, whole_stream, write_sections, write_varint
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
@@ -728,6 +730,33 @@ encoded(
     tracks={"x": "exact"},
 )
 
+encoded(
+    "grid_one_frame",
+    lambda: moving(shuffled(holes(10, 11)), 1, rough=0.01),
+    method="grid",
+    max_error=0.05,
+    order="drop",
+)
+encoded(
+    "grid_one_frame_not_manifold",
+    lambda: moving(
+        together(book(7), tangled(15, 40), grid(4, 5)), 1, n_more=3, dtype=np.float64, rough=0.01
+    ),
+    method="grid",
+    max_error=1e-6,
+    order="vertices",
+)
+
+
+@stream
+def attributes_on_surface():
+    """Integers of vertices and of corners of polygons, two of them by a divisor, on the surface."""
+    data = meshreel.encode(of_rough_integers(), method="grid", max_error=0.01, uv_bits=10)
+    with patch("conformance.surface.read_on_surface", wraps=read_on_surface) as read:
+        read_all(data)
+    assert read.call_count == 4
+    return data
+
 
 @stream
 def grid_live():
@@ -780,7 +809,7 @@ def predicted_tracks():
         "normals": Track(normals, kind="normal"),
     }
     whole = MeshSequence(sheet.vertices, sheet.faces, 25, tracks=tracks)
-    return meshreel.encode(whole, order="vertices", block_frames=6, max_error=0.001)
+    return meshreel.encode(whole, "grid", order="vertices", block_frames=6, max_error=0.001)
 
 
 @stream

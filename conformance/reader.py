@@ -24,6 +24,7 @@ from conformance.order import read_order
 from conformance.prediction import predict_fields
 from conformance.rounding import single
 from conformance.surface import CornerRows, graphs_of, polygons_of, read_surface
+from conformance.surface_integers import read_surface_integers
 from conformance.timeline import (
     basis_vectors,
     frames_of,
@@ -376,13 +377,18 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding):
     return block, frames_of(bases, scaled, block["precision"], corrections, placed, items.order)
 
 
-def read_exact_block(group, n_frames, placed, blocks, items, coding):
-    """Return the same for an exact track, or positions of `lossless`."""
+def need_no_modes(group):
+    """Raise DamagedError if a group of exact values or of a grid has modes."""
     head = Payload(group["BLOCK"] if "BLOCK" in group else group["TRACK_BLOCK"])
     if "BLOCK" in group:
         head.varint()
     need(head.varint() == 0, "exact values have modes")
     head.end()
+
+
+def read_exact_block(group, n_frames, placed, blocks, items, coding):
+    """Return the same for an exact track, or positions of `lossless`."""
+    need_no_modes(group)
     letter = LETTERS[placed.number_type if coding <= EXACT else placed.number_type + 32]
     shape = (n_frames, items.n, len(placed.origin))
     rows = read_exact(group["VALUES"], shape, letter, items.neighbors)
@@ -400,8 +406,14 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
     rest = {**group, "VALUES": group["VALUES"][8:]}
     if step == 0:
         return read_exact_block(rest, n_frames, placed, blocks, items, coding)
-    whole = replace(placed, number_type=36)
-    block, integers = read_exact_block(rest, n_frames, whole, blocks, items, coding)
+    if n_frames == 1:
+        need_no_modes(group)
+        rows = read_surface_integers(rest["VALUES"], items.n, 3, items.faces)
+        block = {"frames": 1, "modes": 0}
+        integers = [number for item in items.order for number in rows[item]]
+    else:
+        whole = replace(placed, number_type=36)
+        block, integers = read_exact_block(rest, n_frames, whole, blocks, items, coding)
     numbers = array(LETTERS[placed.number_type])
     for i, n in enumerate(integers):
         value = n * step * placed.scale + placed.origin[i % 3]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.fans import join_fans, triangulate_fans
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
 from meshreel.model.sequence import MeshSequence
@@ -190,6 +190,25 @@ def of_everything(dtype=np.float32, n_frames=5, **more):
     )  # fmt: skip
     surface = Surface(sizes, attributes, groups, (Part("/all", n_verts, n_faces),), *look())
     return moving(triangles, n_frames, dtype=dtype, surface=surface, **more)
+
+
+def of_rough_integers():
+    """Return a frame of polygons with rough integers at vertices and corners, with a seam."""
+    sizes, triangles = sheet_of_quads(10, 11)
+    of_corners = join_fans(sizes, triangles)
+    n_verts = int(triangles.max()) + 1
+    far = np.repeat(np.arange(len(sizes)) > len(sizes) // 2, sizes)
+    rows, indices = np.unique(of_corners + n_verts * far, return_inverse=True)
+    rest = moving(triangles, 1, rough=0.05).vertices[0]
+    uvs = rest[rows % n_verts, :2] / 2 + (rows[:, None] >= n_verts)
+    integers = np.rint(300 * rest).astype(np.int32)
+    attributes = (
+        attribute("uv", "uv", "corner", uvs.astype(np.float32), indices),
+        attribute("cents", "other", "vertex", np.rint(100 * rest).astype(np.int32) / 100),
+        attribute("integers", "other", "vertex", integers),
+        attribute("of corners", "other", "corner", integers[of_corners]),
+    )
+    return moving(triangles, 1, surface=Surface(sizes, attributes))
 
 
 def of_boxes():

@@ -8,9 +8,11 @@ from conformance.container import Payload
 from conformance.order import rotated, twins_of
 from conformance.patterns import nothing, read_patterns, row_before
 from conformance.rounding import single
+from conformance.surface_integers import read_surface_integers
 
 KINDS, DOMAINS = ("uv", "color", "other"), ("vertex", "face", "corner")
 EACH, INDEXED, SHARED = range(3)
+ALONG_FACES = 2
 SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive")
 MATERIAL_NUMBERS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5)
 TEXTURE_NUMBERS = (0.0, 0.0, 0.0, 1.0, 1.0)
@@ -228,15 +230,16 @@ def read_attribute(payload, polygons, n_verts, memory):
             if is_corner
             else read_references(references, n_items)
         )
-    need(predictor < (2 if domain == "face" else 3) and all(0 <= row < n_rows for row in rows))
-    if predictor == 2:
+    need(predictor < (2 if domain == "face" else 4) and all(0 <= row < n_rows for row in rows))
+    stored = number_type if form == 255 else "i"
+    if predictor < ALONG_FACES:
+        predictors = (nothing, row_before)[predictor](n_rows)
+        table = read_patterns(payload.rest(), width, stored, predictors)
+    else:
         corners = polygons.triangles if domain == "vertex" else polygons.fans()
         triangles = [tuple(rows[corner] for corner in triangle) for triangle in corners]
-        predictors = AlongFaces(triangles, n_rows).traverse()
-    else:
-        predictors = (nothing, row_before)[predictor](n_rows)
-    stored = number_type if form == 255 else "i"
-    table = read_patterns(payload.rest(), width, stored, predictors)
+        read = read_along_faces if predictor == ALONG_FACES else read_on_surface
+        table = read(payload.rest(), n_rows, width, stored, triangles)
     if form != 255:
         need(number_type in "fd" and (form <= 11 or 64 <= form <= 88))
         table = [divided(row, width, form, number_type) for row in table]
@@ -251,6 +254,19 @@ def read_attribute(payload, polygons, n_verts, memory):
         "values": table,
         "rows": rows if layout == INDEXED else None,
     }
+
+
+def read_along_faces(data, n_rows, width, stored, triangles):
+    """Return the bytes of each row, predicted along the faces."""
+    predictors = AlongFaces(triangles, n_rows).traverse()
+    return read_patterns(data, width, stored, predictors)
+
+
+def read_on_surface(data, n_rows, width, stored, triangles):
+    """Return the bytes of each row of integers on a surface."""
+    need(stored == "i", "values on a surface are not integers")
+    rows = read_surface_integers(data, n_rows, width, triangles)
+    return [tuple(struct.pack("<i", number) for number in row) for row in rows]
 
 
 def divided(row, width, form, number_type):

@@ -200,6 +200,52 @@ void fuzz_patterns(void) {
     }
 }
 
+/* ---- integers on a surface ---- */
+
+static int32_t *decode_surface(const fuzz_mesh *mesh, int64_t n_columns, fuzz_bytes from,
+                               int64_t *result) {
+    size_t size = reel_surface_integers_memory(mesh->n_verts, mesh->n_faces, n_columns);
+    int32_t *values = fuzz_allocate(mesh->n_verts * n_columns, sizeof *values);
+    *result = reel_surface_integers_decode(fuzz_allocate((int64_t)size, 1), size, from.bytes,
+                                           from.size, mesh->n_verts, n_columns, mesh->faces,
+                                           mesh->twins, mesh->n_faces, values);
+    fuzz_check_code(*result);
+    return values;
+}
+
+void fuzz_surface_integers(void) {
+    fuzz_mesh mesh = fuzz_make_mesh(60);
+    if (fuzz_one_in(4)) {
+        fuzz_shuffle_twins(&mesh);
+    }
+    int64_t n_columns = 1 + fuzz_below(REEL_MAX_SURFACE_COLUMNS), n = mesh.n_verts * n_columns;
+    int64_t capacity = REEL_SURFACE_HEAD + 16 * n + (1 << 16), result;
+    int32_t *values = fuzz_allocate(n, sizeof *values), shift = (int32_t)fuzz_below(8);
+    bool is_allowed = true;
+    for (int64_t i = 0; i < n; i++) {
+        values[i] = fuzz_integer() >> shift;
+        is_allowed = is_allowed && values[i] <= REEL_MAX_SURFACE_VALUE &&
+                     values[i] >= -REEL_MAX_SURFACE_VALUE;
+    }
+    uint8_t *out = fuzz_allocate(capacity, 1);
+    size_t size = reel_surface_integers_memory(mesh.n_verts, mesh.n_faces, n_columns);
+    result = reel_surface_integers_encode(fuzz_allocate((int64_t)size, 1), size, values,
+                                          mesh.n_verts, n_columns, mesh.faces, mesh.twins,
+                                          mesh.n_faces, out, (size_t)capacity);
+    FUZZ_CHECK((result >= 0) == is_allowed);
+    if (result < 0) {
+        return;
+    }
+    fuzz_bytes bytes = fuzz_written(out, result);
+    int32_t *output = decode_surface(&mesh, n_columns, bytes, &result);
+    FUZZ_CHECK(result == (int64_t)bytes.size);
+    FUZZ_CHECK(!memcmp(output, values, (size_t)n * sizeof *values));
+    for (int i = 0; i < 3; i++) {
+        output = decode_surface(&mesh, n_columns, fuzz_mutate(bytes), &result);
+        fuzz_hash(output, result < 0 ? 0 : n, sizeof *output);
+    }
+}
+
 /* ---- orders ---- */
 
 static int64_t decode_order(const fuzz_mesh *mesh, bool with_faces, fuzz_bytes from,

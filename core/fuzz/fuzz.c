@@ -28,9 +28,9 @@ static size_t used;
 static int fill;
 
 static void (*const targets[])(void) = {
-    fuzz_integers, fuzz_fields, fuzz_connectivity, fuzz_order,
-    fuzz_patterns, fuzz_hierarchy, fuzz_frames, fuzz_basis_encode, fuzz_coordinates,
-    fuzz_exact, fuzz_streams, fuzz_corner_rows,
+    fuzz_integers,         fuzz_fields,    fuzz_connectivity, fuzz_order,        fuzz_patterns,
+    fuzz_surface_integers, fuzz_hierarchy, fuzz_frames,       fuzz_basis_encode, fuzz_coordinates,
+    fuzz_exact,            fuzz_streams,   fuzz_corner_rows,
 };
 #define N_TARGETS (sizeof targets / sizeof *targets)
 

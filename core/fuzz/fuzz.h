@@ -81,6 +81,7 @@ void fuzz_connectivity(void);
 void fuzz_order(void);
 void fuzz_corner_rows(void);
 void fuzz_patterns(void);
+void fuzz_surface_integers(void);
 void fuzz_exact(void);
 void fuzz_hierarchy(void);
 void fuzz_frames(void);

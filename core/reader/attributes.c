@@ -14,7 +14,7 @@
    space. */
 enum layout_number { EACH = 0, INDEXED = 1, SHARED = 2 };
 enum reference_code { REPEAT = 0, NEW = 1, EXPLICIT = 2 };
-enum row_predictor { NOTHING = 0, ROW_BEFORE = 1, ALONG_FACES = 2 };
+enum row_predictor { NOTHING = 0, ROW_BEFORE = 1, ALONG_FACES = 2, ON_SURFACE = 3 };
 
 /* Stored forms of numbers; 0 to 9: integers divided by a power of ten. */
 enum number_form { BY_BYTE = 10, BY_SHORT = 11, GRID = 64, FINEST_GRID = 88, PLAIN = 255 };
@@ -280,26 +280,37 @@ static void find_rows_of_triangles(const reel_faces *faces, const meshreel_attri
     }
 }
 
+/* The triangles of rows, and their twins. */
+typedef struct {
+    int32_t *triangles, *twins;
+} row_faces;
+
+static int find_row_faces(reel_call *call, const reel_faces *faces,
+                          const meshreel_attribute *output, row_faces *result) {
+    uint64_t n_faces = faces->outline->n_faces;
+    result->triangles = reel_scratch(call, 3 * n_faces, sizeof *result->triangles);
+    if (!result->triangles) {
+        return call->error.code;
+    }
+    find_rows_of_triangles(faces, output, result->triangles);
+    return reel_find_twins(call, result->triangles, n_faces, output->n_rows, &result->twins);
+}
+
 static int predict_along_faces(reel_call *call, const reel_faces *faces,
                                const meshreel_attribute *output, row_order *rows_order) {
     int64_t n_faces = (int64_t)faces->outline->n_faces, n_rows = output->n_rows;
     uint64_t n_sides = 3 * faces->outline->n_faces;
+    row_faces of_rows;
     int failed = allocate_row_order(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, rows_order);
     const reel_chunk *mark = call->scratch.last;
-    int32_t *triangle_rows = failed ? NULL : reel_scratch(call, n_sides, sizeof *triangle_rows),
-            *twins;
-    if (!triangle_rows) {
-        return call->error.code;
-    }
-    find_rows_of_triangles(faces, output, triangle_rows);
-    failed = reel_find_twins(call, triangle_rows, faces->outline->n_faces, output->n_rows, &twins);
+    failed = failed ? failed : find_row_faces(call, faces, output, &of_rows);
     size_t memory_size = reel_predictors_memory(n_rows, n_faces);
     void *memory = failed ? NULL : reel_scratch(call, memory_size, 1);
     if (!memory) {
         return call->error.code;
     }
     int64_t result =
-        reel_predictors_find(memory, memory_size, triangle_rows, twins, n_rows, n_faces,
+        reel_predictors_find(memory, memory_size, of_rows.triangles, of_rows.twins, n_rows, n_faces,
                              rows_order->order, rows_order->starts, rows_order->triples);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, REEL_UNKNOWN, "an attribute does not match the faces");
@@ -336,6 +347,38 @@ static int decode_patterns(reel_call *call, reel_range coded, const meshreel_att
     return reel_fail_core(call, result, coded.at, "the values of an attribute are damaged");
 }
 
+static int decode_on_surface(reel_call *call, reel_range coded, const reel_faces *faces,
+                             const meshreel_attribute *output, int32_t *values) {
+    int64_t n_rows = output->n_rows, n_faces = (int64_t)faces->outline->n_faces;
+    size_t memory_size = reel_surface_integers_memory(n_rows, n_faces, output->width);
+    row_faces of_rows;
+    const uint8_t *bytes;
+    int failed = find_row_faces(call, faces, output, &of_rows);
+    failed = failed ? failed : reel_view(call, coded, &bytes);
+    void *memory = failed ? NULL : reel_scratch(call, memory_size, 1);
+    if (!memory) {
+        return call->error.code;
+    }
+    int64_t result = reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length,
+                                                  n_rows, output->width, of_rows.triangles,
+                                                  of_rows.twins, n_faces, values);
+    return reel_fail_core(call, result, coded.at, "the values of an attribute are damaged");
+}
+
+/* Decode a table of integers in the order of a predictor. */
+static int decode_integers(reel_call *call, const reel_faces *faces, reel_range coded,
+                           const meshreel_attribute *result, uint8_t predictor,
+                           int32_t *integers) {
+    row_order rows_order;
+    if (predictor == ON_SURFACE) {
+        return decode_on_surface(call, coded, faces, result, integers);
+    }
+    int failed = find_row_order(call, faces, result, predictor, &rows_order);
+    return failed ? failed
+                  : decode_patterns(call, coded, result, &rows_order, sizeof *integers, false,
+                                    integers);
+}
+
 static double divisor_of(uint8_t form) {
     static const double powers[] = {1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9};
     return form < BY_BYTE     ? powers[form]
@@ -366,7 +409,11 @@ static int check_form(reel_call *call, uint64_t at, const meshreel_attribute *re
     if (form != PLAIN && !(is_divided && is_float(result))) {
         return reel_corrupt(call, at, "the form of the numbers of an attribute is unknown");
     }
-    if (predictor > (result->domain == MESHREEL_FACES ? ROW_BEFORE : ALONG_FACES)) {
+    bool has_integers = form != PLAIN || result->type == MESHREEL_INT32;
+    uint8_t last = result->domain == MESHREEL_FACES ? ROW_BEFORE
+                   : has_integers                   ? ON_SURFACE
+                                                    : ALONG_FACES;
+    if (predictor > last) {
         return reel_corrupt(call, at + 1, "the row predictor of an attribute is unknown");
     }
     return MESHREEL_OK;
@@ -376,18 +423,23 @@ static int read_values(reel_call *call, const reel_faces *faces, reel_range code
                        const meshreel_attribute *result, void *values) {
     uint8_t head[2];
     uint64_t at = coded.at;
-    row_order rows_order;
     int failed = reel_read_bytes(call, &coded, head, sizeof head);
     failed = failed ? failed : check_form(call, at, result, head[0], head[1]);
-    failed = failed ? failed : find_row_order(call, faces, result, head[1], &rows_order);
-    if (failed || head[0] == PLAIN) {
+    if (failed) {
+        return failed;
+    }
+    if (head[0] == PLAIN && result->type == MESHREEL_INT32) {
+        return decode_integers(call, faces, coded, result, head[1], values);
+    }
+    if (head[0] == PLAIN) {
+        row_order rows_order;
+        failed = find_row_order(call, faces, result, head[1], &rows_order);
         return failed ? failed
                       : decode_patterns(call, coded, result, &rows_order, size_of(result),
                                         is_float(result), values);
     }
     int32_t *integers = reel_scratch(call, result->n_rows, result->width * sizeof *integers);
-    failed = integers ? decode_patterns(call, coded, result, &rows_order, sizeof *integers, false,
-                                        integers)
+    failed = integers ? decode_integers(call, faces, coded, result, head[1], integers)
                       : call->error.code;
     if (!failed) {
         divide(result, integers, head[0], values);

@@ -8,6 +8,7 @@
 #define MAX_TASK 16384
 #define PACK_TILE 64 /* ranges of values begin at multiples of this */
 #define BATCH 16     /* vertices that the predictor processes at once */
+#define N_AXES 3
 
 static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t block, uint32_t track,
                    const char *message) {
@@ -571,6 +572,37 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, cons
     return reel_fail_core(call, result, coded.at, "exact values are damaged");
 }
 
+/* Decode the positions of a block of one frame on a grid. */
+static int load_one_frame(reel_call *call, const meshreel_decoder *decoder,
+                          reel_track_state *state) {
+    const reel_outline *outline = &decoder->file->outline;
+    const int32_t *faces = decoder->file->mesh.internal_faces;
+    int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
+    reel_range coded = state->current.group.values;
+    int32_t *positions = reel_pool_allocate(call, &state->current.pool, outline->n_verts,
+                                            N_AXES * sizeof *positions);
+    const reel_chunk *mark = call->scratch.last;
+    size_t memory_size = reel_surface_integers_memory(n_verts, n_faces, N_AXES);
+    void *memory = positions ? reel_scratch(call, memory_size, 1) : NULL;
+    if (!memory) {
+        return call->error.code;
+    }
+    const uint8_t *bytes;
+    int32_t *twins;
+    int failed = reel_view(call, coded, &bytes);
+    failed = failed ? failed
+                    : reel_find_twins(call, faces, outline->n_faces, outline->n_verts, &twins);
+    if (failed) {
+        return failed;
+    }
+    int64_t result =
+        reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length, n_verts,
+                                     N_AXES, faces, twins, n_faces, positions);
+    reel_drop_scratch(call, mark);
+    state->current.exact = positions;
+    return reel_fail_core(call, result, coded.at, "positions on a grid are damaged");
+}
+
 static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
@@ -581,6 +613,9 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
                                                   : REEL_UNSIGNED_INTEGERS;
     if (definition->difference) {
         type = REEL_SIGNED_INTEGERS;
+    }
+    if (group->grid > 0.0 && group->n_frames == 1) {
+        return load_one_frame(call, decoder, state);
     }
     if (group->grid > 0.0) {
         type = REEL_SIGNED_INTEGERS;

@@ -18,6 +18,8 @@ QUICK = (
     "corrections",
     "everything_quantised",
     "grid_live",
+    "grid_one_frame",
+    "grid_one_frame_not_manifold",
     "hub_in_order",
     "key_blocks",
     "large_residuals",

@@ -177,7 +177,7 @@ class EncoderConfig:
             range=Range(0, 1, is_open=True),
             unit="in diagonals of the bounding box",
             group=GROUP,
-            methods=REEL,
+            methods=BOUNDED,
         ),
     ] = None
     lossless: Annotated[

@@ -72,6 +72,50 @@ def test_kg_error_of_all_frames_meets_the_target(sequence):
     assert 0.4 < 100 * np.sqrt(error / spread) <= 0.5
 
 
+FRAMES = meshreel.concatenate(
+    [replace(one, vertices=one.vertices[i : i + 1]) for i in range(5) for one in (GRID, SHEET)]
+)
+
+
+@pytest.mark.parametrize("options", [{}, {"quality": 90}, {"step": 1e-4}, {"max_error": 0.01}])
+def test_segments_of_one_frame_are_on_a_grid(options):
+    data = meshreel.encode(FRAMES, **options)
+    assert all(meshreel.info(data, segment=i).method == "grid" for i in range(10))
+    assert largest_error(FRAMES, data) < 0.1
+
+
+def test_options_of_modes_keep_modes_in_segments_of_one_frame():
+    data = meshreel.encode(FRAMES, effort=5)
+    assert meshreel.info(data, segment=3).method == "reel"
+
+
+def test_quality_of_one_frame_is_about_that_of_modes():
+    given = FRAMES.segments[4].read(0, 1)
+    alone, among = meshreel.encode(FRAMES[4:5].segments[0]), meshreel.encode(FRAMES)
+    errors = [
+        np.square(one.vertices - given, dtype=float).mean()
+        for one in (meshreel.decode(alone), meshreel.decode(among, segment=4))
+    ]
+    assert 0.5 < np.sqrt(errors[1] / errors[0]) < 2.0
+
+
+@pytest.mark.parametrize("target", [{"kg": 0.2}, {"size": 6000}, {"bpvf": 80.0}])
+def test_targets_hold_over_segments_of_one_frame(target):
+    data = meshreel.encode(FRAMES, **target)
+    ((name, value),) = target.items()
+    n_positions = sum(one.n_verts * one.n_frames for one in FRAMES.segments)
+    found = {"size": len(data), "bpvf": 8 * len(data) / n_positions}
+    if name == "kg":
+        pairs = decoded_pairs(FRAMES, data)
+        error = sum(np.square(two.vertices - one.vertices, dtype=float).sum() for one, two in pairs)
+        spread = sum(
+            np.square(one.vertices - one.vertices.mean(axis=1, keepdims=True), dtype=float).sum()
+            for one, _ in pairs
+        )
+        found["kg"] = 100 * np.sqrt(error / spread)
+    assert 0.8 * value < found[name] <= value
+
+
 def test_bounds_of_tracks_are_shares_of_their_range_in_all_segments():
     rng = np.random.default_rng(3)
     heats = [

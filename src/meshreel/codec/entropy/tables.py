@@ -1,6 +1,6 @@
 """Lossless coding of tables of numbers, as multiples of a fraction or by their bit patterns."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -8,47 +8,69 @@ import numpy.typing as npt
 
 from meshreel.codec.entropy.exact import encode_numbers, nothing_expected, row_before_expected
 from meshreel.codec.entropy.multiples import GRID, as_multiples
-from meshreel.kernel.patterns import Expected
+from meshreel.kernel.order import opposite_sides
+from meshreel.kernel.patterns import expected_along
+from meshreel.kernel.surface_integers import MAX_VALUE, encode_on_surface
 
 Integers = npt.NDArray[np.integer]
 Numbers = npt.NDArray[Any]
-RowPredictor = Callable[[int], Expected]
-"""Returns the rows that each row is predicted from, for a number of rows."""
+Faces = npt.NDArray[np.int32]
 
 BIT_PATTERNS = 255
 """First byte of a table that is not stored as multiples."""
 
+NOTHING, ROW_BEFORE, ALONG_FACES, ON_SURFACE = range(4)
+"""Predictors of a row, by their codes."""
+
+SMALL_TABLE, FEW_ROWS = 10_000, 0.5
+"""Rows of a table up to which all predictors are tried; share of distinct rows below which the
+order of a larger table may predict better than its faces."""
+
 INTEGER = np.dtype(np.int32)
 
 
-def encode_table(values: Numbers, predictor: RowPredictor | None = None) -> bytes:
+def encode_table(values: Numbers, faces: Faces | None = None) -> bytes:
     """Encode a table of shape (N, C) losslessly.
 
     Parameters
     ----------
     values : array of uint8, int32, float32 or float64
-    predictor : callable, optional
-        A further prediction to try, besides none and the previous row. The reader needs the same.
+    faces : int32 array of shape (M, 3), optional
+        Triangles of rows, for predictions from neighboring rows. The reader needs the same.
     """
-    return _shortest([(BIT_PATTERNS, values), *as_multiples(values)], predictor)
+    return _shortest([(BIT_PATTERNS, values), *as_multiples(values)], faces)
 
 
-def encode_grid_table(
-    integers: Integers, bits: int, predictor: RowPredictor | None = None
-) -> bytes:
+def encode_grid_table(integers: Integers, bits: int, faces: Faces | None = None) -> bytes:
     """Encode a table of shape (N, C) of integer multiples of 2^-bits."""
-    return _shortest([(GRID + bits, integers.astype(INTEGER))], predictor)
+    return _shortest([(GRID + bits, integers.astype(INTEGER))], faces)
 
 
-def _shortest(forms: list[tuple[int, Numbers]], predictor: RowPredictor | None) -> bytes:
+def _shortest(forms: list[tuple[int, Numbers]], faces: Faces | None) -> bytes:
     """Encode a table by the form and prediction that take the fewest bytes."""
-    predictors = [nothing_expected, row_before_expected, *([predictor] if predictor else [])]
-    n_rows = len(forms[0][1])
-    return min(
-        (
-            bytes([code, number]) + encode_numbers(numbers, expected)
-            for number, expected in enumerate(one(n_rows) for one in predictors)
-            for code, numbers in forms
-        ),
-        key=len,
-    )
+    return min((bytes(head) + data for head, data in _trials(forms, faces)), key=len)
+
+
+def _trials(
+    forms: list[tuple[int, Numbers]], faces: Faces | None
+) -> Iterator[tuple[tuple[int, int], bytes]]:
+    """Yield the codes of a form and a predictor, and the table coded with them."""
+    table = forms[0][1]
+    n_rows = len(table)
+    if faces is None or n_rows <= SMALL_TABLE or _n_distinct(table) < FEW_ROWS * n_rows:
+        for number, expected in ((NOTHING, nothing_expected), (ROW_BEFORE, row_before_expected)):
+            for code, numbers in forms:
+                yield (code, number), encode_numbers(numbers, expected(n_rows))
+    if faces is None:
+        return
+    twins = opposite_sides(faces, n_rows)
+    along = expected_along(faces, twins, n_rows)
+    for code, numbers in forms:
+        yield (code, ALONG_FACES), encode_numbers(numbers, along)
+        if numbers.dtype == INTEGER and -MAX_VALUE <= numbers.min() <= numbers.max() <= MAX_VALUE:
+            yield (code, ON_SURFACE), encode_on_surface(numbers, faces, twins)
+
+
+def _n_distinct(table: Numbers) -> int:
+    rows = np.ascontiguousarray(table).view(np.uint8).reshape(len(table), -1)
+    return len(np.unique(rows.view(np.dtype((np.void, rows.shape[1])))))

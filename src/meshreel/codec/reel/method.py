@@ -209,16 +209,16 @@ class LosslessMethod(ReelMethod):
 
 
 class GridMethod(LosslessMethod):
-    """The method `grid`: positions rounded to a grid within an error bound, then lossless."""
+    """The method `grid`: positions rounded to a grid, then lossless."""
 
     name = "grid"
     is_lossless = False
 
     def check(self, config: EncoderConfig) -> None:
-        """Raise InvalidInputError without `max_error`."""
-        if config.max_error is None:
+        """Raise InvalidInputError without `max_error` or `step`."""
+        if config.target.kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
             raise InvalidInputError(
-                f"method {self.name} rounds positions within an error bound; set max_error="
+                f"method {self.name} rounds positions to a grid; set max_error= or step="
             )
 
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:

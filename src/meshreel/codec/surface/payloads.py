@@ -15,7 +15,7 @@ from meshreel.codec.entropy.tables import encode_grid_table, encode_table
 from meshreel.codec.surface.codes import DOMAINS, KINDS
 from meshreel.codec.surface.materials import write_image, write_material
 from meshreel.codec.surface.references import encode_corner_references, encode_references
-from meshreel.codec.surface.rows import distinct_rows, places_of, predictor_along_faces
+from meshreel.codec.surface.rows import distinct_rows, faces_of_rows, places_of
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.fans import fan_corners, join_fans
@@ -36,6 +36,9 @@ Faces = npt.NDArray[np.int32]
 EACH, INDEXED, SHARED = range(3)
 """Layouts of values: one row per item; indexed rows; or rows that corners share in the stream and
 that are expanded to one row per item on decoding."""
+
+MANY_CORNERS, SHARED_AT_MOST = 30_000, 0.5
+"""Corners above which a row for each is not tried, if their share of distinct rows is lower."""
 
 START = struct.Struct("<d")
 
@@ -164,20 +167,19 @@ def _write_values(
         elif rows is not None:
             references = encode_references(rows)
         counts = write_varint(len(table)) + write_varint(len(references))
-        predictor = predictor_along_faces(domain, rows, surface, faces)
-        if bits is None:
-            coded = encode_table(table, predictor)
-        else:
-            coded = encode_grid_table(table, bits, predictor)
+        used = faces_of_rows(domain, rows, surface, faces)
+        coded = encode_table(table, used) if bits is None else encode_grid_table(table, bits, used)
         return bytes([layout]) + counts + references + coded
 
     if indices is not None:
         return encoded(INDEXED, indices, values)
-    layouts = [encoded(EACH, None, values)]
-    if domain is Domain.CORNER:
-        first, rows = distinct_rows(values, places)
-        layouts.append(encoded(SHARED, rows, values[first]))
-    return min(layouts, key=len)
+    if domain is not Domain.CORNER:
+        return encoded(EACH, None, values)
+    first, rows = distinct_rows(values, places)
+    shared = encoded(SHARED, rows, values[first])
+    if len(rows) > MANY_CORNERS and len(first) < SHARED_AT_MOST * len(rows):
+        return shared
+    return min(encoded(EACH, None, values), shared, key=len)
 
 
 def _write_groups(groups: FaceGroups) -> bytes:

@@ -3,9 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.connectivity.triangles import twin_sides
-from meshreel.codec.entropy.tables import RowPredictor
-from meshreel.kernel.patterns import Expected, expected_along
 from meshreel.model.geometry.fans import fan_corners, join_fans
 from meshreel.model.surface import Domain, Surface
 
@@ -13,10 +10,10 @@ Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
 
 
-def predictor_along_faces(
+def faces_of_rows(
     domain: Domain, rows: Integers | None, surface: Surface, faces: Faces
-) -> RowPredictor | None:
-    """Return the predictor of an attribute's rows from those of neighboring faces, or None.
+) -> Faces | None:
+    """Return the rows of an attribute at the corners of each triangle, or None for faces.
 
     Parameters
     ----------
@@ -28,11 +25,7 @@ def predictor_along_faces(
         return None
     corners = faces if domain is Domain.VERTEX else fan_corners(surface.sizes(len(faces)))
     used = corners if rows is None else np.asarray(rows)[corners]
-
-    def predictor(n_rows: int) -> Expected:
-        return expected_along(used, twin_sides(used.astype(np.int32), n_rows), n_rows)
-
-    return predictor
+    return used.astype(np.int32)
 
 
 def distinct_rows(values: npt.NDArray[np.generic], places: Integers) -> tuple[Integers, Integers]:

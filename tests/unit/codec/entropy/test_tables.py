@@ -4,19 +4,37 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.entropy.exact import decode_numbers, nothing_expected, row_before_expected
 from meshreel.codec.entropy.multiples import GRID, MAX_GRID_BITS, MAX_INTEGER, UNORM16, values_of
-from meshreel.codec.entropy.tables import BIT_PATTERNS, INTEGER, encode_grid_table, encode_table
+from meshreel.codec.entropy.tables import (
+    ALONG_FACES,
+    BIT_PATTERNS,
+    INTEGER,
+    ON_SURFACE,
+    encode_grid_table,
+    encode_table,
+)
+from meshreel.kernel.patterns import expected_along
+from meshreel.kernel.surface_integers import decode_on_surface
+from samples.meshes import grid_faces
 
 CODES = (*range(UNORM16 + 1), *range(GRID, GRID + MAX_GRID_BITS + 1))
 SINGLE = np.dtype(np.float32)
 SHAPES = st.tuples(st.integers(0, 12), st.integers(1, 4))
 
 
-def decoded(data, shape, dtype):
+def decoded(data, shape, dtype, faces=None):
     """The table, with its form and coding in the first two bytes."""
     form, coding = data[:2]
-    expected = (nothing_expected, row_before_expected)[coding](shape[0])
+    if coding >= ALONG_FACES:
+        twins = twin_sides(faces, shape[0])
+        if coding == ON_SURFACE:
+            integers = decode_on_surface(data[2:], shape, faces, twins)
+            return integers if form == BIT_PATTERNS else values_of(integers, form, dtype)
+        expected = expected_along(faces, twins, shape[0])
+    else:
+        expected = (nothing_expected, row_before_expected)[coding](shape[0])
     if form == BIT_PATTERNS:
         return decode_numbers(data[2:], shape, dtype, expected)
     return values_of(decode_numbers(data[2:], shape, INTEGER, expected), form, dtype)
@@ -68,3 +86,30 @@ def test_grids_of_any_size_are_lossless(integers, bits, dtype):
     values = values_of(integers.astype(np.int32), GRID + bits, np.dtype(dtype))
     back = decoded(encode_grid_table(integers, bits), integers.shape, np.dtype(dtype))
     assert (back.dtype, back.tobytes()) == (values.dtype, values.tobytes())
+
+
+SHEET = grid_faces(30, 40)
+
+
+def palette_of_rows(rng):
+    return rng.integers(0, 1 << 20, (8, 2)).astype(np.int32)[rng.integers(0, 8, 1200)]
+
+
+def smooth_rows(_rng):
+    rows, columns = np.divmod(np.arange(1200), 40)
+    return np.rint(900 * np.stack([np.sin(rows / 9), np.cos(columns / 5)], 1)).astype(np.int32)
+
+
+def largest_integers(rng):
+    return rng.choice(np.array([np.iinfo(np.int32).min, np.iinfo(np.int32).max]), (1200, 2))
+
+
+@pytest.mark.parametrize(
+    ("make", "predictors"),
+    [(smooth_rows, {ON_SURFACE}), (palette_of_rows, {0, 1}), (largest_integers, {0, 1, 2})],
+)
+def test_integers_at_corners_are_lossless_with_the_best_predictor(make, predictors):
+    values = make(np.random.default_rng(3)).astype(np.int32)
+    data = encode_table(values, SHEET)
+    assert data[1] in predictors
+    np.testing.assert_array_equal(decoded(data, values.shape, INTEGER, SHEET), values)

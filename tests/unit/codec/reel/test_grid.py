@@ -131,9 +131,19 @@ def test_live_frames_anywhere_are_within_the_bound():
     assert np.linalg.norm(found - vertices, axis=2).max() <= promised
 
 
-def test_grid_requires_max_error():
-    with pytest.raises(InvalidInputError, match="within an error bound; set max_error="):
+def test_grid_requires_a_bound_or_a_step():
+    with pytest.raises(InvalidInputError, match="rounds positions to a grid; set max_error= or"):
         meshreel.encode(waving_grid(2), "grid")
+
+
+@pytest.mark.parametrize("n_frames", [1, 5])
+def test_step_is_that_of_the_grid(n_frames):
+    sequence = waving_grid(n_frames)
+    data = meshreel.encode(sequence, "grid", step=0.01)
+    found = meshreel.info(data)
+    assert found.max_error_percent is None
+    apart = np.abs(meshreel.decode(data).vertices - sequence.vertices) / found.diagonal
+    assert 0.004 < apart.max() <= 0.00501
 
 
 def test_grid_has_no_modes():

@@ -1,25 +1,33 @@
-"""The method `grid`: positions rounded to a grid within an error bound, then coded losslessly.
+"""The method `grid`: positions rounded to a grid, then coded losslessly.
 
 At bounds near the precision of the positions, modes save little: the residual motion is noise,
-which each mode would code twice, in its field and in its basis vector.
+which each mode would code twice, in its field and in its basis vector. A single frame has no
+motion; it is predicted along its surface, which is faster than a hierarchy.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.reel.encoding.block_coder import largest_rounding, write_promise
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
 from meshreel.codec.reel.encoding.target_step import promised_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
-from meshreel.codec.reel.normative.blocks import write_grid_positions
+from meshreel.codec.reel.normative.blocks import write_grid_frame, write_grid_positions
 from meshreel.codec.reel.normative.grid import MAX_COORDINATE, NO_GRID, Coordinates, PositionGrid
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.codec.targets import TargetKind
+from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.sequence import Extent
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
@@ -40,12 +48,12 @@ class GridPositionCoder(PositionCoder):
     Attributes
     ----------
     grid : PositionGrid
-    bound : float
-        Largest error of a position, in diagonals.
+    bound : float or None
+        Largest error of a position, in diagonals; None guarantees nothing.
     """
 
     grid: PositionGrid
-    bound: float
+    bound: float | None
 
     @property
     def is_exact(self) -> bool:
@@ -54,21 +62,32 @@ class GridPositionCoder(PositionCoder):
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """Yield the sections before the first block."""
-        yield Section.PROMISE, write_promise(100.0 * self.bound)
+        if self.bound is not None:
+            yield Section.PROMISE, write_promise(100.0 * self.bound)
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
         """Encode a contiguous block of shape (T_b, V, 3), in internal order.
 
-        Positions are lossless if that takes fewer bytes, or the grid exceeds the bound.
+        Positions are lossless if the grid exceeds the bound or the limits of the format, or if
+        that takes fewer bytes for several frames.
         """
-        exact = write_grid_positions(vertices, NO_GRID, self.graph)
         coordinates = self.grid.coordinates(vertices)
-        if not self._meets_bound(coordinates, vertices):
+        meets_bound = self._meets_bound(coordinates, vertices)
+        if len(vertices) == 1 and meets_bound and np.abs(coordinates).max() <= MAX_VALUE:
+            return write_grid_frame(coordinates, self.grid.step, self.faces, self._twins)
+        exact = write_grid_positions(vertices, NO_GRID, self.graph)
+        if len(vertices) == 1 or not meets_bound:
             return exact
         rounded = write_grid_positions(coordinates, self.grid.step, self.graph)
         return min(exact, rounded, key=lambda sections: len(sections[1][1]))
 
+    @cached_property
+    def _twins(self) -> Integers:
+        return twin_sides(self.faces, self.n_verts)
+
     def _meets_bound(self, coordinates: Coordinates, vertices: Vertices) -> bool:
+        if self.bound is None:
+            return True
         decoded = self.grid.positions(coordinates, vertices.dtype).astype(np.float64)
         error = (decoded - vertices) / self.grid.frame.scale
         return math.sqrt(float(np.einsum("tvc,tvc->tv", error, error).max())) <= self.bound
@@ -77,7 +96,7 @@ class GridPositionCoder(PositionCoder):
 def grid_coder(
     mesh: CodedMesh, frame: BoundingFrame, extent: Extent, dtype: np.dtype[np.floating]
 ) -> GridPositionCoder:
-    """Return the coder of a mesh whose options set `max_error`.
+    """Return the coder of a mesh whose options set `max_error` or `step`.
 
     Parameters
     ----------
@@ -93,12 +112,20 @@ def grid_coder(
     InvalidInputError
         If the number type is too coarse for the bound.
     """
+    target = mesh.config.target
+    if target.kind is TargetKind.STEP:
+        return step_coder(mesh, frame, target.value)
     rounding = largest_rounding(extent.low.min(), extent.high.max(), dtype, frame)
-    bound = promised_bound(mesh.config.target, frame.scale, rounding, dtype)
+    bound = promised_bound(target, frame.scale, rounding, dtype)
     # The error is at most half the diagonal of a cube, plus half of the rounding.
     step = (bound * (1.0 - SLACK) - 0.5 * rounding) * 2.0 / math.sqrt(3.0)
-    grid = PositionGrid(min(max(step, 1.0 / MAX_COORDINATE), 1.0), frame)
-    return GridPositionCoder(mesh.faces, mesh.n_verts, grid, bound)
+    return replace(step_coder(mesh, frame, step), bound=bound)
+
+
+def step_coder(mesh: CodedMesh, frame: BoundingFrame, step: float) -> GridPositionCoder:
+    """Return the coder of a mesh with a grid of a step in diagonals, if coordinates allow it."""
+    grid = PositionGrid(_allowed(step), frame)
+    return GridPositionCoder(mesh.faces, mesh.n_verts, grid, None)
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
@@ -112,17 +139,60 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     return _encoded(replace(source, tracks=encode_tracks(source, progress)), progress, engine)
 
 
+def suits_one_frame(source: Source) -> bool:
+    """Return whether a source is a segment of one frame, without options of modes.
+
+    A hierarchy takes up to a quarter fewer bytes, but decodes too slowly for real time. A file of a
+    single frame has the time.
+    """
+    return source.n_frames == 1 and source.whole_extent is not None and _takes_grid(source.config)
+
+
+def encode_frame(source: Source, progress: Progress, step: float | None) -> bytes:
+    """Return a stream of a segment of one frame on a grid.
+
+    Parameters
+    ----------
+    source : Source
+    progress : callable
+    step : float or None
+        Step in diagonals; None: that of the bound of the source.
+
+    Raises
+    ------
+    InvalidInputError
+        If a bound cannot be guaranteed.
+    """
+    changes: dict[str, Any] = {"method": "grid", "block_frames": None}
+    if step is not None:
+        changes |= {kind.value: None for kind in TargetKind} | {"step": _allowed(step)}
+    config = replace(source.config, **changes)
+    return encode(replace(source, config=config), progress, None)
+
+
+def frame_error(source: Source, vertices: Vertices, step: float) -> float:
+    """Return the sum of squared distances of a frame (1, V, 3) from a grid, in diagonals."""
+    grid = PositionGrid(_allowed(step), source.frame)
+    error = grid.positions(grid.coordinates(vertices), vertices.dtype).astype(np.float64) - vertices
+    error /= source.frame.scale
+    return float(np.vdot(error, error))
+
+
 def may_use_grid(source: Source, size_bytes: int) -> bool:
     """Return whether a grid might take fewer bytes than a stream of modes of this size.
 
     A grid stores a number for each position, so it cannot compress many times. Options of the
     search for modes exclude it.
     """
-    config = source.config
-    if any(option is not None for option in (config.effort, config.tune, config.n_modes)):
+    if not _takes_grid(source.config):
         return False
     raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
     return size_bytes * RAW_RATIO > raw_bytes
+
+
+def _takes_grid(config: EncoderConfig) -> bool:
+    """Whether no option requires modes."""
+    return config.effort is None and config.tune is None and config.n_modes is None
 
 
 def encode_on_grid(source: Source, progress: Progress, engine: Engine | None) -> bytes:
@@ -130,6 +200,11 @@ def encode_on_grid(source: Source, progress: Progress, engine: Engine | None) ->
     cut = source.block_frames if source.tracks else source.config.block_frames
     config = replace(source.config, method="grid", block_frames=cut)
     return _encoded(replace(source, config=config), progress, engine)
+
+
+def _allowed(step: float) -> float:
+    """Limit a step in diagonals to those of the format and its coordinates."""
+    return min(max(step, 1.0 / MAX_COORDINATE), 1.0)
 
 
 def _encoded(source: Source, progress: Progress, engine: Engine | None) -> bytes:

@@ -37,8 +37,12 @@ class KgMeter:
 
     def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
         """Add the next frames, original and coded."""
-        self._error += coded.squared_error(frames)
-        self._spread += frames.block.spread
+        self.add_squares(coded.squared_error(frames), frames.block.spread)
+
+    def add_squares(self, error: float, spread: float) -> None:
+        """Add the squared errors of frames, and the squared distances from their means."""
+        self._error += error
+        self._spread += spread
 
     @property
     def value(self) -> float:

@@ -6,7 +6,9 @@ from itertools import count
 
 from meshreel.codec.joining import join_streams
 from meshreel.codec.reel.encoding import whole
+from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.effort import quality_step
+from meshreel.codec.reel.encoding.grid_positions import frame_error, suits_one_frame
 from meshreel.codec.reel.encoding.meters import KgMeter
 from meshreel.codec.reel.encoding.target_step import FIRST_QUALITY, step_within_limit
 from meshreel.codec.source import Source
@@ -133,9 +135,24 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     return step_within_limit(config, measure, start, has_tracks=has_tracks)
 
 
-def _searches(sources: Sequence[Source]) -> Iterator[whole.RateSearch]:
+class _FrameSearch:
+    """Errors of a segment of one frame on a grid."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    def add_errors(self, step: float, meter: KgMeter) -> None:
+        """Add the errors of the frame, coded with a step, to a meter."""
+        vertices = self._source.sequence.read(0, 1)
+        spread = BlockFrames(vertices, self._source.frame).spread
+        meter.add_squares(frame_error(self._source, vertices, step), spread)
+
+
+def _searches(sources: Sequence[Source]) -> Iterator[whole.RateSearch | _FrameSearch]:
     """Yield a search for each segment, which keeps its blocks for further steps."""
-    return (whole.RateSearch(source, silent, None) for source in sources)
+    for source in sources:
+        is_frame = suits_one_frame(source)
+        yield _FrameSearch(source) if is_frame else whole.RateSearch(source, silent, None)
 
 
 def _n_positions(source: Source) -> int:

@@ -19,7 +19,12 @@ from meshreel.codec.reel.encoding.block_coder import (
 )
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
-from meshreel.codec.reel.encoding.grid_positions import encode_on_grid, may_use_grid
+from meshreel.codec.reel.encoding.grid_positions import (
+    encode_frame,
+    encode_on_grid,
+    may_use_grid,
+    suits_one_frame,
+)
 from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.reel.encoding.rate_control import least_cost
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
@@ -43,7 +48,7 @@ CACHED_POSITION_BYTES = 36
 def encode(
     source: Source, progress: Progress, engine: Engine | None, *, step: float | None = None
 ) -> bytes:
-    """Encode the source to a stream that meets its target.
+    """Encode the source to a stream that meets its target; segments of one frame on a grid.
 
     Parameters
     ----------
@@ -59,6 +64,10 @@ def encode(
     InvalidInputError
         If no stream meets the target.
     """
+    if suits_one_frame(source):
+        if step is None and source.config.target.kind is not TargetKind.MAX_ERROR:
+            step, _ = step_for_target(source.config, RateSearch(source, progress, None))
+        return encode_frame(source, progress, step)
     if source.bounds:
         source = replace(source, tracks=encode_tracks(source, progress))
     sequence = RateSearch(source, progress, engine)
@@ -117,8 +126,11 @@ class RateSearch:
         self._streams: dict[float, bytes] = {}
         self._errors: dict[float, float] = {}
         self._best: tuple[float, list[tuple[int, Sections]]] | None = None
-        self._coder = coder_of(source.mesh, source.frame)
         self.finest_step = finest_step()
+
+    @cached_property
+    def _coder(self) -> FieldBlockCoder:
+        return coder_of(self._source.mesh, self._source.frame)
 
     @property
     def diagonal(self) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats
+from meshreel.arrays import Floats, Integers
 from meshreel.codec.bitstream.container import write_block_counts, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
@@ -24,6 +24,8 @@ from meshreel.kernel.exact import encode_exact
 from meshreel.kernel.fields import decode_fields
 from meshreel.kernel.mesh import Neighbors
 from meshreel.kernel.predict import Prepared, prepared_weights
+from meshreel.kernel.surface_integers import encode_on_surface
+from meshreel.model.sequence import Faces
 from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background, n_cores
 
@@ -73,6 +75,28 @@ def write_grid_positions(
     return [
         (Section.BLOCK, write_block_counts(len(values), 0)),
         (Section.VALUES, write_step(step) + encode_exact(values, graph)),
+    ]
+
+
+def write_grid_frame(
+    values: Numbers, step: float, faces: Faces, twins: Integers
+) -> list[tuple[Section, bytes]]:
+    """Return the sections of a block of one frame of the method `grid`.
+
+    Parameters
+    ----------
+    values : int32 array of shape (1, V, 3)
+        Grid coordinates, in internal order, up to `MAX_VALUE` in magnitude.
+    step : float
+        Above 0.
+    faces : int32 array of shape (M, 3)
+        In internal order.
+    twins : int64 array of shape (3 M,)
+        The opposite side of each side, as `twin_sides` returns it.
+    """
+    return [
+        (Section.BLOCK, write_block_counts(1, 0)),
+        (Section.VALUES, write_step(step) + encode_on_surface(values[0], faces, twins)),
     ]
 
 

@@ -1,0 +1,77 @@
+"""Coding of integers on a surface, by the core."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.kernel.fields import BYTES_AT_FIRST, BYTES_EACH
+from meshreel.kernel.library import call
+
+Integers = npt.NDArray[np.integer[Any]]
+Table = npt.NDArray[np.int32]
+
+HEAD_BYTES = 12
+MAX_VALUE, MAX_COLUMNS = 1 << 29, 16
+"""As in `core/reel.h`."""
+
+
+def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
+    """Encode a table of int32 of shape (N, C), whose rows are the corners of triangles.
+
+    Parameters
+    ----------
+    values : int32 array of shape (N, C)
+        Up to `MAX_VALUE` in magnitude, at most `MAX_COLUMNS` columns.
+    faces : integer array of shape (M, 3)
+        Rows, in 0..N-1.
+    twins : integer array of shape (3 M,)
+        As in `kernel.patterns.expected_along`.
+
+    Raises
+    ------
+    InvalidInputError
+        If a value is too large.
+    """
+    n_rows, n_columns = values.shape
+    out = np.empty(HEAD_BYTES + BYTES_EACH * values.size + BYTES_AT_FIRST, np.uint8)
+    size = call(
+        "reel_surface_integers_encode",
+        np.ascontiguousarray(values, np.int32),
+        n_rows,
+        n_columns,
+        np.ascontiguousarray(faces, np.int32),
+        np.ascontiguousarray(twins, np.int32),
+        len(faces),
+        out,
+        len(out),
+        what="integers on a surface",
+        memory_of=("reel_surface_integers_memory", n_rows, len(faces), n_columns),
+    )
+    return out[:size].tobytes()
+
+
+def decode_on_surface(
+    data: bytes, shape: tuple[int, int], faces: Integers, twins: Integers
+) -> Table:
+    """Decode a table that `encode_on_surface` wrote; the caller must bound the shape.
+
+    Raises
+    ------
+    CorruptStreamError
+        If bytes are missing or left over.
+    """
+    table = np.empty(shape, np.int32)
+    call(
+        "reel_surface_integers_decode",
+        data,
+        len(data),
+        *shape,
+        np.ascontiguousarray(faces, np.int32),
+        np.ascontiguousarray(twins, np.int32),
+        len(faces),
+        table,
+        what="integers on a surface",
+        memory_of=("reel_surface_integers_memory", shape[0], len(faces), shape[1]),
+    )
+    return table

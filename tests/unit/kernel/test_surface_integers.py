@@ -1,0 +1,78 @@
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis.extra.numpy import arrays
+
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.errors import InvalidInputError, MeshReelError
+from meshreel.kernel.surface_integers import (
+    HEAD_BYTES,
+    MAX_COLUMNS,
+    MAX_VALUE,
+    decode_on_surface,
+    encode_on_surface,
+)
+from samples.meshes import grid_faces, octahedron_faces
+
+FACES = {
+    "sheet": grid_faces(5, 6),
+    "closed": octahedron_faces(),
+    "fins and degenerate": np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4], [5, 5, 2], [2, 1, 6]]),
+    "isolated rows": np.array([[3, 7, 9]]),
+    "none": np.zeros((0, 3), int),
+}
+SMOOTH = grid_faces(40, 50)
+
+
+def coded(values, faces):
+    """A table and its stream, decoded."""
+    twins = twin_sides(np.asarray(faces, np.int32), len(values))
+    data = encode_on_surface(values, faces, twins)
+    return data, decode_on_surface(data, values.shape, faces, twins)
+
+
+@pytest.mark.parametrize("name", FACES)
+def test_tables_round_trip_on_any_faces(name):
+    shapes = st.tuples(st.integers(30, 40), st.integers(1, MAX_COLUMNS))
+
+    @given(arrays(np.int32, shapes, elements=st.integers(-MAX_VALUE, MAX_VALUE)))
+    def check(values):
+        np.testing.assert_array_equal(coded(values, FACES[name])[1], values)
+
+    check()
+
+
+@given(st.binary(max_size=300), st.sampled_from(sorted(FACES)))
+def test_arbitrary_bytes_decode_or_raise_our_error(data, name):
+    faces = np.asarray(FACES[name], np.int32)
+    try:
+        decoded = decode_on_surface(data, (30, 3), faces, twin_sides(faces, 30))
+    except MeshReelError:
+        return
+    assert decoded.shape == (30, 3)
+
+
+def test_planes_take_few_bytes():
+    rows, columns = np.divmod(np.arange(2000), 50)
+    values = np.stack([700 * columns + 3 * rows, 11 * rows - columns], axis=1).astype(np.int32)
+    assert len(coded(values, SMOOTH)[0]) < HEAD_BYTES + 250
+
+
+def test_smooth_surfaces_take_fewer_bits_than_parallelograms_leave():
+    rows, columns = np.divmod(np.arange(2000), 50)
+    height = 400 * np.sin(rows / 9) * np.cos(columns / 7) + np.random.default_rng(2).normal(
+        0, 3, 2000
+    )
+    values = np.rint(height)[:, None].astype(np.int32)
+    field = values[:, 0].reshape(40, 50)
+    parallelogram = field[1:, 1:] - field[1:, :-1] - field[:-1, 1:] + field[:-1, :-1]
+    entropy = np.log2(parallelogram.std() * np.sqrt(2 * np.pi * np.e))
+    assert 8 * len(coded(values, SMOOTH)[0]) < 0.95 * entropy * 2000
+
+
+@pytest.mark.parametrize("value", [MAX_VALUE + 1, -MAX_VALUE - 1])
+def test_values_beyond_the_limit_are_refused(value):
+    values = np.full((30, 2), value, np.int32)
+    with pytest.raises(InvalidInputError):
+        coded(values, FACES["sheet"])
