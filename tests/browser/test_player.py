@@ -283,7 +283,7 @@ def test_heat_map_colors_the_mesh(own_compared):
     channels = np.array(HEAT).T
     ramp = np.array([np.interp(steps, range(len(HEAT)), one) for one in channels]).T
     off = np.abs(painted[::7, None] - ramp[None]).max(axis=2).min(axis=1)
-    assert np.median(off) < 20  # heat is hardly lit
+    assert np.median(off) < 20  # heat is lit weakly
     assert len(np.unique(painted // 16, axis=0)) > 20
 
 
@@ -437,7 +437,7 @@ def test_keys_act_like_their_controls(own_page):
     before = picture_of(own_page, "canvas")
     for key, changed in (
         ("w", "#wire"),
-        ("f", "[name=shading][value=smooth]"),
+        ("f", "[name=shading][value=flat]"),
         ("u", "[name=up][value=z]"),
     ):
         own_page.keyboard.press(key)
@@ -529,7 +529,7 @@ def test_nothing_overflows_on_a_phone(new_page, compared_url):
         page.set_viewport_size({"width": 390, "height": height})
         wait_until(page, f"innerHeight === {height}")
         assert page.evaluate("document.documentElement.scrollWidth") == 390
-        for control in page.locator("#player button:visible").all():
+        for control in page.locator("#viewer button:visible").all():
             box = control.bounding_box()
             assert min(box["width"], box["height"]) >= 40
             assert box["x"] + box["width"] <= 390

@@ -27,8 +27,8 @@ void main() {
   gl_Position = projectionMatrix * seen;
 }`;
 
-// Faces are lit from both sides, independent of their winding. Heat maps are hardly lit, so that colors
-// match the color bar and folds do not look like errors. Negative values mean NaN, and are gray.
+// Faces are lit from both sides, independent of their winding. Heat maps are lit weakly, so that the form
+// is visible, but colors match the legend and folds do not look like errors. Negative values mean NaN, and are gray.
 const FRAGMENT = `
 precision highp float;
 const vec3 HEAT[${HEAT_COLORS.length}] = vec3[${HEAT_COLORS.length}](${list.join(",")});
@@ -53,7 +53,7 @@ void main() {
   float key = max(dot(n, normalize(vec3(-0.45, 0.65, 0.62))), 0.0);
   float fill = max(dot(n, normalize(vec3(0.7, 0.1, 0.7))), 0.0);
   float sky = 0.5 + 0.5 * n.y;
-  float light = isPainted ? 0.92 + 0.08 * key
+  float light = isPainted ? 0.70 + 0.30 * key
                           : 0.30 + 0.52 * key + 0.16 * fill + 0.14 * sky;
   color = vec4((isPainted ? heatColor() : plain) * light, 1.0);
 }`;

@@ -1,4 +1,4 @@
-// The material of meshes that are colored by a track: hardly lit, so that colors match the legend.
+// The material of meshes that are colored by a track: weakly lit, so that colors match the legend.
 
 import * as THREE from "three";
 
@@ -23,7 +23,7 @@ export class TrackMaterial extends THREE.MeshBasicMaterial {
     shader.fragmentShader = `varying vec3 vSeen;\n${shader.fragmentShader}`.replace(
       "#include <opaque_fragment>",
       `vec3 facing = normalize(cross(dFdx(vSeen), dFdy(vSeen)));
-      outgoingLight *= 0.82 + 0.18 * max(dot(facing, normalize(vec3(-0.45, 0.65, 0.62))), 0.0);
+      outgoingLight *= 0.70 + 0.30 * max(dot(facing, normalize(vec3(-0.45, 0.65, 0.62))), 0.0);
       #include <opaque_fragment>`,
     );
   }
