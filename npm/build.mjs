@@ -1,7 +1,8 @@
 // Builds the package and the page of `meshreel view` and `meshreel export`.
 //
 //     node build.mjs package         dist/: bundles with the C library as embedded WebAssembly, and types
-//     node build.mjs page [FOLDER]   one HTML file with inline styles, and one script; by default into
+//     node build.mjs page [FOLDER]   one HTML file with inline styles, its script player.js, and scripts
+//                                    that it loads on demand; by default into
 //                                    src/meshreel/app/viewer/page, which is committed, so that
 //                                    installing meshreel does not need Node
 //
@@ -12,7 +13,7 @@ import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
 import { execFile, execFileSync } from "node:child_process";
 import { copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, statSync, writeFileSync } from "node:fs";
-import { basename, dirname, join, resolve } from "node:path";
+import { basename, dirname, join, relative, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
@@ -185,7 +186,7 @@ const scriptText = {
       namespace: "script",
     }));
     bundler.onLoad({ filter: /.*/, namespace: "script" }, async ({ path }) => ({
-      contents: await bundleForPage(path),
+      contents: (await bundleForPage({ entryPoints: [path], outdir: here, format: "iife" })).outputFiles[0].text,
       loader: "text",
     }));
   },
@@ -194,15 +195,15 @@ const scriptText = {
 /** Bundled packages, whose licenses are included in the page. */
 const LICENSED = ["three"];
 
-async function bundleForPage(entry) {
+/** Bundle parts of the page; returns the result of esbuild. */
+async function bundleForPage(options) {
   const result = await build({
     ...common,
-    entryPoints: [entry],
     write: false,
-    format: "iife",
     legalComments: "eof", // notices of three.js
-    plugins: [embedEngine, threeSubset, scriptText],
+    plugins: [embedEngine, threeSubset, scriptText, externalScripts(/\/local_file\.js$/)],
     define: embeddedModules,
+    ...options,
   });
   for (const input of Object.keys(result.metafile.inputs)) {
     const name = /.*node_modules\/((?:@[^/]+\/)?[^/]+)/.exec(input)?.[1];
@@ -210,22 +211,36 @@ async function bundleForPage(entry) {
       throw new Error(`the page bundles ${name}, whose license is not in LICENSED and THIRD_PARTY_LICENSES`);
     }
   }
-  return result.outputFiles[0].text;
+  return result;
 }
 
 /** Build the page of `meshreel view` and `meshreel export`. */
 async function buildPage(folder) {
   const page = join(here, "src/page");
-  const [script, style] = await Promise.all(
-    ["main.ts", "style.css"].map((name) => bundleForPage(join(page, name))),
-  );
+  const notice = `/* Contains three.js.\n\n${threeLicense}\n*/\n`;
+  const [scripts, styles] = await Promise.all([
+    bundleForPage({
+      entryPoints: { player: join(page, "main.ts") },
+      outdir: folder,
+      splitting: true, // the inspector and decoder modules that few files need are loaded on demand
+      chunkNames: "[name]-[hash]",
+    }),
+    bundleForPage({ entryPoints: [join(page, "style.css")], outdir: folder }),
+  ]);
   // Replacement functions, since "$&" in a bundle would be special in a replacement string.
   const html = readFileSync(join(page, "index.html"), "utf8")
     .replace("<!--license-->", () => `<!-- Contains three.js.\n${threeLicense}\n-->`)
-    .replace("<!--style-->", () => `<style>${style.replaceAll("</style", "<\\/style")}</style>`);
-  const notice = `/* Contains three.js.\n\n${threeLicense}\n*/\n`;
-  const files = { "player.js": `${script.replaceAll("</script", "<\\/script")}\n${notice}`, "index.html": html };
+    .replace("<!--style-->", () => `<style>${styles.outputFiles[0].text.replaceAll("</style", "<\\/style")}</style>`);
+  const files = { "index.html": html };
+  for (const { path, text } of scripts.outputFiles) {
+    const { inputs, entryPoint } = scripts.metafile.outputs[relative(here, path)];
+    const isLicensed = entryPoint?.endsWith("main.ts") || Object.keys(inputs).some((one) => /three\/src/.test(one));
+    files[basename(path)] = text.replaceAll("</script", "<\\/script") + (isLicensed ? notice : "");
+  }
   mkdirSync(folder, { recursive: true });
+  for (const name of readdirSync(folder)) {
+    if (/-[0-9A-Z]{8}\.js$/.test(name) && !(name in files)) rmSync(join(folder, name)); // of the last build
+  }
   for (const [name, text] of Object.entries(files)) {
     writeFileSync(join(folder, `${name}.new`), text);
     renameSync(join(folder, `${name}.new`), join(folder, name));

@@ -16,7 +16,11 @@ from meshreel.codec.reel_file import ReelFile
 PAGE = Page(
     "<!doctype html><html><head><!--meshreel-data--><title>p</title></head>"
     "<body><!--script--></body></html>",
-    '1 < 2 && "<\\/script>"',
+    {
+        "inspector-AA.js": 'import "./shared.js";',
+        "player.js": 'import "./shared.js"; import("./inspector-AA.js"); 1 < 2 && "<\\/script>"',
+        "shared.js": "let a = 0;",
+    },
 )
 
 
@@ -24,7 +28,8 @@ def write_page(folder):
     """Create the page in a folder, like a build."""
     folder.mkdir()
     (folder / "index.html").write_text(PAGE.html)
-    (folder / "player.js").write_text(PAGE.script)
+    for name, script in PAGE.scripts.items():
+        (folder / name).write_text(script)
     return folder
 
 

@@ -1,49 +1,26 @@
-// Entry point of the page.
+// Entry point of the page: opens the file in the player. The inspector, with all that the page adds to
+// the player, is loaded after the first picture.
 
 import "../player/index.js";
 import { partsOf } from "../player/element.js";
-import { connectControls } from "./controls.js";
 import { loadFacts, openInPlayer } from "./data.js";
-import type { Reel } from "./facts.js";
-import { Opening } from "./opening.js";
 import { byId, playerElement, showError } from "./page.js";
-import { Picture, type Look } from "./picture.js";
-import { Player } from "./player.js";
-import { exposeForTests } from "./window_player.js";
 
 async function start(): Promise<void> {
-  const element = playerElement();
-  const parts = partsOf(element);
-  parts.view.camera.zoomsAlways = true;
-  parts.bar.isDetailed = true;
-  parts.bar.element.before(parts.legend.element);
-  const [facts] = await Promise.all([loadFacts(), openInPlayer(element)]);
-  const { file: segments, mesh } = element;
-  if (!segments || !mesh) throw new Error("The player was removed from the page.");
-  const reel: Reel = { ...facts, segments, file: segments.first };
-  document.title = `${reel.name} – meshreel`;
-  byId("name").textContent = reel.name;
-  const picture = new Picture(parts, mesh, reel, firstLook(reel), element.texture !== null);
-  const player = new Player(element, reel, picture);
-  const opening = new Opening(reel, player);
-  const tracks = connectControls(reel, picture, player, opening);
-  exposeForTests(player, picture, opening, tracks);
-  parts.frame();
-  await player.seek(0);
-  await opening.begin();
-  if (reel.colored_by) await tracks.show(reel.colored_by).catch(showError);
-  if (picture.movesFar()) byId<HTMLInputElement>("follow").click();
-}
-
-function firstLook(reel: Reel): Look {
-  return {
-    shading: "flat",
-    wire: false,
-    usesFileMaterials: true,
-    background: "light",
-    arrangement: reel.original ? "beside" : "decoded",
-    isFollowed: false,
-  };
+  const player = playerElement();
+  const { view, bar, legend } = partsOf(player);
+  const firstPicture = new Promise((resolve) => {
+    for (const type of ["timeupdate", "error"]) player.addEventListener(type, resolve, { once: true });
+  });
+  view.camera.zoomsAlways = true;
+  bar.isDetailed = true;
+  bar.element.before(legend.element);
+  const [facts] = await Promise.all([loadFacts(), openInPlayer(player)]);
+  document.title = `${facts.name} – meshreel`;
+  byId("name").textContent = facts.name;
+  await firstPicture;
+  const { inspect } = await import("./inspector.js");
+  await inspect(player, facts);
 }
 
 const ready = start();

@@ -51,7 +51,7 @@ export class Choice<T extends string> {
 
 /** The player of the page. */
 export function playerElement(): ReelPlayerElement {
-  return byId<ReelPlayerElement>("player");
+  return byId<ReelPlayerElement>("viewer");
 }
 
 /** Show an error until the user closes it. */

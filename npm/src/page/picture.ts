@@ -114,7 +114,7 @@ export class Picture {
   /** Set the materials and lines of the meshes. */
   private applyAppearance(): void {
     const { arrangement, background, wire, shading } = this.look;
-    const usesOwn = this.hasFileMaterials && this.look.usesFileMaterials;
+    const usesOwn = !this.hasFileMaterials || this.look.usesFileMaterials;
     const isSmooth = shading === "smooth";
     const ink = [...INK[background], 0.45] as const;
     const own = usesOwn ? "own" : "plain";

@@ -1,4 +1,4 @@
-"""The player as built from `npm/src/page`: a page and its script."""
+"""The player as built from `npm/src/page`: a page and its scripts."""
 
 import base64
 import json
@@ -18,6 +18,10 @@ DATA, SCRIPT = "<!--meshreel-data-->", "<!--script-->"
 """Placeholders of data and script in the page."""
 
 SCRIPT_NAME = "player.js"
+"""The script that starts the player; it loads other scripts of the page on demand."""
+
+STARTING = f'<script type="module" src="{SCRIPT_NAME}"></script>'
+"""Starts a player whose scripts are separate files."""
 
 POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src blob:; "
@@ -28,15 +32,22 @@ POLICY = (
 
 UNPACKING = (
     "(async()=>{"
-    'const text=atob(document.getElementById("packed").textContent);'
-    "const bytes=Uint8Array.from(text,(letter)=>letter.charCodeAt(0));"
+    "const urls={};"
+    'for(const part of document.querySelectorAll("script[data-name]")){'
+    "const bytes=Uint8Array.from(atob(part.textContent),(letter)=>letter.charCodeAt(0));"
     'const stream=new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));'
-    'const script=document.createElement("script");'
-    "script.textContent=await new Response(stream).text();"
-    "document.body.append(script)"
+    "let text=await new Response(stream).text();"
+    'for(const name in urls)text=text.replaceAll(`"./${name}"`,`"${urls[name]}"`);'
+    'const script=new Blob([text],{type:"text/javascript"});'
+    "urls[part.dataset.name]=URL.createObjectURL(script)"
+    "}"
+    f'await import(urls["{SCRIPT_NAME}"])'
     "})()"
 )
-"""Script that inflates and runs the packed script."""
+"""Script that inflates the packed scripts, lets them import each other, and runs the player.
+
+The browser parses only those that are imported.
+"""
 
 
 @dataclass(frozen=True)
@@ -47,44 +58,69 @@ class Page:
     ----------
     html : str
         Contains `DATA` and `SCRIPT`.
+    scripts : mapping of str to str
+        ECMAScript modules by file name, which import each other as "./NAME"; `SCRIPT_NAME` starts
+        the player.
     """
 
     html: str
-    script: str
+    scripts: Mapping[str, str]
 
     def __post_init__(self) -> None:
+        if SCRIPT_NAME not in self.scripts:
+            raise InvalidInputError(f"the player page has no {SCRIPT_NAME}; rebuild it")
         if DATA not in self.html or SCRIPT not in self.html:
             raise InvalidInputError("the player page has no placeholder for data; rebuild it")
 
     @property
     def served(self) -> str:
-        """HTML for a server that serves the script as `SCRIPT_NAME`."""
-        return self._filled("", f'<script src="{SCRIPT_NAME}"></script>')
+        """HTML for a server that serves the scripts by their names."""
+        return self._filled("", STARTING)
 
     def split(self, data: Mapping[str, Any]) -> str:
-        """HTML with embedded data and a separate script.
+        """HTML with embedded data and separate scripts.
 
         Parameters
         ----------
         data : mapping
             As `npm/src/page/data.ts` reads it.
         """
-        return self._filled(_data_script(data), f'<script src="{SCRIPT_NAME}"></script>')
+        return self._filled(_data_script(data), STARTING)
 
     def whole(self, data: Mapping[str, Any], *, level: int = zlib.Z_BEST_COMPRESSION) -> str:
-        """HTML with embedded data and script.
+        """HTML with embedded data and scripts.
 
         Parameters
         ----------
         data : mapping
             As `npm/src/page/data.ts` reads it.
         level : int
-            Compression level of the script, 1..9.
+            Compression level of the scripts, 1..9.
         """
-        packing = zlib.compressobj(level, zlib.DEFLATED, -zlib.MAX_WBITS)
-        packed = base64_of(packing.compress(self.script.encode()) + packing.flush())
-        script = f'<script id="packed" type="text/plain">{packed}</script>'
-        return self._filled(_data_script(data), f"{script}<script>{UNPACKING}</script>")
+        packed = [
+            f'<script data-name="{name}" type="text/plain">{_packed(self.scripts[name], level)}'
+            "</script>"
+            for name in self._import_order()
+        ]
+        scripts = "".join(packed)
+        return self._filled(_data_script(data), f"{scripts}<script>{UNPACKING}</script>")
+
+    def _import_order(self) -> list[str]:
+        """Names of the scripts, each after those that it imports."""
+        order: list[str] = []
+
+        def add(name: str, importers: tuple[str, ...]) -> None:
+            if name in importers:
+                raise InvalidInputError(
+                    f"scripts of the player page import each other: {importers}"
+                )
+            for other in self.scripts:
+                if other not in order and f'"./{other}"' in self.scripts[name]:
+                    add(other, (*importers, name))
+            order.append(name)
+
+        add(SCRIPT_NAME, ())
+        return order
 
     def _filled(self, data: str, script: str) -> str:
         before, after = self.html.split(DATA)
@@ -108,7 +144,12 @@ def built_page(folder: Traversable | None = None) -> Page:
     folder = FOLDER if folder is None else folder
     try:
         html = (folder / "index.html").read_text(encoding="utf-8")
-        return Page(html, (folder / SCRIPT_NAME).read_text(encoding="utf-8"))
+        names = {
+            SCRIPT_NAME,
+            *(file.name for file in folder.iterdir() if file.name.endswith(".js")),
+        }
+        scripts = {name: (folder / name).read_text(encoding="utf-8") for name in sorted(names)}
+        return Page(html, scripts)
     except FileNotFoundError:
         raise InvalidInputError(
             "the page of the player is missing from this installation: reinstall meshreel, or in a "
@@ -124,6 +165,12 @@ def json_text(value: Any) -> str:
 def base64_of(data: bytes) -> str:
     """Base64 text of bytes."""
     return base64.b64encode(data).decode()
+
+
+def _packed(script: str, level: int) -> str:
+    """Base64 text of a deflated script."""
+    packing = zlib.compressobj(level, zlib.DEFLATED, -zlib.MAX_WBITS)
+    return base64_of(packing.compress(script.encode()) + packing.flush())
 
 
 def _data_script(data: Mapping[str, Any]) -> str:

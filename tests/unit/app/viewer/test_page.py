@@ -32,14 +32,16 @@ def test_page_in_the_repository_equals_a_new_build(tmp_path):
     subprocess.run(
         command, cwd=ROOT / "npm", env=environment, check=True, capture_output=True, timeout=300
     )
-    for name in ["index.html", SCRIPT_NAME]:
-        is_equal = (tmp_path / name).read_bytes() == (ROOT / PAGE_FOLDER / name).read_bytes()
-        assert is_equal, f"{name} is older than its sources: rebuild it (CONTRIBUTING.md)"
+    built = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    stored = {file.name: file.read_bytes() for file in (ROOT / PAGE_FOLDER).iterdir()}
+    assert set(built) == set(stored), "the page is older than its sources: rebuild it"
+    for name, data in built.items():
+        assert data == stored[name], f"{name} is older than its sources: rebuild it"
 
 
 def test_page_and_script_contain_the_license_of_three_js():
     page = built_page()
-    pages = [page.served, page.split({}), page.whole({}), page.script]
+    pages = [page.served, page.split({}), page.whole({}), page.scripts[SCRIPT_NAME]]
     notices = ["three.js authors", "Permission is hereby granted, free of charge"]
     assert all(notice in text for text in pages for notice in notices)
 
@@ -59,21 +61,34 @@ def test_error_says_how_to_get_the_page_when_a_file_is_missing(tmp_path, missing
 @pytest.mark.parametrize("html", ["<html></html>", "<!--meshreel-data-->", "<!--script-->"])
 def test_page_is_rejected_when_it_lacks_a_placeholder(html):
     with pytest.raises(InvalidInputError, match="has no placeholder for data; rebuild it"):
-        Page(html, "")
+        Page(html, PAGE.scripts)
 
 
 def test_served_page_references_the_script():
     assert PAGE.served == (
         "<!doctype html><html><head><title>p</title></head>"
-        '<body><script src="player.js"></script></body></html>'
+        '<body><script type="module" src="player.js"></script></body></html>'
     )
 
 
-def test_whole_page_contains_script_and_data():
+def test_page_is_rejected_without_the_script_that_starts_it():
+    with pytest.raises(InvalidInputError, match=r"has no player\.js; rebuild it"):
+        Page(PAGE.html, {"shared.js": ""})
+
+
+def test_whole_page_contains_data_and_each_script_after_those_that_it_imports():
     html = PAGE.whole({"a": {"b": [1.5, float("nan")]}})
-    packed = re.search(r'<script id="packed" type="text/plain">([^<]*)</script>', html)[1]
-    assert zlib.decompress(base64.b64decode(packed), -15).decode() == PAGE.script
+    packed = re.findall(r'<script data-name="(.*?)" type="text/plain">([^<]*)</script>', html)
+    scripts = {name: zlib.decompress(base64.b64decode(one), -15).decode() for name, one in packed}
+    assert scripts == PAGE.scripts
+    assert list(scripts) == ["shared.js", "inspector-AA.js", "player.js"]
     assert carried(html) == {"a": {"b": [1.5, None]}}
+
+
+def test_whole_page_is_rejected_when_scripts_import_each_other():
+    scripts = {"player.js": 'import "./a.js"', "a.js": 'import "./player.js"'}
+    with pytest.raises(InvalidInputError, match="import each other"):
+        Page(PAGE.html, scripts).whole({})
 
 
 @pytest.mark.parametrize("form", ["whole", "split"])
