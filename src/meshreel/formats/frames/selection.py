@@ -1,17 +1,25 @@
 """Selection of the attributes of a sequence."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.reel.stored_segment import StoredSegment
 from meshreel.model.segments import AnySequence, SegmentedSequence
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import ALL, Names, select
+
+
+@runtime_checkable
+class _Decoding(Protocol):
+    """A sequence that decodes its surface whenever it is read."""
+
+    def changed(self, change: Callable[[Surface], Surface]) -> FrameSource:
+        """Return the sequence with another surface, derived from the present one."""
 
 
 def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSource:
@@ -19,7 +27,7 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
 
     Parameters
     ----------
-    sequence : MeshSequence, StoredFrames or StoredSegment
+    sequence : MeshSequence, StoredFrames, or a sequence that decodes its surface
     names : str or sequence of str
         As `meshreel.model.surface_selection.select` takes them.
     path : Path
@@ -34,7 +42,7 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
         return sequence
     with errors_naming(path):
         surface = select(sequence.surface, names)
-    if isinstance(sequence, StoredSegment):  # keep no decoded surface
+    if isinstance(sequence, _Decoding):  # keep no decoded surface
         return sequence.changed(partial(select, names=names))
     return with_surface(sequence, surface)
 
@@ -43,7 +51,7 @@ def with_surface(sequence: FrameSource, surface: Surface) -> FrameSource:
     """Return the sequence with another surface."""
     if surface is sequence.surface:
         return sequence
-    if isinstance(sequence, StoredSegment):
+    if isinstance(sequence, _Decoding):
         return sequence.changed(lambda _: surface)
     if not isinstance(sequence, MeshSequence | StoredFrames):
         raise TypeError(f"cannot replace the surface of a {type(sequence).__name__}")
