@@ -125,3 +125,25 @@ def test_evaluate_fails_with_one_line_when_a_track_cannot_be_measured(
     done = run(with_track, *options, "--out", tmp_path / "r")
     assert_fails(done, message)
     assert not (tmp_path / "r").exists()
+
+
+def test_evaluate_measures_surfaces_if_faces_change(tmp_path):
+    for name, rows in (("a", 6), ("b", 5)):
+        flag = simulate_flag(2, n_rows=rows, n_columns=7)
+        meshreel.save(flag, tmp_path / "frames" / f"{name}_%d.ply")
+    options = ("--peers", "none", "--methods", "reel", "--quick", "--json")
+    done = run("frames", *options, "--out", "codecs", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (sequence,) = json.loads(done.stdout)["sequences"]
+    assert sequence["n_segments"] == 2
+    assert {result["codec"] for result in sequence["measured"]} == {"reel"}
+    assert "distance between surfaces" in (tmp_path / "codecs" / "report.md").read_text()
+
+
+def test_evaluate_of_a_track_refuses_changing_faces(tmp_path):
+    for name, rows in (("a", 6), ("b", 5)):
+        flag = simulate_flag(2, n_rows=rows, n_columns=7)
+        meshreel.save(flag, tmp_path / "frames" / f"{name}_%d.ply")
+    done = run("frames", "--track", "height", "--out", tmp_path / "r", cwd=tmp_path)
+    assert_fails(done, "4 frames in 2 segments", "needs the same faces in every frame")
+    assert not (tmp_path / "r").exists()

@@ -8,7 +8,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from meshreel.evaluation.folder import claim_folder, unique_names, write_text
 from meshreel.evaluation.runs.run import Run, run_all
 from meshreel.evaluation.runs.store import Result, Store
-from meshreel.model.sequence import MeshSequence
+from meshreel.model.segments import AnySequence
 from meshreel.rendering.documents.html import to_html
 from meshreel.rendering.documents.parts import (
     Bullets,
@@ -45,13 +45,14 @@ class Subject:
 
     Attributes
     ----------
+    sequence : MeshSequence or SegmentedSequence
     slug : str
         Prefix of the names of its pictures.
     store : Store
         Its results on disk.
     """
 
-    sequence: MeshSequence
+    sequence: Any
     slug: str
     store: Store
 
@@ -63,8 +64,8 @@ class Study(Protocol[R]):
     def program(self) -> str:
         """The command that owns its folders."""
 
-    def plan(self, sequence: MeshSequence) -> Mapping[str, Sequence[Run]]:
-        """The runs of a sequence, in named groups."""
+    def plan(self, sequence: Any) -> Mapping[str, Sequence[Run]]:
+        """The runs of a `MeshSequence`, or of any sequence, in named groups."""
 
     def collect(
         self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
@@ -115,7 +116,7 @@ class Evaluation(Generic[R]):
 
 def evaluate(
     study: Study[R],
-    sequences: Sequence[MeshSequence],
+    sequences: Sequence[AnySequence],
     out: Path,
     *,
     command: str = "",
@@ -125,7 +126,8 @@ def evaluate(
 
     Parameters
     ----------
-    sequences : sequence of MeshSequence
+    sequences : sequence of MeshSequence, or of SegmentedSequence
+        The latter only for studies of surfaces.
     out : Path
         A new or empty folder, or one of an earlier run.
     command : str

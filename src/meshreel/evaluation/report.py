@@ -19,10 +19,14 @@ def report_opening(
 
 def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
     """Heading and description of a sequence, from its identity in the results."""
+    segments = ", "
+    if "n_segments" in sequence:
+        segments = f" in {counted(sequence['n_segments'], 'segment')}, up to "
     return [
         Heading(2, name),
         Paragraph(
-            f"{counted(sequence['n_frames'], 'frame')}, {counted(sequence['n_verts'], 'vertex')}, "
+            f"{counted(sequence['n_frames'], 'frame')}{segments}"
+            f"{counted(sequence['n_verts'], 'vertex')}, "
             f"{counted(sequence['n_faces'], 'face')} (SHA-256 of the content begins with "
             f"`{sequence['sha256'][:12]}`)."
         ),

@@ -68,6 +68,9 @@ def evaluate_command(
 ) -> None:
     """Compare rate, distortion and speed of our methods with other codecs, on your data.
 
+    If the faces of an input change, distances between surfaces are measured, and `reel` is compared
+    with Draco, which codes each frame for itself.
+
     Writes report.md, report.html, figures/ and results/ (each run as JSON). Existing results are
     not measured again. This needs the extras [peers] and [plot], and [paper] for methods of the
     paper; [meshopt] installs one more codec. The report lists missing codecs.
@@ -82,6 +85,8 @@ def evaluate_command(
 
     - `meshreel evaluate walk.npz --peers none --json`
 
+    - `meshreel evaluate capture/ --quick`
+
     - `meshreel evaluate crash.vtkhdf --track stress --quick`
     """
     from meshreel.app.cli.reports import check_before_work, portable_path, split_names, write_report
@@ -90,6 +95,7 @@ def evaluate_command(
     from meshreel.evaluation.codecs.recorded import read_recorded
     from meshreel.evaluation.codecs.settings import CODED_METHODS, DEFAULT_METHODS
     from meshreel.evaluation.codecs.study import CodecStudy
+    from meshreel.evaluation.surfaces.study import SurfaceStudy
     from meshreel.evaluation.tracks.peers import track_peers_named
     from meshreel.evaluation.tracks.study import TrackStudy
 
@@ -117,4 +123,11 @@ def evaluate_command(
     others = peers_named(split_names(peers)) if peers is not None else peers_named()
     check_before_work(inputs, out, [reference] if reference else [])
     recorded = read_recorded(reference) if reference else []
-    write_report(CodecStudy(chosen, others, recorded, quick), inputs, out, options, as_json=as_json)
+    write_report(
+        CodecStudy(chosen, others, recorded, quick),
+        inputs,
+        out,
+        options,
+        of_surfaces=None if recorded else SurfaceStudy(chosen, others, quick),
+        as_json=as_json,
+    )

@@ -5,14 +5,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
 from meshreel.evaluation.pipeline import R, Study, evaluate
 from meshreel.evaluation.tracks.study import with_track_alone
-from meshreel.formats.load import load
+from meshreel.formats.load import load_any
 from meshreel.formats.notes import listed, note_left_out
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import files_of_source
 from meshreel.model.flag import simulate_flag
+from meshreel.model.segments import AnySequence, SegmentedSequence, single_segment
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.extras import PEERS
@@ -50,6 +53,7 @@ def write_report(
     *,
     flag_frames: int = 0,
     track: str | None = None,
+    of_surfaces: Study[Any] | None = None,
     as_json: bool,
 ) -> None:
     """Run a study on the inputs, and print the paths of its report.
@@ -64,18 +68,28 @@ def write_report(
         Number of frames of the flag.
     track : str, optional
         The track to study. Default: positions.
+    of_surfaces : Study, optional
+        Replaces the study if the faces of an input change. Default: such inputs are refused.
     as_json : bool
         Print all figures instead.
     """
     notes: list[str] = []
     with progress_bar() as progress:
-        sequences = [
-            _with_only(track, load(source, progress=progress, notes=notes), notes)
-            for source in inputs
-        ]
+        reading = ReadOptions(progress=progress, notes=notes)
+        sequences: list[AnySequence] = [load_any(source, reading) for source in inputs]
+        if of_surfaces is None:
+            sequences = [
+                single_segment(one, f"{study.program} of {source}")
+                for one, source in zip(sequences, inputs, strict=True)
+            ]
+        chosen: Study[Any] = study
+        if of_surfaces is not None and any(isinstance(one, SegmentedSequence) for one in sequences):
+            chosen = of_surfaces
+        else:
+            sequences = [_with_only(track, one, notes) for one in sequences]
         sequences = sequences or [simulate_flag(flag_frames, progress=progress)]
-        command = command_line(study.program, inputs, out, options)
-        evaluation = evaluate(study, sequences, out, command=command, progress=progress)
+        command = command_line(chosen.program, inputs, out, options)
+        evaluation = evaluate(chosen, sequences, out, command=command, progress=progress)
     print_notes([*notes, *chain.from_iterable(evaluation.notes.values())])
     if as_json:
         print_json({**evaluation.as_dict(), "notes": notes})
@@ -85,8 +99,9 @@ def write_report(
     print_table("Written", {**written, "figures": f"{n_figures} in {out / 'figures'}"})
 
 
-def _with_only(track: str | None, sequence: MeshSequence, notes: list[str]) -> MeshSequence:
+def _with_only(track: str | None, sequence: AnySequence, notes: list[str]) -> MeshSequence:
     """The sequence with one track or none, because only some methods encode tracks."""
+    assert isinstance(sequence, MeshSequence)  # loaded, with constant connectivity
     if track is not None:
         return with_track_alone(sequence, track)
     if not sequence.tracks:

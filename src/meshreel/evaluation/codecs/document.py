@@ -60,7 +60,7 @@ def _sequence_parts(results: CodecResults, pictures: Sequence[Picture]) -> list[
     lossless = lossless_table(results)
     parts += [lossless] if lossless else []
     parts += [seconds_table(results)]
-    refused = refusals(results)
+    refused = refusals_of(results.measured, results.name)
     parts += [Bullets(refused)] if refused else []
     return [*parts, runs_table(results)]
 
@@ -131,17 +131,25 @@ def lossless_table(results: CodecResults) -> Table | None:
 
 def seconds_table(results: CodecResults) -> Table:
     """Range of seconds over the settings of each codec, and the lowest frames per second."""
+    header, rows = seconds_rows(results.measured, results.sequence["n_frames"])
+    return Table(f"Seconds, {results.name}", header, rows)
+
+
+def seconds_rows(
+    measured: Sequence[Result], n_frames: int
+) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    """Header and rows of a table of seconds by codec."""
     rows = []
-    for codec in (*results.methods, *results.peers):
-        runs = [result for result in done(results.measured) if result["codec"] == codec]
+    for codec in dict.fromkeys(result["codec"] for result in done(measured)):
+        runs = [result for result in done(measured) if result["codec"] == codec]
         row = [codec, str(len(runs))]
         for part in ("encode", "decode"):
             seconds = [result["seconds"][part] for result in runs]
-            row += [_range(seconds), significant(results.sequence["n_frames"] / max(seconds))]
+            row += [_range(seconds), significant(n_frames / max(seconds))]
         rows.append(tuple(row))
     header = ("codec", "settings", "encode, s", "frames/s, slowest", "decode, s",
               "frames/s, slowest")  # fmt: skip
-    return Table(f"Seconds, {results.name}", header, tuple(rows))
+    return header, tuple(rows)
 
 
 def runs_table(results: CodecResults) -> Table:
@@ -157,15 +165,15 @@ def runs_table(results: CodecResults) -> Table:
     return Table(f"All runs, {results.name}", header, tuple(rows))
 
 
-def refusals(results: CodecResults) -> tuple[str, ...]:
-    """One line for each codec and reason of failed runs."""
+def refusals_of(measured: Sequence[Result], name: str) -> tuple[str, ...]:
+    """One line for each codec and reason of failed runs on the sequence of this name."""
     settings_of: dict[tuple[str, str], list[str]] = {}
-    for result in results.measured:
+    for result in measured:
         if "refused" in result:
             settings = settings_of.setdefault((result["codec"], result["refused"]), [])
             settings.append(result["params"])
     return tuple(
-        f"`{codec}` has no figures for {results.name} "
+        f"`{codec}` has no figures for {name} "
         f"({', '.join(settings) or 'its one setting'}): {reason}"
         for (codec, reason), settings in settings_of.items()
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 from meshreel import __version__
 from meshreel.evaluation.folder import file_name, write_text
-from meshreel.model.sequence import MeshSequence
+from meshreel.model.segments import AnySequence, segments_of
 from meshreel.runtime.outputs.atomic import replace_when_done
 
 LAYOUT = 1
@@ -27,7 +27,7 @@ class Store:
     sequence: dict[str, Any]
 
     @classmethod
-    def for_sequence(cls, results: Path, sequence: MeshSequence) -> "Store":
+    def for_sequence(cls, results: Path, sequence: AnySequence) -> "Store":
         """Open or create the store of a sequence within a folder of results."""
         identity = sequence_identity(sequence)
         folder = results / f"{file_name(sequence.name)}-{identity['sha256'][:12]}"
@@ -80,17 +80,21 @@ def done(results: Iterable[Result]) -> list[Result]:
     return [result for result in results if "refused" not in result]
 
 
-def sequence_identity(sequence: MeshSequence) -> dict[str, Any]:
-    """Name, shape and a hash of the content."""
+def sequence_identity(sequence: AnySequence) -> dict[str, Any]:
+    """Name, shape and a hash of the content; of several segments the largest counts."""
     digest = hashlib.sha256()
-    for array in (sequence.vertices, sequence.faces):
-        digest.update(f"{array.dtype.str} {array.shape}".encode())
-        digest.update(array.tobytes())
+    segments = segments_of(sequence)
+    for segment in segments:
+        for array in (segment.read(0, segment.n_frames), segment.faces):
+            digest.update(f"{array.dtype.str} {array.shape}".encode())
+            digest.update(array.tobytes())
+    several = {"n_segments": len(segments)} if len(segments) > 1 else {}
     return {
         "name": sequence.name,
         "n_frames": sequence.n_frames,
-        "n_verts": sequence.n_verts,
-        "n_faces": sequence.n_faces,
+        **several,
+        "n_verts": max(segment.n_verts for segment in segments),
+        "n_faces": max(len(segment.faces) for segment in segments),
         "fps": sequence.fps,
         "sha256": digest.hexdigest(),
     }
