@@ -107,7 +107,7 @@ FRAME_FORMATS = {
         ),
     )
 }
-GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "normals"})
+GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "normals", "visibility"})
 SEQUENCE_FORMATS = {
     found.extension: found
     for found in (

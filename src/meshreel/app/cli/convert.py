@@ -21,6 +21,7 @@ from meshreel.app.cli.write_options import (
     start_number_option,
     targets_option,
     textures_option,
+    visibility_option,
 )
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ GENERAL_OPTIONS = ("max_error", "unit")
 @split_option
 @targets_option
 @normals_option
+@visibility_option
 @layout_option
 @textures_option
 @encode_options(max_error=output_error_option)
@@ -65,6 +67,7 @@ def convert_command(
     split: bool,
     targets: int | None,
     normals: bool | None,
+    visibility: bool,
     layout: str | None,
     textures: str | None,
     encoding: Encoding,
@@ -135,7 +138,15 @@ def convert_command(
         conversion = Conversion(
             target,
             files,
-            WriteOptions(targets, bound, normals, layout=layout, textures=textures, origin=origin),
+            WriteOptions(
+                targets,
+                bound,
+                normals,
+                layout=layout,
+                textures=textures,
+                visibility=visibility,
+                origin=origin,
+            ),
             config,
             start_number,
             force,

@@ -66,6 +66,13 @@ normals_option = option(
     "pca: as for glTF.",
     panel=GLTF_AND_TEXTURES,
 )
+visibility_option = option(
+    "--visibility",
+    is_flag=True,
+    help="Where faces change, show meshes by the extensions KHR_node_visibility and "
+    "KHR_animation_pointer, which the viewer must support. Default: by keys of their scale.",
+    panel=GLTF,
+)
 layout_option = option(
     "--layout",
     metavar="NAME",

@@ -1,5 +1,6 @@
 """Curves of an animation of a glTF file, by the node and property that they animate."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +13,17 @@ from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.nodes import Nodes
 from meshreel.formats.gltf.primitives import count_targets
 
+VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
+
+VISIBLE = "visible"
+"""Path of channels that animate the visibility of a node."""
+
 PATHS = {
     "translation": ("VEC3",),
     "rotation": ("VEC4",),
     "scale": ("VEC3",),
     "weights": ("SCALAR",),
+    VISIBLE: ("SCALAR",),
 }
 """Properties that a channel can animate, and the accessor types of their values."""
 
@@ -41,6 +48,11 @@ class Channel:
     json: JsonObject
 
 
+POINTERS = re.compile(
+    rf"/nodes/(\d{{1,9}})/(?:(translation|rotation|scale|weights)|extensions/{VISIBILITY}/({VISIBLE}))"
+)
+"""Pointers to the properties in `PATHS`."""
+
 Curves = dict[tuple[int, str], Curve]
 """The curve of each animated node and path."""
 
@@ -57,13 +69,40 @@ def read_channels(animation: JsonObject, n_nodes: int) -> list[Channel]:
     channels = []
     for channel in animation.children("channels", "channel"):
         target = channel.required_child("target")
-        node, path = target.index("node", n_nodes), target.text("path")
+        node, path = _target_of(target, n_nodes)
         number = channel.index("sampler", len(samplers))
         if number is None:
             raise channel.error("sampler", "the index of a sampler")
         if node is not None and path in PATHS:
             channels.append(Channel(node, path, samplers[number], channel))
     return channels
+
+
+def _target_of(target: JsonObject, n_nodes: int) -> tuple[int | None, str]:
+    """Return the node and the path of the target of a channel; None for other targets."""
+    path = target.text("path")
+    if path != "pointer":
+        return target.index("node", n_nodes), path
+    found = POINTERS.fullmatch(pointer_of(target))
+    if found is None:
+        return None, path
+    node = int(found[1])
+    if node >= n_nodes:
+        raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
+    return node, found[2] or found[3]
+
+
+def pointer_of(target: JsonObject) -> str:
+    """Return the JSON pointer of the target of a channel; empty if it has none."""
+    extension = target.extension(POINTER)
+    return "" if extension is None else extension.text("pointer", "")
+
+
+def other_pointers(animation: JsonObject) -> list[str]:
+    """Return the pointers of channels that are not read."""
+    targets = (one.child("target") for one in animation.children("channels", "channel"))
+    pointers = [pointer_of(one) for one in targets if one is not None]
+    return [one for one in pointers if one and not POINTERS.fullmatch(one)]
 
 
 def read_keys(channels: list[Channel], accessors: Accessors) -> Floats:
@@ -92,7 +131,7 @@ def read_curves(channels: list[Channel], nodes: Nodes, accessors: Accessors) -> 
 
 def _read_curve(channel: Channel, nodes: Nodes, accessors: Accessors) -> Curve:
     sampler, node = channel.sampler, nodes.objects[channel.node]
-    if "matrix" in node and channel.path != "weights":
+    if "matrix" in node and channel.path not in ("weights", VISIBLE):
         raise FormatError(
             f"{channel.json.place}: animates the {channel.path} of {node.place}, "
             "which has a matrix instead"
@@ -100,6 +139,8 @@ def _read_curve(channel: Channel, nodes: Nodes, accessors: Accessors) -> Curve:
     name = sampler.text("interpolation", "LINEAR")
     if name not in list(Interpolation):
         raise sampler.error("interpolation", f"one of {', '.join(Interpolation)}")
+    if channel.path == VISIBLE and name != Interpolation.STEP:
+        raise sampler.error("interpolation", "STEP, as visibility is not a number")
     values = accessors.read(sampler, "output", *PATHS[channel.path]).floats().astype(np.float64)
     if not np.isfinite(values).all():
         raise FormatError(f"{sampler.place}: key values must be finite")
@@ -134,6 +175,6 @@ def _curve(
 def _width(channel: Channel, nodes: Nodes, accessors: Accessors) -> int:
     """Return the number of components of a key value."""
     if channel.path != "weights":
-        return 4 if channel.path == "rotation" else 3
+        return {"rotation": 4, VISIBLE: 1}.get(channel.path, 3)
     document = accessors.document
     return count_targets(document.item(nodes.objects[channel.node], "mesh", "meshes"))

@@ -27,7 +27,16 @@ LISTS = {
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 INSTANCING = "EXT_mesh_gpu_instancing"
-SUPPORTED_EXTENSIONS = frozenset({DRACO, INSTANCING, "KHR_mesh_quantization", *MESHOPT})
+SUPPORTED_EXTENSIONS = frozenset(
+    {
+        DRACO,
+        INSTANCING,
+        "KHR_mesh_quantization",
+        "KHR_node_visibility",
+        "KHR_animation_pointer",
+        *MESHOPT,
+    }
+)
 APPEARANCE_PREFIXES = (
     "KHR_materials_",
     "KHR_texture_",

@@ -15,7 +15,7 @@ from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.animation import Channel
+from meshreel.formats.gltf.animation import VISIBLE, Channel, other_pointers
 from meshreel.formats.gltf.clips import Clips
 from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
@@ -39,6 +39,12 @@ from meshreel.formats.gltf.scene import (
     shown_meshes,
 )
 from meshreel.formats.gltf.skinning import Skin, transform_points
+from meshreel.formats.gltf.switching import (
+    Switching,
+    find_switching,
+    has_visibility_curve,
+    is_hidden,
+)
 from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
@@ -100,6 +106,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     if not placements:
         raise no_mesh_error(document, nodes)
     motion, sampling = _motion(placements, nodes, accessors, options)
+    placements = _without_hidden(placements, nodes, motion, options.notes)
     _note_left_out(document, placements, options.notes)
     read = _geometry_reader(accessors, options.notes)
     names = unique_names([nodes.path(one.node, _mesh_name(document, one)) for one in placements])
@@ -116,8 +123,41 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         read_or_defer_error(name, partial(scene_mesh, name, one))
         for name, one in zip(names, placements, strict=True)
     ]
-    starts = [_segment_start(document, nodes, one.node) for one in placements]
-    return _joined_segments(meshes, starts, sampling, options)
+    if options.object is None:
+        starts = [_segment_start(document, nodes, one.node) for one in placements]
+        if (switching := _stored_segments(starts, sampling)) is not None:
+            names = ["/" + mesh.name.strip("/").partition("/")[2] for mesh in meshes]
+            own = [replace(mesh, name=name) for mesh, name in zip(meshes, names, strict=True)]
+            return [_joined(own, switching, sampling, options.notes)]
+        switching = find_switching(placements, motion, sampling.curve_times_s)
+        if switching is not None:
+            return [_joined(meshes, switching, sampling, options.notes)]
+    shown = [
+        name
+        for name, one in zip(names, placements, strict=True)
+        if has_visibility_curve(motion, one.node)
+    ]
+    if shown:
+        note_left_out(options.notes, f"changes of the visibility of {listed(shown)}")
+    return meshes
+
+
+def _without_hidden(
+    placements: Sequence[ShownMesh], nodes: Nodes, motion: Motion, notes: list[str]
+) -> list[ShownMesh]:
+    """Return the meshes that are visible at some time; all if none is."""
+    hidden = [is_hidden(nodes, motion, one.node) for one in placements]
+    if all(hidden):
+        notes.append("all meshes are hidden (KHR_node_visibility); read as if they were visible")
+        return list(placements)
+    names = [
+        nodes.objects[one.node].text("name", "") or nodes.objects[one.node].place
+        for one, is_left in zip(placements, hidden, strict=True)
+        if is_left
+    ]
+    if names:
+        note_left_out(notes, f"hidden meshes: {listed(names)}")
+    return [one for one, is_left in zip(placements, hidden, strict=True) if not is_left]
 
 
 def _segment_start(document: Document, nodes: Nodes, node: int) -> float | None:
@@ -129,31 +169,31 @@ def _segment_start(document: Document, nodes: Nodes, node: int) -> float | None:
     return None
 
 
-def _joined_segments(
-    meshes: list[SceneMesh],
-    starts: Sequence[float | None],
-    sampling: Sampling,
-    options: ReadOptions,
-) -> list[SceneMesh]:
-    """Return one mesh whose faces change, if all meshes are of segments; else the meshes."""
+def _stored_segments(starts: Sequence[float | None], sampling: Sampling) -> Switching | None:
+    """Return the segments that meshreel wrote, given the start of each mesh."""
     own = [one for one in starts if one is not None]
-    if len(own) < len(starts) or options.object is not None:
-        return meshes
+    if len(own) < len(starts):
+        return None
     firsts = sorted(set(own))
     half_frame_s = 0.5 / sampling.fps if sampling.fps else 0.0
     borders = np.array(firsts[1:]) - half_frame_s
+    group_of_frame = np.searchsorted(borders, sampling.times_s, side="right")
+    return Switching([firsts.index(one) for one in own], 0, group_of_frame)
+
+
+def _joined(
+    meshes: Sequence[SceneMesh], switching: Switching, sampling: Sampling, notes: list[str]
+) -> SceneMesh:
+    """Return a mesh whose faces change: in each frame the meshes of one group."""
     segments = []
-    for first in firsts:
-        parts = [mesh for mesh, start in zip(meshes, starts, strict=True) if start == first]
-        names = ["/" + mesh.name.strip("/").partition("/")[2] for mesh in parts]
-        named = [replace(mesh, name=name) for mesh, name in zip(parts, names, strict=True)]
-        is_single = len(named) == 1
-        segments.append(named[0] if is_single else merge_meshes(named, "", options.notes))
+    for number in range(max(switching.group_of_mesh) + 1):
+        pairs = zip(meshes, switching.group_of_mesh, strict=True)
+        parts = [mesh for mesh, group in pairs if group == number]
+        segments.append(parts[0] if len(parts) == 1 else merge_meshes(parts, "", notes))
 
     def at(index: int) -> tuple[SceneMesh, int]:
-        time_s = sampling.times_s[index]
-        mesh = segments[int(np.searchsorted(borders, time_s, side="right"))]
-        return mesh, min(index, len(mesh.times_s) - 1)
+        mesh = segments[int(switching.group_of_frame[index])]
+        return mesh, min(switching.first + index, len(mesh.times_s) - 1)
 
     def frame(index: int) -> PolygonMesh:
         mesh, own_index = at(index)
@@ -163,7 +203,9 @@ def _joined_segments(
         mesh, own_index = at(index)
         return mesh.surface(own_index)
 
-    return [SceneMesh(segments[0].name, sampling.times_s, frame, surface, sampling.fps or None)]
+    end = switching.first + len(switching.group_of_frame)
+    times_s = sampling.times_s[switching.first : end]
+    return SceneMesh(segments[0].name, times_s, frame, surface, sampling.fps or None)
 
 
 def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
@@ -201,7 +243,9 @@ def _mesh_channel_test(placements: Sequence[ShownMesh], nodes: Nodes) -> Callabl
     for skin in {one.skin for one in placements if one.skin is not None}:
         carriers.update(skin.joints)
     above = set(nodes.with_ancestors(carriers))
-    return lambda channel: channel.node in (shown if channel.path == "weights" else above)
+    seen = set(nodes.with_ancestors(shown))
+    carriers_of = {"weights": shown, VISIBLE: seen}
+    return lambda channel: channel.node in carriers_of.get(channel.path, above)
 
 
 def _animation_test(placements: Sequence[ShownMesh], motion: Motion) -> Callable[[ShownMesh], bool]:
@@ -274,6 +318,8 @@ def _note_left_out(document: Document, placements: Sequence[ShownMesh], notes: l
     ):
         if count:
             note_left_out(notes, f"{what} ({count})")
+    pointers = [one for each in document.lists["animations"] for one in other_pointers(each)]
+    note_kinds(notes, "animated properties", pointers)
     note_extensions(document, meshes, notes)
 
 

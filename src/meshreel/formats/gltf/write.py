@@ -15,6 +15,7 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
+from meshreel.formats.gltf.animation import POINTER, VISIBILITY
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.container_writer import write_container
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
@@ -86,8 +87,8 @@ def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
     """Write a self-contained ``.glb`` file.
 
     All frames of a segment, and the file, are in memory. Each segment has its own meshes, below a
-    node whose scale is 1 in its frames and 0 in the others. `stream.notes` gains the errors
-    achieved.
+    node whose scale is 1 in its frames and 0 in the others, or which is visible only in its frames.
+    `stream.notes` gains the errors achieved.
 
     Raises
     ------
@@ -165,7 +166,16 @@ def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
     morph_options = MorphOptions(options.targets, budget.added, CHOICES[options.normals])
     stream.progress("morph targets", 0.0)
-    scene = build_scene(segments, stream.name, times_s, morph_options, stream.notes)
+    scene = build_scene(
+        segments,
+        stream.name,
+        times_s,
+        morph_options,
+        stream.notes,
+        uses_visibility=options.visibility,
+    )
+    if options.visibility and stream.n_segments == 1:
+        stream.notes.append("--visibility (visibility=) has no effect, as the faces never change")
     if scene.n_isolated:
         stream.notes.append(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
     errors = scene.errors
@@ -263,7 +273,10 @@ def _note_normals(notes: list[str], scene: Scene, options: WriteOptions) -> None
 class _SceneWriter:
     """Collects the meshes, nodes and buffer of a scene."""
 
-    def __init__(self, surface: Surface, notes: list[str]) -> None:
+    def __init__(
+        self, surface: Surface, notes: list[str], *, uses_visibility: bool = False
+    ) -> None:
+        self.uses_visibility = uses_visibility
         self.buffer, self.tree = BufferWriter(), NodeTree()
         self.materials = Materials(surface, self.buffer, notes)
         self.meshes: list[Json] = []
@@ -285,7 +298,10 @@ class _SceneWriter:
         label = f"{name or 'segment'} {number}".replace("/", "_")
         node = self.tree.group(label)
         self.tree.nodes[node]["extras"] = {SEGMENT_START: start_s}
-        if number:  # without an animation, the first segment is shown
+        # Without an animation, the first segment is shown.
+        if self.uses_visibility:
+            self.tree.nodes[node]["extensions"] = {VISIBILITY: {"visible": number == 0}}
+        elif number:
             self.tree.nodes[node]["scale"] = [0.0, 0.0, 0.0]
         self._segments.append((node, frames))
         return f"/{label}"
@@ -341,10 +357,17 @@ class _SceneWriter:
             samplers.append({"input": inputs[key], "output": values, "interpolation": "LINEAR"})
         for node, frames in self._segments:
             keys = _visibility_keys(frames, len(times))
-            shown = np.array([frames.start <= key < frames.stop for key in keys], np.float32)
+            shown = np.array([frames.start <= key < frames.stop for key in keys], np.uint8)
             sampled = self.buffer.add_samples(times[keys], are_times=True)
-            values = self.buffer.add_vectors(np.repeat(shown[:, np.newaxis], 3, axis=1))
-            channels.append({"sampler": len(samplers), "target": {"node": node, "path": "scale"}})
+            target: Json = {"node": node, "path": "scale"}
+            if self.uses_visibility:
+                values = self.buffer.add_bytes(shown)
+                pointer = f"/nodes/{node}/extensions/{VISIBILITY}/visible"
+                target = {"path": "pointer", "extensions": {POINTER: {"pointer": pointer}}}
+            else:
+                scales = np.repeat(shown[:, np.newaxis], 3, axis=1)
+                values = self.buffer.add_vectors(scales.astype(np.float32))
+            channels.append({"sampler": len(samplers), "target": target})
             samplers.append({"input": sampled, "output": values, "interpolation": "STEP"})
         return {"name": name, "samplers": samplers, "channels": channels} if samplers else None
 
@@ -366,6 +389,8 @@ def build_scene(
     times_s: Sequence[float],
     options: MorphOptions,
     notes: list[str],
+    *,
+    uses_visibility: bool = False,
 ) -> Scene:
     """Return the scene that plays the segments of a sequence.
 
@@ -380,12 +405,14 @@ def build_scene(
     options : MorphOptions
     notes : list of str
         Gains a sentence for every material property that glTF cannot store.
+    uses_visibility : bool, default False
+        Whether segments are shown by their visibility, not by their scale.
     """
     writer: _SceneWriter | None = None
     errors: list[npt.NDArray[np.floating]] = []
     has_hard_edges, first = False, 0
     for number, segment in enumerate(segments):
-        writer = writer or _SceneWriter(segment.surface, notes)
+        writer = writer or _SceneWriter(segment.surface, notes, uses_visibility=uses_visibility)
         frames = slice(first, first + segment.n_frames)
         first = frames.stop
         has_hard_edges = has_hard_edges or segment.surface.hard_edges is not None
@@ -419,6 +446,8 @@ def build_scene(
         document["animations"] = [animation]
     if any(one.morphs is not None for one in writer.morph_meshes):
         required.add(QUANTIZATION)
+    if any("extensions" in node for node in writer.tree.nodes):
+        required |= {VISIBILITY, POINTER}  # viewers without them would show all segments at once
     used = required | writer.materials.textures.used
     extensions = {"extensionsUsed": sorted(used), "extensionsRequired": sorted(required)}
     document |= {key: names for key, names in extensions.items() if names}

@@ -1,0 +1,233 @@
+"""Meshes of glTF files that are shown in turn, by visibility or by scale."""
+
+import json
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.options import WriteOptions
+from samples.glb import Glb
+from samples.gltf import Gltf
+from samples.meshes import waving_grid
+
+VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
+TIMES = [0.0, 0.25, 0.5, 0.75, 1.0]
+SQUARE = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+FACES = {
+    "tri": [[0, 1, 2]],
+    "quad": [[0, 1, 2], [0, 2, 3]],
+    "back": [[0, 2, 1], [0, 3, 2]],
+}
+
+
+def pointer_target(node, end=f"extensions/{VISIBILITY}/visible"):
+    pointer = {"pointer": f"/nodes/{node}/{end}"}
+    return {"path": "pointer", "extensions": {POINTER: pointer}}
+
+
+def show(file, node, shown, by, keys=TIMES):
+    """Animate whether a node is shown, by "visible" or "scale"."""
+    if by == "scale":
+        file.animate(node, "scale", keys, [[one] * 3 for one in shown], "STEP")
+        return
+    file.animate(node, "scale", keys, [[one] * 3 for one in shown], "STEP")
+    animation = file.json["animations"][0]
+    animation["samplers"][-1]["output"] = file.accessor(np.uint8(shown), "u1")
+    animation["channels"][-1]["target"] = pointer_target(node)
+    file.json["nodes"][node]["extensions"] = {VISIBILITY: {"visible": bool(shown[0])}}
+
+
+def switching(by, shown):
+    """Return a file with nodes of a triangle and squares that are shown at some of `TIMES`."""
+    file = Gltf()
+    file.json["extensionsUsed"] = file.json["extensionsRequired"] = [VISIBILITY, POINTER]
+    for name, values in shown.items():
+        points = SQUARE[:3] if name == "tri" else SQUARE
+        node = file.node(mesh=file.mesh(points, FACES[name]), name=name)
+        show(file, node, values, by)
+    return file
+
+
+@pytest.mark.parametrize("by", ["visible", "scale"])
+def test_meshes_shown_in_turn_are_segments(tmp_path, by):
+    shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 0, 0], "back": [0, 0, 0, 1, 1]}
+    found = meshreel.load_segments(switching(by, shown).save(tmp_path / "a.glb"))
+    assert found.starts == (0, 2, 3, 5)
+    assert found.fps == 4
+    for segment, faces in zip(found.segments, FACES.values(), strict=True):
+        np.testing.assert_array_equal(segment.faces, faces)
+        np.testing.assert_array_equal(segment.vertices[0], SQUARE[: segment.n_verts])
+
+
+@pytest.mark.parametrize("by", ["visible", "scale"])
+def test_a_mesh_that_returns_is_a_further_segment(tmp_path, by):
+    shown = {"tri": [1, 0, 0, 1, 1], "quad": [0, 1, 1, 0, 0]}
+    found = meshreel.load_segments(switching(by, shown).save(tmp_path / "a.gltf"))
+    assert found.starts == (0, 1, 3, 5)
+    assert (found.n_segments, found.n_meshes) == (3, 2)
+
+
+def test_nodes_shown_together_are_parts_of_a_segment(tmp_path):
+    shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1], "back": [0, 0, 1, 1, 1]}
+    found = meshreel.load_segments(switching("visible", shown).save(tmp_path / "a.glb"))
+    assert found.starts == (0, 2, 5)
+    assert [part.name for part in found.segments[1].surface.parts] == ["/quad", "/back"]
+
+
+def test_visibility_of_a_node_above_hides_its_meshes(tmp_path):
+    file = switching("visible", {"tri": [1, 1, 0, 0, 0]})
+    child = file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad", is_root=False)
+    parent = file.node(children=[child], name="group")
+    show(file, parent, [0, 0, 1, 1, 1], "visible")
+    found = meshreel.load_segments(file.save(tmp_path / "a.glb"))
+    assert found.starts == (0, 2, 5)
+    assert found.segments[1].n_verts == 4
+
+
+def test_frames_without_a_mesh_at_the_ends_are_left_out(tmp_path):
+    shown = {"tri": [0, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 0]}
+    found = meshreel.load_segments(switching("visible", shown).save(tmp_path / "a.glb"))
+    assert (found.starts, found.start_s) == ((0, 1, 3), 0.25)
+
+
+def test_animation_of_meshes_continues_while_they_are_shown(tmp_path):
+    file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
+    for node in (0, 1):
+        file.animate(node, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
+    found = meshreel.load_segments(file.save(tmp_path / "a.glb"), fps=4)
+    moved = [frame.vertices[0, 0] for frame in found]
+    np.testing.assert_allclose(moved, [0, 1, 2, 3, 4], atol=1e-6)
+
+
+def test_transforms_are_read_from_pointers(tmp_path):
+    file = Gltf()
+    node = file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad")
+    file.animate(node, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
+    file.json["animations"][0]["channels"][0]["target"] = pointer_target(node, "translation")
+    found = meshreel.load(file.save(tmp_path / "a.glb"), fps=4)
+    np.testing.assert_allclose(found.vertices[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [
+        {"tri": [1, 1, 1, 0, 0], "quad": [0, 0, 1, 1, 1]},  # both at 0.5 s
+        {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 0, 1, 1]},  # none at 0.5 s
+        {"tri": [1, 1, 1, 1, 1], "quad": [0, 0, 1, 1, 1]},  # one is always shown
+    ],
+)
+def test_other_changes_of_visibility_are_left_out_with_a_note(tmp_path, shown):
+    path, notes = switching("visible", shown).save(tmp_path / "a.glb"), []
+    with pytest.raises(InvalidInputError, match="2 meshes"):
+        meshreel.load(path)
+    found = meshreel.load(path, merge=True, notes=notes)
+    assert found.n_verts == 7
+    assert "left out: changes of the visibility of /tri, /quad" in notes
+
+
+def test_a_selected_mesh_is_read_alone(tmp_path):
+    shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]}
+    path, notes = switching("visible", shown).save(tmp_path / "a.glb"), []
+    assert meshreel.load(path, object="quad", notes=notes).n_verts == 4
+    assert "left out: changes of the visibility of /tri, /quad" in notes
+
+
+def test_hidden_meshes_are_left_out_with_a_note(tmp_path):
+    file, notes = Gltf(), []
+    file.json["extensionsUsed"] = [VISIBILITY]
+    file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad")
+    hidden = {VISIBILITY: {"visible": False}}
+    child = file.node(mesh=file.mesh(), name="tri", is_root=False)
+    file.node(children=[child], name="group", extensions=hidden)
+    assert meshreel.load(file.save(tmp_path / "a.glb"), notes=notes).n_verts == 4
+    assert notes == ["left out: hidden meshes: tri"]
+    file.json["nodes"][0]["extensions"] = hidden
+    assert meshreel.load(file.save(tmp_path / "b.glb"), merge=True, notes=notes).n_verts == 7
+    assert "all meshes are hidden" in notes[-1]
+
+
+def test_visibility_must_step(tmp_path):
+    file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
+    file.json["animations"][0]["samplers"][0]["interpolation"] = "LINEAR"
+    with pytest.raises(FormatError, match="STEP, as visibility is not a number"):
+        meshreel.load_segments(file.save(tmp_path / "a.glb"), animation=0)
+
+
+def test_pointers_to_missing_nodes_and_other_properties(tmp_path):
+    file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
+    file.animate(0, "scale", TIMES, [[1, 1, 1]] * 5)
+    other = {"pointer": "/materials/0/pbrMetallicRoughness/baseColorFactor"}
+    channel = file.json["animations"][0]["channels"][-1]
+    channel["target"] = {"path": "pointer", "extensions": {POINTER: other}}
+    notes = []
+    assert meshreel.load_segments(file.save(tmp_path / "a.glb"), notes=notes).n_segments == 2
+    assert f"left out: animated properties: {other['pointer']}" in notes
+    channel["target"] = pointer_target(7)
+    with pytest.raises(FormatError, match="a pointer to one of 2 nodes"):
+        meshreel.load_segments(file.save(tmp_path / "b.glb"), animation=0)
+
+
+def changing():
+    grids = [waving_grid(3, 5, 6), waving_grid(1, 4, 5), waving_grid(2, 5, 6)]
+    return meshreel.concatenate(grids)
+
+
+@pytest.mark.parametrize("keeps_extras", [True, False])
+@pytest.mark.parametrize("visibility", [True, False])
+def test_segments_survive_writing_and_reading(tmp_path, visibility, keeps_extras):
+    sequence = changing()
+    options = WriteOptions(max_error=0.01, visibility=visibility)
+    meshreel.save(sequence, tmp_path / "a.gltf", options=options)
+    if not keeps_extras:  # as files of other programs
+        document = json.loads((tmp_path / "a.gltf").read_text())
+        removed = [node.pop("extras") for node in document["nodes"] if "extras" in node]
+        assert len(removed) == 3
+        (tmp_path / "a.gltf").write_text(json.dumps(document))
+    found = meshreel.load_segments(tmp_path / "a.gltf")
+    assert found.starts == sequence.starts
+    for one, other in zip(found, sequence, strict=True):
+        assert len(one.faces) == len(other.faces)
+        np.testing.assert_allclose(one.vertices.min(axis=0), other.vertices.min(axis=0), atol=2e-4)
+        np.testing.assert_allclose(one.vertices.max(axis=0), other.vertices.max(axis=0), atol=2e-4)
+
+
+def test_visibility_is_written_as_the_extensions_require(tmp_path):
+    sequence = changing()
+    meshreel.save(sequence, tmp_path / "a.glb", options=WriteOptions(visibility=True))
+    found = Glb.read((tmp_path / "a.glb").read_bytes())
+    for names in ("extensionsUsed", "extensionsRequired"):
+        assert {VISIBILITY, POINTER} <= set(found.document[names])
+    [animation] = found.document["animations"]
+    times = sequence.start_s + np.arange(sequence.n_frames) / sequence.fps
+    n_seen = 0
+    for channel in animation["channels"]:
+        if channel["target"]["path"] != "pointer":
+            continue
+        assert "node" not in channel["target"]
+        pointer = channel["target"]["extensions"][POINTER]["pointer"]
+        node = int(pointer.split("/")[2])
+        assert pointer == f"/nodes/{node}/extensions/{VISIBILITY}/visible"
+        visible = found.document["nodes"][node]["extensions"][VISIBILITY]["visible"]
+        assert visible == (n_seen == 0)
+        assert "scale" not in found.document["nodes"][node]
+        sampler = animation["samplers"][channel["sampler"]]
+        assert sampler["interpolation"] == "STEP"
+        accessor = found.document["accessors"][sampler["output"]]
+        assert (accessor["componentType"], accessor["type"]) == (5121, "SCALAR")
+        keys, values = found.array(sampler["input"])[:, 0], found.array(sampler["output"])[:, 0]
+        before = np.searchsorted(keys, times + 1e-4, side="right") - 1
+        expected = [sequence.segment_of(number) == n_seen for number in range(sequence.n_frames)]
+        np.testing.assert_array_equal(values[before], expected)
+        n_seen += 1
+    assert n_seen == sequence.n_segments
+
+
+def test_visibility_has_no_effect_on_one_segment(tmp_path):
+    notes = []
+    meshreel.save(
+        waving_grid(2), tmp_path / "a.glb", options=WriteOptions(visibility=True), notes=notes
+    )
+    assert any("--visibility (visibility=) has no effect" in note for note in notes)
+    assert VISIBILITY not in json.dumps(Glb.read((tmp_path / "a.glb").read_bytes()).document)
