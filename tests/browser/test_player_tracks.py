@@ -121,6 +121,23 @@ def test_page_opens_with_the_requested_track(new_page, stress_url, decoded):
         assert np.abs(picture - np.array(color)).max(axis=2).min() < 24
 
 
+def test_colors_are_loaded_again_when_the_user_retries_after_an_error(new_page, stress_url):
+    page = new_page(stress_url)
+    page.evaluate(
+        """() => {
+          const error = Object.assign(new Error("no connection"), { name: "SourceError" });
+          const { mesh } = document.querySelector("reel-player");
+          mesh.dispatchEvent({ type: "error", error, block: 0, track: "stress" });
+        }"""
+    )
+    assert "no connection" in page.get_by_role("alert").inner_text()
+    page.get_by_role("button", name="Try again").click()
+    show(page, 6)
+    assert not page.get_by_role("alert").is_visible()
+    assert legend_of(page).startswith("Colors: stress from -400 Pa to 400 Pa")
+    assert count_pixels(picture_of(page, "canvas"), RED) > 500
+
+
 def test_legend_follows_track_component_and_range(new_page, stress_url, decoded):
     page = new_page(stress_url)
     chosen(page, "#track", "velocity")

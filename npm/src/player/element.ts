@@ -73,6 +73,8 @@ export interface PlayerParts {
   frame(): void;
   /** Pause, and move by a number of frames; while looping, past the end to the start. */
   step(nFrames: number): void;
+  /** Colors by the track again after an error, if the page has set it by `mesh.colorBy`. */
+  retryTrack: (() => void) | null;
 }
 
 /** Return the parts of a connected player, for the inspector. */
@@ -401,7 +403,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#stage.append(picture, bar.element);
     const frame = () => this.#mesh && this.#settings && this.#frameModel(this.#settings);
     const step = (nFrames: number) => this.#step(nFrames);
-    this.#ui = { view, bar, start, poster, messages, legend, frame, step };
+    this.#ui = { view, bar, start, poster, messages, legend, frame, step, retryTrack: null };
     this.#listeners = new AbortController();
     const { signal } = this.#listeners;
     window.addEventListener("online", () => this.#retry(), { signal });
@@ -632,7 +634,11 @@ export class ReelPlayerElement extends PlayerAttributes {
     mesh.addEventListener("error", ({ error, block, frames, track }) => {
       if (block === null) return this.#reportError(error);
       const { start, nFrames } = frames ?? mesh.reel.info.blocks[block];
-      const retry = () => (track === undefined ? mesh.retry() : this.#retryAppearance(mesh));
+      const retry = () => {
+        if (track === undefined) mesh.retry();
+        else if (this.#ui?.retryTrack) this.#ui.retryTrack();
+        else this.#retryAppearance(mesh);
+      };
       const prefix = `Frames ${start} to ${start + nFrames - 1} are missing: `;
       this.#reportError(error, { prefix, retry, frames });
     });

@@ -57,6 +57,7 @@ export class TrackPanel {
     });
     this.range.addEventListener("change", () => this.chooseRange());
     for (const end of this.ends) end.addEventListener("change", () => this.applyCustomRange());
+    player.parts.retryTrack = () => this.choose(this.settings);
   }
 
   /** Start to show a track, or none. */
