@@ -13,6 +13,7 @@ from meshreel.formats.frames.mesh_files import MeshFiles
 from meshreel.formats.frames.opening import open_mesh_files
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_source import frame_range, open_mesh, select_mesh
 from meshreel.formats.sources import Source, SourceFiles, find_files
@@ -43,7 +44,7 @@ def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
         As `load`; also InvalidInputError when frames are read, if a file has changed.
     """
     check_read_options(found.format, options)
-    attempt = replace(options, notes=[])
+    attempt = replace(_at_rate(found, options), notes=[])
     try:
         opened = _open_constant(found, attempt)
     except ConnectivityChangeError:
@@ -69,7 +70,7 @@ def open_constant(found: SourceFiles, options: ReadOptions, purpose: str = "load
     """
     check_read_options(found.format, options)
     try:
-        opened = _open_constant(found, options)
+        opened = _open_constant(found, _at_rate(found, options))
     except ConnectivityChangeError as error:
         remedy = "; load_segments reads changing faces" if purpose == "load" else ""
         raise ConnectivityChangeError(
@@ -77,6 +78,17 @@ def open_constant(found: SourceFiles, options: ReadOptions, purpose: str = "load
         ) from None
     with errors_naming(found.paths[0]):
         return single_segment(opened, purpose)
+
+
+def _at_rate(found: SourceFiles, options: ReadOptions) -> ReadOptions:
+    """Return the options with the frame rate of a manifest, unless they have one.
+
+    Their notes gain a sentence on what the manifest names besides frames.
+    """
+    if found.left_out:
+        note_left_out(options.notes, f"{listed(found.left_out)} of the manifest")
+    is_unset = found.fps and options.fps is None
+    return replace(options, fps=found.fps) if is_unset else options
 
 
 def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
@@ -163,6 +175,8 @@ def find_segments(source: Source | SourceFiles, options: ReadOptions) -> list[Fo
     """
     found = source if isinstance(source, SourceFiles) else find_files(source)
     check_read_options(found.format, options)
+    if not isinstance(source, SourceFiles):
+        options = _at_rate(found, options)
 
     def selecting(segment: FoundSegment) -> FoundSegment:
         names, path = options.attributes, found.paths[0]
