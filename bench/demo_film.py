@@ -12,10 +12,9 @@ from pathlib import Path
 from PIL import Image, ImageDraw
 
 import meshreel
-from meshreel.rendering.framing import framing_of
 from meshreel.rendering.lettering import FAINT_INK, INK, font_of_size
 from meshreel.rendering.scenes import ChosenFrames, Scene
-from meshreel.rendering.shots import ASPECT_FRAMES, draw_shots, spread_frames
+from meshreel.rendering.shots import ASPECT_FRAMES, draw_shots, framing_of, spread_frames
 from meshreel.rendering.views import View
 
 OUTPUT = Path(__file__).parents[1] / "docs" / "images" / "demo.webp"

@@ -18,7 +18,7 @@ from typing import Any
 
 from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.paper.study.printed import printed_rates, printed_seconds
-from meshreel.rendering.documents.cells import number, significant
+from meshreel.rendering.documents import number, significant
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"

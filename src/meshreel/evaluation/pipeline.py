@@ -9,8 +9,7 @@ from meshreel.evaluation.folder import claim_folder, unique_names, write_text
 from meshreel.evaluation.runs.run import Run, run_all
 from meshreel.evaluation.runs.store import Result, Store
 from meshreel.model.segments import AnySequence
-from meshreel.rendering.documents.html import to_html
-from meshreel.rendering.documents.parts import (
+from meshreel.rendering.documents import (
     Bullets,
     Code,
     Document,
@@ -19,6 +18,7 @@ from meshreel.rendering.documents.parts import (
     Part,
     Picture,
     Table,
+    to_html,
 )
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.extras import PEERS

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 from meshreel.evaluation.runs.machine import machines_text
-from meshreel.rendering.documents.parts import Bullets, Code, Document, Heading, Paragraph, Part
+from meshreel.rendering.documents import Bullets, Code, Document, Heading, Paragraph, Part
 from meshreel.runtime.counting import counted
 
 

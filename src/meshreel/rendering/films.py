@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from PIL import Image as PillowImage
 
-from meshreel.rendering.framing import framing_of
 from meshreel.rendering.layout import Size
 from meshreel.rendering.scenes import ChosenFrames, Scales, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
@@ -14,6 +13,7 @@ from meshreel.rendering.shots import (
     Shot,
     draw_shots,
     frame_labels,
+    framing_of,
     scene_words,
     spread_frames,
 )

@@ -4,15 +4,16 @@ from collections.abc import Sequence
 
 from PIL import Image as PillowImage
 
-from meshreel.rendering.framing import MAX_TRAVEL, framing_of
 from meshreel.rendering.layout import Size
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import ChosenFrames, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
 from meshreel.rendering.shots import (
     ASPECT_FRAMES,
+    MAX_TRAVEL,
     draw_shots,
     frame_labels,
+    framing_of,
     scene_words,
     spread_frames,
 )

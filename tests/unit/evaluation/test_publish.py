@@ -1,6 +1,5 @@
 from meshreel.evaluation.pipeline import to_markdown
-from meshreel.rendering.documents.html import to_html
-from meshreel.rendering.documents.parts import Table
+from meshreel.rendering.documents import Table, to_html
 
 
 def test_tables_are_the_same_in_markdown_and_html(tmp_path):

@@ -15,9 +15,17 @@ from meshreel.app.batch.manifest import (
 )
 from meshreel.app.batch.out_folder import OutFolder
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.documents.cells import NONE, significant
-from meshreel.rendering.documents.html import to_html
-from meshreel.rendering.documents.parts import Bullets, Drawing, Heading, Paragraph, Part, Table
+from meshreel.rendering.documents import (
+    NONE,
+    Bullets,
+    Drawing,
+    Heading,
+    Paragraph,
+    Part,
+    Table,
+    significant,
+    to_html,
+)
 from meshreel.runtime.counting import counted, size_text
 
 REPORT_NAME = "report.html"

@@ -172,8 +172,8 @@ def render_command(
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.model.segments import single_segment
+    from meshreel.rendering.plots import plot_track
     from meshreel.rendering.scenes import Scene
-    from meshreel.rendering.track_plots import plot_track
     from meshreel.rendering.views import guess_up, parse_view
     from meshreel.runtime.outputs.checks import check_output_path
 

@@ -15,10 +15,9 @@ from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering.framing import framing_of
 from meshreel.rendering.picture import side_by_side
 from meshreel.rendering.scenes import ChosenFrames, Scene
-from meshreel.rendering.shots import spread_frames
+from meshreel.rendering.shots import framing_of, spread_frames
 from meshreel.rendering.views import View, guess_up
 
 MAX_PLAYED, MAX_ENCODED = 2_500_000, 300_000

@@ -20,7 +20,7 @@ from meshreel.evaluation.rate_distortion import Point
 from meshreel.evaluation.runs.run import Run
 from meshreel.evaluation.runs.store import Result
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering.documents.parts import Document, Picture
+from meshreel.rendering.documents import Document, Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
 

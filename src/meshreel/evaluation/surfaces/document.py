@@ -10,8 +10,15 @@ from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.rate_distortion import Point, bd_rate, rate_at_error
 from meshreel.evaluation.report import codecs_document, sequence_opening
 from meshreel.evaluation.runs.store import Result, done
-from meshreel.rendering.documents.cells import significant
-from meshreel.rendering.documents.parts import Bullets, Document, Paragraph, Part, Picture, Table
+from meshreel.rendering.documents import (
+    Bullets,
+    Document,
+    Paragraph,
+    Part,
+    Picture,
+    Table,
+    significant,
+)
 
 TITLE = "meshreel compared with Draco on changing faces: rate, distance between surfaces, time"
 

@@ -22,7 +22,7 @@ from meshreel.evaluation.surfaces.measure import (
 )
 from meshreel.model.segments import SegmentedSequence, segments_of
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering.documents.parts import Document, Picture
+from meshreel.rendering.documents import Document, Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
 

@@ -9,8 +9,16 @@ from meshreel.evaluation.tracks.measure import OURS
 from meshreel.evaluation.tracks.peers import TrackPeer
 from meshreel.evaluation.tracks.results import TrackResults
 from meshreel.evaluation.tracks.settings import EXACTLY
-from meshreel.rendering.documents.cells import NONE, significant
-from meshreel.rendering.documents.parts import Bullets, Document, Paragraph, Part, Picture, Table
+from meshreel.rendering.documents import (
+    NONE,
+    Bullets,
+    Document,
+    Paragraph,
+    Part,
+    Picture,
+    Table,
+    significant,
+)
 
 TITLE = "A track compared with array compressors: rate, distortion, time"
 

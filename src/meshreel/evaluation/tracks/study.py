@@ -21,7 +21,7 @@ from meshreel.evaluation.tracks.settings import Level, levels_of
 from meshreel.metrics.track_errors import error_unit
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track, describe_track, track_by_name
-from meshreel.rendering.documents.parts import Document, Picture
+from meshreel.rendering.documents import Document, Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
 

@@ -18,7 +18,7 @@ from meshreel.paper.study.tables import (
     seconds_table,
     settings_line,
 )
-from meshreel.rendering.documents.parts import Bullets, Document, Heading, Paragraph, Part, Picture
+from meshreel.rendering.documents import Bullets, Document, Heading, Paragraph, Part, Picture
 
 ALTERNATIVES_NOTE = (
     "Each row changes one choice that the paper leaves open (`choices=`); all other settings are "

@@ -25,7 +25,7 @@ from meshreel.paper.sweeps import (
     sweep,
     variants,
 )
-from meshreel.rendering.documents.parts import Document, Picture
+from meshreel.rendering.documents import Document, Picture
 from meshreel.runtime.progress import Progress
 
 

@@ -12,8 +12,7 @@ from meshreel.paper.study.printed import (
 )
 from meshreel.paper.study.results import PaperResults, label_of_result, method_of_result
 from meshreel.paper.sweeps import ANCHORS, Setting
-from meshreel.rendering.documents.cells import NONE, number, scientific, significant
-from meshreel.rendering.documents.parts import Table
+from meshreel.rendering.documents import NONE, Table, number, scientific, significant
 
 Printed = TypeVar("Printed")
 

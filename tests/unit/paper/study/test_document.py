@@ -4,7 +4,7 @@ import pytest
 
 from meshreel.evaluation.pipeline import publish
 from meshreel.paper.study.document import paper_document
-from meshreel.rendering.documents.parts import Paragraph
+from meshreel.rendering.documents import Paragraph
 
 
 @pytest.mark.slow

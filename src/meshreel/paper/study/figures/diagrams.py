@@ -12,7 +12,7 @@ from meshreel.evaluation.plots.palette import line_style
 from meshreel.evaluation.runs.store import Result, done
 from meshreel.paper.study.figures.panels import save_for_print
 from meshreel.paper.study.results import PaperResults, label_of_result, method_of_result
-from meshreel.rendering.documents.parts import Picture
+from meshreel.rendering.documents import Picture
 from meshreel.rendering.plots import blank_figure
 
 if TYPE_CHECKING:

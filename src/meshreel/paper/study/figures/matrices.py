@@ -21,7 +21,7 @@ from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.study.figures.panels import Box, axes_in, blank_sheet, save_for_print, write_in
 from meshreel.paper.subspace.basis import project
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
-from meshreel.rendering.documents.parts import Picture
+from meshreel.rendering.documents import Picture
 from meshreel.rendering.plots import blank_figure
 from meshreel.runtime.counting import counted
 

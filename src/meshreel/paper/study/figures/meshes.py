@@ -27,7 +27,7 @@ from meshreel.paper.study.figures.panels import (
 from meshreel.paper.study.results import label_of_result, method_of_result, setting_of_result
 from meshreel.rendering.camera import Camera, fit_camera
 from meshreel.rendering.colormap import HEAT, colorize, round_up
-from meshreel.rendering.documents.parts import Picture
+from meshreel.rendering.documents import Picture
 from meshreel.rendering.rasterizer import render
 from meshreel.rendering.visibility import nearness, visible_faces
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.rendering.shading import shade
+from meshreel.rendering.painting import shade
 
 
 def brightness(*direction):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from meshreel.model.segments import SegmentedSequence
-from meshreel.rendering.framing import MIN_DISTANCE_RATIO, Framing, framing_of
 from meshreel.rendering.scenes import ChosenFrames
+from meshreel.rendering.shots import MIN_DISTANCE_RATIO, Framing, framing_of
 from meshreel.rendering.views import View
 
 FRONT = View("y", 0.0, 0.0)

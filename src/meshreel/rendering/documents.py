@@ -1,20 +1,13 @@
-"""Reports as self-contained HTML files."""
+"""Reports: their parts in words, tables and pictures, and self-contained HTML files."""
 
 import base64
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 
-from meshreel.rendering.documents.parts import (
-    Bullets,
-    Code,
-    Drawing,
-    Heading,
-    Paragraph,
-    Part,
-    Picture,
-    Table,
-)
+NONE = "-"
 
 _STYLE = """
 body { font: 16px/1.55 system-ui, sans-serif; color: #22262e; max-width: 72rem; margin: 2rem auto;
@@ -32,6 +25,96 @@ th { vertical-align: bottom; }
 figure { margin: 1.6rem 0; } img, svg { max-width: 100%; height: auto; }
 figcaption { font-size: 0.92rem; color: #5c6370; max-width: 48rem; }
 """.strip()
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading of level 1, 2 or 3."""
+
+    level: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Text; `code` in backticks."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Code:
+    """A block of code."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A bulleted list."""
+
+    items: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; the first column is text, the others are numbers."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG image of `n_panels` pictures or diagrams, with a title such as "Fig. 2"."""
+
+    path: Path
+    title: str
+    caption: str
+    n_panels: int
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """An ``<svg>`` element; HTML only."""
+
+    svg: str
+    title: str
+    caption: str
+
+
+Part = Heading | Paragraph | Code | Bullets | Table | Picture
+
+
+@dataclass(frozen=True)
+class Document:
+    """A report and the title of its HTML page."""
+
+    title: str
+    parts: tuple[Part, ...]
+
+
+def number(value: float | None) -> str:
+    """Four decimals, as the paper prints rates."""
+    return NONE if value is None else f"{value:.4f}"
+
+
+def significant(value: float | None) -> str:
+    """Three significant digits, never with an exponent."""
+    if value is None:
+        return NONE
+    if value == 0:
+        return "0"
+    text = f"{value:.3g}"
+    if abs(value) >= 1000:
+        return f"{float(text):.0f}"
+    return f"{float(text):.12f}".rstrip("0").rstrip(".") if "e" in text else text
+
+
+def scientific(value: float | None) -> str:
+    """Three significant digits with an exponent."""
+    return NONE if value is None else f"{value:.2e}"
 
 
 def to_html(parts: Sequence[Part | Drawing], title: str, generator: str = "meshreel") -> str:

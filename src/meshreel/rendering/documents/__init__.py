@@ -1,1 +1,0 @@
-"""Reports in words, tables and pictures: their parts, and the page they become."""
