@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, is_written
 from speed_inputs import waving_sphere

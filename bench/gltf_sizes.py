@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.gltf.buffer_writer import BufferWriter

@@ -16,7 +16,7 @@ from statistics import median
 from typing import Any
 
 import meshreel
-from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from speed_inputs import add_inputs, sources
 from speed_tables import table
 

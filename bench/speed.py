@@ -18,7 +18,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from meshreel.evaluation.runs.machine import machine_facts
+from meshreel.evaluation.runs.timing import machine_facts
 from speed_bounds import MAX_EXPONENT, Verdict, verdicts_on, verdicts_on_growth
 from speed_cases import Plan, measure
 from speed_coders import DEFAULT_EFFORT, OwnMethod, coders_of, reel_coder

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from meshreel.evaluation.runs.machine import machine_line
+from meshreel.evaluation.runs.timing import machine_line
 from speed_bounds import RATIO_NAMES, Verdict
 from speed_timing import is_unsteady
 

@@ -22,15 +22,13 @@ from pathlib import Path
 from typing import Any
 
 import meshreel
-from meshreel.evaluation.codecs.recorded import read_recorded
-from meshreel.evaluation.codecs.results import CodecResults
+from meshreel.evaluation.codecs.results import CodecResults, read_recorded
 from meshreel.evaluation.codecs.study import CodecStudy
 from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.pipeline import Study, Subject, measure
 from meshreel.evaluation.rate_distortion import bd_rate
-from meshreel.evaluation.runs.machine import machine_facts
-from meshreel.evaluation.runs.run import result_of
-from meshreel.evaluation.runs.store import Store
+from meshreel.evaluation.runs.store import Store, result_of
+from meshreel.evaluation.runs.timing import machine_facts
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.study.decompositions import decompositions_run
 from meshreel.paper.study.findings import findings

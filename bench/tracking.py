@@ -22,7 +22,7 @@ from typing import Any
 import meshreel
 import tracking_basis
 import tracking_bits
-from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from meshreel.runtime.threads import one_blas_thread
 from speed_inputs import Source, first_frames
 

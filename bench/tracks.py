@@ -17,9 +17,8 @@ import numpy as np
 
 import meshreel
 from meshreel.evaluation.codecs.peers.protocol import is_available
-from meshreel.evaluation.tracks.measure import TrackInput
+from meshreel.evaluation.tracks.measure import TrackInput, level_of
 from meshreel.evaluation.tracks.peers import TRACK_PEERS
-from meshreel.evaluation.tracks.settings import level_of
 from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.runtime.progress import silent

@@ -29,7 +29,7 @@ import DracoPy
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from speed_tables import table
 from web_browser import bundled, opened, page_files, served
 

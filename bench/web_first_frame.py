@@ -22,7 +22,7 @@ from statistics import median, quantiles
 from typing import Any
 
 import meshreel
-from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from speed_tables import table
 
 ROOT = Path(__file__).parents[1]

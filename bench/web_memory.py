@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.runs.machine import machine_facts, machine_line
+from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from speed_tables import table
 from web_browser import MeasuredPage, bundled, opened, page_files, served
 

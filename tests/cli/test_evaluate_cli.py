@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import meshreel
-from meshreel.evaluation.codecs.recorded import COLUMNS
+from meshreel.evaluation.codecs.results import COLUMNS
 from meshreel.model.flag import simulate_flag
 from samples import commands
 from samples.commands import assert_fails

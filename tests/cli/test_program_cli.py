@@ -132,8 +132,8 @@ def test_completion_offers_files_extensions_and_names(offered, line, expected):
 
 
 def test_names_in_help_equal_those_of_the_evaluation():
-    from meshreel.evaluation.codecs.peers.registry import PEER_NAMES
-    from meshreel.evaluation.codecs.settings import CODED_METHODS, DEFAULT_METHODS
+    from meshreel.evaluation.codecs.measure import CODED_METHODS, DEFAULT_METHODS
+    from meshreel.evaluation.codecs.peers.protocol import PEER_NAMES
     from meshreel.evaluation.tracks.peers import TRACK_PEER_NAMES
     from meshreel.paper.sweeps import METHOD_NAMES, PRESETS
 

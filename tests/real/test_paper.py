@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 import meshreel
-from meshreel.evaluation.runs.run import result_of
-from meshreel.evaluation.runs.store import Store
+from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.formats.load import load
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.decoder import coded_blocks

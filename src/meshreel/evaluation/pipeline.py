@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from meshreel.evaluation.folder import claim_folder, unique_names, write_text
-from meshreel.evaluation.runs.run import Run, run_all
-from meshreel.evaluation.runs.store import Result, Store
+from meshreel.evaluation.runs.store import Result, Run, Store, run_all
 from meshreel.model.segments import AnySequence
 from meshreel.rendering.documents import (
     Bullets,

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
-from meshreel.evaluation.runs.machine import machines_text
+from meshreel.evaluation.runs.timing import machines_text
 from meshreel.rendering.documents import Bullets, Code, Document, Heading, Paragraph, Part
 from meshreel.runtime.counting import counted
 

@@ -2,7 +2,7 @@ import pytest
 
 from meshreel.codec.methods import METHOD_NAMES as CODED
 from meshreel.errors import InvalidInputError
-from meshreel.evaluation.plots.palette import METHOD_COLORS
+from meshreel.evaluation.plots import METHOD_COLORS
 from meshreel.paper.sweeps import (
     COEFFICIENTS,
     METHOD_NAMES,

@@ -91,9 +91,9 @@ def evaluate_command(
     """
     from meshreel.app.cli.reports import check_before_work, portable_path, split_names, write_report
     from meshreel.evaluation.choices import checked_names
-    from meshreel.evaluation.codecs.peers.registry import peers_named
-    from meshreel.evaluation.codecs.recorded import read_recorded
-    from meshreel.evaluation.codecs.settings import CODED_METHODS, DEFAULT_METHODS
+    from meshreel.evaluation.codecs.measure import CODED_METHODS, DEFAULT_METHODS
+    from meshreel.evaluation.codecs.peers.protocol import peers_named
+    from meshreel.evaluation.codecs.results import read_recorded
     from meshreel.evaluation.codecs.study import CodecStudy
     from meshreel.evaluation.surfaces.study import SurfaceStudy
     from meshreel.evaluation.tracks.peers import track_peers_named

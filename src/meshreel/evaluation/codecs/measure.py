@@ -1,26 +1,142 @@
-"""Runs that measure one of our methods or another codec at one setting."""
+"""Runs that measure one of our methods or another codec, and their settings and vertex orders."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+from meshreel.codec.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.evaluation.codecs.arrangements import Arrangement, Arrangements
+from meshreel.codec.methods import METHOD_NAMES
 from meshreel.evaluation.codecs.peers.protocol import Peer, ReordersVertices, package_version
-from meshreel.evaluation.codecs.settings import MethodSetting
 from meshreel.evaluation.folder import file_name
-from meshreel.evaluation.runs.machine import machine_facts
-from meshreel.evaluation.runs.run import Outcome, Run
-from meshreel.evaluation.runs.store import finite
-from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
+from meshreel.evaluation.runs.store import Outcome, Run, finite
+from meshreel.evaluation.runs.timing import REPEATS, machine_facts, seconds_of, timed
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence, Vertices
+from meshreel.paper.sweeps import Setting, sweep, variants
 from meshreel.runtime.progress import Progress
 
+CODED_METHODS = METHOD_NAMES
+DEFAULT_METHODS = ("reel", "pca-qp", "v2v")
+
+# Steps, and pairs of tune and effort, of `reel`, which the paper's sweep does not contain.
+_STEPS: tuple[float, ...] = (1.6e-3, 8e-4, 4e-4, 2e-4, 1e-4, 5e-5, 2.5e-5, 1.25e-5)
+_PROFILES: tuple[tuple[str, int], ...] = (("visual", 5), ("visual", 9), ("geometry", 9))
+
+# Error bounds of `grid` in percent of the diagonal; larger bounds suit other methods.
+_GRID_ERRORS = (1e-3, 3e-4, 1e-4)
+_SHORT = {"n_modes": "modes", "block_frames": "frames"}
+
 METHOD, PEER = "method", "peer"
+
+
+@dataclass(frozen=True)
+class MethodSetting:
+    """A method with options of `meshreel.encode`.
+
+    Attributes
+    ----------
+    options : tuple of (name, value)
+    """
+
+    method: str
+    options: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The name of the curve in reports; each tune is a curve."""
+        tune = dict(self.options).get("tune", "visual")
+        return self.method if tune == "visual" else f"{self.method}-{tune}"
+
+    @property
+    def params(self) -> str:
+        """The options as text; empty if all are defaults."""
+        return " ".join(f"{_SHORT.get(name, name)} {value}" for name, value in self.options)
+
+
+def method_sweep(method: str, n_frames: int, n_verts: int, *, quick: bool) -> list[MethodSetting]:
+    """The settings of a method for a sequence of this size."""
+    if method == "reel":
+        steps, profiles = (_STEPS[1:6:2], _PROFILES[:1]) if quick else (_STEPS, _PROFILES)
+        return [
+            MethodSetting("reel", (("step", step), ("tune", tune), ("effort", effort)))
+            for tune, effort in profiles
+            for step in steps
+        ]
+    if method == "grid":
+        return [MethodSetting("grid", (("max_error", error),)) for error in _GRID_ERRORS]
+    defaults = variants(n_frames, (method,))
+    settings = sweep(n_frames, n_verts, (method,), quick=quick) or defaults
+    return [_from_paper(setting) for setting in settings] or [MethodSetting(method)]
+
+
+def _from_paper(setting: Setting) -> MethodSetting:
+    options = {name: value for name, value in setting.options().items() if name != "method"}
+    if not setting.anchors:  # methods without anchors reject the option
+        del options["anchors"]
+    return MethodSetting(setting.method, tuple(options.items()))
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangement:
+    """A sequence in one vertex order, and the cost of its coded connectivity.
+
+    Attributes
+    ----------
+    order : {"coded", "given"}
+        The order of the coded connectivity, or the original one, which must then be stored.
+    size_bytes : int
+        Coded connectivity, including the order if it is the original one.
+    encode_s, decode_s : float
+        Seconds for the connectivity.
+    """
+
+    order: str
+    sequence: MeshSequence
+    size_bytes: int
+    encode_s: float
+    decode_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangements:
+    """A sequence in both vertex orders, computed on first use."""
+
+    sequence: MeshSequence
+
+    @cached_property
+    def coded(self) -> Arrangement:
+        """The order of the coded connectivity."""
+        return arrange(self.sequence, "coded")
+
+    @cached_property
+    def given(self) -> Arrangement:
+        """The original order."""
+        return arrange(self.sequence, "given")
+
+
+def arrange(sequence: MeshSequence, order: str) -> Arrangement:
+    """Bring the sequence into a vertex order, and code and time its connectivity."""
+    faces, n_verts = sequence.faces, sequence.n_verts
+    stored = "drop" if order == "coded" else "vertices"
+    coded, encode_s = timed(lambda: encode_connectivity(faces, n_verts, order=stored), REPEATS)
+
+    def decode_faces() -> None:
+        internal = decode_connectivity(coded.payload, n_verts, len(faces))
+        decode_order(coded.order_payload, internal, n_verts)
+
+    _, decode_s = timed(decode_faces, REPEATS)
+    if order == "coded":
+        vertices: Vertices = sequence.vertices[:, coded.internal_to_given]
+        sequence = MeshSequence(vertices.copy(), coded.internal_faces)
+    size = len(coded.payload) + len(coded.order_payload)
+    seconds = seconds_of(encode_s, decode_s)
+    return Arrangement(order, sequence, size, seconds["encode"], seconds["decode"])
 
 
 def method_run(sequence: MeshSequence, setting: MethodSetting) -> Run:

@@ -5,20 +5,28 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from meshreel.evaluation.codecs.arrangements import Arrangements
 from meshreel.evaluation.codecs.document import codec_document
-from meshreel.evaluation.codecs.measure import method_run, peer_run
-from meshreel.evaluation.codecs.peers.protocol import Peer, is_available, why_missing
-from meshreel.evaluation.codecs.peers.registry import peers_named
-from meshreel.evaluation.codecs.recorded import RecordedPoint, matching
-from meshreel.evaluation.codecs.results import ERRORS, RECORDED, CodecResults, family
-from meshreel.evaluation.codecs.settings import DEFAULT_METHODS, method_sweep
+from meshreel.evaluation.codecs.measure import (
+    DEFAULT_METHODS,
+    Arrangements,
+    method_run,
+    method_sweep,
+    peer_run,
+)
+from meshreel.evaluation.codecs.peers.protocol import Peer, is_available, peers_named, why_missing
+from meshreel.evaluation.codecs.results import (
+    ERRORS,
+    RECORDED,
+    CodecResults,
+    RecordedPoint,
+    family,
+    matching,
+)
 from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.pipeline import Measured, Subject
-from meshreel.evaluation.plots.axes import draw_envelopes
+from meshreel.evaluation.plots import draw_envelopes
 from meshreel.evaluation.rate_distortion import Point
-from meshreel.evaluation.runs.run import Run
-from meshreel.evaluation.runs.store import Result
+from meshreel.evaluation.runs.store import Result, Run
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.documents import Document, Picture
 from meshreel.rendering.plots import blank_figure, save_figure

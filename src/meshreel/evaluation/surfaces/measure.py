@@ -10,16 +10,13 @@ import numpy as np
 from meshreel.codec.decoder import decode_segments
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.evaluation.codecs.measure import METHOD, PEER
+from meshreel.evaluation.codecs.measure import METHOD, PEER, MethodSetting
 from meshreel.evaluation.codecs.peers.draco import LEVEL, Draco
 from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
 from meshreel.evaluation.codecs.peers.protocol import package_version
-from meshreel.evaluation.codecs.settings import MethodSetting
 from meshreel.evaluation.folder import file_name
-from meshreel.evaluation.runs.machine import machine_facts
-from meshreel.evaluation.runs.run import Outcome, Run
-from meshreel.evaluation.runs.store import finite
-from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
+from meshreel.evaluation.runs.store import Outcome, Run, finite
+from meshreel.evaluation.runs.timing import REPEATS, machine_facts, seconds_of, timed
 from meshreel.metrics.surface_distance import compare_surfaces
 from meshreel.model.segments import MeshFrame, SegmentedSequence
 from meshreel.runtime.progress import Progress

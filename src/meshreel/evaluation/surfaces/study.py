@@ -5,14 +5,12 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from meshreel.evaluation.codecs.measure import DEFAULT_METHODS, method_sweep
 from meshreel.evaluation.codecs.peers.draco import Draco
-from meshreel.evaluation.codecs.peers.protocol import Peer, is_available, why_missing
-from meshreel.evaluation.codecs.peers.registry import peers_named
-from meshreel.evaluation.codecs.settings import DEFAULT_METHODS, method_sweep
+from meshreel.evaluation.codecs.peers.protocol import Peer, is_available, peers_named, why_missing
 from meshreel.evaluation.pipeline import Measured, Subject
-from meshreel.evaluation.plots.axes import draw_envelopes
-from meshreel.evaluation.runs.run import Run
-from meshreel.evaluation.runs.store import Result
+from meshreel.evaluation.plots import draw_envelopes
+from meshreel.evaluation.runs.store import Result, Run
 from meshreel.evaluation.surfaces.document import SurfaceResults, surface_document
 from meshreel.evaluation.surfaces.measure import (
     MAX_COMPARED,

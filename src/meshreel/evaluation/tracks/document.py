@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.report import codecs_document, sequence_opening
 from meshreel.evaluation.runs.store import done
-from meshreel.evaluation.tracks.measure import OURS
+from meshreel.evaluation.tracks.measure import EXACTLY, OURS
 from meshreel.evaluation.tracks.peers import TrackPeer
 from meshreel.evaluation.tracks.results import TrackResults
-from meshreel.evaluation.tracks.settings import EXACTLY
 from meshreel.rendering.documents import (
     NONE,
     Bullets,

@@ -1,4 +1,4 @@
-"""Runs that measure a track in our codec or another compressor at one error bound."""
+"""Runs that measure a track in our codec or another compressor, and their error bounds."""
 
 import statistics
 from collections.abc import Callable
@@ -16,19 +16,23 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.track_bounds import DROP, EXACT, Measure, bound_of_track
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.codecs.peers.protocol import package_version
 from meshreel.evaluation.folder import file_name
-from meshreel.evaluation.runs.machine import machine_facts
-from meshreel.evaluation.runs.run import Outcome, Run
-from meshreel.evaluation.runs.timing import REPEATS, seconds_of, timed
+from meshreel.evaluation.runs.store import Outcome, Run
+from meshreel.evaluation.runs.timing import REPEATS, machine_facts, seconds_of, timed
 from meshreel.evaluation.tracks.peers import TrackPeer
-from meshreel.evaluation.tracks.settings import Level
 from meshreel.metrics.track_errors import TrackErrors, track_errors
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import Track, TrackKind
+from meshreel.model.tracks import Track, TrackKind, TrackSource, value_range
 from meshreel.runtime.progress import Progress
+
+QUICK_PERCENT, PERCENT = (1.0, 0.1, 0.01), (3.0, 1.0, 0.3, 0.1, 0.03, 0.01)
+QUICK_DEG, DEG = (2.0, 0.5), (4.0, 2.0, 1.0, 0.5, 0.25, 0.1)
+QUICK_BITS, BITS = (6, 8), (4, 5, 6, 8, 10, 12)
+EXACTLY = "exact"
 
 OURS = "reel"
 
@@ -38,6 +42,61 @@ CLOSE_ENOUGH = 0.98
 
 MAX_STRIDE = 8.0
 """Largest factor by which a search step changes the tolerance."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """An error bound for all codecs.
+
+    Attributes
+    ----------
+    text : str
+        As for `--track NAME=` of `meshreel encode`.
+    limit : float
+        Largest error of a value, in the unit of `meshreel.compare`; 0 is lossless.
+    """
+
+    text: str
+    limit: float
+
+
+def levels_of(track: TrackSource, *, quick: bool) -> list[Level]:
+    """The levels for a track, from coarse to fine; integers are coded only exactly."""
+    texts: list[str] = []
+    if track.dtype.kind != "f":
+        pass
+    elif track.kind is TrackKind.NORMAL:
+        texts = [f"{angle:g}deg" for angle in (QUICK_DEG if quick else DEG)]
+    elif track.kind is TrackKind.COLOR:
+        texts = [f"{bits}bit" for bits in (QUICK_BITS if quick else BITS)]
+    else:
+        texts = [f"{share:g}%" for share in (QUICK_PERCENT if quick else PERCENT)]
+    levels = [level_of(text, track) for text in texts]
+    return [*(level for level in levels if level.limit > 0), Level(EXACTLY, 0.0)]
+
+
+def level_of(text: str, track: TrackSource) -> Level:
+    """Parse a bound for a track.
+
+    Parameters
+    ----------
+    text : str
+        As for `meshreel.codec.track_bounds.bound_of_track`, except "drop".
+
+    Raises
+    ------
+    InvalidInputError
+        If the bound is invalid for the track.
+    """
+    bound = bound_of_track(text, "", track)
+    if bound == DROP:
+        raise InvalidInputError("a track that is dropped cannot be measured; give it a bound")
+    if bound == EXACT:
+        return Level(EXACTLY, 0.0)
+    if bound.measure is not Measure.SHARE:
+        return Level(text, bound.amount)
+    low, high = np.nan_to_num(value_range(track))
+    return Level(text, bound.amount / 100 * float(np.linalg.norm(high - low)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from meshreel.evaluation.codecs.peers.arrays import (
     zfp_bytes,
 )
 from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
-from meshreel.evaluation.codecs.peers.registry import NONE
+from meshreel.evaluation.codecs.peers.protocol import NONE
 
 Shape = tuple[int, int, int]
 

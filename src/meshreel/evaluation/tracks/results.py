@@ -6,8 +6,7 @@ from typing import Any
 
 from meshreel.evaluation.rate_distortion import Point
 from meshreel.evaluation.runs.store import Result, done
-from meshreel.evaluation.tracks.measure import OURS
-from meshreel.evaluation.tracks.settings import EXACTLY
+from meshreel.evaluation.tracks.measure import EXACTLY, OURS
 
 
 @dataclass(frozen=True)

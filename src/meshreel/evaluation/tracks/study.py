@@ -10,14 +10,12 @@ from typing import Any
 from meshreel.evaluation.codecs.peers.protocol import is_available, why_missing
 from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.pipeline import Measured, Subject
-from meshreel.evaluation.plots.axes import draw_envelopes
-from meshreel.evaluation.runs.run import Run
-from meshreel.evaluation.runs.store import Result
+from meshreel.evaluation.plots import draw_envelopes
+from meshreel.evaluation.runs.store import Result, Run
 from meshreel.evaluation.tracks.document import track_document
-from meshreel.evaluation.tracks.measure import TrackInput, our_run, peer_run
+from meshreel.evaluation.tracks.measure import Level, TrackInput, levels_of, our_run, peer_run
 from meshreel.evaluation.tracks.peers import TRACK_PEERS, TrackPeer
 from meshreel.evaluation.tracks.results import TrackResults
-from meshreel.evaluation.tracks.settings import Level, levels_of
 from meshreel.metrics.track_errors import error_unit
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track, describe_track, track_by_name

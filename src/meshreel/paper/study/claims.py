@@ -12,7 +12,7 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
-from meshreel.evaluation.runs.run import Outcome, Run
+from meshreel.evaluation.runs.store import Outcome, Run
 from meshreel.evaluation.runs.timing import REPEATS, processor_seconds_of, timed_on_both_clocks
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks

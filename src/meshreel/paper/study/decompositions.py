@@ -3,7 +3,7 @@
 import statistics
 import time
 
-from meshreel.evaluation.runs.run import Outcome, Run
+from meshreel.evaluation.runs.store import Outcome, Run
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.laplacian import uniform_laplacian
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis

@@ -8,10 +8,13 @@ import numpy as np
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.evaluation.runs.machine import machine_facts
-from meshreel.evaluation.runs.run import Outcome, Run
-from meshreel.evaluation.runs.store import finite
-from meshreel.evaluation.runs.timing import REPEATS, processor_seconds_of, timed_on_both_clocks
+from meshreel.evaluation.runs.store import Outcome, Run, finite
+from meshreel.evaluation.runs.timing import (
+    REPEATS,
+    machine_facts,
+    processor_seconds_of,
+    timed_on_both_clocks,
+)
 from meshreel.metrics.compare import compare
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import bits_per_row, coded_blocks

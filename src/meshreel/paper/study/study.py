@@ -6,8 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from meshreel.evaluation.pipeline import Measured, Subject
-from meshreel.evaluation.runs.run import Run, result_of
-from meshreel.evaluation.runs.store import Result, done
+from meshreel.evaluation.runs.store import Result, Run, done, result_of
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
 from meshreel.paper.study.claims import dictionaries_run, long_run, quiet_blocks_run

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
+from meshreel.evaluation.codecs.peers.arrays import _tolerance
 from meshreel.evaluation.codecs.peers.draco import Draco, draco_order, separate_equal
-from meshreel.evaluation.codecs.peers.error_bounded import _tolerance
 from meshreel.evaluation.codecs.peers.integer_deltas import (
     pack_frames,
     positions_of_deltas,
@@ -13,13 +13,14 @@ from meshreel.evaluation.codecs.peers.integer_deltas import (
     unpack_frames,
 )
 from meshreel.evaluation.codecs.peers.protocol import (
+    PEER_NAMES,
     ReordersVertices,
     interleaved,
     is_available,
+    peers_named,
     planar,
     why_missing,
 )
-from meshreel.evaluation.codecs.peers.registry import PEER_NAMES, peers_named
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.model.flag import simulate_flag
 from meshreel.model.sequence import MeshSequence

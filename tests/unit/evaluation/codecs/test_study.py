@@ -11,18 +11,21 @@ from PIL import Image
 
 import meshreel
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.evaluation.codecs.arrangements import Arrangements
 from meshreel.evaluation.codecs.document import bd_rate_parts, rate_table, refusals, seconds_table
-from meshreel.evaluation.codecs.measure import method_run, peer_run
+from meshreel.evaluation.codecs.measure import (
+    CODED_METHODS,
+    Arrangements,
+    MethodSetting,
+    method_run,
+    method_sweep,
+    peer_run,
+)
+from meshreel.evaluation.codecs.peers.arrays import Npz
 from meshreel.evaluation.codecs.peers.draco import Draco
-from meshreel.evaluation.codecs.peers.lossless import Npz
-from meshreel.evaluation.codecs.recorded import RecordedPoint
-from meshreel.evaluation.codecs.results import CodecResults
-from meshreel.evaluation.codecs.settings import CODED_METHODS, MethodSetting, method_sweep
+from meshreel.evaluation.codecs.results import CodecResults, RecordedPoint
 from meshreel.evaluation.codecs.study import CodecStudy, shown_curves
 from meshreel.evaluation.pipeline import evaluate
-from meshreel.evaluation.runs.run import result_of
-from meshreel.evaluation.runs.store import Store
+from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.model.flag import simulate_flag
 from meshreel.model.sequence import MeshSequence
 

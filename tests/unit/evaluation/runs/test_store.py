@@ -1,6 +1,18 @@
 import json
+from typing import Any
 
-from meshreel.evaluation.runs.store import Store, finite, sequence_identity
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.runs.store import (
+    Outcome,
+    Run,
+    Store,
+    finite,
+    result_of,
+    run_all,
+    sequence_identity,
+)
 from meshreel.model.sequence import MeshSequence
 from samples.meshes import waving_grid
 
@@ -25,3 +37,67 @@ def test_non_finite_figures_are_stored_as_valid_json():
     figures = finite({"a": [1.0, float("nan")], "b": {"c": float("inf")}, "d": "x"})
     assert figures == {"a": [1.0, None], "b": {"c": None}, "d": "x"}
     json.dumps(figures, allow_nan=False)
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store.for_sequence(tmp_path, waving_grid())
+
+
+def stub_run(key, measure=lambda progress: Outcome({"figure": 1}), **others):
+    return Run(key, key, {"of": key}, measure, **others)
+
+
+def raising(error):
+    def measure(progress):
+        raise error
+
+    return measure
+
+
+def test_run_in_two_groups_is_executed_once(store):
+    calls = []
+    runs = {
+        key: stub_run(key, lambda _, key=key: Outcome({"key": calls.append(key)})) for key in "ab"
+    }
+    found = run_all({"first": [runs["a"]], "rest": [runs["b"], runs["a"]]}, store)
+    assert calls == ["a", "b"]
+    assert found["rest"][1] == found["first"][0]
+
+
+def test_progress_counts_runs_and_names_stages(store):
+    reported = []
+    run = stub_run("a", lambda progress: Outcome({"figure": progress("encoding", 0.5)}))
+
+    def listen(stage: str, share: Any) -> None:
+        reported.append((stage, share.done))
+
+    run_all({"all": [run, run]}, store, listen)
+    assert reported == [("a", 0), ("a, encoding", 0), ("a", 1)]
+
+
+def test_error_of_the_library_is_stored_as_a_refusal(store):
+    run = stub_run("a", raising(InvalidInputError("too large")), facts={"codec": "x"})
+    result = result_of(run, store)
+    assert (result["codec"], result["refused"]) == ("x", "too large")
+    assert result_of(stub_run("a"), store) == result
+
+
+@pytest.mark.parametrize("error", [RuntimeError("odd"), MemoryError()])
+@pytest.mark.parametrize("is_foreign", [True, False])
+def test_other_errors_are_refusals_only_for_foreign_packages(store, error, is_foreign):
+    run = stub_run("a", raising(error), is_foreign=is_foreign)
+    if is_foreign and not isinstance(error, MemoryError):
+        assert result_of(run, store)["refused"] == "RuntimeError: odd"
+        return
+    with pytest.raises(type(error)):
+        result_of(run, store)
+
+
+def test_run_is_repeated_when_a_required_file_is_missing(store):
+    run = stub_run("a", lambda _: Outcome({"figure": 1}, {"bin": b"xyz"}), needs=("bin",))
+    result_of(run, store)
+    assert store.path("a", "bin").read_bytes() == b"xyz"
+    store.path("a", "bin").unlink()
+    result_of(run, store)
+    assert store.path("a", "bin").is_file()

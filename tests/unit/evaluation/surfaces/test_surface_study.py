@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.evaluation.codecs.peers.registry import peers_named
+from meshreel.evaluation.codecs.peers.protocol import peers_named
 from meshreel.evaluation.pipeline import evaluate
 from meshreel.evaluation.surfaces import measure
 from meshreel.evaluation.surfaces.study import SurfaceStudy

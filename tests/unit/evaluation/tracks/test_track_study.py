@@ -12,9 +12,8 @@ import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.pipeline import evaluate
 from meshreel.evaluation.tracks.document import refusals, runs_table, share_of_best, size_table
-from meshreel.evaluation.tracks.measure import CLOSE_ENOUGH, coarsest_tolerance
+from meshreel.evaluation.tracks.measure import CLOSE_ENOUGH, coarsest_tolerance, level_of, levels_of
 from meshreel.evaluation.tracks.peers import Pcodec
-from meshreel.evaluation.tracks.settings import level_of, levels_of
 from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
 
 

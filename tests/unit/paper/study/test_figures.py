@@ -7,7 +7,7 @@ from PIL import Image
 import meshreel
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import whole_stream
-from meshreel.evaluation.plots.labels import label_ends
+from meshreel.evaluation.plots import label_ends
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
 from meshreel.paper.study.figures.matrices import (

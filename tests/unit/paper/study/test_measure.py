@@ -6,8 +6,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.pipeline import evaluate
-from meshreel.evaluation.runs.run import result_of
-from meshreel.evaluation.runs.store import Store
+from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.model.flag import simulate_flag
 from meshreel.paper.study import measure
 from meshreel.paper.study.study import PaperStudy

@@ -1,14 +1,32 @@
-"""The protocol of other codecs in the comparison."""
+"""The protocol and registry of other codecs in the comparison, which are imported on demand."""
 
+from collections.abc import Iterable
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Protocol, runtime_checkable
 
 import numpy.typing as npt
 
+from meshreel.evaluation.choices import checked_names
 from meshreel.model.sequence import MeshSequence, Vertices
 
 Shape = tuple[int, int, int]
+
+_CLASSES = {
+    "draco": ("draco", "Draco"),
+    "sz3": ("arrays", "Sz3"),
+    "zfp": ("arrays", "Zfp"),
+    "meshopt": ("integer_deltas", "MeshOptimizer"),
+    "pco": ("integer_deltas", "Pcodec"),
+    "blosc2": ("arrays", "Blosc2"),
+    "npz": ("arrays", "Npz"),
+}
+"""Module and class by name."""
+
+PEER_NAMES = tuple(_CLASSES)
+NONE = "none"
+"""Selects no peers."""
 
 
 class Packaged(Protocol):
@@ -107,3 +125,23 @@ def package_version(peer: Packaged) -> str:
         return version(peer.package) if peer.package else ""
     except PackageNotFoundError:
         return ""
+
+
+def peers_named(names: Iterable[str] = PEER_NAMES) -> "tuple[Peer, ...]":
+    """Return the peers of these names in registry order; none for "none".
+
+    Raises
+    ------
+    InvalidInputError
+        If a name is unknown, or `names` is empty.
+    """
+    selected = set(names)
+    if selected == {NONE}:
+        return ()
+    return tuple(_peer(name) for name in checked_names(selected, PEER_NAMES, "peer"))
+
+
+def _peer(name: str) -> "Peer":
+    module, kind = _CLASSES[name]
+    peer: Peer = getattr(import_module(f"meshreel.evaluation.codecs.peers.{module}"), kind)()
+    return peer

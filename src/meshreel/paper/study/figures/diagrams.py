@@ -6,9 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshreel.evaluation.plots.axes import draw_envelopes, tidy
-from meshreel.evaluation.plots.labels import LineEnd, label_ends
-from meshreel.evaluation.plots.palette import line_style
+from meshreel.evaluation.plots import LineEnd, draw_envelopes, label_ends, line_style, tidy
 from meshreel.evaluation.runs.store import Result, done
 from meshreel.paper.study.figures.panels import save_for_print
 from meshreel.paper.study.results import PaperResults, label_of_result, method_of_result
