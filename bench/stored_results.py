@@ -30,7 +30,7 @@ from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.evaluation.runs.timing import machine_facts
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.study.decompositions import decompositions_run
+from meshreel.paper.study.claims import decompositions_run
 from meshreel.paper.study.findings import findings
 from meshreel.paper.study.results import PaperResults, summary
 from meshreel.paper.study.study import PaperStudy

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.evaluation.rate_distortion import bd_rate
-from meshreel.paper.study.printed import printed_rates, printed_seconds
+from meshreel.paper.study.tables import printed_rates, printed_seconds
 from meshreel.rendering.documents import number, significant
 
 ROOT = Path(__file__).parents[1]

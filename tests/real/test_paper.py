@@ -11,8 +11,7 @@ from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.formats.load import load
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.decoder import coded_blocks
-from meshreel.paper.study.count import paper_count
-from meshreel.paper.study.measure import variant_run
+from meshreel.paper.study.measure import paper_count, variant_run
 from meshreel.paper.study.results import PaperResults
 from meshreel.paper.study.tables import rate_table
 from meshreel.paper.sweeps import variants

@@ -9,7 +9,7 @@ from meshreel.arrays import Integers
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.model.sequence import Faces
-from meshreel.paper.adjacency import adjacency_matrix, component_labels, neighbors_of
+from meshreel.paper.laplacian import adjacency_matrix, component_labels, neighbors_of
 from meshreel.runtime.profiling import staged
 
 

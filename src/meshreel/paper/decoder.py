@@ -12,10 +12,9 @@ from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.open_stream import OpenStream, StoredBlock, whole_stream
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.integers import encode_integers
-from meshreel.paper.blocks import Dictionaries, read_coded_block
+from meshreel.paper.blocks import Dictionaries, read_anchor_vertices, read_coded_block, read_curves
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.payloads import read_anchor_vertices, read_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
 from meshreel.paper.variants import METHODS, Variant, variant_named
 from meshreel.runtime.threads import fork_safe_lock

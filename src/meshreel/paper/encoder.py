@@ -15,7 +15,7 @@ from meshreel.codec.entropy.exact import encode_exact
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.model.tracks import Track
-from meshreel.paper import payloads
+from meshreel.paper import blocks
 from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import tracked_from, write_coded_block
 from meshreel.paper.mesh_model import MeshModel
@@ -56,9 +56,9 @@ class PaperBlockCoder:
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections between the connectivity and the first block."""
         if self._variant.has_anchors:
-            yield Section.ANCHOR_VERTICES, payloads.write_anchor_vertices(self._mesh.anchors)
+            yield Section.ANCHOR_VERTICES, blocks.write_anchor_vertices(self._mesh.anchors)
         if self._shape is not None:
-            yield Section.SHAPE, payloads.write_curves(self._shape)
+            yield Section.SHAPE, blocks.write_curves(self._shape)
 
     def code(self, vertices: Vertices, tracks: Mapping[str, Track] | None = None) -> Sections:
         """The sections of the next block.

@@ -1,13 +1,17 @@
-"""Laplacian matrices of a mesh, and delta coordinates."""
+"""Adjacency and Laplacian matrices of a mesh, its components, and delta coordinates.
+
+Loops of degenerate faces and repeated edges are left out, as in `model.geometry.connectivity`.
+"""
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
 
-from meshreel.arrays import Floats
+from meshreel.arrays import Floats, Integers
 from meshreel.errors import InvalidInputError
+from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces
-from meshreel.paper.adjacency import adjacency_matrix
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
@@ -19,6 +23,42 @@ CHUNK_VERTICES = 1024
 
 MIN_COTANGENT_WEIGHT, MAX_COTANGENT_WEIGHT = 0.05, 20.0
 """Bounds of a cotangent weight: obtuse triangles make it negative, and slivers huge."""
+
+
+def adjacency_matrix(faces: Faces, n_verts: int) -> csr_array:
+    """Binary adjacency C of shape (V, V) in float64 (paper Eq. 2)."""
+    edges = undirected_edges(faces)
+    rows = np.concatenate([edges[:, 0], edges[:, 1]])
+    columns = np.concatenate([edges[:, 1], edges[:, 0]])
+    return csr_array((np.ones(len(rows)), (rows, columns)), shape=(n_verts, n_verts))
+
+
+def neighbors_of(
+    adjacency: csr_array, vertices: npt.NDArray[np.integer]
+) -> tuple[npt.NDArray[np.integer], npt.NDArray[np.integer]]:
+    """Number of neighbors of each given vertex, and their concatenated neighbors.
+
+    Parameters
+    ----------
+    adjacency : csr_array of shape (V, V)
+        Its values are ignored.
+    vertices : integer array
+        May contain duplicates.
+    """
+    starts, ends = adjacency.indptr[vertices], adjacency.indptr[vertices + 1]
+    counts = ends - starts
+    last = np.cumsum(counts, dtype=counts.dtype)
+    positions = np.arange(last[-1:].sum(), dtype=counts.dtype) + np.repeat(ends - last, counts)
+    return counts, adjacency.indices[positions]
+
+
+def component_labels(faces: Faces, n_verts: int) -> tuple[int, Integers]:
+    """Number of connected components, and the component of each vertex.
+
+    Components are numbered by their lowest vertex; an isolated vertex is a component.
+    """
+    n_components, labels = connected_components(adjacency_matrix(faces, n_verts), directed=False)
+    return int(n_components), labels.astype(np.int64)
 
 
 def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -> csr_array:

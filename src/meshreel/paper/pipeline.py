@@ -19,9 +19,8 @@ from meshreel.paper.quantization import (
     steps_for_each_row,
 )
 from meshreel.paper.settings import allocation_of, anchor_bits, bits_of, choices, energy_share
-from meshreel.paper.subspace.basis import expand, project
+from meshreel.paper.subspace.basis import expand, modes_for_energy, project
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
-from meshreel.paper.subspace.rank import modes_for_energy
 from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_named
 from meshreel.runtime.profiling import staged
 

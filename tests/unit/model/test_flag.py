@@ -5,7 +5,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.flag import simulate_flag
 from meshreel.model.geometry.connectivity import boundary_edges, undirected_edges
 from meshreel.model.geometry.normals import face_normals
-from meshreel.paper.adjacency import component_labels
+from meshreel.paper.laplacian import component_labels
 from samples.costs import slow_but
 
 SMALL = {"n_rows": 14, "n_columns": 20}

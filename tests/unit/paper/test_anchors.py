@@ -3,8 +3,8 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 from meshreel.errors import InvalidInputError
-from meshreel.paper.adjacency import adjacency_matrix, component_labels
 from meshreel.paper.anchors import check_anchors, choose_anchors, farthest_points
+from meshreel.paper.laplacian import adjacency_matrix, component_labels
 from samples.meshes import grid_faces, octahedron_faces
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.paper.adjacency import adjacency_matrix
 from meshreel.paper.laplacian import (
+    adjacency_matrix,
+    component_labels,
     cotangent_laplacian,
     delta_coordinates,
     reproducing_laplacian,
@@ -120,3 +121,15 @@ def test_reproducing_weights_support_a_hub_of_twenty_thousand_neighbors():
     laplacian = reproducing_laplacian(adjacency_matrix(faces, 20_001), fields, 1e-6)
     assert np.abs(laplacian.sum(axis=1)).max() < 1e-9
     assert np.abs(laplacian[[20_000]] @ fields).max() < 1e-6
+
+
+def test_adjacency_is_binary_when_faces_are_duplicated():
+    faces = np.array([[0, 1, 2], [0, 1, 2]], np.int32)
+    expected = np.ones((3, 3)) - np.eye(3)
+    np.testing.assert_array_equal(adjacency_matrix(faces, 3).toarray(), expected)
+
+
+def test_components_include_isolated_vertices():
+    sequence = irregular_sequence()
+    # Vertex 0, the grid, the octahedron, the last vertex.
+    assert component_labels(sequence.faces, sequence.n_verts)[0] == 4

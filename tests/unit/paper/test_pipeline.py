@@ -3,8 +3,8 @@ import pytest
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
-from meshreel.paper.adjacency import component_labels
 from meshreel.paper.anchors import choose_anchors
+from meshreel.paper.laplacian import component_labels
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import analyse, synthesise
 from meshreel.paper.settings import anchors_of

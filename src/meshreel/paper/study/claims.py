@@ -1,5 +1,7 @@
-"""Measurements for single claims of the paper: dictionaries, quiet blocks, long sequences."""
+"""Measurements for single claims of the paper: dictionaries, decompositions, long sequences."""
 
+import statistics
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -15,13 +17,13 @@ from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.evaluation.runs.store import Outcome, Run
 from meshreel.evaluation.runs.timing import REPEATS, processor_seconds_of, timed_on_both_clocks
 from meshreel.model.sequence import MeshSequence
+from meshreel.paper.blocks import write_curves, write_rows
 from meshreel.paper.decoder import coded_blocks
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
-from meshreel.paper.payloads import write_curves, write_rows
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import uniform_step
-from meshreel.paper.subspace.basis import project
-from meshreel.paper.subspace.rank import modes_for_energy
+from meshreel.paper.subspace.basis import modes_for_energy, project
+from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
 from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings, equal_blocks
 from meshreel.runtime.progress import Progress
 
@@ -30,6 +32,8 @@ LONG_FRAMES = 1200
 
 OMITTED_ENERGY = 1e-4
 """Fraction of the shape's energy that the rows of a block omit, equal in all blocks."""
+
+N_DECOMPOSITIONS = 2
 
 
 def dictionaries_run(sequence: MeshSequence) -> Run:
@@ -153,3 +157,32 @@ def _seconds(sequence: MeshSequence, options: dict[str, Any]) -> dict[str, Any]:
     data, *encode_s = timed_on_both_clocks(lambda: encode(sequence, **options), REPEATS)
     _, *decode_s = timed_on_both_clocks(lambda: decode(data), REPEATS)
     return processor_seconds_of(encode_s, decode_s)
+
+
+def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
+    """A run that times two decompositions with this many graph frequencies.
+
+    Its figures are "n_modes", "seconds" (of each), "seconds_each" (their mean) and
+    "processor_seconds_each".
+    """
+
+    def measure(progress: Progress) -> Outcome:
+        laplacian = uniform_laplacian(sequence.faces, sequence.n_verts)
+        seconds, processor = [], time.process_time()
+        for number in range(N_DECOMPOSITIONS):
+            progress("decomposition", number / N_DECOMPOSITIONS)
+            start = time.perf_counter()
+            graph_fourier_basis(laplacian, n_modes)
+            seconds.append(time.perf_counter() - start)
+        spent = (time.process_time() - processor) / N_DECOMPOSITIONS
+        return Outcome(
+            {
+                "n_modes": n_modes,
+                "seconds": seconds,
+                "seconds_each": statistics.mean(seconds),
+                "processor_seconds_each": spent,
+            }
+        )
+
+    setting = {"n_modes": n_modes, "n_decompositions": N_DECOMPOSITIONS}
+    return Run("decompositions", "decompositions", setting, measure)

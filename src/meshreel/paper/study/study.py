@@ -9,8 +9,12 @@ from meshreel.evaluation.pipeline import Measured, Subject
 from meshreel.evaluation.runs.store import Result, Run, done, result_of
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
-from meshreel.paper.study.claims import dictionaries_run, long_run, quiet_blocks_run
-from meshreel.paper.study.decompositions import decompositions_run
+from meshreel.paper.study.claims import (
+    decompositions_run,
+    dictionaries_run,
+    long_run,
+    quiet_blocks_run,
+)
 from meshreel.paper.study.document import paper_document
 from meshreel.paper.study.figures import diagrams, matrices, meshes
 from meshreel.paper.study.measure import variant_run

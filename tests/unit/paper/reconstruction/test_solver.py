@@ -6,8 +6,7 @@ from scipy.sparse import csc_array, diags_array
 from scipy.spatial import Delaunay
 
 from meshreel.errors import SolverError
-from meshreel.paper.adjacency import component_labels
-from meshreel.paper.laplacian import uniform_laplacian
+from meshreel.paper.laplacian import component_labels, uniform_laplacian
 from meshreel.paper.reconstruction.system import CholeskySolver
 from samples.meshes import grid_faces, octahedron_faces
 

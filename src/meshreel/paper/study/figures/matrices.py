@@ -13,9 +13,9 @@ from meshreel.codec.config import DEFAULT_ITERATIONS
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.model.sequence import MeshSequence
+from meshreel.paper.blocks import write_curves
 from meshreel.paper.choices import PaperChoices
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
-from meshreel.paper.payloads import write_curves
 from meshreel.paper.pipeline import CodedBlock, Quantized
 from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.study.figures.panels import Box, axes_in, blank_sheet, save_for_print, write_in

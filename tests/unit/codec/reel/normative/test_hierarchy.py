@@ -17,7 +17,7 @@ from conformance.hierarchy import (
 )
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.mesh import MAX_RESOLUTIONS
-from meshreel.paper.adjacency import component_labels
+from meshreel.paper.laplacian import component_labels
 from samples.costs import draws
 from samples.meshes import grid_faces, octahedron_faces
 from samples.resolutions import core_resolutions

@@ -6,7 +6,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import StoredBlock
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.kernel.integers import decode_integers, encode_integers
-from meshreel.paper import payloads
+from meshreel.paper import blocks
 from meshreel.paper.blocks import _read_tracked_dictionary
 from meshreel.paper.pipeline import Quantized
 
@@ -18,21 +18,21 @@ def quantized(*shape):
 
 def test_anchor_vertices_round_trip():
     anchors = np.array([0, 1, 5, 99])
-    back = payloads.read_anchor_vertices(payloads.write_anchor_vertices(anchors), 100)
+    back = blocks.read_anchor_vertices(blocks.write_anchor_vertices(anchors), 100)
     np.testing.assert_array_equal(back, anchors)
 
 
 @pytest.mark.parametrize("anchors", [[3, 3], [5, 2], [0, 100], [-1, 4]])
 def test_anchor_vertices_out_of_order_or_range_are_refused(anchors):
     with pytest.raises(CorruptStreamError, match="ascending"):
-        payloads.read_anchor_vertices(payloads.write_anchor_vertices(np.array(anchors)), 100)
+        blocks.read_anchor_vertices(blocks.write_anchor_vertices(np.array(anchors)), 100)
 
 
 def test_too_many_anchor_vertices_are_refused():
-    all_of_them = payloads.write_anchor_vertices(np.arange(4))
-    assert payloads.read_anchor_vertices(all_of_them, 4).tolist() == [0, 1, 2, 3]
+    all_of_them = blocks.write_anchor_vertices(np.arange(4))
+    assert blocks.read_anchor_vertices(all_of_them, 4).tolist() == [0, 1, 2, 3]
     with pytest.raises(CorruptStreamError, match="4 anchors are declared for 3 vertices"):
-        payloads.read_anchor_vertices(all_of_them, 3)
+        blocks.read_anchor_vertices(all_of_them, 3)
 
 
 @pytest.mark.parametrize(("order", "curve"), [(0, [0, 9, 0, -9]), (1, [7, 8, 7, 7]),
@@ -40,7 +40,7 @@ def test_too_many_anchor_vertices_are_refused():
 def test_curves_are_differenced_until_smallest(order, curve):
     rows = np.repeat(np.tile(curve, 40).cumsum() if order > 1 else np.tile(curve, 40), 3)
     rows = rows.reshape(-1, 3).T[:, None]
-    payload = payloads.write_curves(Quantized(rows, np.ones(1, np.float32)))
+    payload = blocks.write_curves(Quantized(rows, np.ones(1, np.float32)))
     orders, *_ = decode_integers(payload[5:], [3, 160, 160, 160], [0, 1, 1, 1])
     assert orders.tolist() == [order] * 3
 
@@ -50,19 +50,19 @@ def test_too_many_differences_are_refused(order):
     coded = encode_integers([np.full(3, order), *np.zeros((3, 5), np.int64)], [0, 1, 1, 1])
     payload = write_varint(1) + np.ones(1, "<f4").tobytes() + coded
     with pytest.raises(CorruptStreamError, match=r"outside 0\.\.2"):
-        payloads.read_curves(payload, 1, 5)
+        blocks.read_curves(payload, 1, 5)
 
 
 def test_rows_of_similar_modes_share_a_table():
     rows = quantized(3, 8, 5).integers
     tables = [0, 1, 1, 2, 2, 2, 2, 3]
-    payload = payloads.write_rows(Quantized(rows, np.ones(1, np.float32)))
+    payload = blocks.write_rows(Quantized(rows, np.ones(1, np.float32)))
     assert payload[5:] == encode_integers(list(rows.reshape(24, 5)), tables * 3)
 
 
 def test_basis_round_trips():
     basis = quantized(3, 4, 20)
-    back = payloads.read_curves(payloads.write_curves(basis), 4, 20)
+    back = blocks.read_curves(blocks.write_curves(basis), 4, 20)
     np.testing.assert_array_equal(back.integers, basis.integers)
     np.testing.assert_array_equal(back.steps, basis.steps)
 
@@ -72,7 +72,7 @@ def test_smooth_basis_takes_fewer_bytes():
     smooth = np.rint(3000 * np.sin(phase + np.arange(12)[:, None])).astype(int)
     shuffled = np.random.default_rng(0).permuted(smooth, axis=1)
     sizes = [
-        len(payloads.write_curves(Quantized(rows.reshape(3, 4, 300), np.ones(1, np.float32))))
+        len(blocks.write_curves(Quantized(rows.reshape(3, 4, 300), np.ones(1, np.float32))))
         for rows in (smooth, shuffled)
     ]
     assert sizes[0] < 0.5 * sizes[1]
@@ -82,7 +82,7 @@ def test_smooth_basis_takes_fewer_bytes():
 def test_rows_round_trip(n_steps):
     steps = np.arange(1, n_steps + 1).astype(np.float32)
     rows = Quantized(quantized(3, 5, 17).integers, steps)
-    back = payloads.read_rows(payloads.write_rows(rows), 5, 17)
+    back = blocks.read_rows(blocks.write_rows(rows), 5, 17)
     np.testing.assert_array_equal(back.integers, rows.integers)
     np.testing.assert_array_equal(back.steps, steps)
 
@@ -91,27 +91,27 @@ def test_rows_round_trip(n_steps):
 def test_invalid_step_is_refused(step):
     rows = Quantized(np.zeros((3, 1, 1), int), np.array([step], np.float32))
     with pytest.raises(CorruptStreamError, match="step"):
-        payloads.read_rows(payloads.write_rows(rows), 1, 1)
+        blocks.read_rows(blocks.write_rows(rows), 1, 1)
 
 
 def test_step_of_zero_rows_may_be_zero():
     rows = Quantized(np.zeros((3, 1, 1), int), np.zeros(1, np.float32))
-    assert payloads.read_rows(payloads.write_rows(rows), 1, 1).steps.tolist() == [0]
+    assert blocks.read_rows(blocks.write_rows(rows), 1, 1).steps.tolist() == [0]
 
 
 def test_another_number_of_steps_than_rows_is_refused():
     rows = Quantized(np.zeros((3, 4, 1), int), np.ones(3, np.float32))
     with pytest.raises(CorruptStreamError, match="3 quantization steps are declared for 4 rows"):
-        payloads.read_rows(payloads.write_rows(rows), 4, 1)
+        blocks.read_rows(blocks.write_rows(rows), 4, 1)
 
 
 def test_truncated_steps_are_refused():
     with pytest.raises(TruncatedStreamError):
-        payloads.read_rows(b"\1\0\0", 1, 1)
+        blocks.read_rows(b"\1\0\0", 1, 1)
 
 
 def test_unknown_kind_of_dictionary_is_refused():
-    curves = payloads.write_curves(quantized(3, 2, 5))
+    curves = blocks.write_curves(quantized(3, 2, 5))
     for kind, message in ((b"\2", "neither 0"), (b"", "neither 0"), (b"\1", "another shape")):
         stored = StoredBlock(0, 5, 2, {Section.BASIS: kind + curves if kind else b""})
         with pytest.raises(CorruptStreamError, match=message):
