@@ -24,7 +24,7 @@ from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.gltf.buffer_writer import BufferWriter
-from meshreel.formats.gltf.placement import place_frames
+from meshreel.formats.gltf.quantized import place_frames
 from meshreel.formats.gltf.write import write_glb
 from meshreel.formats.options import WriteOptions
 from speed_tables import table

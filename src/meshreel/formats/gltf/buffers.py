@@ -1,16 +1,18 @@
-"""Bytes of the buffers of a glTF file: in the file, in data URIs, or in other files."""
+"""Bytes of the buffers of a glTF file: in the file, in data URIs, or in files that it names."""
 
 import base64
 import binascii
 import re
 from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.gltf.document import MESHOPT, Document
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.meshopt import decode_view
-from meshreel.formats.gltf.named_files import referenced_file
 
 MIN_EXPANDED_BYTES = 1 << 30
 MAX_EXPANSION = 32
@@ -18,6 +20,8 @@ MAX_EXPANSION = 32
 a small file must not fill the memory with arrays that share bytes, have none, or are compressed."""
 
 DATA_URI = re.compile(r"data:[^,]{0,200};base64,", re.IGNORECASE)
+
+SCHEME = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,3 +126,30 @@ def _missing(buffer: JsonObject) -> FormatError:
             "have that extension too"
         )
     return FormatError(f"{buffer.place}: has neither 'uri' nor a binary chunk")
+
+
+def referenced_file(document: Document, uri: str, place: str) -> Path:
+    """Return the path of a file to which a document refers, after checking its location.
+
+    Raises
+    ------
+    FormatError
+        If it is missing, or outside of the folder without permission.
+    """
+    name = unquote(uri)
+    parts = PurePosixPath(name).parts
+    is_remote = SCHEME.match(name) or name.startswith("//")
+    if is_remote or "\\" in name or "\0" in name or not parts:
+        raise FormatError(
+            f"{place}: refers to {uri[:200]!r}; only files in the folder of the glTF file or below "
+            "are supported; move the file there"
+        )
+    path = document.folder.joinpath(*parts)
+    with os_errors_naming(path):
+        is_inside = ".." not in parts and is_within(path, document.folder)
+        exists = path.is_file()
+    if not (is_inside or document.allow_outside):
+        raise FormatError(f"{place}: {outside_error(name)}")
+    if not exists:
+        raise FormatError(f"{place}: there is no file {name!r} next to the glTF file")
+    return path

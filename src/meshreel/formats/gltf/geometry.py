@@ -10,7 +10,6 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import read_varint
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.gltf.accessors import WIDTHS, Accessors, Values, declared_type
-from meshreel.formats.gltf.attributes import read_attributes
 from meshreel.formats.gltf.document import DRACO
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_reading import MaterialReader
@@ -18,6 +17,7 @@ from meshreel.formats.gltf.primitives import (
     Block,
     block_key,
     count_targets,
+    read_attributes,
     read_block,
     read_triangles,
     triangle_primitives,

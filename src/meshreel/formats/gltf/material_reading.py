@@ -1,29 +1,38 @@
-"""Reading materials of a glTF file, with notes on unsupported properties."""
+"""Reading materials of a glTF file with their images, with notes on unsupported properties."""
 
+import base64
+import binascii
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
+from pathlib import PurePosixPath
+from urllib.parse import unquote
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.gltf.buffers import MAX_EXPANSION, MIN_EXPANDED_BYTES, Buffers
+from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.gltf.buffers import (
+    MAX_EXPANSION,
+    MIN_EXPANDED_BYTES,
+    Buffers,
+    referenced_file,
+)
 from meshreel.formats.gltf.document import Document
-from meshreel.formats.gltf.image_reading import IMAGE_EXTENSIONS, image_index, read_image
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_values import (
+    SPECULAR_GLOSSINESS,
+    SPECULAR_TEXTURE,
     STRENGTH,
     UNLIT,
     read_look,
     read_texture,
+    specular_glossiness,
     with_sampler,
 )
 from meshreel.formats.gltf.nodes import unique_names
 from meshreel.formats.gltf.primitives import triangle_primitives
-from meshreel.formats.gltf.specular_glossiness import (
-    SPECULAR_GLOSSINESS,
-    SPECULAR_TEXTURE,
-    specular_glossiness,
-)
 from meshreel.formats.notes import GatheredNote, MaterialNotes, listed, note_left_out
+from meshreel.formats.surfaces.images import UNKNOWN, image_type
 from meshreel.model.materials import DEFAULT_MATERIAL, Image, Material, Texture, select_materials
 
 VARIANTS = "KHR_materials_variants"
@@ -42,6 +51,16 @@ PBR_TEXTURES = {
 }
 """Texture keys of each slot, and the image channels that apply."""
 DROPPED_TEXTURE = "specular-glossiness textures, replaced by metalness 0 and half the glossiness"
+
+DATA_URI = re.compile(r"data:([^,;]{0,100})(?:;[^,]{0,200})?;base64,", re.IGNORECASE)
+
+IMAGE_EXTENSIONS = {
+    "EXT_texture_webp": "image/webp",
+    "EXT_texture_avif": "image/avif",
+    "KHR_texture_basisu": "image/ktx2",
+    "MSFT_texture_dds": "image/vnd-ms.dds",
+}
+"""Extensions with images of types other than PNG and JPEG, and their media types."""
 
 
 class MaterialReader:
@@ -184,3 +203,54 @@ def note_extensions(document: Document, meshes: Sequence[JsonObject], notes: lis
 def _extensions(json: JsonObject) -> set[str]:
     extensions = json.values.get("extensions")
     return set(extensions) if isinstance(extensions, dict) else set()
+
+
+def image_index(texture: JsonObject, n_images: int) -> int:
+    """Return the image of a texture: that of the core specification, or else of an extension.
+
+    Raises
+    ------
+    FormatError
+        If it has no supported image.
+    """
+    if (source := texture.index("source", n_images)) is not None:
+        return source
+    for name in IMAGE_EXTENSIONS:
+        extension = texture.extension(name)
+        if extension is not None and (source := extension.index("source", n_images)) is not None:
+            return source
+    raise FormatError(f"{texture.place}: has no supported image")
+
+
+def read_image(image: JsonObject, buffers: Buffers) -> Image:
+    """Return an image of the file.
+
+    Raises
+    ------
+    FormatError, InvalidInputError
+        If it cannot be read.
+    """
+    document = buffers.document
+    name, declared = image.text("name", ""), image.text("mimeType", "")
+    view = document.index(image, "bufferView", "bufferViews")
+    if view is not None:
+        data = bytes(buffers.view(view)[0])
+        return Image(name, declared or image_type(data), data)
+    uri = image.text("uri")
+    if match := DATA_URI.match(uri):
+        data = _decode_base64(uri[match.end() :], image)
+        detected = image_type(data)
+        mime_type = match[1].lower() if detected == UNKNOWN else detected
+        return Image(name, declared or mime_type or detected, data)
+    path = referenced_file(document, uri, image.place)
+    with os_errors_naming(path):
+        data = path.read_bytes()
+    file_name = PurePosixPath(unquote(uri))
+    return Image(name or file_name.stem, declared or image_type(data, file_name.name), data)
+
+
+def _decode_base64(text: str, image: JsonObject) -> bytes:
+    try:
+        return base64.b64decode(text)
+    except (binascii.Error, ValueError) as error:
+        raise FormatError(f"{image.place}: its data are not valid base64 ({error})") from None

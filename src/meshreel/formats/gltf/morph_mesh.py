@@ -16,7 +16,7 @@ from meshreel.formats.gltf.normal_targets import (
     static_normals,
     wants_normals,
 )
-from meshreel.formats.gltf.placement import (
+from meshreel.formats.gltf.quantized import (
     Placement,
     max_displacements,
     mean_frame,

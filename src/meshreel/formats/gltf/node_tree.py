@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from meshreel.formats.gltf.placement import IDENTITY, Placement
+from meshreel.formats.gltf.quantized import IDENTITY, Placement
 
 Json = dict[str, Any]
 Path = tuple[str, ...]

@@ -15,14 +15,19 @@ from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.animation import VISIBLE, Channel, other_pointers
+from meshreel.formats.gltf.animation import (
+    VISIBLE,
+    Channel,
+    Matrices,
+    Motion,
+    other_pointers,
+)
 from meshreel.formats.gltf.clips import Clips
 from meshreel.formats.gltf.document import INSTANCING, Document, read_document
 from meshreel.formats.gltf.geometry import Geometry, read_geometry
 from meshreel.formats.gltf.instancing import note_instances
 from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.gltf.material_reading import MaterialReader, note_extensions
-from meshreel.formats.gltf.motion import Matrices, Motion
 from meshreel.formats.gltf.node_tree import SEGMENT_START
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import (

@@ -6,11 +6,11 @@ from functools import cache
 
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors
+from meshreel.formats.gltf.animation import Matrices
 from meshreel.formats.gltf.document import Document
 from meshreel.formats.gltf.geometry import Geometry
 from meshreel.formats.gltf.instancing import read_instances, repeat_geometry
 from meshreel.formats.gltf.json_object import JsonObject
-from meshreel.formats.gltf.motion import Matrices
 from meshreel.formats.gltf.nodes import Nodes
 from meshreel.formats.gltf.primitives import has_joints, triangle_primitives
 from meshreel.formats.gltf.skinning import Skin, read_skin

@@ -7,9 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.formats.gltf.animation import VISIBILITY, VISIBLE
+from meshreel.formats.gltf.animation import VISIBILITY, VISIBLE, Motion
 from meshreel.formats.gltf.interpolation import Curve, Interpolation
-from meshreel.formats.gltf.motion import Motion
 from meshreel.formats.gltf.nodes import Nodes
 from meshreel.formats.gltf.scene import ShownMesh
 

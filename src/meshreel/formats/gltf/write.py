@@ -17,14 +17,14 @@ from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.animation import POINTER, VISIBILITY
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
-from meshreel.formats.gltf.container_writer import write_container
+from meshreel.formats.gltf.container import write_container
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.mesh_writer import write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh, MorphOptions, ShadingMesh, fit_part
 from meshreel.formats.gltf.node_tree import SEGMENT_START, NodeTree, path_of
 from meshreel.formats.gltf.normal_targets import NormalChoice
-from meshreel.formats.gltf.placement import check_range
+from meshreel.formats.gltf.quantized import check_range
 from meshreel.formats.gltf.seams import describe_losses, split_at_seams
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.gltf.node_tree import NodeTree, path_of
-from meshreel.formats.gltf.placement import IDENTITY, Placement
+from meshreel.formats.gltf.quantized import IDENTITY, Placement
 
 
 def box(x, scale):

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.gltf.container_writer import write_container
+from meshreel.formats.gltf.container import write_container
 
 LARGEST = (1 << 32) - 4  # sizes are multiples of 4
 
