@@ -1,13 +1,146 @@
 """Writing materials of a stage: UsdPreviewSurface with its textures."""
 
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from meshreel.formats.notes import MaterialNotes
+from meshreel.formats.usd.preview_surface import UV_READER, WRAPS, usd_translation
 from meshreel.formats.usd.prim_names import prim_name, unique_name
-from meshreel.formats.usd.texture_writing import TextureWriter
-from meshreel.model.materials import AlphaMode, Material
+from meshreel.model.materials import AlphaMode, Image, Material, Texture
 from meshreel.model.surface import FaceGroups
 from meshreel.runtime.extras import USD
+
+WRAP_TOKENS = {wrap: token for token, wrap in WRAPS.items()}
+PACKAGE_TYPES = ("image/png", "image/jpeg", "image/x-exr", "image/avif")
+"""Image types that USDZ packages may contain."""
+
+
+class TextureWriter:
+    """Writes textures below materials.
+
+    Parameters
+    ----------
+    stage : Usd.Stage
+    images : sequence of Image
+    paths : sequence of str
+        File of each image, relative to that of the stage.
+    primvars : mapping of str to str
+        Primvar of each UV set.
+    is_package : bool
+        Whether images go into a USDZ package, which supports only some types.
+    """
+
+    def __init__(
+        self,
+        stage: Any,
+        images: Sequence[Image],
+        paths: Sequence[str],
+        primvars: Mapping[str, str],
+        *,
+        is_package: bool,
+    ) -> None:
+        self._stage, self._images, self._paths = stage, images, paths
+        self._primvars, self._is_package = primvars, is_package
+
+    def write(self, material: Any, look: Material, notes: MaterialNotes) -> dict[str, Any]:
+        """Write the textures of a material, and return the shader outputs for its inputs, by slot.
+
+        The slot "alpha" is the alpha of the base color.
+
+        Parameters
+        ----------
+        material : UsdShade.Material
+            Parent of the texture shaders.
+        notes : MaterialNotes
+            Gains a sentence for each property that USD cannot store.
+        """
+        outputs: dict[str, Any] = {}
+        for slot, texture in look.textures.items():
+            if reason := self._unsupported_reason(texture):
+                notes.add(f"textures that USD cannot store ({reason})", look.name)
+                continue
+            if texture.magnified or texture.shrunk:
+                notes.add("texture filters, which USD cannot store", look.name)
+            shader = self._texture(f"{material.GetPath()}/{slot}_texture", texture)
+            self._write_scale(shader, slot, look)
+            is_color = len(texture.channels) >= 3
+            types = USD.load("Sdf").ValueTypeNames
+            output = ("rgb", types.Float3) if is_color else (texture.channels, types.Float)
+            outputs[slot] = shader.CreateOutput(*output)
+            if slot == "base_color" and _has_alpha(look):
+                outputs["alpha"] = shader.CreateOutput("a", types.Float)
+        return outputs
+
+    def _unsupported_reason(self, texture: Texture) -> str:
+        mime_type = self._images[texture.image].mime_type
+        if self._is_package and mime_type not in PACKAGE_TYPES:
+            return f"packages do not support {mime_type}"
+        if texture.uv not in self._primvars:
+            return f"there are no UVs {texture.uv!r}"
+        return ""
+
+    def _texture(self, path: str, texture: Texture) -> Any:
+        sdf = USD.load("Sdf")
+        types = sdf.ValueTypeNames
+        shader = self._shader(path, "UsdUVTexture")
+        shader.CreateInput("file", types.Asset).Set(sdf.AssetPath(self._paths[texture.image]))
+        shader.CreateInput("st", types.Float2).ConnectToSource(self._coordinates(path, texture))
+        shader.CreateInput("wrapS", types.Token).Set(WRAP_TOKENS[texture.wrap_u])
+        shader.CreateInput("wrapT", types.Token).Set(WRAP_TOKENS[texture.wrap_v])
+        return shader
+
+    def _coordinates(self, path: str, texture: Texture) -> Any:
+        types, primvar = USD.load("Sdf").ValueTypeNames, self._primvars[texture.uv]
+        parent = path.rpartition("/")[0]
+        reader = self._shader(f"{parent}/uv_{prim_name(primvar)}", UV_READER)
+        reader.CreateInput("varname", types.String).Set(primvar)
+        result = reader.CreateOutput("result", types.Float2)
+        if not texture.is_placed:
+            return result
+        transform = self._shader(f"{path}_transform", "UsdTransform2d")
+        transform.CreateInput("in", types.Float2).ConnectToSource(result)
+        transform.CreateInput("rotation", types.Float).Set(math.degrees(texture.rotation))
+        transform.CreateInput("scale", types.Float2).Set(texture.scale)
+        transform.CreateInput("translation", types.Float2).Set(usd_translation(texture))
+        return transform.CreateOutput("result", types.Float2)
+
+    def _write_scale(self, shader: Any, slot: str, look: Material) -> None:
+        """Write the color space, scale and bias of a texture."""
+        types = USD.load("Sdf").ValueTypeNames
+        is_color = slot in ("base_color", "emissive")
+        shader.CreateInput("sourceColorSpace", types.Token).Set("sRGB" if is_color else "raw")
+        scale, bias = _scale_and_bias(slot, look)
+        if scale != (1.0,) * 4:
+            shader.CreateInput("scale", types.Float4).Set(scale)
+        if bias != (0.0,) * 4:
+            shader.CreateInput("bias", types.Float4).Set(bias)
+
+    def _shader(self, path: str, kind: str) -> Any:
+        shader = USD.load("UsdShade").Shader.Define(self._stage, path)
+        shader.CreateIdAttr(kind)
+        return shader
+
+
+def _has_alpha(look: Material) -> bool:
+    texture = look.base_color_texture
+    has_alpha_channel = texture is not None and texture.channels == "rgba"
+    return has_alpha_channel and look.alpha_mode is not AlphaMode.OPAQUE
+
+
+def _scale_and_bias(slot: str, look: Material) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    no_bias = (0.0,) * 4
+    if slot == "base_color":
+        return (*look.base_color[:3], look.base_color[3] if _has_alpha(look) else 1.0), no_bias
+    if slot == "emissive":
+        return (*look.emissive, 1.0), no_bias
+    if slot == "normal":
+        scale = look.normal_scale
+        return (2 * scale, 2 * scale, 2.0, 1.0), (-scale, -scale, -1.0, 0.0)
+    if slot == "occlusion":
+        strength = look.occlusion_strength
+        return (strength,) * 4, (1 - strength,) * 4
+    return ({"metallic": look.metallic, "roughness": look.roughness}[slot],) * 4, no_bias
 
 
 class Materials:

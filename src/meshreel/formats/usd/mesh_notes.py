@@ -6,10 +6,8 @@ import numpy as np
 
 from meshreel.formats.notes import LEFT_OUT, GatheredNote, describe_cages, listed
 from meshreel.formats.surfaces.hard_edges import NormalNotes
-from meshreel.formats.usd.holes import Mask
-from meshreel.formats.usd.mesh_shape import MeshShape
-from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
-from meshreel.formats.usd.revolution import N_AROUND
+from meshreel.formats.usd.mesh_shape import Mask, MeshShape
+from meshreel.formats.usd.primitives import N_AROUND, PRIMITIVES, PrimitiveShape
 
 
 class MeshNotes:

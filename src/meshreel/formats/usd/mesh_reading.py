@@ -13,16 +13,14 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.surfaces.hard_edges import edges_from_creases, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.usd.diagnostics import usd_errors
-from meshreel.formats.usd.holes import select_faces, select_surface
-from meshreel.formats.usd.material_reading import MeshMaterials, StageMaterials
+from meshreel.formats.usd.material_reading import MeshMaterials, StageMaterials, read_groups
 from meshreel.formats.usd.mesh_notes import MeshNotes
-from meshreel.formats.usd.mesh_shape import MeshShape
+from meshreel.formats.usd.mesh_shape import MeshShape, select_faces, select_surface
 from meshreel.formats.usd.primitives import PrimitiveShape
 from meshreel.formats.usd.primvars import read_attributes
 from meshreel.formats.usd.quantities import Quantity, quantities
 from meshreel.formats.usd.sampling import Samples, distinct_codes
 from meshreel.formats.usd.skinning import Skin
-from meshreel.formats.usd.subsets import read_groups
 from meshreel.formats.usd.transforms import Matrix, Transforms, is_mirroring, transform_points
 from meshreel.model.geometry.hard_edges import remaining_edges
 from meshreel.model.sequence import Vertices

@@ -1,6 +1,6 @@
-"""Points and faces of a mesh prim."""
+"""Points and faces of a mesh prim, without faces that are holes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -9,14 +9,16 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.usd.holes import Mask, solid_faces
 from meshreel.formats.usd.sampling import attribute_codes
 from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import USD
 
 INFINITELY_SHARP = 10.0
 """Sharpness from which USD does not smooth a crease."""
+
+Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,3 +152,54 @@ def _integers(value: Any, path: str) -> npt.NDArray[np.int32]:
     if array.ndim != 1 or (array.size and array.dtype != np.int32):
         raise FormatError(f"mesh {path} has faces of a type other than int[]")
     return array.astype(np.int32, copy=False)
+
+
+def solid_faces(holes: Any, n_faces: int, path: str) -> Mask | None:
+    """Return a mask of the faces that are not holes, or None without holes.
+
+    Parameters
+    ----------
+    holes : array of int or None
+        Indices of faces that are holes; indices out of range are ignored.
+    path : str
+        Path of the mesh.
+
+    Raises
+    ------
+    FormatError
+        If all faces are holes.
+    """
+    numbers = np.asarray([] if holes is None else holes)
+    numbers = numbers[(numbers >= 0) & (numbers < n_faces)]
+    if not len(numbers):
+        return None
+    solid = np.ones(n_faces, bool)
+    solid[numbers] = False
+    if not solid.any():
+        raise FormatError(f"mesh {path} has {n_faces} faces, and all of them are holes")
+    return solid
+
+
+def select_faces(mesh: PolygonMesh, solid: Mask) -> PolygonMesh:
+    """Return the mesh with the selected faces and all of its vertices."""
+    counts = mesh.counts[solid]
+    return PolygonMesh(mesh.vertices, counts, mesh.corners[np.repeat(solid, mesh.counts)])
+
+
+def select_surface(surface: Surface, solid: Mask, counts: npt.NDArray[np.int64]) -> Surface:
+    """Return the surface of the selected faces; `counts` are the corners of all faces."""
+    kept = {Domain.FACE: solid, Domain.CORNER: np.repeat(solid, counts)}
+    return replace(
+        surface,
+        attributes=tuple(_select_items(one, kept) for one in surface.attributes),
+        groups=tuple(FaceGroups(g.name, g.labels, g.numbers[solid]) for g in surface.groups),
+    )
+
+
+def _select_items(attribute: Attribute, kept: dict[Domain, Mask]) -> Attribute:
+    if attribute.domain not in kept:
+        return attribute
+    items = kept[attribute.domain]
+    if attribute.indices is not None:
+        return replace(attribute, indices=attribute.indices[items])
+    return replace(attribute, values=attribute.values[items])

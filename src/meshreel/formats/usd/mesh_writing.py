@@ -8,11 +8,11 @@ import numpy.typing as npt
 
 from meshreel.formats.frames.shared_data import Key
 from meshreel.formats.scenes.parts import PartMesh
+from meshreel.formats.usd.material_reading import MATERIALS
 from meshreel.formats.usd.material_writing import Materials, set_display_name
 from meshreel.formats.usd.prim_names import prim_name, unique_name
 from meshreel.formats.usd.primvars import STANDARD_NAMES
 from meshreel.formats.usd.quantities import COMPUTED, IS_ATTRIBUTE
-from meshreel.formats.usd.subsets import MATERIALS
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.runtime.extras import USD

@@ -13,9 +13,9 @@ from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.scenes.vector_transforms import transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.usd.diagnostics import usd_errors
-from meshreel.formats.usd.holes import Mask
 from meshreel.formats.usd.instanced_mesh import InstancedMesh
 from meshreel.formats.usd.mesh_reading import StageMesh
+from meshreel.formats.usd.mesh_shape import Mask
 from meshreel.formats.usd.quantities import TRACK_KIND, TRACK_NAME, UNIT, Quantity, quantities
 from meshreel.formats.usd.sampling import TOLERANCE, Codes
 from meshreel.model.surface import Domain

@@ -23,11 +23,10 @@ from meshreel.formats.surfaces.images import image_names
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.diagnostics import usd_errors
 from meshreel.formats.usd.layers import DEFAULT_RATE
-from meshreel.formats.usd.material_writing import Materials
+from meshreel.formats.usd.material_writing import Materials, TextureWriter
 from meshreel.formats.usd.mesh_writing import MeshWriter, uv_primvars, write_surface
 from meshreel.formats.usd.prim_names import mesh_paths
 from meshreel.formats.usd.sampling import snap
-from meshreel.formats.usd.texture_writing import TextureWriter
 from meshreel.formats.usd.track_writing import TrackWriter, track_writers
 from meshreel.model.materials import Image
 from meshreel.model.sequence import Corners
