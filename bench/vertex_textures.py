@@ -26,7 +26,7 @@ import meshreel
 from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vat.layouts import LAYOUTS
+from meshreel.formats.vat.folder import LAYOUTS
 from meshreel.formats.vat.plain import write_plain
 from meshreel.formats.vat.textures import TexelType, read_texture, texel_type_of
 from speed_tables import table

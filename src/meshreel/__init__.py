@@ -54,7 +54,7 @@ if TYPE_CHECKING:
         WorkerDiedError,
     )
     from meshreel.formats.load import load, load_segments
-    from meshreel.formats.reel.reading import open, open_segments
+    from meshreel.formats.reel import open, open_segments
     from meshreel.formats.save import save
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
@@ -130,8 +130,8 @@ _MODULES = {
     "load": "formats.load",
     "load_segments": "formats.load",
     "MeshSequence": "model.sequence",
-    "open": "formats.reel.reading",
-    "open_segments": "formats.reel.reading",
+    "open": "formats.reel",
+    "open_segments": "formats.reel",
     "Quality": "metrics.compare",
     "ReelFile": "codec.reel_file",
     "SegmentedReelFile": "codec.segmented_file",

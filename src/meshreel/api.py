@@ -20,8 +20,8 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load_any, open_for_encoding
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.reel.reading import open as open_reel
-from meshreel.formats.reel.reading import read_info
+from meshreel.formats.reel import open as open_reel
+from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of

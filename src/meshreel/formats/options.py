@@ -119,7 +119,7 @@ class WriteOptions:
         ``.reel``: whether positions and tracks are stored bit for bit; excludes `max_error`.
     layout : str, optional
         ``.vat``: layout of the textures for a shader, one of
-        `meshreel.formats.vat.layouts.LAYOUT_NAMES`; default "openvat".
+        `meshreel.formats.vat.folder.LAYOUT_NAMES`; default "openvat".
     textures : str, optional
         ``.vat``: "exr" (default) for half floats, or full floats if the error requires them; "png"
         for 8 bits, or 16 if the error requires them. Not for the layout "pca".

@@ -122,9 +122,9 @@ SEQUENCE_FORMATS = {
         SequenceFormat(
             ".reel",
             "meshreel",
-            Lazy("reel.reading:open_reel"),
+            Lazy("reel:open_reel"),
             None,
-            write_segments=Lazy("reel.writing:write_reel"),
+            write_segments=Lazy("reel:write_reel"),
             writes=frozenset({"max_error", "lossless"}),
             holds_materials=True,
             holds_tracks=ALL_TRACKS,

@@ -13,7 +13,7 @@ from meshreel.codec.segmented_file import MAX_OPEN_SEGMENTS
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.formats.frames import segmented_stream
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.reel.stored_segment import StoredSegment
+from meshreel.formats.reel import StoredSegment
 from meshreel.formats.segments import find_segments, open_any
 from meshreel.formats.sources import find_files
 from meshreel.model.tracks import Track

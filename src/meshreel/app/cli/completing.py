@@ -37,7 +37,7 @@ def output_files(incomplete: str) -> list[str]:
 
 def layout_names(incomplete: str) -> list[str]:
     """Layouts of vertex animation textures."""
-    from meshreel.formats.vat.layouts import LAYOUT_NAMES
+    from meshreel.formats.vat.folder import LAYOUT_NAMES
 
     return names_of(LAYOUT_NAMES)(incomplete)
 

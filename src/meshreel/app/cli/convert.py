@@ -111,7 +111,7 @@ def convert_command(
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for
     from meshreel.formats.options import WriteOptions
-    from meshreel.formats.reel.reading import origin_of_file
+    from meshreel.formats.reel import origin_of_file
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.segments import find_segments, open_any
     from meshreel.formats.sources import files_of_source, find_files

@@ -163,7 +163,7 @@ def _open(
     source: str | Path, modes: int | None, segment: int | None, memory: str | None
 ) -> "ReelFile | SegmentedReelFile":
     """Open one segment of a stream, or the whole stream."""
-    from meshreel.formats.reel.reading import open, open_segments
+    from meshreel.formats.reel import open, open_segments
 
     if segment is not None:
         return open(source, n_modes=modes, segment=segment, memory=memory)

@@ -66,7 +66,7 @@ def _show_stream(
 ) -> None:
     from meshreel.app.cli.console import print_bars, print_columns, print_json, print_table
     from meshreel.app.cli.figures import SEGMENT_HEADINGS, info_rows, segment_columns
-    from meshreel.formats.reel.reading import read_info
+    from meshreel.formats.reel import read_info
 
     stream = read_info(path, segment, memory)
     if as_json:

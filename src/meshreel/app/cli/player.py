@@ -48,7 +48,7 @@ def opened_player(
     from meshreel.app.viewer.playable import reencoding_text
     from meshreel.errors import ConnectivityChangeError
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.reel.reading import open_segments
+    from meshreel.formats.reel import open_segments
 
     _check_options_of_original(original, reading)
     _check_is_encoded(source)

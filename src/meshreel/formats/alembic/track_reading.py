@@ -12,18 +12,18 @@ from meshreel.formats.alembic.attributes import (
     COMPUTED,
     NORMALS,
     VELOCITIES,
+    GeometryParam,
     Properties,
     domain_of,
     segment_attributes,
 )
-from meshreel.formats.alembic.params import GeometryParam
 from meshreel.formats.alembic.time_sampling import Times, bracketing_samples
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
 from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.notes import note_kinds, note_left_out
-from meshreel.formats.scenes.merged_tracks import BLENDED
+from meshreel.formats.scenes.merging import BLENDED
 from meshreel.formats.scenes.vector_transforms import Matrix, transform_normals, transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Domain, Kind

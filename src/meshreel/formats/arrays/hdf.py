@@ -14,29 +14,34 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.arrays.named_arrays import (
     RESERVED_NAMES,
+    Layout,
+    find_layout,
+    has_positions,
     read_description,
     start_arrays,
     surface_arrays,
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
-from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.array_frames import ArrayFrames, checksum
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import changed_error
-from meshreel.formats.hdf.reading import (
+from meshreel.formats.hdf import (
     Dataset,
+    HdfOutput,
     Node,
+    describe_track,
     find_dataset,
     find_group,
     hdf_errors,
+    hdf_output,
     open_hdf,
     read_all,
+    read_text_attribute,
+    read_unit,
     require_dataset,
     write_array,
 )
-from meshreel.formats.hdf.track_attributes import describe_track, read_text_attribute, read_unit
-from meshreel.formats.hdf.writing import HdfOutput, hdf_output
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS

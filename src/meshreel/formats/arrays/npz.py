@@ -19,6 +19,9 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_arrays import (
     RESERVED_NAMES,
+    Layout,
+    find_layout,
+    has_positions,
     read_description,
     start_arrays,
     surface_arrays,
@@ -26,11 +29,9 @@ from meshreel.formats.arrays.named_arrays import (
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, NamedTrack, array_names
 from meshreel.formats.arrays.npz_members import archive_errors, read_array_header, read_members
 from meshreel.formats.arrays.npz_tracks import find_tracks, track_arrays
-from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
-from meshreel.formats.frames.survey import FrameSurvey
+from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource, MeshSequence, validate_finite
 from meshreel.model.tracks import TrackSource, track_blocks

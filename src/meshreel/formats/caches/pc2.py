@@ -15,9 +15,9 @@ from meshreel.formats.caches.point_cache import (
     FRAME_RATE,
     cache_reader,
     check_cache_size,
+    read_topology,
     single_precision,
 )
-from meshreel.formats.caches.topology import read_topology
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.array_frames import ArrayFrames, Description
 from meshreel.formats.frames.frame_stream import FrameStream

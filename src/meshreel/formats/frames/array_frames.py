@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.stored_frames import StoredFrames, changed_error
-from meshreel.formats.frames.survey import FrameSurvey
+from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
 from meshreel.formats.options import ReadOptions
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_finite
 from meshreel.model.surface import PLAIN, Surface

@@ -14,8 +14,7 @@ import numpy.typing as npt
 from meshreel.errors import ConnectivityChangeError, FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key, field_tracks
-from meshreel.formats.frames.stored_frames import changed_error
-from meshreel.formats.frames.stored_tracks import StoredTrack
+from meshreel.formats.frames.stored_frames import StoredTrack, changed_error
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT, note_frozen
 from meshreel.formats.surfaces.polygons import PolygonMesh

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.frames.mesh_files import MeshFiles
-from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.frames.survey import FrameSurvey
+from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.welding import Weld, weld_corners
 from meshreel.model.geometry.fans import triangulate_fans

@@ -1,23 +1,29 @@
-"""Sequences whose frames stay in their files until they are read."""
+"""Sequences and tracks that stay in their files until they are read; surveys of their frames."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
+from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.sequence import (
+    Corners,
     Extent,
     Faces,
     Vertices,
+    bounding_boxes,
+    extent_of_boxes,
     read_only,
     validate_faces,
     validate_fps,
     validate_start,
 )
-from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import TrackSource, check_tracks
+from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.tracks import TrackKind, TrackSource, check_kind, check_tracks
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,3 +86,92 @@ def changed_error(place: str) -> InvalidInputError:
         f"{place} changed after it was first read; start again, and do not change the files "
         "until it is done"
     )
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTrack:
+    """A `TrackSource` whose values are in files.
+
+    Parameters
+    ----------
+    dtype : dtype
+        One of `meshreel.model.tracks.NUMBER_TYPES`, in native byte order.
+    shape : tuple of int
+        Frames, places and numbers of each value: (T, N, C).
+    read_range : function of a start and a stop
+        Reads the values of frames start..stop - 1, of shape (stop - start, N, C).
+
+    Raises
+    ------
+    InvalidInputError
+        If the kind does not allow the type or number of components.
+    """
+
+    domain: Domain
+    kind: TrackKind
+    unit: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, int, int]
+    read_range: Callable[[int, int], Values]
+
+    def __post_init__(self) -> None:
+        check_kind(self.kind, self.shape[2], self.dtype)
+
+    def read(self, start: int, stop: int) -> Values:
+        """Read the values of frames start..stop - 1, with the index rules of slices."""
+        start, stop, _ = slice(start, stop).indices(self.shape[0])
+        return self.read_range(start, max(start, stop))
+
+
+def parse_track_kind(name: str, n_columns: int, dtype: np.dtype[Any]) -> TrackKind | None:
+    """Return the track kind of a name; None if it is unknown or does not fit the values."""
+    try:
+        check_kind(kind := TrackKind(name), n_columns, dtype)
+    except (ValueError, InvalidInputError):
+        return None
+    return kind
+
+
+class FrameSurvey:
+    """Accumulates the number type and extent of frames.
+
+    Parameters
+    ----------
+    is_decimal : bool, default False
+        Whether positions are decimal text without a declared type.
+    """
+
+    def __init__(self, *, is_decimal: bool = False) -> None:
+        self._widest: np.dtype[np.floating] = np.dtype(np.float32)
+        self._boxes: list[tuple[Corners, Corners]] = []
+        self._narrowing = Narrowing() if is_decimal else None
+
+    def add(self, vertices: Vertices) -> None:
+        """Add frames: finite positions of shape (T, V, 3)."""
+        self._widest = np.promote_types(self._widest, vertices.dtype)
+        self._boxes.append(bounding_boxes(vertices))
+        if self._narrowing is not None:
+            for frame in vertices:
+                self._narrowing.add(frame)
+
+    def watch(self, frames: Iterable[Vertices]) -> Iterator[Vertices]:
+        """Yield the given frames, of shape (V, 3), adding each."""
+        for frame in frames:
+            self.add(frame[np.newaxis])
+            yield frame
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """The widest type of the frames; float32 for decimal text if that is precise enough."""
+        narrow = self._narrowing is not None and self._narrowing.is_harmless
+        return np.dtype(np.float32) if narrow else self._widest
+
+    @property
+    def extent(self) -> Extent:
+        """The extent of the frames in `dtype`."""
+        # Rounding is monotonic, so the box of rounded positions is the rounded box.
+        low, high = (
+            np.concatenate(corners).astype(self.dtype).astype(np.float64)
+            for corners in zip(*self._boxes, strict=True)
+        )
+        return extent_of_boxes(low, high)

@@ -17,8 +17,7 @@ from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.surfaces.seams import weld_seams
-from meshreel.formats.surfaces.welding import SplitMesh
+from meshreel.formats.surfaces.welding import SplitMesh, weld_seams
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import DRACO_FRAMES as LIBRARY

@@ -14,9 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from meshreel.errors import FormatError
-from meshreel.formats.meshes.ply_cells import BinaryCells
 from meshreel.formats.meshes.ply_header import PlyProperty
-from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
+from meshreel.formats.meshes.ply_tables import STRIPS, BinaryCells, PlyTable, read_ply_tables
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.model.geometry.ragged import Integers
 from meshreel.model.sequence import Vertices

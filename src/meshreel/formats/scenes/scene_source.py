@@ -9,8 +9,7 @@ import numpy as np
 
 from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.frames.survey import FrameSurvey
+from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.text.decimal_words import decimal_values
+from meshreel.formats.text.decimal_text import decimal_values
 from meshreel.model.geometry.ragged import Integers
 
 BLOCK_WORDS = 1 << 16  # words parsed at a time, to bound memory

@@ -1,4 +1,4 @@
-"""Writing a folder of vertex animation textures: its files, by layout and texture type."""
+"""Layouts of vertex animation textures, and writing a folder of their files."""
 
 from pathlib import Path
 
@@ -6,7 +6,9 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vat.layouts import DEFAULT_LAYOUT, LAYOUT_NAMES, LAYOUTS, PCA
+from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF, UNITY, UNREAL
+from meshreel.formats.vat.labs import LabsSoft
+from meshreel.formats.vat.openvat import OpenVat
 from meshreel.formats.vat.pca.write import PcaNames, write_pca
 from meshreel.formats.vat.plain import write_plain
 from meshreel.formats.vat.plain_layout import FileNames, PlainLayout
@@ -20,6 +22,22 @@ TEXEL_TYPES = {
 """Texel types of each ``--textures`` choice, smallest first."""
 
 DEFAULT_TEXTURES = "exr"
+
+DEFAULT_LAYOUT = "openvat"
+
+LAYOUTS: dict[str, PlainLayout] = {
+    "openvat": OpenVat(),
+    "openvat-unity": OpenVat(BLENDER_FBX_SPACE),
+    "labs": LabsSoft(GLTF),
+    "labs-unity": LabsSoft(UNITY),
+    "labs-unreal": LabsSoft(UNREAL),
+}
+"""Layouts with one texel per vertex and frame."""
+
+PCA = "pca"
+"""The layout of `meshreel.formats.vat.pca`."""
+
+LAYOUT_NAMES = (*LAYOUTS, PCA)
 
 
 def vat_files(path: Path, options: WriteOptions) -> list[Path]:

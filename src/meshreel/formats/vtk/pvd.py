@@ -25,8 +25,7 @@ from meshreel.formats.frames.field_tracks import (
 )
 from meshreel.formats.notes import note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.merged_tracks import merge_tracks
-from meshreel.formats.scenes.merging import merge_meshes
+from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.timing import Neighbours, file_order_times, note_file_order
 from meshreel.formats.surfaces.polygons import PolygonMesh

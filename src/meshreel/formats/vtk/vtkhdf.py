@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.arrays.named_arrays import RESERVED_NAMES, read_description, read_surface
-from meshreel.formats.hdf.reading import (
+from meshreel.formats.hdf import (
     Node,
     find_dataset,
     find_group,

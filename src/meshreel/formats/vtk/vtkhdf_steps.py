@@ -12,8 +12,8 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
-from meshreel.formats.frames.stored_tracks import StoredTrack
-from meshreel.formats.hdf.reading import (
+from meshreel.formats.frames.stored_frames import StoredTrack
+from meshreel.formats.hdf import (
     Dataset,
     Node,
     find_dataset,
@@ -21,9 +21,10 @@ from meshreel.formats.hdf.reading import (
     hdf_errors,
     read_all,
     read_rows,
+    read_text_attribute,
+    read_unit,
     require_dataset,
 )
-from meshreel.formats.hdf.track_attributes import read_text_attribute, read_unit
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.cells import (

@@ -12,9 +12,7 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
-from meshreel.formats.hdf.reading import Node, write_array
-from meshreel.formats.hdf.track_attributes import describe_track
-from meshreel.formats.hdf.writing import HdfOutput, hdf_output
+from meshreel.formats.hdf import HdfOutput, Node, describe_track, hdf_output, write_array
 from meshreel.formats.notes import listed, note_unwritten_tracks
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES

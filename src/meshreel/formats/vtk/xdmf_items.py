@@ -12,7 +12,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.file_references import resolve_reference
-from meshreel.formats.hdf.reading import Dataset, Node, hdf_errors, open_hdf, require_dataset
+from meshreel.formats.hdf import Dataset, Node, hdf_errors, open_hdf, require_dataset
 
 CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}

@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
-from meshreel.formats.hdf.reading import Node
-from meshreel.formats.hdf.writing import HdfOutput, hdf_output
+from meshreel.formats.hdf import HdfOutput, Node, hdf_output
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.output_arrays import (
     FRAME_RATE,

@@ -1,20 +1,32 @@
 """Writing folders of vertex animation textures: file names, options and existing files."""
 
+import json
+
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import check_output
+from meshreel.formats.vat.grid import fit_grid
+from meshreel.formats.vat.labs import encode_box
+from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
-from samples.meshes import waving_grid
+from samples.meshes import irregular_sequence, quad_sheet, waving_grid
+from samples.vat_player import PLAYERS, read_glb
 
 NAMES = {
     "openvat": ["walk.glb", "walk_vat.exr", "walk-remap_info.json"],
     "labs": ["walk_mesh.glb", "walk_pos.exr", "walk_rot.exr", "walk_data.json"],
 }
+
+LAYOUTS = list(PLAYERS)
+BIG = pytest.param(65_537, 2, marks=pytest.mark.slow)
+ERROR = 0.1
+"""Percent of the diagonal."""
 
 
 @pytest.mark.parametrize("layout", NAMES)
@@ -115,3 +127,228 @@ def test_textures_of_a_stream_use_the_rest_of_its_error_bound(tmp_path):
         options = WriteOptions(max_error=0.04)
         with pytest.raises(InvalidInputError, match="leaves nothing for textures"):
             meshreel.save(reel, tmp_path / "b.vat", options=options)
+
+
+def strip(n_verts, n_frames, *, shift=0.0, dtype=np.float32):
+    """Return a waving strip of triangles with any number of vertices."""
+    rng = np.random.default_rng(n_verts)
+    rest = rng.random((n_verts, 3))
+    motion = np.sin(np.arange(n_frames) / 3)[:, None, None] * rng.normal(size=(n_verts, 3)) / 4
+    if n_verts < 3:
+        faces = np.zeros((1, 3), np.int32)
+        faces[0, 1:] = n_verts - 1
+    else:
+        faces = (np.arange(n_verts - 2)[:, None] + np.arange(3)).astype(np.int32)
+    return MeshSequence((rest + motion + shift).astype(dtype), faces, 24.0, "strip")
+
+
+def saved(sequence, folder, **options):
+    notes = []
+    meshreel.save(sequence, folder, options=WriteOptions(**options), notes=notes)
+    return notes
+
+
+def vertex_indices(player, vertices):
+    """Return the sequence vertex of each mesh vertex, matched by rest position."""
+    distances, rows = cKDTree(vertices).query(player.rest[~player.is_hidden])
+    assert distances.max() <= 1e-6 * np.abs(vertices).max()
+    return rows
+
+
+def largest_error(sequence, folder, layout):
+    """Return the largest distance of a played vertex from its original, in model units."""
+    player = PLAYERS[layout](folder)
+    assert player.n_frames >= sequence.n_frames
+    rows = vertex_indices(player, sequence.vertices[0] - player.shift)
+    used = np.unique(sequence.faces)
+    assert set(rows) == set(used)
+    found = []
+    for frame in range(sequence.n_frames):
+        positions = player.positions(frame)[~player.is_hidden]
+        found.append(
+            np.linalg.norm(positions + player.shift - sequence.vertices[frame][rows], axis=1)
+        )
+    return max(one.max() for one in found)
+
+
+def diagonal(sequence):
+    extent = sequence.extent
+    return float(np.linalg.norm(extent.high - extent.low))
+
+
+@pytest.mark.parametrize("textures", ["exr", "png"])
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_sheet_is_played_within_the_error_bounds_of_positions_and_normals(
+    tmp_path, layout, textures
+):
+    sequence = waving_grid()
+    notes = saved(sequence, tmp_path / "a.vat", layout=layout, textures=textures, max_error=ERROR)
+    assert largest_error(sequence, tmp_path / "a.vat", layout) <= ERROR / 100 * diagonal(sequence)
+    player = PLAYERS[layout](tmp_path / "a.vat")
+    rows = vertex_indices(player, sequence.vertices[0])
+    noted = next(float(one.split()[6]) for one in notes if "error of normals" in one)
+    for frame in range(sequence.n_frames):
+        expected = vertex_normals(sequence.vertices[frame], sequence.faces)[rows]
+        found = player.normals(frame)[~player.is_hidden].astype(float)
+        found /= np.linalg.norm(found, axis=1, keepdims=True)
+        angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=1), -1, 1))).max()
+        assert angle <= 1.1 * noted + 0.05  # the note is rounded, and cosines are coarse near 1
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize(
+    ("n_verts", "n_frames"),
+    [(1, 3), (2, 1), (3, 300), (8192, 2), (8193, 1), (8193, 3), BIG],
+)
+def test_vertices_find_their_texels_for_all_counts(tmp_path, layout, n_verts, n_frames):
+    sequence = strip(n_verts, n_frames)
+    saved(sequence, tmp_path / "a.vat", layout=layout, max_error=ERROR, normals=False)
+    assert largest_error(sequence, tmp_path / "a.vat", layout) <= ERROR / 100 * diagonal(sequence)
+
+
+def test_box_encodes_the_number_of_rows():
+    """The hundreds are decoded without the other flags in the same decimals."""
+    for n_rows in (1, 99, 100, 101, 950, 1000, 1900, 1980):
+        low, high = encode_box(np.zeros(3), np.ones(3), n_rows, is_raw=True, encode_rows=True)
+        code = round(100 * float(high[2] * np.float32(10) % 1))
+        hundreds = 0 if code % 25 == 0 or code % 10 == 0 else code % 50
+        remainder = round(100 * float(np.ceil(low[1] * 10) - low[1] * 10))
+        assert 100 * (hundreds - hundreds // 10) + remainder == n_rows
+        assert code >= 50
+
+
+def test_box_is_rejected_where_float32_has_too_few_decimals():
+    with pytest.raises(InvalidInputError, match="choose layout 'openvat'"):
+        encode_box(np.full(3, 2e7), np.full(3, 2.1e7), 3, is_raw=True, encode_rows=True)
+
+
+@pytest.mark.parametrize("textures", ["exr", "png"])
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_flat_and_static_sequences_are_played(tmp_path, layout, textures):
+    grid = waving_grid()
+    flat = MeshSequence(grid.vertices * np.float32([1, 1, 0]), grid.faces, 25.0, "flat")
+    saved(flat, tmp_path / "a.vat", layout=layout, textures=textures)
+    assert largest_error(flat, tmp_path / "a.vat", layout) <= ERROR / 100 * diagonal(flat)
+    static = MeshSequence(np.repeat(grid.vertices[:1], 5, axis=0), grid.faces, 25.0, "static")
+    saved(static, tmp_path / "b.vat", layout=layout, textures=textures)
+    assert largest_error(static, tmp_path / "b.vat", layout) <= 1e-3 * diagonal(static)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_node_moves_a_centered_mesh_far_from_the_origin(tmp_path, layout):
+    sequence = strip(40, 5, shift=np.array([1e6, -2e6, 3e5]), dtype=np.float64)
+    notes = saved(sequence, tmp_path / "a.vat", layout=layout, max_error=0.05)
+    assert any("centered at the origin" in one for one in notes)
+    player = PLAYERS[layout](tmp_path / "a.vat")
+    assert player.shift.any()
+    # Rest positions are not unique in float32, so match vertices by their order.
+    visible = ~player.is_hidden
+    order = np.argsort(player.u[visible])
+    for frame in range(5):
+        positions = player.positions(frame)[visible][order] + player.shift
+        errors = np.linalg.norm(positions - sequence.vertices[frame], axis=1)
+        assert errors.max() <= 0.05 / 100 * diagonal(sequence)
+
+
+def test_mesh_near_the_origin_is_not_moved(tmp_path):
+    saved(strip(40, 5, shift=100.0), tmp_path / "a.vat")
+    assert "translation" not in PLAYERS["openvat"](tmp_path / "a.vat").node
+
+
+@pytest.mark.parametrize(
+    ("textures", "max_error", "expected"),
+    [
+        ("png", 1.0, np.uint8),
+        ("png", 0.01, np.uint16),
+        ("exr", 0.1, np.float16),
+        ("exr", 0.001, np.float32),
+    ],
+)
+def test_max_error_selects_the_smallest_texel_type(tmp_path, textures, max_error, expected):
+    sequence = waving_grid()
+    saved(sequence, tmp_path / "a.vat", textures=textures, max_error=max_error)
+    player = PLAYERS["openvat"](tmp_path / "a.vat")
+    assert player.image.dtype == expected
+    found = largest_error(sequence, tmp_path / "a.vat", "openvat")
+    assert found <= max_error / 100 * diagonal(sequence)
+
+
+def test_error_bound_below_all_texel_types_is_rejected_without_files(tmp_path):
+    with pytest.raises(InvalidInputError, match=r"with 16-bit PNG is .* or choose textures 'exr'"):
+        saved(waving_grid(), tmp_path / "a.vat", textures="png", max_error=1e-5)
+    assert not (tmp_path / "a.vat").exists()
+
+
+def test_note_states_the_error_of_the_files(tmp_path):
+    sequence = waving_grid()
+    notes = saved(sequence, tmp_path / "a.vat", textures="png", max_error=0.5)
+    [noted] = [one for one in notes if one.startswith("the largest error is")]
+    percent = 100 * largest_error(sequence, tmp_path / "a.vat", "openvat") / diagonal(sequence)
+    assert float(noted.split()[4]) == pytest.approx(percent, rel=0.01)
+    assert noted.endswith("as decoded from 8-bit PNG")
+    [video] = [one for one in notes if "video memory" in one]
+    assert video == "1 texture of 99 x 24 texels: 0.0095 MB of video memory"
+
+
+def test_vertices_split_at_seams_share_a_texel_and_unused_ones_have_none(tmp_path):
+    sheet = quad_sheet()
+    notes = saved(sheet, tmp_path / "a.vat")
+    mesh, triangles, _ = read_glb(tmp_path / "a.vat" / "a.glb")
+    assert len(mesh["POSITION"]) > 30
+    assert len(np.unique(mesh["TEXCOORD_1"], axis=0)) == 30
+    assert len(triangles) == len(sheet.faces)
+    assert any("starts at 0 s" in one for one in notes)
+    odd = irregular_sequence()
+    notes = saved(odd, tmp_path / "b.vat")
+    assert "left out 2 vertices that no face uses" in notes
+    assert largest_error(odd, tmp_path / "b.vat", "openvat") <= 1e-3 * diagonal(odd)
+
+
+@pytest.mark.parametrize("layout", ["labs", "labs-unreal"])
+def test_mesh_of_labs_fills_the_box_that_shaders_read(tmp_path, layout):
+    sequence = waving_grid()
+    saved(sequence, tmp_path / "a.vat", layout=layout)
+    mesh, triangles, _ = read_glb(tmp_path / "a.vat" / "a_mesh.glb")
+    [about] = json.loads((tmp_path / "a.vat" / "a_data.json").read_text("utf-8"))
+    scale = 100 if layout == "labs-unreal" else 1
+    order = [0, 2, 1] if layout == "labs-unreal" else [0, 1, 2]
+    for which, corner in (("Min", mesh["POSITION"].min(0)), ("Max", mesh["POSITION"].max(0))):
+        bounds = [about[f"Bound {which} {axis}"] for axis in "XYZ"]
+        np.testing.assert_allclose(bounds, scale * corner[order], rtol=1e-6)
+    assert (mesh["TEXCOORD_1"][-6:] == (0, 1)).all()
+    assert len(triangles) == len(sequence.faces) + 2
+
+
+def test_single_frame_of_several_rows_is_stored_twice(tmp_path):
+    notes = saved(strip(8193, 1), tmp_path / "a.vat", layout="labs", normals=False)
+    assert any(one.startswith("the frame is stored twice") for one in notes)
+    [about] = json.loads((tmp_path / "a.vat" / "a_data.json").read_text("utf-8"))
+    assert about["Frame Count"] == 2
+
+
+def test_json_of_openvat_matches_its_importers(tmp_path):
+    sequence = waving_grid()
+    saved(sequence, tmp_path / "a.vat")
+    data = json.loads((tmp_path / "a.vat" / "a-remap_info.json").read_text("utf-8"))
+    assert data["os-remap"]["Frames"] == 12
+    offsets = sequence.vertices.astype(float) - sequence.vertices[0]
+    blender = offsets[..., [0, 2, 1]] * [1, -1, 1]
+    np.testing.assert_allclose(data["os-remap"]["Min"], blender.min((0, 1)), atol=1e-7)
+    np.testing.assert_allclose(data["os-remap"]["Max"], blender.max((0, 1)), atol=1e-7)
+    expected = {"startFrame": 1, "endFrame": 12, "framerate": 25, "looping": True}
+    assert data["animations"] == {"grid": expected}
+
+
+def test_grid_rejects_too_many_rows():
+    with pytest.raises(InvalidInputError, match="GPUs support 16384 rows; use fewer frames"):
+        fit_grid(6, 9000, frame_by_frame=False, n_halves=2)
+    assert fit_grid(6, 9000, frame_by_frame=False).height == 9000
+    assert (
+        fit_grid(65_537, 1000, frame_by_frame=True).n_rows == 5
+    )  # nine rows per frame would be 9,000 rows
+
+
+def test_textures_beyond_the_limits_of_some_gpus_are_noted(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.vat.plain.WIDTHS", (64, 128))
+    notes = saved(waving_grid(), tmp_path / "a.vat")
+    assert any("support at most 64 texels per side" in one for one in notes)

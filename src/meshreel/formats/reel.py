@@ -1,25 +1,40 @@
-"""Reading of `.reel` files: as a whole sequence, or with frames decoded on demand."""
+"""Streams of meshreel (``.reel``): read whole or with frames decoded on demand, and written."""
 
 import os
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from io import FileIO
 from itertools import pairwise, starmap
 from pathlib import Path
 from typing import BinaryIO, cast
+
+import numpy as np
 
 from meshreel.codec.decoder import decode_segments
 from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.segmented_file import SegmentedReelFile
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
-from meshreel.formats.options import Origin, ReadOptions, origin_of
-from meshreel.formats.reel.stored_segment import StoredSegment
+from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.stored_frames import FrameSurvey
+from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of
 from meshreel.kernel.files import OpenFile
 from meshreel.model.frame_choice import start_of
 from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, with_rate
-from meshreel.model.sequence import MeshSequence, positions_size_bytes
+from meshreel.model.sequence import (
+    Extent,
+    Faces,
+    MeshSequence,
+    Vertices,
+    positions_size_bytes,
+    validate_finite,
+)
+from meshreel.model.surface import Surface
+from meshreel.model.tracks import TrackSource
 from meshreel.runtime.stores.address import is_remote, without_query
 from meshreel.runtime.stores.ranged_file import open_ranged
 
@@ -186,3 +201,139 @@ def _stored(path: Path, options: ReadOptions) -> AnySequence:
         for number, frames in enumerate(starmap(range, pairwise(reel.starts)))
     ]
     return segments[0] if len(segments) == 1 else SegmentedSequence(segments, name, reel.start_s)
+
+
+def _unchanged(surface: Surface) -> Surface:
+    return surface
+
+
+@dataclass(frozen=True, eq=False)
+class StoredSegment:
+    """A `FrameSource` with the frames of a segment of a `.reel` file.
+
+    Nothing decoded is kept here: the file keeps the last segments that were read, so that a
+    sequence of many segments takes little memory.
+
+    Parameters
+    ----------
+    whole : SegmentedReelFile
+    number : int
+        Number of the segment.
+    path : Path
+        Path of the file, for errors.
+    fps, name, start_s
+        As in `MeshSequence`.
+    change : function of a surface, optional
+        Returns the surface to show instead.
+    """
+
+    whole: SegmentedReelFile
+    number: int
+    path: Path
+    fps: float
+    name: str
+    start_s: float
+    change: Callable[[Surface], Surface] = _unchanged
+
+    def changed(self, change: Callable[[Surface], Surface]) -> "StoredSegment":
+        """Return the segment with another surface, which `change` derives from the present one."""
+        before = self.change
+        return replace(self, change=lambda surface: change(before(surface)))
+
+    @property
+    def _reel(self) -> ReelFile:
+        return self.whole.segment(self.number)
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+        return self.whole.starts[self.number + 1] - self.whole.starts[self.number]
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+        return self._reel.n_verts
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions."""
+        return self._reel.dtype
+
+    @property
+    def faces(self) -> Faces:
+        """Vertex indices of each triangle, of shape (M, 3)."""
+        with errors_naming(self.path):
+            return self._reel.faces
+
+    @property
+    def surface(self) -> Surface:
+        """Polygons, attributes, groups, parts and materials of the mesh."""
+        with errors_naming(self.path):
+            return self.change(self._reel.surface)
+
+    @property
+    def tracks(self) -> dict[str, TrackSource]:
+        """Tracks by name, decoded when they are read."""
+        return {**self._reel.tracks}
+
+    @property
+    def is_portable(self) -> bool:
+        """False: another process gets copies of the frames."""
+        return False
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file."""
+        return (self.path,)
+
+    @cached_property
+    def extent(self) -> Extent:
+        """Extent of the positions; all frames are decoded on first use."""
+        survey = FrameSurvey()
+        for _, vertices in self.pieces(range(self.n_frames)):
+            survey.add(vertices)
+        return survey.extent
+
+    def read(self, start: int, stop: int) -> Vertices:
+        """Decode the positions of frames start..stop - 1, with the index rules of slices."""
+        start, stop, _ = slice(start, stop).indices(self.n_frames)
+        with errors_naming(self.path):
+            return _finite(self._reel.read(start, max(start, stop)), start)
+
+    def pieces(self, frames: range) -> Iterator[tuple[int, Vertices]]:
+        """Yield runs of frames: number of the first, and positions of shape (T_run, V, 3)."""
+        with errors_naming(self.path):
+            for start, vertices in self._reel.pieces(frames):
+                yield start, _finite(vertices, start)
+
+
+def _finite(vertices: Vertices, first_frame: int) -> Vertices:
+    """Return decoded positions; raises CorruptStreamError unless all are finite."""
+    try:
+        validate_finite(vertices, first_frame=first_frame)
+    except InvalidInputError as error:
+        raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from None
+    return vertices
+
+
+def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write all frames as a `.reel` file, with the defaults of `encode`; a note gives the error."""
+    # Reading does not need the encoder.
+    from meshreel.codec.achieved import measure_stream
+    from meshreel.codec.config import DEFAULT_ORDER
+    from meshreel.codec.encoder import encode
+
+    segments = [segment.gather() for segment in stream.segments()]
+    sequence: AnySequence = segments[0]
+    if len(segments) > 1:
+        sequence = SegmentedSequence(segments, stream.name, stream.start_s)
+    data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
+    path.write_bytes(data)
+    if options.lossless:
+        stream.notes.append("encoded losslessly")
+    elif stream.wants_notes:
+        achieved = measure_stream(sequence, data, order=DEFAULT_ORDER)
+        stream.notes.append(
+            f"encoded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "
+            f"and a KG error of {achieved.kg_error_percent:.4f} %"
+        )

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.arrays.position_layout import Layout, find_layout, has_positions
+from meshreel.formats.arrays.named_arrays import Layout, find_layout, has_positions
 
 FIRST, LAST = Layout.FRAMES_FIRST, Layout.FRAMES_LAST
 

@@ -1,5 +1,11 @@
-"""Safe reading of untrusted HDF5 files: no external files, no allocation beyond the file size."""
+"""HDF5 files: safe reading of untrusted ones, writing that survives a full disk, track attributes.
 
+Reading opens no external files and allocates no more than the file size. The HDF5 library crashes
+if it cannot flush its buffers. It gets a file object that accepts all writes: data that the disk
+refuses stays in memory, and the error is raised after the library has closed the file.
+"""
+
+import io
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import FormatError, MeshReelError
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.model.sequence import Vertices
+from meshreel.model.tracks import TrackSource, track_blocks
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import HDF
 
@@ -19,6 +29,8 @@ SMALL_BYTES = 1 << 20  # chunk size that is allowed for any file
 
 Node = Any  # a group or a dataset of h5py, which has no types
 Dataset = Any
+
+UNIT_NAMES = ("unit", "units")
 
 
 @contextmanager
@@ -167,3 +179,144 @@ def _check_stored(dataset: Dataset) -> None:
     chunk = math.prod(dataset.chunks or (0,)) * dataset.dtype.itemsize
     if chunk > max(MAX_RATIO * file_bytes, SMALL_BYTES):
         raise FormatError(f"{where} has chunks of {chunk} bytes, more than the file contains")
+
+
+def describe_track(dataset: Dataset, name: str, track: TrackSource) -> None:
+    """Write name, domain, kind and unit of a track as attributes of its dataset."""
+    dataset.attrs["name"] = name.encode("utf-8", "replace").decode().replace("\0", "_")
+    dataset.attrs["domain"] = str(track.domain)
+    dataset.attrs["kind"] = str(track.kind)
+    if track.unit:
+        dataset.attrs["unit"] = track.unit.encode("utf-8", "replace").decode().replace("\0", "_")
+
+
+def read_text_attribute(dataset: Dataset, name: str) -> str:
+    """Return a text attribute of a dataset; empty if there is none."""
+    value: Any = dataset.attrs.get(name, "")
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return value if isinstance(value, str) else ""
+
+
+def read_unit(dataset: Dataset) -> str:
+    """Return the unit of a dataset; empty if there is none."""
+    return next(filter(None, (read_text_attribute(dataset, name) for name in UNIT_NAMES)), "")
+
+
+class DeferredErrorFile(io.RawIOBase):
+    """A file that accepts all writes; `check` raises the first error of the disk.
+
+    Parameters
+    ----------
+    file : io.FileIO
+        Open for reading and writing.
+    """
+
+    def __init__(self, file: io.FileIO) -> None:
+        self._file = file
+        self._place = 0
+        self._refused: list[tuple[int, bytes]] = []
+        self._error: OSError | None = None
+
+    def check(self) -> None:
+        """Raise the error of the first failed write, if any.
+
+        Raises
+        ------
+        OSError
+        """
+        if self._error is not None:
+            raise self._error
+
+    def write(self, data: memoryview) -> int:  # type: ignore[override]
+        """Write bytes; keep those that the disk refuses."""
+        left = memoryview(data).cast("B")
+        n_bytes = len(left)
+        try:
+            self._file.seek(self._place)
+            while left:
+                n_written = self._file.write(left) or 0
+                left, self._place = left[n_written:], self._place + n_written
+        except OSError as error:
+            self._error = self._error or error
+            self._refused.append((self._place, bytes(left)))
+            self._place += len(left)
+        return n_bytes
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+        """Read back written bytes; zeros where nothing was written."""
+        self._file.seek(self._place)
+        n_read = self._file.readinto(buffer) or 0
+        buffer[n_read:] = bytes(len(buffer) - n_read)
+        for start, data in self._refused:
+            first, last = max(start, self._place), min(start + len(data), self._place + len(buffer))
+            if first < last:
+                part = data[first - start : last - start]
+                buffer[first - self._place : last - self._place] = part
+        self._place += len(buffer)
+        return len(buffer)
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Move to an offset in the file."""
+        ends = [start + len(data) for start, data in self._refused]
+        size = max([self._file.seek(0, io.SEEK_END), *ends])
+        self._place = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._place, io.SEEK_END: size}[whence]
+        return self._place
+
+    def tell(self) -> int:
+        """Return the offset in the file."""
+        return self._place
+
+    def truncate(self, size: int | None = None) -> int:
+        """Truncate the file, or extend it by zeros."""
+        length = self._place if size is None else size
+        try:
+            self._file.truncate(length)
+        except OSError as error:
+            self._error = self._error or error
+        return length
+
+
+class HdfOutput:
+    """An HDF5 file that is being written.
+
+    Attributes
+    ----------
+    root : Node
+        Its root group.
+    """
+
+    def __init__(self, root: Node, file: DeferredErrorFile) -> None:
+        self.root = root
+        self._file = file
+
+    def frames(self, stream: FrameStream) -> Iterator[tuple[int, Vertices]]:
+        """Yield number and positions of each frame; raises when the disk is full."""
+        for numbered in enumerate(stream.frames()):
+            self._file.check()
+            yield numbered
+
+    def blocks(self, track: TrackSource) -> Iterator[tuple[int, Values]]:
+        """Yield blocks of frames of a track's values, with the number of their first frame."""
+        for block in track_blocks(track):
+            self._file.check()
+            yield block
+
+
+@contextmanager
+def hdf_output(path: Path) -> Iterator[HdfOutput]:
+    """Create an HDF5 file that is complete when the block ends.
+
+    Raises
+    ------
+    FormatError
+        If h5py is not installed.
+    OSError
+        If writing fails, for example because the disk is full.
+    """
+    h5py = HDF.load()
+    with path.open("w+b", buffering=0) as raw:
+        file = DeferredErrorFile(raw)
+        with h5py.File(file, "w") as root:
+            yield HdfOutput(root, file)
+        file.check()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.frames.survey import FrameSurvey
+from meshreel.formats.frames.stored_frames import FrameSurvey
 from meshreel.model.sequence import extent_of
 
 

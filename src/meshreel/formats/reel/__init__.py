@@ -1,1 +1,0 @@
-"""Streams of meshreel (``.reel``), read and written like other formats."""
