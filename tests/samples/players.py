@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from io import BytesIO
 
 from meshreel.app.viewer.api import Api
-from meshreel.app.viewer.comparison import Comparison
+from meshreel.app.viewer.measuring import Comparison
 from meshreel.app.viewer.original import Original
 from meshreel.app.viewer.page import Page
 from meshreel.codec.encoder import encode

@@ -21,8 +21,7 @@ from meshreel.model.frame_choice import FrameChoice, chosen_frames, frame_range
 from meshreel.model.sequence import Faces
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
-from meshreel.runtime.stores.positional_file import with_own_position
-from meshreel.runtime.stores.ranged_file import RangedFile
+from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
 
 Vertices = npt.NDArray[np.floating]
 

@@ -15,8 +15,7 @@ from meshreel.kernel.files import OpenFile
 from meshreel.model.frame_choice import chosen_frames
 from meshreel.model.segments import MeshFrame, frame_at
 from meshreel.runtime.counting import counted
-from meshreel.runtime.stores.positional_file import with_own_position
-from meshreel.runtime.stores.ranged_file import RangedFile
+from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
 from meshreel.runtime.threads import fork_safe_lock
 
 MAX_OPEN_SEGMENTS = 4

@@ -23,7 +23,7 @@ from meshreel.formats.registry import FORMATS, FRAME_FORMATS
 from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.runtime.counting import counted
 from meshreel.runtime.stores.address import folder_of, is_remote, name_of, without_query
-from meshreel.runtime.stores.listing import files_below, files_in, matches
+from meshreel.runtime.stores.filesystem import files_below, files_in, matches
 from meshreel.runtime.stores.transfer import check_outputs, download, exists, sibling, upload_all
 
 _DOWNLOADED: dict[Path, str] = {}

@@ -25,7 +25,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.profiling import Profile
-from meshreel.runtime.stores.positional_file import with_own_position
+from meshreel.runtime.stores.ranged_file import with_own_position
 from meshreel.runtime.threads import fork_safe_lock, in_background, in_threads, one_blas_thread
 from samples.meshes import waving_grid
 

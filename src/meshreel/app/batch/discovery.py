@@ -9,7 +9,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS
 from meshreel.formats.sources import natural_order
 from meshreel.runtime.stores.address import is_remote, name_of
-from meshreel.runtime.stores.listing import RemoteFile, files_below
+from meshreel.runtime.stores.filesystem import RemoteFile, files_below
 
 OUTPUT_EXTENSION = ".reel"
 WHOLE_SEQUENCES = tuple(

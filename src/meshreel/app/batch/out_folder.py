@@ -9,7 +9,7 @@ from typing import Protocol
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.outputs.checks import check_output_folder
 from meshreel.runtime.stores.address import is_remote
-from meshreel.runtime.stores.listing import files_below
+from meshreel.runtime.stores.filesystem import files_below
 from meshreel.runtime.stores.transfer import check_outputs, read_whole, upload_all
 
 

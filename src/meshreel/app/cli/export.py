@@ -84,9 +84,8 @@ def export_command(
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.app.cli.player import opened_player
     from meshreel.app.cli.render_options import track_look
-    from meshreel.app.viewer.export import export_page
+    from meshreel.app.viewer.export import export_page, texture_for
     from meshreel.app.viewer.page import built_page
-    from meshreel.app.viewer.textures import texture_for
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.counting import size_text

@@ -12,7 +12,7 @@ from meshreel.app.cli.track_options import COLORS
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.api import Api
-    from meshreel.app.viewer.comparison import Comparison
+    from meshreel.app.viewer.measuring import Comparison
     from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.options import ReadOptions
     from meshreel.rendering.track_colors import TrackLook
@@ -102,7 +102,7 @@ def _check_options_of_original(original: str | None, reading: "ReadOptions") -> 
 
 
 def _comparison(reel: "ReelFile", original: str, reading: "ReadOptions") -> "Comparison":
-    from meshreel.app.viewer.comparison import Comparison
+    from meshreel.app.viewer.measuring import Comparison
     from meshreel.app.viewer.original import Original
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.load import open_for_purpose

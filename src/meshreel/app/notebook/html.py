@@ -1,16 +1,17 @@
-"""HTML of a sequence or a file for notebooks: the player in a frame, or a picture."""
+"""HTML of a sequence or a file for notebooks: its figures, and the player or a picture."""
 
 from base64 import b64encode
+from collections.abc import Mapping
 from contextlib import nullcontext
 from html import escape
 from io import BytesIO
 
 import numpy as np
 
-from meshreel.app.notebook.figures import heading_and_rows, rows_of, stream_rows
 from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.page import Page, base64_of, built_page
 from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
@@ -39,6 +40,8 @@ MAX_DRAWN_FACES = 4_000_000
 """Meshes with more faces are not drawn, because it takes too long."""
 
 PICTURE_HEIGHT_PX, PICTURE_WIDTHS_PX = 280, (120, 420)
+
+Rows = dict[str, str]
 
 
 def html_of(animation: MeshSequence | ReelFile) -> str:
@@ -120,3 +123,57 @@ def _panels(poses: MeshSequence) -> list[np.ndarray]:
     width = int(np.clip(PICTURE_HEIGHT_PX * framing.aspect(frames), *PICTURE_WIDTHS_PX))
     cameras = framing.cameras(frames, width, PICTURE_HEIGHT_PX)
     return [scene.draw(scene.read(number), camera)[0] for number, camera in enumerate(cameras)]
+
+
+def sequence_rows(sequence: MeshSequence) -> Rows:
+    """Figures of a sequence."""
+    return {
+        "frames": _frames(sequence.n_frames, sequence.fps),
+        "vertices": f"{sequence.n_verts:,}",
+        "faces": f"{sequence.n_faces:,}",
+        "positions": f"{sequence.dtype}, {_size(sequence.raw_size_bytes)} with faces",
+    }
+
+
+def stream_rows(info: StreamInfo) -> Rows:
+    """Figures of a stream."""
+    raw = _size(info.raw_size_bytes)
+    rows = {
+        "frames": _frames(info.n_frames, info.fps),
+        "vertices": f"{info.n_verts:,}",
+        "faces": f"{info.n_faces:,}",
+        "file": f"{_size(info.size_bytes)}, {info.ratio:.0f} x smaller than {raw}",
+        "rate": f"{info.rate_bpvf:.3f} bits per vertex and frame",
+    }
+    if info.is_lossless:
+        rows["error bound"] = "lossless: positions are equal bit for bit"
+    elif info.max_error_percent:
+        rows["error bound"] = f"{info.max_error_percent:g} % of the diagonal, at every vertex"
+    if not info.is_whole:
+        rows["end"] = "truncated; the figures describe the complete blocks"
+    return rows
+
+
+def rows_of(animation: MeshSequence | ReelFile) -> Rows:
+    """Figures of a sequence or a file."""
+    if isinstance(animation, ReelFile):
+        return stream_rows(animation.info())
+    return sequence_rows(animation)
+
+
+def heading_and_rows(name: str, rows: Mapping[str, str]) -> str:
+    """HTML of a name and a line of figures."""
+    items = " · ".join(f"<b>{escape(row)}</b> {escape(text)}" for row, text in rows.items())
+    heading = f"<b>{escape(name)}</b><br>" if name else ""
+    return f'<div style="font: 13px/1.5 sans-serif; margin: 2px 0 6px">{heading}{items}</div>'
+
+
+def _frames(n_frames: int, fps: float) -> str:
+    return f"{n_frames:,} at {fps:g} fps" if fps else f"{n_frames:,}"
+
+
+def _size(size_bytes: int) -> str:
+    for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
+        if size_bytes >= unit:
+            return f"{size_bytes / unit:.1f} {name}"
+    return f"{size_bytes} bytes"

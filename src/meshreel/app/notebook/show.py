@@ -8,10 +8,9 @@ from importlib import import_module
 from io import BytesIO
 from typing import Any
 
-from meshreel.app.notebook.figures import stream_rows
-from meshreel.app.notebook.html import html_of, player_html
+from meshreel.app.notebook.html import html_of, player_html, stream_rows
 from meshreel.app.viewer.api import Api
-from meshreel.app.viewer.comparison import Comparison
+from meshreel.app.viewer.measuring import Comparison
 from meshreel.app.viewer.original import Original
 from meshreel.app.viewer.server import ViewerServer
 from meshreel.codec.encoder import encode

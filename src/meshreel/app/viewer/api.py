@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.app.viewer.comparison import Comparison
-from meshreel.app.viewer.measuring import Measured, Measuring
+from meshreel.app.viewer.measuring import Comparison, Measured, Measuring
 from meshreel.app.viewer.page import json_text
 from meshreel.app.viewer.playable import playable, reencoding_text
 from meshreel.app.viewer.track_comparison import TrackComparison

@@ -1,4 +1,4 @@
-"""Export of the player as a single page, or as a page with separate files."""
+"""Export of the player as a single page or as separate files, with an image or video."""
 
 from dataclasses import dataclass
 from io import BytesIO
@@ -11,18 +11,23 @@ from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import Measuring
 from meshreel.app.viewer.page import Page, base64_of, built_page
 from meshreel.app.viewer.playable import MODES_EFFORT
-from meshreel.app.viewer.textures import Texture
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.encoder import encode
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.model.surface import Surface
+from meshreel.model.surface import Kind, Surface
 from meshreel.model.tracks import Track, TrackKind
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.outputs.checks import check_output_paths
 from meshreel.runtime.progress import Progress, silent
+
+MEDIA_TYPES = {
+    ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp",
+    ".avif": "image/avif", ".mp4": "video/mp4", ".webm": "video/webm", ".mov": "video/quicktime",
+}  # fmt: skip
+"""Media types of the formats that browsers show, by extension."""
 
 SHARE_OF_RANGE = 1 / 20
 """Error bound of the original in a page, as a fraction of the range of the error map."""
@@ -35,6 +40,38 @@ MIN_PERCENT = 1e-5
 
 MAX_ORIGINAL_BYTES = 1 << 30
 """Limit of positions and tracks of the original, which is encoded in memory."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A texture file and its media type."""
+
+    path: Path
+    media_type: str
+
+
+def texture_for(reel: ReelFile, path: Path) -> Texture:
+    """Return the texture in a file, checked against the mesh.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file is missing, browsers cannot show its format, or the mesh has no UVs.
+    """
+    media_type = MEDIA_TYPES.get(path.suffix.lower())
+    if media_type is None:
+        raise InvalidInputError(
+            f"{path} is not an image or video that browsers show; supported extensions: "
+            f"{', '.join(MEDIA_TYPES)}"
+        )
+    if not path.is_file():
+        raise InvalidInputError(f"there is no file {str(path)!r}; check it")
+    if not any(attribute.kind is Kind.UV for attribute in reel.surface.attributes):
+        raise InvalidInputError(
+            f"the stream has no texture coordinates to map {path.name} to the mesh; encode an "
+            "input that has them"
+        )
+    return Texture(path, media_type)
 
 
 @dataclass(frozen=True)

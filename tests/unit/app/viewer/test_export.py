@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from meshreel.app.viewer import export
-from meshreel.app.viewer.export import export_page
-from meshreel.app.viewer.textures import texture_for
+from meshreel.app.viewer.export import export_page, texture_for
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError

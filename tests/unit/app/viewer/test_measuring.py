@@ -6,8 +6,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from meshreel.app.viewer.comparison import Comparison
-from meshreel.app.viewer.measuring import Measuring
+from meshreel.app.viewer.measuring import Comparison, Measuring
 from meshreel.app.viewer.original import Original
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.decoder import decode

@@ -4,7 +4,7 @@ import fsspec
 import pytest
 
 from meshreel.errors import StoreError
-from meshreel.runtime.stores.listing import files_below, files_in, matches
+from meshreel.runtime.stores.filesystem import files_below, files_in, matches
 
 FILES = {"/bucket/a/1.obj": b"1", "/bucket/a/b/22.obj": b"22", "/bucket/a/b/3.ply": b"333",
          "/bucket/ab/4.obj": b"4"}  # fmt: skip

@@ -2,7 +2,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from meshreel.app.cli.source_figures import MAX_MESHES, mesh_columns
+from meshreel.app.cli.info import MAX_MESHES, mesh_columns
 
 
 @pytest.mark.parametrize(("n_more", "last"), [(0, "mesh"), (1, "and 1 more"), (7, "and 7 more")])
