@@ -11,7 +11,12 @@ from PIL import Image
 
 import meshreel
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.evaluation.codecs.document import bd_rate_parts, rate_table, refusals, seconds_table
+from meshreel.evaluation.codecs.document import (
+    bd_rate_parts,
+    rate_table,
+    refusals_of,
+    seconds_table,
+)
 from meshreel.evaluation.codecs.measure import (
     CODED_METHODS,
     Arrangements,
@@ -126,7 +131,7 @@ def test_stored_run_is_reused_unless_it_is_damaged(small_flag, tmp_path):
 def test_failure_of_a_package_is_reported(results):
     refused = [result for result in results.measured if "refused" in result]
     assert [result["codec"] for result in refused] == ["broken"]
-    assert refusals(results) == (
+    assert refusals_of(results.measured, results.name) == (
         "`broken` has no figures for flag (its one setting): RuntimeError: no memory of it",
     )
 

@@ -58,7 +58,9 @@ def test_meshes_shown_in_turn_are_segments(tmp_path, by):
     assert found.fps == 4
     for segment, faces in zip(found.segments, FACES.values(), strict=True):
         np.testing.assert_array_equal(segment.faces, faces)
-        np.testing.assert_array_equal(segment.vertices[0], SQUARE[: segment.n_verts])
+        np.testing.assert_array_equal(
+            segment.read(0, segment.n_frames)[0], SQUARE[: segment.n_verts]
+        )
 
 
 @pytest.mark.parametrize("by", ["visible", "scale"])
