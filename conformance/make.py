@@ -54,7 +54,7 @@ from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
 from meshreel.kernel.basis import NO_REST, Rests
 from meshreel.kernel.integers import encode_integers
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import Track

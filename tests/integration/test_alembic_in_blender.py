@@ -10,7 +10,7 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.geometry.fans import join_fans, triangulate_fans
+from meshreel.model.geometry.polygons import join_fans, triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 

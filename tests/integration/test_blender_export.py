@@ -5,7 +5,7 @@ import pytest
 
 import meshreel
 from integration.blender_session import why_not
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Domain, Kind
 
 if why_not():

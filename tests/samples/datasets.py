@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.costs import draws

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshreel.model.geometry.fans import join_fans, triangulate_fans
 from meshreel.model.geometry.hard_edges import shared_edges
+from meshreel.model.geometry.polygons import join_fans, triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.surface import Surface
 
 from .mesh_reading import Matrix, mesh_reading

@@ -117,7 +117,7 @@ class Surface:
     ----------
     face_sizes : int32 array of shape (P,), optional
         Corners of each face, at least 3. A face with n corners consists of the next n - 2
-        triangles, a fan from its first corner (`meshreel.model.geometry.fans`). Default: every
+        triangles, a fan from its first corner (`meshreel.model.geometry.polygons`). Default: every
         triangle is a face.
     attributes : tuple of Attribute
     groups : tuple of FaceGroups

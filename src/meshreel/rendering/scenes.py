@@ -20,8 +20,8 @@ from meshreel.metrics.heat import (
     surface_distance_percent,
 )
 from meshreel.metrics.reference import reference_of_box
-from meshreel.model.geometry.fans import fan_corners
 from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, tracks_of_all
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Domain, Kind, Surface

@@ -5,7 +5,7 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.notes import NORMALS_LEFT_OUT
-from meshreel.model.geometry.fans import fan_corners, join_fans
+from meshreel.model.geometry.polygons import fan_corners, join_fans
 from samples.gltf import Gltf
 from samples.meshes import BOX_CORNERS, BOX_QUADS, cake, cake_normals
 

@@ -18,8 +18,8 @@ from meshreel.codec.surface.references import encode_corner_references, encode_r
 from meshreel.codec.surface.rows import distinct_rows, faces_of_rows, places_of
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.kernel.integers import encode_integers
-from meshreel.model.geometry.fans import fan_corners, join_fans
 from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
+from meshreel.model.geometry.polygons import fan_corners, join_fans
 from meshreel.model.surface import (
     PLAIN,
     VALUE_TYPES,

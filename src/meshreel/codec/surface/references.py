@@ -7,7 +7,7 @@ from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.kernel.corner_rows import N_CONTEXTS, corner_codes
 from meshreel.kernel.integers import encode_integers
-from meshreel.model.geometry.fans import fan_corners
+from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.surface import Surface
 
 Integers = npt.NDArray[np.integer]

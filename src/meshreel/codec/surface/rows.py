@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.model.geometry.fans import fan_corners, join_fans
+from meshreel.model.geometry.polygons import fan_corners, join_fans
 from meshreel.model.surface import Domain, Surface
 
 Integers = npt.NDArray[np.integer]

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.model.geometry.ragged import Integers
+from meshreel.model.geometry.polygons import Integers
 
 
 def reversed_corners(counts: Integers) -> npt.NDArray[np.int64]:

@@ -11,7 +11,7 @@ from meshreel.formats.alembic.library_arrays import library_array, text_array
 from meshreel.formats.alembic.names import IN_TEXTS, clean, clean_unique_name
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.notes import note_name
-from meshreel.model.geometry.ragged import Integers
+from meshreel.model.geometry.polygons import Integers
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 from meshreel.runtime.extras import ALEMBIC
 

@@ -13,7 +13,7 @@ from meshreel.formats.frames.stored_frames import changed_error
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
-from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.runtime.counting import counted

@@ -12,7 +12,7 @@ from meshreel.formats.frames.mesh_files import MeshFiles
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.welding import Weld, weld_corners
-from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_fps
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import read_tracks

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.formats.scenes.parts import PartMesh
-from meshreel.model.geometry.fans import fan_corners
+from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
 Rows = npt.NDArray[Any]

@@ -29,8 +29,8 @@ from meshreel.formats.gltf.seams import describe_losses, split_at_seams
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.surfaces.polygons import describe_fans
-from meshreel.model.geometry.fans import triangulate_fans
 from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.sequence import Vertices
 
 N_POSITION = 3

@@ -24,7 +24,7 @@ from meshreel.formats.surfaces.hard_edges import (
     find_hard_edges,
 )
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}

@@ -22,13 +22,13 @@ from meshreel.formats.notes import (
     note_unwritten_units,
 )
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
-from meshreel.model.geometry.fans import join_fans
 from meshreel.model.geometry.hard_edges import (
     RowNormals,
     hard_flags,
     lowest_connected,
     shared_edges,
 )
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource

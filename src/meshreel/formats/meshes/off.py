@@ -23,8 +23,7 @@ from meshreel.formats.notes import note_left_out, note_normals, note_unwritten
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.model.geometry.fans import join_fans
-from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.geometry.polygons import join_fans, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted

@@ -17,7 +17,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.meshes.ply_header import PlyProperty
 from meshreel.formats.meshes.ply_tables import STRIPS, BinaryCells, PlyTable, read_ply_tables
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.model.geometry.ragged import Integers
+from meshreel.model.geometry.polygons import Integers
 from meshreel.model.sequence import Vertices
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")

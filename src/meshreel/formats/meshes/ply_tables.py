@@ -14,7 +14,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.meshes.ply_header import PlyElement, PlyHeader, PlyProperty, read_ply_header
 from meshreel.formats.text.token_lines import split_lines
-from meshreel.model.geometry.ragged import Integers, ragged_indices
+from meshreel.model.geometry.polygons import Integers, ragged_indices
 
 STRIPS = "tristrips"
 """Name of the element with triangle strips."""

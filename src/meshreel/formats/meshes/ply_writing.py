@@ -29,8 +29,7 @@ from meshreel.formats.notes import (
     note_unwritten_tracks,
     note_unwritten_units,
 )
-from meshreel.model.geometry.fans import join_fans
-from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.geometry.polygons import join_fans, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, value_range

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Int32s, Part, Surface
 

@@ -16,7 +16,7 @@ from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import ReadMeshes, SceneMesh
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices, validate_finite
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.runtime.counting import counted

@@ -9,7 +9,6 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.geometry.fans import triangulate_fans
 from meshreel.model.geometry.hard_edges import (
     Int32s,
     corner_normals,
@@ -18,6 +17,7 @@ from meshreel.model.geometry.hard_edges import (
     shared_edges,
 )
 from meshreel.model.geometry.normals import face_normals
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.model.geometry.ragged import Integers
+from meshreel.model.geometry.polygons import Integers
 from meshreel.model.sequence import Vertices
 from meshreel.runtime.counting import counted
 

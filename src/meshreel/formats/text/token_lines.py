@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.text.decimal_text import decimal_values
-from meshreel.model.geometry.ragged import Integers
+from meshreel.model.geometry.polygons import Integers
 
 BLOCK_WORDS = 1 << 16  # words parsed at a time, to bound memory
 

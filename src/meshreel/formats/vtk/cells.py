@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain
 from meshreel.runtime.counting import counted

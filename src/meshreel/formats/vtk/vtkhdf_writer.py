@@ -18,7 +18,7 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
 from meshreel.formats.vtk.vtkhdf import MESHREEL_GROUP, ROOT, SEGMENT_STARTS, segment_group
 from meshreel.formats.vtk.vtkhdf_steps import IS_ATTRIBUTE, PLACES, POLY_DATA_GROUPS
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 

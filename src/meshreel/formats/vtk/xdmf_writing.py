@@ -19,8 +19,7 @@ from meshreel.formats.vtk.output_arrays import (
     xml_text,
 )
 from meshreel.formats.vtk.xdmf_grid import ATTRIBUTE_KIND, CENTERS, TRACK_KIND, UNIT
-from meshreel.model.geometry.fans import join_fans
-from meshreel.model.geometry.ragged import ragged_indices
+from meshreel.model.geometry.polygons import join_fans, ragged_indices
 
 NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 BYTE_TYPES = {"i": "Char", "u": "UChar"}

@@ -24,7 +24,7 @@ from meshreel.formats.vtk.output_arrays import (
 )
 from meshreel.formats.vtk.xml_arrays import NUMBERS
 from meshreel.formats.vtk.xml_file import ATTRIBUTE_KIND, TRACK_KIND, UNITS
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource

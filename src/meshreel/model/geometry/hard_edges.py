@@ -13,8 +13,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.normals import surface_normals
-from meshreel.model.geometry.fans import join_fans, triangulate_fans
-from meshreel.model.geometry.ragged import Integers
+from meshreel.model.geometry.polygons import Integers, join_fans, triangulate_fans
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Surface
 

@@ -10,7 +10,7 @@ from meshreel.codec.reel.encoding.shared_corners import equal_corners
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, Sharing
 from meshreel.kernel.normals import surface_normals
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from samples.c_reader import Decoder, File, Host

@@ -21,8 +21,8 @@ from meshreel.errors import (
     TruncatedStreamError,
 )
 from meshreel.kernel.integers import encode_integers
-from meshreel.model.geometry.fans import fan_corners
 from meshreel.model.geometry.hard_edges import shared_edges
+from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.materials import Image, Material, Texture
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.costs import draws

@@ -7,7 +7,7 @@ from hypothesis.extra.numpy import arrays
 from conformance.surface import CornerReferences, Polygons, read_references
 from meshreel.codec.surface.references import encode_corner_references, encode_references
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.surface import PLAIN, Surface
 from samples.meshes import waving_grid
 

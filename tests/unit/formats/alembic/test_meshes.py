@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Domain, Kind
 from samples import alembic as sample
 from samples.opening import open_source

@@ -10,7 +10,7 @@ from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_scene
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Part, Surface
 from samples.materials import look

@@ -12,9 +12,9 @@ from meshreel.formats.surfaces.hard_edges import (
     find_hard_edges,
 )
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.geometry.fans import join_fans
 from meshreel.model.geometry.hard_edges import corner_normals
 from meshreel.model.geometry.normals import face_normals
+from meshreel.model.geometry.polygons import join_fans
 from samples.meshes import cake, cake_normals, hard_box, hard_sheet, quad_sheet, waving_grid
 
 

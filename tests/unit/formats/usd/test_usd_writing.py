@@ -10,7 +10,7 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save, save_frames
-from meshreel.model.geometry.fans import triangulate_fans
+from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.opening import open_source

@@ -9,7 +9,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import assert_same_surface, quad_sheet, two_sheets

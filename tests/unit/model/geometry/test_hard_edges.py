@@ -3,9 +3,9 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.fans import join_fans
 from meshreel.model.geometry.hard_edges import normal_rows, shared_edges
 from meshreel.model.geometry.normals import vertex_normals
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Surface
 from samples.meshes import BOX_QUADS, hard_box, hard_sheet, quad_sheet, waving_grid
 

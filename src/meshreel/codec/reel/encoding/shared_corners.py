@@ -17,7 +17,7 @@ from meshreel.codec.reel.normative.graphs import ItemGraph, row_graph
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.rows import distinct_rows
 from meshreel.codec.tracks import Sharing
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import DerivedTrack, TrackKind, TrackSource, track_blocks
 

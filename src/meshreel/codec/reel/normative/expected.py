@@ -10,7 +10,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.codec.tracks import Coding, TrackHeader
 from meshreel.kernel.normals import surface_normals
-from meshreel.model.geometry.fans import join_fans
+from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Domain, Surface
 

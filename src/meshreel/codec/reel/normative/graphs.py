@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.corner_rows import CornerRows
-from meshreel.model.geometry.fans import fan_corners
+from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Domain, Surface
 

@@ -1,9 +1,29 @@
-"""Triangulation of polygons as fans from their first corners, and its inverse."""
+"""Polygons as ragged arrays: index arithmetic, triangulation as fans and its inverse."""
+
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.model.geometry.ragged import Integers, ragged_indices
+Integers = npt.NDArray[np.integer[Any]]
+
+
+def ragged_indices(starts: Integers, counts: Integers) -> npt.NDArray[np.int64]:
+    """Concatenated indices of the ranges ``starts[i] .. starts[i] + counts[i] - 1``.
+
+    Parameters
+    ----------
+    starts, counts : integer arrays of shape (N,)
+        First index and length of each range; lengths are at least 0.
+
+    Returns
+    -------
+    int64 array of shape (sum of counts,).
+    """
+    lengths = np.asarray(counts, dtype=np.int64)
+    ends = np.cumsum(lengths)
+    total = int(ends[-1]) if len(ends) else 0
+    return np.repeat(starts - (ends - lengths), lengths) + np.arange(total, dtype=np.int64)
 
 
 def triangulate_fans(counts: Integers, corners: Integers) -> npt.NDArray[np.int32]:

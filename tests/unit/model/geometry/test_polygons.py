@@ -1,6 +1,6 @@
 import numpy as np
 
-from meshreel.model.geometry.fans import fan_corners, join_fans, triangulate_fans
+from meshreel.model.geometry.polygons import fan_corners, join_fans, triangulate_fans
 
 
 def test_triangulate_fans_keeps_faces_when_all_are_triangles():
