@@ -124,7 +124,7 @@ class Api:
         self._rows, self._budget = _figures(file, rows_of)
         if self.is_reencoded:
             self._rows["shown"] = reencoding_text(self.method)
-        self._region = drawn_region(self.reel, is_part=self.file is not self.reel)
+        self._swept = swept_points(self.reel, is_part=self.file is not self.reel)
         self.measuring = None if comparison is None else Measuring(comparison)
 
     @property
@@ -161,12 +161,9 @@ class Api:
 
     def facts(self) -> dict[str, Any]:
         """Facts about the file that its stream does not contain."""
-        region = self._region
         return {
             "name": self.file.name or self._name,
-            "low": region.low.tolist(),
-            "high": region.high.tolist(),
-            "swept": (region.extremes - np.array(self.reel.frame.origin)).tolist(),
+            "swept": self._swept.tolist(),
             "up": "y",
             "is_whole": self.file.is_whole,
             "n_modes": _n_modes(self.file),
@@ -257,55 +254,37 @@ def _json(value: Mapping[str, Any]) -> Answer:
     return Answer(JSON, json_text(value).encode())
 
 
-@dataclass(frozen=True)
-class DrawnRegion:
-    """The region that a camera must show.
+def swept_points(reel: ReelFile, *, is_part: bool = False) -> Floats:
+    """Extreme points of all frames along `DIRECTIONS`, relative to the center of the file.
 
-    Attributes
-    ----------
-    low, high : float64 arrays of shape (3,)
-        Corners of the bounding box of all frames, in model units.
-    extremes : float64 array of shape (26, 3)
-        Extreme points of all frames along `DIRECTIONS`, in model units.
-    """
-
-    low: Floats
-    high: Floats
-    extremes: Floats
-
-
-def drawn_region(reel: ReelFile, *, is_part: bool = False) -> DrawnRegion:
-    """The region that all frames of a file cover.
-
-    Of several blocks, or if the file has further segments (`is_part`), only the first block is
-    decoded; its region is scaled about the center of the file to the diagonal that the stream
-    records. Frames may lie outside if they were encoded live.
+    They suffice for a camera that must show all frames; float64 of shape (26, 3). Of several
+    blocks, or if the file has further segments (`is_part`), only the first block is decoded; its
+    points are scaled about the center to the diagonal that the stream records. Frames may lie
+    outside if they were encoded live.
 
     Raises
     ------
     CorruptStreamError
         If the first block is damaged.
     """
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    origin = np.array(reel.frame.origin)
+    half = np.zeros(3)  # side lengths of the box around the center
     drawn = np.unique(reel.faces)  # vertices without faces are invisible
-    extremes = np.zeros((0, 3))
+    extremes: Floats = np.zeros((0, 3))
     stop = reel.starts[1]
     n_searched = int(np.clip(MAX_SEARCHED_POSITIONS // reel.n_verts, 2, MAX_SEARCHED_FRAMES))
     searched = set(np.linspace(0, stop - 1, n_searched).round().astype(int).tolist())
     for start, frames in reel.pieces(range(stop)):
-        low = np.minimum(low, frames.min(axis=(0, 1)))
-        high = np.maximum(high, frames.max(axis=(0, 1)))
+        for corner in (frames.min(axis=(0, 1)), frames.max(axis=(0, 1))):
+            half = np.maximum(half, np.abs(corner - origin))
         for number in searched.intersection(range(start, start + len(frames))):
             frame = frames[number - start][drawn].astype(np.float64)
             extremes = extreme_points(np.concatenate([extremes, extreme_points(frame)]))
-    if len(reel.starts) == 2 and not is_part:
-        return DrawnRegion(low, high, extremes)
-    origin = np.array(reel.frame.origin)
-    half = np.maximum(np.abs(low - origin), np.abs(high - origin))
+    extremes -= origin
     length = float(np.linalg.norm(half))
-    factor = max(1.0, reel.frame.scale / 2 / length) if length > 0 else 1.0
-    half *= factor
-    return DrawnRegion(origin - half, origin + half, origin + factor * (extremes - origin))
+    if length > 0 and (len(reel.starts) > 2 or is_part):
+        extremes *= max(1.0, reel.frame.scale / 2 / length)
+    return extremes
 
 
 def extreme_points(points: Floats) -> Floats:

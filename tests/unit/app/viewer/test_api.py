@@ -22,8 +22,7 @@ from samples.meshes import quad_sheet, waving_grid
 from samples.players import opened_api
 
 KEYS = [
-    "name", "low", "high", "swept", "up", "is_whole", "n_modes", "rows", "budget", "original",
-    "colored_by",
+    "name", "swept", "up", "is_whole", "n_modes", "rows", "budget", "original", "colored_by",
 ]  # fmt: skip
 
 
@@ -51,15 +50,16 @@ def test_name_is_that_of_the_file_when_the_stream_has_no_name():
 
 
 @pytest.mark.parametrize("block_frames", [None, 4])
-def test_box_contains_all_frames_with_one_block_or_several(block_frames):
+def test_swept_points_span_all_frames_with_one_block_or_several(block_frames):
     grid = waving_grid(12, dtype=np.float64)
     with opened_api(grid, encoding={"block_frames": block_frames, "max_error": 0.01}) as api:
         facts, diagonal = get_json(api, "api/facts"), api.reel.frame.scale
-        low, high = np.array(facts["low"]), np.array(facts["high"])
+        swept = np.array(facts["swept"]) + api.reel.frame.origin
     slack = 0.001 * diagonal if block_frames is None else 0.1 * diagonal
-    np.testing.assert_allclose(low, grid.vertices.min(axis=(0, 1)), atol=slack)
-    np.testing.assert_allclose(high, grid.vertices.max(axis=(0, 1)), atol=slack)
-    assert np.linalg.norm(high - low) == pytest.approx(diagonal, rel=0.01)
+    np.testing.assert_allclose(swept.min(axis=0), grid.vertices.min(axis=(0, 1)), atol=slack)
+    np.testing.assert_allclose(swept.max(axis=0), grid.vertices.max(axis=(0, 1)), atol=slack)
+    half = np.abs(facts["swept"]).max(axis=0)
+    assert np.linalg.norm(half) == pytest.approx(diagonal / 2, rel=0.01)
 
 
 def test_swept_points_are_extreme_in_all_frames_when_there_is_one_block():
@@ -166,9 +166,9 @@ def test_model_is_rejected_when_it_is_too_large_or_small_to_draw(size):
 
 def test_json_contains_null_for_numbers_that_are_not_finite():
     with opened_api(waving_grid(2)) as api:
-        api._region = replace(api._region, low=np.full(3, np.nan), high=np.full(3, np.inf))
+        api._swept = np.array([[np.nan, np.inf, 1.5]])
         facts = get_json(api, "api/facts")
-    assert (facts["low"], facts["high"]) == ([None] * 3, [None] * 3)
+    assert facts["swept"] == [[None, None, 1.5]]
 
 
 def with_tracks(grid):
@@ -273,8 +273,8 @@ def test_facts_describe_all_segments(segmented):
     assert facts["rows"] == [["frames", "10"]]
     assert facts["n_modes"] == list(file.info().n_modes)
     diagonal = file.segment(0).frame.scale
-    box = np.array([facts["low"], facts["high"]])
-    assert np.linalg.norm(box[1] - box[0]) == pytest.approx(diagonal, rel=0.01)
+    half = np.abs(facts["swept"]).max(axis=0)
+    assert np.linalg.norm(half) == pytest.approx(diagonal / 2, rel=0.01)
 
 
 def test_stored_bytes_are_those_of_all_segments(segmented):
