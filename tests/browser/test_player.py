@@ -536,6 +536,16 @@ def test_nothing_overflows_on_a_phone(new_page, compared_url):
         assert page.locator("canvas").bounding_box()["height"] > 0.25 * height
 
 
+@pytest.mark.parametrize("width", [800, 900, 1040, 1280])
+def test_all_controls_of_the_bar_are_visible_next_to_the_panel(new_page, url, width):
+    page = new_page(url, width=width, height=600)
+    right = page.locator("#viewer").bounding_box()["width"]
+    assert page.locator(".bar input").bounding_box()["width"] > 120
+    for control in page.locator("#viewer button:visible").all():
+        box = control.bounding_box()
+        assert box["x"] + box["width"] <= right
+
+
 def test_pages_do_not_disturb_each_other_when_two_are_open(new_page, url, decoded):
     pages = [new_page(url), new_page(url)]
     for page, frame in zip(pages, (7, 31), strict=True):

@@ -104,6 +104,8 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
 }
 @container (max-width: 519px) {
   .bar:not(.detailed) :is(.step, .speed) { display: none; }
+}
+@container (max-width: 729px) {
   .bar.detailed { flex-wrap: wrap; justify-content: space-between; height: auto; }
   .bar.detailed .time { order: -2; flex: 1 1 calc(100% - 190px); }
   .bar.detailed .text { order: -1; }
