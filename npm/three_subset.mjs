@@ -69,6 +69,21 @@ const REPLACED = new Map(
   }).map(([path, contents]) => [join(SOURCES, "renderers", path), contents]),
 );
 
+/** Functions of the renderer that a player does not reach. */
+const EMPTIED = new Map(
+  Object.entries({
+    "WebGLRenderer.js": [
+      ...["compileAsync", "copyFramebufferToTexture", "copyTextureToTexture"],
+      ...["readRenderTargetPixelsAsync", "renderTransmissionPass", "setEffects"],
+    ],
+    "webgl/WebGLMaterials.js": [
+      ...["refreshFogUniforms", "refreshUniformsDash", "refreshUniformsDistance", "refreshUniformsMatcap"],
+      ...["refreshUniformsPhong", "refreshUniformsPhysical", "refreshUniformsSprites", "refreshUniformsToon"],
+    ],
+    "webgl/WebGLTextures.js": ["updateMultisampleRenderTarget", "uploadCubeTexture"],
+  }).map(([path, names]) => [join(SOURCES, "renderers", path), names]),
+);
+
 for (const path of [...UNUSED_SHADERS, ...REPLACED.keys()]) {
   if (!existsSync(path)) throw new Error(`three.js has no ${path}; adapt three_subset.mjs to this version`);
 }
@@ -81,7 +96,9 @@ export const threeSubset = {
     bundler.onLoad({ filter: /three[\\/]src[\\/].*\.js$/ }, ({ path }) => {
       const source = readFileSync(path, "utf8");
       if (REPLACED.has(path)) return { contents: REPLACED.get(path) };
-      if (!path.endsWith(".glsl.js")) return { contents: source.replace(JSON_METHODS, "\n") };
+      if (!path.endsWith(".glsl.js")) {
+        return { contents: (EMPTIED.get(path) ?? []).reduce(empty, source).replace(JSON_METHODS, "\n") };
+      }
       if (UNUSED_SHADERS.includes(path)) {
         return { contents: 'export const vertex = "";\nexport const fragment = "";\n' };
       }
@@ -90,6 +107,13 @@ export const threeSubset = {
     });
   },
 };
+
+/** Empty a function with a name inside of another one. */
+function empty(source, name) {
+  const pattern = new RegExp(`^(\\t+)((?:async )?function ${name}|this\\.${name} = (?:async )?function )\\([^]*?^\\1}`, "m");
+  if (!pattern.test(source)) throw new Error(`three.js has no function ${name}; adapt three_subset.mjs to this version`);
+  return source.replace(pattern, "$1$2() {}");
+}
 
 /** Remove comments, indentation and the code of unused features from a shader. */
 function reduce(glsl) {
