@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,9 +20,6 @@ DATA, SCRIPT = "<!--meshreel-data-->", "<!--script-->"
 
 SCRIPT_NAME = "player.js"
 """The script that starts the player; it loads other scripts of the page on demand."""
-
-STARTING = f'<script type="module" src="{SCRIPT_NAME}"></script>'
-"""Starts a player whose scripts are separate files."""
 
 POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src blob:; "
@@ -75,7 +73,7 @@ class Page:
     @property
     def served(self) -> str:
         """HTML for a server that serves the scripts by their names."""
-        return self._filled("", STARTING)
+        return self._filled("", self._starting)
 
     def split(self, data: Mapping[str, Any]) -> str:
         """HTML with embedded data and separate scripts.
@@ -85,7 +83,7 @@ class Page:
         data : mapping
             As `npm/src/page/data.ts` reads it.
         """
-        return self._filled(_data_script(data), STARTING)
+        return self._filled(_data_script(data), self._starting)
 
     def whole(self, data: Mapping[str, Any], *, level: int = zlib.Z_BEST_COMPRESSION) -> str:
         """HTML with embedded data and scripts.
@@ -104,6 +102,13 @@ class Page:
         ]
         scripts = "".join(packed)
         return self._filled(_data_script(data), f"{scripts}<script>{UNPACKING}</script>")
+
+    @property
+    def _starting(self) -> str:
+        """HTML that starts the player and, at the same time, requests the scripts that it needs."""
+        needed = re.findall(r'(?:from|import)\s*"\./([^"]+)"', self.scripts[SCRIPT_NAME])
+        links = [f'<link rel="modulepreload" href="{name}">' for name in needed]
+        return "".join(links) + f'<script type="module" src="{SCRIPT_NAME}"></script>'
 
     def _import_order(self) -> list[str]:
         """Names of the scripts, each after those that it imports."""

@@ -64,10 +64,11 @@ def test_page_is_rejected_when_it_lacks_a_placeholder(html):
         Page(html, PAGE.scripts)
 
 
-def test_served_page_references_the_script():
+def test_served_page_references_the_script_and_those_that_it_needs_at_once():
     assert PAGE.served == (
         "<!doctype html><html><head><title>p</title></head>"
-        '<body><script type="module" src="player.js"></script></body></html>'
+        '<body><link rel="modulepreload" href="shared.js">'
+        '<script type="module" src="player.js"></script></body></html>'
     )
 
 
