@@ -248,7 +248,7 @@ def compare(
     from meshreel.metrics.compare import measure_quality  # which takes half a second
 
     first, second = _loaded(original), _loaded(decoded)
-    second, _ = match_order(first, second)
+    first, second, _ = match_order(first, second)
     return measure_quality(
         first,
         second,

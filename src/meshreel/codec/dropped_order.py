@@ -4,6 +4,7 @@ import numpy as np
 
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.reordering import without_reordering
 from meshreel.metrics.compare import has_same_triangles
 from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of, segments_of
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence
@@ -25,30 +26,42 @@ def internal_numbers(faces: Faces, n_verts: int) -> Integers:
     return np.argsort(connectivity.internal_to_given)
 
 
-def match_order(original: AnySequence, decoded: Loaded) -> tuple[Loaded, bool]:
-    """Return the decoded sequence with the vertices in the order of the original.
+def match_order(original: Loaded, decoded: Loaded) -> tuple[Loaded, Loaded, bool]:
+    """Return the sequences with the vertices of the decoded one in the order of the original.
 
     The encoder's order follows from the faces of the original. A segment is reordered if its faces
-    then equal those of the original, and returned unchanged otherwise.
+    then equal those of the original, and returned unchanged otherwise. Segments of the original
+    that the encoder joined, as only their order differs, are joined too.
 
     Returns
     -------
-    decoded : MeshSequence or SegmentedSequence
+    original, decoded : MeshSequence or SegmentedSequence
     is_matched : bool
         Whether any segment was reordered.
     """
     segments, segments_hat = segments_of(original), segments_of(decoded)
+    if len(segments) > len(segments_hat):
+        joined = without_reordering(original, "drop")
+        segments = segments_of(joined)
+        if len(segments) == len(segments_hat):
+            original = _loaded(joined)
     if len(segments) != len(segments_hat):
-        return decoded, False
+        return original, decoded, False
     pairs = list(zip(segments, segments_hat, strict=True))
     matched = [_in_order_of(*pair) for pair in pairs]
     if all(one is segment for one, (_, segment) in zip(matched, pairs, strict=True)):
-        return decoded, False
-    if isinstance(decoded, SegmentedSequence):
-        return SegmentedSequence(matched, decoded.name, decoded.start_s), True
-    (only,) = matched
+        return original, decoded, False
+    whole = SegmentedSequence(matched, decoded.name, decoded.start_s)
+    return original, _loaded(whole), True
+
+
+def _loaded(sequence: AnySequence) -> Loaded:
+    """Return loaded segments, or a single one."""
+    only = segments_of(sequence)[0]
+    if isinstance(sequence, SegmentedSequence) and sequence.n_segments > 1:
+        return sequence
     assert isinstance(only, MeshSequence)
-    return only, True
+    return only
 
 
 def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:

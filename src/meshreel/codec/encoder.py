@@ -7,12 +7,13 @@ import numpy as np
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.joining import join_streams
 from meshreel.codec.option import takes_fields
+from meshreel.codec.reordering import without_reordering
 from meshreel.codec.source import Source
 from meshreel.codec.subspace.trajectories import bounding_frame
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import Measure, TrackBound, TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
-from meshreel.model.segments import AnySequence, SegmentedSequence, tracks_of_all
+from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, tracks_of_all
 from meshreel.model.sequence import Extent
 from meshreel.model.surface_selection import (
     ALL,
@@ -95,9 +96,11 @@ def encode_with(
         If the mesh is too large for the method, or no stream meets the target.
     """
     if isinstance(sequence, SegmentedSequence):
-        if sequence.n_segments > 1:
-            return encode_segments(config, sequence, attributes, tracks, progress, engine)
-        (sequence,) = sequence.segments
+        joined = segments_of(without_reordering(sequence, config.order))
+        if len(joined) > 1:
+            whole = SegmentedSequence(joined, sequence.name, sequence.start_s)
+            return encode_segments(config, whole, attributes, tracks, progress, engine)
+        (sequence,) = joined
     surface = select(sequence.surface, attributes)
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)

@@ -10,6 +10,7 @@ from meshreel.codec.achieved import measure_stream
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
+from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_loss_note
 from meshreel.codec.surface.uv_errors import measure_uvs
@@ -135,7 +136,9 @@ def _measured(
     engine: Engine | None,
 ) -> Encoded:
     """Encode and measure an opened input."""
-    sequence, config = _suited(opened, options, notes)
+    given, config = _suited(opened, options, notes)
+    sequence = without_reordering(given, config.order)
+    notes += filter(None, [joined_note(given, sequence)])
     tracks = _present(sequence, options, notes)
     data = encode_with(config, sequence, tracks=tracks, engine=engine)
     achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)

@@ -95,7 +95,7 @@ def compare_command(
         reading = replace(reading, progress=progress)
         first = load_any(original, supported_only(reading, original))
         second = load_any(decoded, supported_only(replace(reading, animation=None), decoded))
-        second, is_matched = match_order(first, second)
+        first, second, is_matched = match_order(first, second)
         if is_matched:
             notes.append(MATCHED)
         quality = measure_quality(

@@ -81,6 +81,7 @@ def encode_file(
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.encoder import encode_with
     from meshreel.codec.inspect import info
+    from meshreel.codec.reordering import joined_note, without_reordering
     from meshreel.codec.solver_state import solver_state_note
     from meshreel.codec.surface.payloads import order_loss_note
     from meshreel.codec.surface.uv_errors import measure_uvs
@@ -90,6 +91,9 @@ def encode_file(
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.profiling import stage
 
+    given = sequence
+    sequence = without_reordering(given, config.order)
+    notes += filter(None, [joined_note(given, sequence)])
     tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
     with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
