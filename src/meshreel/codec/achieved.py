@@ -43,7 +43,6 @@ def measure_stream(
     sequence: AnySequence,
     data: bytes,
     *,
-    order: str,
     with_sted: bool = False,
     extent: Extent | None = None,
     progress: Progress = silent,
@@ -52,8 +51,6 @@ def measure_stream(
 
     Parameters
     ----------
-    order : {"keep", "vertices", "drop"}
-        The encoder's option: vertices whose order was dropped are matched by connectivity.
     with_sted : bool, default False
         Whether to measure STED too, which keeps all frames in memory; not of several segments.
     extent : Extent, optional
@@ -65,10 +62,9 @@ def measure_stream(
     segments = segments_of(sequence)
     n_frames, first_frame = sum(segment.n_frames for segment in segments), 0
     for number, segment in enumerate(segments):
-        internal = _internal(segment, order)
 
         def decoded_blocks(
-            reel: ReelFile, internal: Integers | None = internal, first: int = first_frame
+            reel: ReelFile, internal: Integers | None, first: int = first_frame
         ) -> Iterator[tuple[int, Vertices]]:
             for start, frames in reel.pieces():
                 given = frames if internal is None else frames[:, internal]
@@ -78,7 +74,8 @@ def measure_stream(
                 progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 
         with ReelFile(BytesIO(data), memory=OWN_STREAM, segment=number) as reel:
-            add_blocks(sums, segment, decoded_blocks(reel))
+            internal = _internal(segment, reel)
+            add_blocks(sums, segment, decoded_blocks(reel, internal))
             for name, errors in errors_of_tracks(segment.tracks, reel.tracks, internal).items():
                 tracks.setdefault(name, []).append(errors)
         first_frame += segment.n_frames
@@ -97,14 +94,14 @@ def measure_stream(
 
 
 @staged("measuring")
-def measure_tracks(sequence: FrameSource, data: bytes, *, order: str) -> dict[str, TrackErrors]:
+def measure_tracks(sequence: FrameSource, data: bytes) -> dict[str, TrackErrors]:
     """Return the errors of the tracks of a stream; parameters as in `measure_stream`."""
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
-        return errors_of_tracks(sequence.tracks, reel.tracks, _internal(sequence, order))
+        return errors_of_tracks(sequence.tracks, reel.tracks, _internal(sequence, reel))
 
 
-def _internal(sequence: FrameSource, order: str) -> Integers | None:
-    """Return the decoded number of each vertex; None if the order is kept."""
-    if order != "drop":
+def _internal(sequence: FrameSource, reel: ReelFile) -> Integers | None:
+    """Return the decoded number of each vertex; None if the stream keeps the order."""
+    if reel.order != "drop":
         return None
     return internal_numbers(sequence.faces, sequence.n_verts)

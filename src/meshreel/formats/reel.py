@@ -320,7 +320,6 @@ def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
     """Write all frames as a `.reel` file, with the defaults of `encode`; a note gives the error."""
     # Reading does not need the encoder.
     from meshreel.codec.achieved import measure_stream
-    from meshreel.codec.config import DEFAULT_ORDER
     from meshreel.codec.encoder import encode
 
     segments = [segment.gather() for segment in stream.segments()]
@@ -332,7 +331,7 @@ def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
     if options.lossless:
         stream.notes.append("encoded losslessly")
     elif stream.wants_notes:
-        achieved = measure_stream(sequence, data, order=DEFAULT_ORDER)
+        achieved = measure_stream(sequence, data)
         stream.notes.append(
             f"encoded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "
             f"and a KG error of {achieved.kg_error_percent:.4f} %"

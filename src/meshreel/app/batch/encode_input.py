@@ -141,7 +141,7 @@ def _measured(
     notes += filter(None, [joined_note(given, sequence)])
     tracks = _present(sequence, options, notes)
     data = encode_with(config, sequence, tracks=tracks, engine=engine)
-    achieved = measure_stream(sequence, data, order=config.order, with_sted=config.sted is not None)
+    achieved = measure_stream(sequence, data, with_sted=config.sted is not None)
     stream = info(data)
     losses = (order_loss_note(one.surface, config.order_choice) for one in segments_of(sequence))
     notes += dict.fromkeys(loss for loss in losses if loss)

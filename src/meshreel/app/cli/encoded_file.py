@@ -98,9 +98,7 @@ def encode_file(
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
     with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(data)
-    achieved = measure_stream(
-        sequence, data, order=config.order, with_sted=config.sted is not None, progress=progress
-    )
+    achieved = measure_stream(sequence, data, with_sted=config.sted is not None, progress=progress)
     stream = info(data)
     for segment in segments_of(sequence):
         note = order_loss_note(segment.surface, config.order_choice)

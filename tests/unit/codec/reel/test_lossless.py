@@ -96,7 +96,7 @@ def test_positions_are_lossless_in_every_order(order):
         assert (quality.max_error_percent, quality.sted) == (0, 0)
     rows = [np.unique(one.vertices[0], axis=0) for one in (sequence, decoded)]
     assert_same_bits(rows[1], rows[0])
-    measured = measure_stream(sequence, data, order=order)
+    measured = measure_stream(sequence, data)
     assert (measured.max_error_percent, measured.kg_error_percent) == (0, 0)
 
 
@@ -161,7 +161,7 @@ def test_velocities_within_a_bound_follow_from_the_exact_positions():
             [track] = meshreel.info(stream).tracks
             assert not track.is_exact
             assert track.size_bytes < 200  # residuals are almost 0
-            measured = measure_stream(sequence, stream, order=order)
+            measured = measure_stream(sequence, stream)
             assert measured.max_error_percent == 0
             assert measured.tracks["velocity"].largest <= 0.01
 

@@ -144,7 +144,7 @@ def _size_bytes(tracks: Iterable[CodedTrack]) -> int:
 
 def _check_bounds(source: Source, data: bytes) -> None:
     """Raise SolverError if a track of a stream exceeds its bound."""
-    measured = measure_tracks(source.sequence, data, order=source.config.order)
+    measured = measure_tracks(source.sequence, data)
     for track in whole_stream(data).tracks:
         largest = measured[track.name].largest
         if largest > track.bound * (1.0 + SLACK):

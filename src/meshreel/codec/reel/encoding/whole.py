@@ -89,7 +89,6 @@ def encode(
         achieved = measure_stream(
             source.sequence,
             data,
-            order=source.config.order,
             extent=source.extent,
             progress=progress,
         )
