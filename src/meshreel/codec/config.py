@@ -10,7 +10,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from difflib import get_close_matches
 from enum import Enum
 from functools import cache, cached_property
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from meshreel.codec.bitstream.layout import Laplacian, Order
 from meshreel.codec.error_bounds import METERS, bound_of
@@ -30,9 +30,11 @@ from meshreel.codec.targets import (
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.counting import counted
 
+if TYPE_CHECKING:
+    from meshreel.model.surface import Surface
+
 DEFAULT_METHOD = "reel"
 LOSSLESS_METHOD = "lossless"
-DEFAULT_ORDER = "keep"
 
 REEL = ("reel",)
 BOUNDED = ("reel", "grid")
@@ -232,14 +234,15 @@ class EncoderConfig:
         ),
     ] = None
     order: Annotated[
-        str,
+        str | None,
         Option(
             "Which order to keep. keep: of vertices and faces; vertices: of the vertices; drop: "
-            "neither, for the smallest file.",
+            "neither, for the smallest file. Default: keep; drop for Draco frames, which have "
+            "none.",
             names=tuple(order.name.lower() for order in Order),
             methods=METHOD_NAMES,
         ),
-    ] = DEFAULT_ORDER
+    ] = None
     block_frames: Annotated[
         int | None,
         Option(
@@ -403,10 +406,15 @@ class EncoderConfig:
         """The Laplacian as an enumeration member."""
         return Laplacian[self.laplacian.upper()]
 
-    @property
-    def order_choice(self) -> Order:
-        """The order as an enumeration member."""
-        return Order[self.order.upper()]
+    def order_of(self, surface: "Surface") -> Order:
+        """Return which order a stream of a mesh with this surface keeps.
+
+        By default it is kept if it has a meaning, or polygons or parts depend on it.
+        """
+        if self.order is not None:
+            return Order[self.order.upper()]
+        needs_order = surface.is_ordered or surface.face_sizes is not None or surface.parts
+        return Order.KEEP if needs_order else Order.DROP
 
     @property
     def memory_bytes(self) -> float | None:

@@ -1,7 +1,7 @@
 """Input of an encoder: a mesh in internal order, and frames divided into blocks."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -21,7 +21,7 @@ from meshreel.codec.surface.payloads import surface_in_order, surface_sections, 
 from meshreel.codec.track_bounds import TrackBound
 from meshreel.codec.tracks import Coding
 from meshreel.model.sequence import Extent, Faces, FrameSource, MeshSequence
-from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
 
 Vertices = npt.NDArray[np.floating]
@@ -54,7 +54,7 @@ class CodedMesh:
     @cached_property
     def order_kept(self) -> Order:
         """Which order to keep."""
-        return self.config.order_choice
+        return self.config.order_of(self.surface)
 
     @property
     def faces(self) -> Faces:
@@ -222,7 +222,10 @@ class Source:
         """The mesh of all frames."""
         sequence = self.sequence
         surface = sequence.surface if self.surface is None else self.surface
-        return CodedMesh(sequence.faces, sequence.n_verts, self.config, surface, sequence.start_s)
+        config = self.config
+        if any(sequence.tracks[name].domain is not Domain.VERTEX for name in self.bounds):
+            config = replace(config, order=config.order or "keep")
+        return CodedMesh(sequence.faces, sequence.n_verts, config, surface, sequence.start_s)
 
     @cached_property
     def frame(self) -> BoundingFrame:

@@ -130,6 +130,9 @@ class Surface:
     hard_edges : int32 array of shape (H, 2), optional
         Vertex pairs of edges across which faces do not share normals (`meshreel.corner_normals`).
         Each edge has two or more faces. Default: none, and the mesh is smooth.
+    is_ordered : bool, default True
+        Whether the order of vertices and faces has a meaning. Formats such as Draco change it in
+        every frame; then `meshreel.encode` leaves it out by default.
     """
 
     face_sizes: Int32s | None = None
@@ -139,6 +142,7 @@ class Surface:
     materials: tuple[Material, ...] = ()
     images: tuple[Image, ...] = ()
     hard_edges: Int32s | None = None
+    is_ordered: bool = True
 
     def __repr__(self) -> str:
         if self.is_plain:
@@ -198,7 +202,16 @@ class Surface:
         images = tuple(self.images)
         materials = validated_materials(self.materials, images)
         hard = _validated_edges(self.hard_edges, n_verts)
-        return Surface(sizes, attributes, groups, tuple(self.parts), materials, images, hard)
+        return replace(
+            self,
+            face_sizes=sizes,
+            attributes=attributes,
+            groups=groups,
+            parts=tuple(self.parts),
+            materials=materials,
+            images=images,
+            hard_edges=hard,
+        )
 
     @property
     def size_bytes(self) -> int:

@@ -7,12 +7,13 @@ from typing import Any
 
 from meshreel import __version__
 from meshreel.codec.achieved import measure_stream
+from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
 from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
-from meshreel.codec.surface.payloads import order_loss_note
+from meshreel.codec.surface.payloads import order_notes
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.codec.track_bounds import without_units
@@ -117,7 +118,11 @@ def encode_input(
         )
     began = time.perf_counter()
     notes: list[str] = []
-    reading = replace(supported_only(options.reading, source), attributes=ALL, notes=notes)
+    reading = replace(
+        supported_only(options.reading, source),
+        attributes=ALL,
+        notes=notes,
+    )
     with local_copy(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)
         return _measured(opened, options, notes, began, engine)
@@ -143,8 +148,8 @@ def _measured(
     data = encode_with(config, sequence, tracks=tracks, engine=engine)
     achieved = measure_stream(sequence, data, with_sted=config.sted is not None)
     stream = info(data)
-    losses = (order_loss_note(one.surface, config.order_choice) for one in segments_of(sequence))
-    notes += dict.fromkeys(loss for loss in losses if loss)
+    surfaces = (segment.surface for segment in segments_of(sequence))
+    notes += order_notes(surfaces, Order[stream.order.upper()], is_chosen=config.order is not None)
     if state := solver_state_note(stream.tracks, tracks):
         notes.append(state)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)

@@ -79,11 +79,12 @@ def encode_file(
 ) -> EncodedFile:
     """Encode a sequence, write it and measure it; figures show `name` as the output."""
     from meshreel.codec.achieved import measure_stream
+    from meshreel.codec.bitstream.layout import Order
     from meshreel.codec.encoder import encode_with
     from meshreel.codec.inspect import info
     from meshreel.codec.reordering import joined_note, without_reordering
     from meshreel.codec.solver_state import solver_state_note
-    from meshreel.codec.surface.payloads import order_loss_note
+    from meshreel.codec.surface.payloads import order_notes
     from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.codec.track_bounds import without_units
     from meshreel.formats.notes import note_unknown_rate
@@ -100,10 +101,8 @@ def encode_file(
         temporary.write_bytes(data)
     achieved = measure_stream(sequence, data, with_sted=config.sted is not None, progress=progress)
     stream = info(data)
-    for segment in segments_of(sequence):
-        note = order_loss_note(segment.surface, config.order_choice)
-        if note and note not in notes:
-            notes.append(note)
+    surfaces = (segment.surface for segment in segments_of(sequence))
+    notes += order_notes(surfaces, Order[stream.order.upper()], is_chosen=config.order is not None)
     if state_note := solver_state_note(stream.tracks, tracks):
         notes.append(state_note)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)

@@ -1,7 +1,7 @@
 """Encoding of the sections of a surface: polygons, attributes, groups, parts, hard edges."""
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -117,6 +117,23 @@ def surface_in_order(
         parts=(),
         hard_edges=hard_edges,
     )
+
+
+def order_notes(surfaces: Iterable[Surface], order: Order, *, is_chosen: bool) -> list[str]:
+    """Describe what a stream that keeps this order omits of the surfaces of its segments.
+
+    Parameters
+    ----------
+    is_chosen : bool
+        Whether the user has chosen the order.
+    """
+    if order is Order.DROP and not is_chosen:
+        return [
+            "omitted: the order of vertices and faces, which has no meaning in these files "
+            '(order="keep" keeps it)'
+        ]
+    notes = dict.fromkeys(order_loss_note(surface, order) for surface in surfaces)
+    return [note for note in notes if note]
 
 
 def order_loss_note(surface: Surface, order: Order) -> str:

@@ -93,7 +93,8 @@ def parse_drc_surface(data: bytes, notes: list[str] | None = None) -> Surface:
         if hard is not None:
             NormalNotes(notes).add("", hard)
         note_kinds(notes, "attributes of Draco", frame.left_out)
-    return Surface(None, frame.attributes, hard_edges=None if hard is None else hard.edges)
+    edges = None if hard is None else hard.edges
+    return Surface(None, frame.attributes, hard_edges=edges, is_ordered=False)
 
 
 def parse_drc_fields(data: bytes) -> Fields:

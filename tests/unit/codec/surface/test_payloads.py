@@ -12,6 +12,7 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
     order_loss_note,
+    order_notes,
     surface_sections,
 )
 from meshreel.errors import (
@@ -24,7 +25,8 @@ from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.materials import Image, Material, Texture
-from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import Track
 from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets
 from samples.meshes import (
@@ -404,3 +406,35 @@ def test_two_sections_of_hard_edges_are_refused():
     edges = next(one for one in parts if one[0] is Section.HARD_EDGES)
     with pytest.raises(CorruptStreamError, match="HARD_EDGES twice"):
         meshreel.decode(raw_stream(stream.header, [edges, *parts]))
+
+
+def unordered(sequence):
+    return replace(sequence, surface=replace(sequence.surface, is_ordered=False))
+
+
+@pytest.mark.parametrize(
+    ("sequence", "order"),
+    [
+        (waving_grid(3), "keep"),
+        (unordered(waving_grid(3)), "drop"),
+        (unordered(quad_sheet(3)), "keep"),
+        (unordered(two_sheets()), "keep"),
+    ],
+)
+def test_default_order_is_kept_if_it_has_a_meaning_or_polygons_need_it(sequence, order):
+    assert meshreel.info(meshreel.encode(sequence)).order == order
+    assert meshreel.info(meshreel.encode(sequence, order="vertices")).order == "vertices"
+
+
+def test_order_that_tracks_of_faces_need_is_kept():
+    sheet = unordered(waving_grid(3))
+    heat = Track(np.zeros((3, len(sheet.faces)), np.float32), domain=Domain.FACE)
+    data = meshreel.encode(replace(sheet, tracks={"heat": heat}), tracks={"heat": "1%"})
+    assert meshreel.info(data).order == "keep"
+
+
+def test_note_on_an_order_that_the_user_has_not_chosen():
+    (note,) = order_notes([unordered(waving_grid(2)).surface], Order.DROP, is_chosen=False)
+    assert "which has no meaning" in note
+    assert order_notes([PLAIN], Order.KEEP, is_chosen=False) == []
+    assert len(order_notes([two_sheets().surface] * 2, Order.DROP, is_chosen=True)) == 1

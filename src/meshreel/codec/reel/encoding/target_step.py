@@ -10,7 +10,6 @@ from typing import Protocol
 
 import numpy as np
 
-from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.corrections import check_promise
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step, quality_step
@@ -172,7 +171,7 @@ def _remedy(config: EncoderConfig, has_tracks: bool) -> str:
     if not config.target.kind.is_budget:
         return "positions come back no nearer than their number type; allow more"
     remedies = ["allow more"]
-    if config.order_choice is not Order.DROP:
+    if config.order != "drop":
         remedies.append('leave the order out (order="drop")')
     if has_tracks:
         remedies.append("drop tracks or allow larger errors of them")
