@@ -51,7 +51,9 @@ def _accept_files(
         if not kwargs.keys() <= signature.parameters.keys():
             check_names(kwargs, signature.parameters)
         with local_copy(sequence) if _is_path(sequence) else nullcontext(sequence) as local:
-            return encode(_source(local, kwargs.get("memory")), *args, **kwargs)
+            order = kwargs.get("order")
+            source = _source(local, kwargs.get("memory"), matches_frames=order in (None, "drop"))
+            return encode(source, *args, **kwargs)
 
     first, *others = signature.parameters.values()
     parameters = [first.replace(annotation="AnyInput"), *others]
@@ -282,12 +284,13 @@ def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) 
     )
 
 
-def _source(sequence: Any, memory: Any) -> AnySequence:
+def _source(sequence: Any, memory: Any, *, matches_frames: bool) -> AnySequence:
     """Frames to encode, which may be read from their files on demand."""
     if _is_path(sequence):
         notes: list[str] = []
         limit = None if memory is None else bytes_of(memory, "memory")
-        source = open_for_encoding(sequence, limit, ReadOptions(notes=notes))
+        options = ReadOptions(notes=notes, matches_frames=matches_frames)
+        source = open_for_encoding(sequence, limit, options)
         _warn(notes)
         return source
     return _sequence(sequence)

@@ -52,6 +52,8 @@ class ReadOptions:
     animation : str or int, optional
         Name, or number from 0, of one animation of a file with several. Default: the first that
         moves a mesh.
+    matches_frames : bool, default True
+        Whether frames that differ only in the order of vertices and faces become one segment.
     """
 
     fps: float | None = None
@@ -67,6 +69,7 @@ class ReadOptions:
     allow_outside: bool = False
     animation: str | int | None = None
     memory: float | str | None = None
+    matches_frames: bool = True
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Opening of the files of a sequence, in segments if its faces change."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate, pairwise
@@ -19,6 +19,7 @@ from meshreel.formats.scenes.scene_source import frame_range, open_mesh, select_
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.matching import match_segments
 from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, single_segment
 from meshreel.model.sequence import FrameSource
 from meshreel.runtime.counting import counted
@@ -112,18 +113,32 @@ def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequenc
         if stage == COMPARING:  # others count the frames of one segment
             options.progress(stage, share)
 
-    several = find_segments(found, replace(options, progress=comparing))
-    segments = []
+    several = _find_segments(found, replace(options, progress=comparing))
+    given = []
     for one in several:
-        segments.append(one.open())
+        given.append(one.open())
         options.progress("reading", Count(one.stop, several[-1].stop, "frames"))
-    sequence = SegmentedSequence(segments)
+    segments = match_segments(given, options.progress) if options.matches_frames else given
+    selected = [select_attributes(one, options.attributes, found.paths[0]) for one in segments]
+    sequence = SegmentedSequence(selected, start_s=given[0].start_s)
     options.notes[:] = _combined(options.notes)
     options.notes.append(
         f"the faces change: {counted(sequence.n_frames, 'frame')} in "
-        f"{counted(sequence.n_segments, 'segment')} of constant connectivity"
+        f"{counted(len(given), 'segment')} of constant connectivity"
     )
+    if len(segments) < len(given):
+        options.notes.append(_describe_match(given, segments))
     return sequence
+
+
+def _describe_match(given: Sequence[FrameSource], matched: Sequence[FrameSource]) -> str:
+    n_added = sum(len(one.faces) * one.n_frames for one in matched)
+    n_added -= sum(len(one.faces) * one.n_frames for one in given)
+    added = f"; {counted(n_added, 'face')} that add no area complete them" if n_added else ""
+    return (
+        f"matched {counted(len(given), 'segment')} that differ only in the order of vertices and "
+        f"faces, which leaves {counted(len(matched), 'segment')}{added}"
+    )
 
 
 def _combined(notes: Iterable[str]) -> list[str]:

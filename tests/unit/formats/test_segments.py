@@ -3,11 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load_segments
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.segments import find_segments
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.datasets import positions_of
 from samples.meshes import quad_sheet, waving_grid
@@ -70,3 +73,34 @@ def test_each_segment_has_its_tracks(tmp_path, extension):
     found = [one.open() for one in find_segments(tmp_path, ReadOptions())]
     for one, whole in zip(found, wholes, strict=True):
         assert_same_tracks(one.tracks, whole.tracks)
+
+
+@pytest.fixture
+def reordered(tmp_path):
+    """Write a mesh in motion with texture coordinates, its faces in another order in each file."""
+    sheet, rng = waving_grid(4), np.random.default_rng(3)
+    uvs = rng.random((sheet.n_verts, 2)).astype(np.float32)
+    for number in range(4):
+        faces = rng.permutation(sheet.faces)
+        surface = Surface(attributes=(Attribute("uv", Kind.UV, Domain.CORNER, uvs, faces.ravel()),))
+        frame = MeshSequence(sheet.vertices[number : number + 1], faces, surface=surface)
+        save(frame, tmp_path / f"{number}_%d.obj")
+    return tmp_path
+
+
+def test_frames_in_another_order_are_matched_by_texture_coordinates(reordered):
+    notes = []
+    sequence = load_segments(reordered, notes=notes)
+    assert sequence.starts == (0, 4)
+    assert not sequence.segments[0].surface.is_ordered
+    assert any("matched 4 segments that differ only in the order" in note for note in notes)
+    assert load_segments(reordered, attributes="none").segments[0].surface.attributes == ()
+
+
+@pytest.mark.filterwarnings("ignore:the faces change", "ignore:matched 4 segments")
+@pytest.mark.parametrize(("order", "n_segments"), [(None, 1), ("drop", 1), ("keep", 4)])
+def test_frames_are_not_matched_if_their_order_is_to_be_kept(reordered, order, n_segments):
+    data = meshreel.encode(reordered, **({} if order is None else {"order": order}))
+    found = meshreel.info(data)
+    assert max(1, len(found.segments)) == n_segments
+    assert found.order == (order or "drop")

@@ -122,6 +122,7 @@ def encode_input(
         supported_only(options.reading, source),
         attributes=ALL,
         notes=notes,
+        matches_frames=options.config.order in (None, "drop"),
     )
     with local_copy(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)

@@ -119,7 +119,8 @@ def encode_command(
         files = files_of_source(source, reading.topology)
         check_output_path(stream_path, overwrite=force, inputs=files)
         progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())
-        reading = replace(reading, progress=progress)
+        keeps_order = config.order in ("keep", "vertices")
+        reading = replace(reading, progress=progress, matches_frames=not keeps_order)
         pieces: list[tuple[Callable[[], AnySequence], Path]]
         if split:
             segments = find_segments(source, loading_for(config.memory_bytes, reading))
