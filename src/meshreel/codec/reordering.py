@@ -32,7 +32,7 @@ class _Match:
         }[domain]
 
 
-def without_reordering(sequence: AnySequence, order: str) -> AnySequence:
+def without_reordering(sequence: AnySequence, order: str | None) -> AnySequence:
     """Return the sequence with segments joined whose meshes differ only in their order.
 
     Only if no order is kept. The faces must prove which vertex is which, with the help of
@@ -41,7 +41,7 @@ def without_reordering(sequence: AnySequence, order: str) -> AnySequence:
 
     Parameters
     ----------
-    order : {"keep", "vertices", "drop"}
+    order : {"keep", "vertices", "drop"}, optional
         The encoder's option.
     """
     if order != "drop" or not isinstance(sequence, SegmentedSequence):

@@ -155,7 +155,7 @@ def test_streams_of_reordered_frames_have_one_segment_and_keep_their_bound():
     assert 0 < quality.max_error_percent <= 0.1
 
 
-def test_encode_states_that_segments_were_joined(tmp_path):
+def test_encode_states_that_segments_of_files_were_joined(tmp_path):
     plain = textured(4)
     names = []
     for seed, one in enumerate(in_orders(plain, range(2), range(2, 4)).segments):
@@ -163,5 +163,5 @@ def test_encode_states_that_segments_were_joined(tmp_path):
         names.append(one.name)
     figures = run_json("encode", tmp_path / "frames", "-o", tmp_path / "a.reel", "--order", "drop")
     assert figures["n_segments"] == 1
-    assert any("joined 2 segments to 1" in note for note in figures["notes"])
+    assert any("matched 2 segments" in note for note in figures["notes"])
     assert 0 < figures["max_error_percent"] < 1
