@@ -22,6 +22,7 @@ from conformance import segments
 from conformance.description import describe_all
 from conformance.reader import read_all
 from conformance.sources import (
+    attribute,
     book,
     faceted,
     fan,
@@ -39,7 +40,7 @@ from conformance.sources import (
     together,
     uneven,
 )
-from conformance.surface import read_on_surface
+from conformance.surface import placed, read_on_surface
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import Header, whole_stream, write_sections, write_varint
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
@@ -755,6 +756,28 @@ def attributes_on_surface():
     with patch("conformance.surface.read_on_surface", wraps=read_on_surface) as read:
         read_all(data)
     assert read.call_count == 4
+    return data
+
+
+@stream
+def attributes_on_own_grids():
+    """Texture coordinates of vertices and of corners as a quantizer of 7 bits leaves them."""
+    sheet, rng = moving(grid(6, 7), 2), np.random.default_rng(21)
+
+    def quantized(n_rows):
+        steps = rng.integers(0, 128, (n_rows, 2)).astype(np.float32)
+        steps[0], steps[1] = 0, 127
+        return np.float32([-0.3, 0.21]) + steps * (np.float32(0.77) / np.float32(127))
+
+    attributes = (
+        attribute("uv", "uv", "vertex", quantized(42)),
+        attribute("second", "uv", "corner", quantized(42), sheet.faces.ravel()),
+    )
+    whole = MeshSequence(sheet.vertices, sheet.faces, surface=Surface(attributes=attributes))
+    data = meshreel.encode(whole)
+    with patch("conformance.surface.placed", wraps=placed) as read:
+        read_all(data)
+    assert read.call_count == 84
     return data
 
 

@@ -2,6 +2,7 @@
 
 import struct
 from itertools import accumulate
+from math import isfinite
 
 from conformance.bits import integers, need
 from conformance.container import Payload
@@ -215,7 +216,9 @@ def read_attribute(payload, polygons, n_verts, memory):
     number_type, width = "Bifd"[payload.byte()], payload.byte()
     name, layout, n_rows = payload.text(), payload.byte(), payload.varint()
     references = payload.take(payload.varint())
-    form, predictor = payload.byte(), payload.byte()
+    form = payload.byte()
+    grid = [payload.number("f") for _ in range(1 + width)] if form == 12 else None
+    predictor = payload.byte()
     vertices = polygons.vertices_of_corners()
     n_items = {"vertex": n_verts, "face": len(polygons.sizes), "corner": len(vertices)}[domain]
     need(1 <= width <= 16 and layout in (EACH, INDEXED, SHARED))
@@ -241,8 +244,10 @@ def read_attribute(payload, polygons, n_verts, memory):
         read = read_along_faces if predictor == ALONG_FACES else read_on_surface
         table = read(payload.rest(), n_rows, width, stored, triangles)
     if form != 255:
-        need(number_type in "fd" and (form <= 11 or 64 <= form <= 88))
-        table = [divided(row, width, form, number_type) for row in table]
+        need(number_type == "f" if grid else number_type in "fd" and is_divisor(form))
+        table = [
+            placed(row, grid) if grid else divided(row, width, form, number_type) for row in table
+        ]
     if layout == SHARED:
         table, rows = [table[row] for row in rows], None
     return {
@@ -267,6 +272,19 @@ def read_on_surface(data, n_rows, width, stored, triangles):
     need(stored == "i", "values on a surface are not integers")
     rows = read_surface_integers(data, n_rows, width, triangles)
     return [tuple(struct.pack("<i", number) for number in row) for row in rows]
+
+
+def is_divisor(form):
+    return form <= 11 or 64 <= form <= 88
+
+
+def placed(row, grid):
+    """Return the numbers of a row on a grid: its step, then the origin of each column."""
+    step, *origins = grid
+    need(step > 0 and all(map(isfinite, grid)))
+    offsets = [single(single(struct.unpack("<i", integer)[0]) * step) for integer in row]
+    numbers = [single(low + one) for low, one in zip(origins, offsets, strict=True)]
+    return tuple(struct.pack("<f", number) for number in numbers)
 
 
 def divided(row, width, form, number_type):

@@ -17,7 +17,14 @@ enum reference_code { REPEAT = 0, NEW = 1, EXPLICIT = 2 };
 enum row_predictor { NOTHING = 0, ROW_BEFORE = 1, ALONG_FACES = 2, ON_SURFACE = 3 };
 
 /* Stored forms of numbers; 0 to 9: integers divided by a power of ten. */
-enum number_form { BY_BYTE = 10, BY_SHORT = 11, GRID = 64, FINEST_GRID = 88, PLAIN = 255 };
+enum number_form {
+    BY_BYTE = 10,
+    BY_SHORT = 11,
+    OWN_GRID = 12,
+    GRID = 64,
+    FINEST_GRID = 88,
+    PLAIN = 255
+};
 
 /* ---- type and layout ---- */
 
@@ -403,46 +410,92 @@ static void divide(const meshreel_attribute *result, const int32_t *integers, ui
     }
 }
 
-static int check_form(reel_call *call, uint64_t at, const meshreel_attribute *result, uint8_t form,
-                      uint8_t predictor) {
+/* How the numbers of a table are stored. */
+typedef struct {
+    uint8_t form, predictor;
+    float step, origins[MAX_WIDTH]; /* of an own grid */
+} number_layout;
+
+static bool is_form(const meshreel_attribute *result, uint8_t form) {
     bool is_divided = form <= BY_SHORT || (form >= GRID && form <= FINEST_GRID);
-    if (form != PLAIN && !(is_divided && is_float(result))) {
+    return form == PLAIN || (is_divided && is_float(result)) ||
+           (form == OWN_GRID && result->type == MESHREEL_FLOAT32);
+}
+
+static int read_grid(reel_call *call, reel_range *left, const meshreel_attribute *result,
+                     number_layout *layout) {
+    uint64_t at = left->at;
+    int failed = reel_read_bytes(call, left, &layout->step, sizeof layout->step);
+    failed = failed ? failed
+                    : reel_read_bytes(call, left, layout->origins,
+                                      result->width * sizeof *layout->origins);
+    if (failed) {
+        return failed;
+    }
+    bool is_valid = layout->step > 0.0F && reel_is_finite((double)layout->step);
+    for (uint32_t i = 0; i < result->width; i++) {
+        is_valid = is_valid && reel_is_finite((double)layout->origins[i]);
+    }
+    return is_valid ? MESHREEL_OK
+                    : reel_corrupt(call, at, "the step of an attribute is not above 0, or an origin is not finite");
+}
+
+static int read_number_layout(reel_call *call, reel_range *left, const meshreel_attribute *result,
+                              number_layout *layout) {
+    uint64_t at = left->at;
+    int failed = reel_read_bytes(call, left, &layout->form, 1);
+    if (!failed && !is_form(result, layout->form)) {
         return reel_corrupt(call, at, "the form of the numbers of an attribute is unknown");
     }
-    bool has_integers = form != PLAIN || result->type == MESHREEL_INT32;
+    if (!failed && layout->form == OWN_GRID) {
+        failed = read_grid(call, left, result, layout);
+    }
+    at = left->at;
+    failed = failed ? failed : reel_read_bytes(call, left, &layout->predictor, 1);
+    bool has_integers = layout->form != PLAIN || result->type == MESHREEL_INT32;
     uint8_t last = result->domain == MESHREEL_FACES ? ROW_BEFORE
                    : has_integers                   ? ON_SURFACE
                                                     : ALONG_FACES;
-    if (predictor > last) {
-        return reel_corrupt(call, at + 1, "the row predictor of an attribute is unknown");
+    if (!failed && layout->predictor > last) {
+        return reel_corrupt(call, at, "the row predictor of an attribute is unknown");
     }
-    return MESHREEL_OK;
+    return failed;
+}
+
+/* Each product and each sum is rounded to single precision. */
+static void place_on_grid(const meshreel_attribute *result, const int32_t *integers,
+                          const number_layout *layout, float *values) {
+    uint64_t count = (uint64_t)result->n_rows * result->width;
+    for (uint64_t i = 0; i < count; i++) {
+        float offset = (float)integers[i] * layout->step;
+        values[i] = layout->origins[i % result->width] + offset;
+    }
 }
 
 static int read_values(reel_call *call, const reel_faces *faces, reel_range coded,
                        const meshreel_attribute *result, void *values) {
-    uint8_t head[2];
-    uint64_t at = coded.at;
-    int failed = reel_read_bytes(call, &coded, head, sizeof head);
-    failed = failed ? failed : check_form(call, at, result, head[0], head[1]);
+    number_layout layout;
+    int failed = read_number_layout(call, &coded, result, &layout);
     if (failed) {
         return failed;
     }
-    if (head[0] == PLAIN && result->type == MESHREEL_INT32) {
-        return decode_integers(call, faces, coded, result, head[1], values);
+    if (layout.form == PLAIN && result->type == MESHREEL_INT32) {
+        return decode_integers(call, faces, coded, result, layout.predictor, values);
     }
-    if (head[0] == PLAIN) {
+    if (layout.form == PLAIN) {
         row_order rows_order;
-        failed = find_row_order(call, faces, result, head[1], &rows_order);
+        failed = find_row_order(call, faces, result, layout.predictor, &rows_order);
         return failed ? failed
                       : decode_patterns(call, coded, result, &rows_order, size_of(result),
                                         is_float(result), values);
     }
     int32_t *integers = reel_scratch(call, result->n_rows, result->width * sizeof *integers);
-    failed = integers ? decode_integers(call, faces, coded, result, head[1], integers)
+    failed = integers ? decode_integers(call, faces, coded, result, layout.predictor, integers)
                       : call->error.code;
-    if (!failed) {
-        divide(result, integers, head[0], values);
+    if (!failed && layout.form == OWN_GRID) {
+        place_on_grid(result, integers, &layout, values);
+    } else if (!failed) {
+        divide(result, integers, layout.form, values);
     }
     return failed;
 }

@@ -1,4 +1,4 @@
-"""Floats that are integers divided by a common divisor, as numbers in files often are."""
+"""Floats that are integers divided by a common divisor, or steps of a grid, as often in files."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -20,6 +20,15 @@ MAX_GRID_BITS = 24
 """Finest grid, of 2^-bits; float32 represents all of its numbers up to 1."""
 
 MAX_INTEGER = 1 << 29
+
+OWN_GRID = 12
+"""Code of a grid with its own step and origins, as Draco's quantization leaves it."""
+
+QUANTIZED_BITS = range(4, 21)
+"""Bits of such grids."""
+
+SAMPLE = 64
+"""Rows that a grid is tried on before all others."""
 
 
 def divisor(code: int) -> float:
@@ -56,4 +65,39 @@ def _integers(values: npt.NDArray[Any], exact: npt.NDArray[Any], code: int) -> I
         return None
     integers = rounded.astype(np.int32)
     back = values_of(integers, code, values.dtype)
+    return integers if back.tobytes() == values.tobytes() else None
+
+
+def as_own_grid(values: npt.NDArray[Any]) -> Iterator[tuple[bytes, Integers]]:
+    """Yield the step and origins, and integers, that represent these floats exactly; or nothing.
+
+    A quantizer of b bits divides the widest range of a column into 2^b - 1 steps, and rounds
+    products and sums to single precision, as Draco does.
+
+    Parameters
+    ----------
+    values : array of shape (N, C)
+    """
+    if values.dtype != np.float32 or not len(values) or not np.isfinite(values).all():
+        return
+    low = values.min(axis=0)
+    with np.errstate(over="ignore"):
+        width = (values.max(axis=0) - low).max()
+    for bits in QUANTIZED_BITS if 0 < width < np.inf else ():
+        step = width / np.float32(2**bits - 1)
+        if _on_grid(values[:SAMPLE], low, step) is None:
+            continue
+        integers = _on_grid(values, low, step)
+        if integers is not None:
+            yield np.append(step, low).astype("<f4").tobytes(), integers
+            return
+
+
+def _on_grid(
+    values: npt.NDArray[np.float32], low: npt.NDArray[np.float32], step: np.float32
+) -> Integers | None:
+    """Return the integers of values on a grid, or None if they are not all on it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        integers = np.rint((values.astype(np.float64) - low) / step).astype(np.int32)
+        back = low + integers.astype(np.float32) * step
     return integers if back.tobytes() == values.tobytes() else None

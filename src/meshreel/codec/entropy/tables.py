@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.entropy.exact import encode_numbers, nothing_expected, row_before_expected
-from meshreel.codec.entropy.multiples import GRID, as_multiples
+from meshreel.codec.entropy.multiples import GRID, OWN_GRID, as_multiples, as_own_grid
 from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.patterns import expected_along
 from meshreel.kernel.surface_integers import MAX_VALUE, encode_on_surface
@@ -38,37 +38,38 @@ def encode_table(values: Numbers, faces: Faces | None = None) -> bytes:
     faces : int32 array of shape (M, 3), optional
         Triangles of rows, for predictions from neighboring rows. The reader needs the same.
     """
-    return _shortest([(BIT_PATTERNS, values), *as_multiples(values)], faces)
+    forms = [(bytes([BIT_PATTERNS]), values)]
+    forms += [(bytes([code]), integers) for code, integers in as_multiples(values)]
+    forms += [(bytes([OWN_GRID]) + grid, integers) for grid, integers in as_own_grid(values)]
+    return _shortest(forms, faces)
 
 
 def encode_grid_table(integers: Integers, bits: int, faces: Faces | None = None) -> bytes:
     """Encode a table of shape (N, C) of integer multiples of 2^-bits."""
-    return _shortest([(GRID + bits, integers.astype(INTEGER))], faces)
+    return _shortest([(bytes([GRID + bits]), integers.astype(INTEGER))], faces)
 
 
-def _shortest(forms: list[tuple[int, Numbers]], faces: Faces | None) -> bytes:
+def _shortest(forms: list[tuple[bytes, Numbers]], faces: Faces | None) -> bytes:
     """Encode a table by the form and prediction that take the fewest bytes."""
-    return min((bytes(head) + data for head, data in _trials(forms, faces)), key=len)
+    return min(_trials(forms, faces), key=len)
 
 
-def _trials(
-    forms: list[tuple[int, Numbers]], faces: Faces | None
-) -> Iterator[tuple[tuple[int, int], bytes]]:
-    """Yield the codes of a form and a predictor, and the table coded with them."""
+def _trials(forms: list[tuple[bytes, Numbers]], faces: Faces | None) -> Iterator[bytes]:
+    """Yield the table in each form, with each predictor."""
     table = forms[0][1]
     n_rows = len(table)
     if faces is None or n_rows <= SMALL_TABLE or _n_distinct(table) < FEW_ROWS * n_rows:
         for number, expected in ((NOTHING, nothing_expected), (ROW_BEFORE, row_before_expected)):
-            for code, numbers in forms:
-                yield (code, number), encode_numbers(numbers, expected(n_rows))
+            for form, numbers in forms:
+                yield form + bytes([number]) + encode_numbers(numbers, expected(n_rows))
     if faces is None:
         return
     twins = opposite_sides(faces, n_rows)
     along = expected_along(faces, twins, n_rows)
-    for code, numbers in forms:
-        yield (code, ALONG_FACES), encode_numbers(numbers, along)
+    for form, numbers in forms:
+        yield form + bytes([ALONG_FACES]) + encode_numbers(numbers, along)
         if numbers.dtype == INTEGER and -MAX_VALUE <= numbers.min() <= numbers.max() <= MAX_VALUE:
-            yield (code, ON_SURFACE), encode_on_surface(numbers, faces, twins)
+            yield form + bytes([ON_SURFACE]) + encode_on_surface(numbers, faces, twins)
 
 
 def _n_distinct(table: Numbers) -> int:

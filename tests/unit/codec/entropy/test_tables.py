@@ -6,7 +6,14 @@ from hypothesis.extra.numpy import arrays
 
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.entropy.exact import decode_numbers, nothing_expected, row_before_expected
-from meshreel.codec.entropy.multiples import GRID, MAX_GRID_BITS, MAX_INTEGER, UNORM16, values_of
+from meshreel.codec.entropy.multiples import (
+    GRID,
+    MAX_GRID_BITS,
+    MAX_INTEGER,
+    OWN_GRID,
+    UNORM16,
+    values_of,
+)
 from meshreel.codec.entropy.tables import (
     ALONG_FACES,
     BIT_PATTERNS,
@@ -25,19 +32,26 @@ SHAPES = st.tuples(st.integers(0, 12), st.integers(1, 4))
 
 
 def decoded(data, shape, dtype, faces=None):
-    """The table, with its form and coding in the first two bytes."""
-    form, coding = data[:2]
-    if coding >= ALONG_FACES:
-        twins = twin_sides(faces, shape[0])
-        if coding == ON_SURFACE:
-            integers = decode_on_surface(data[2:], shape, faces, twins)
-            return integers if form == BIT_PATTERNS else values_of(integers, form, dtype)
-        expected = expected_along(faces, twins, shape[0])
-    else:
-        expected = (nothing_expected, row_before_expected)[coding](shape[0])
+    """The table, with its form and coding in the first bytes."""
+    form, size = data[0], 4 * (1 + shape[1]) if data[0] == OWN_GRID else 0
+    coding, coded = data[1 + size], data[2 + size :]
     if form == BIT_PATTERNS:
-        return decode_numbers(data[2:], shape, dtype, expected)
-    return values_of(decode_numbers(data[2:], shape, INTEGER, expected), form, dtype)
+        return integers_or_patterns(coded, coding, shape, dtype, faces)
+    integers = integers_or_patterns(coded, coding, shape, INTEGER, faces)
+    if form != OWN_GRID:
+        return values_of(integers, form, dtype)
+    step, *origins = np.frombuffer(data[1 : 1 + size], "<f4")
+    return np.array(origins, np.float32) + integers.astype(np.float32) * step
+
+
+def integers_or_patterns(coded, coding, shape, dtype, faces):
+    if coding < ALONG_FACES:
+        expected = (nothing_expected, row_before_expected)[coding](shape[0])
+        return decode_numbers(coded, shape, dtype, expected)
+    twins = twin_sides(faces, shape[0])
+    if coding == ON_SURFACE:
+        return decode_on_surface(coded, shape, faces, twins)
+    return decode_numbers(coded, shape, dtype, expected_along(faces, twins, shape[0]))
 
 
 def assert_round_trips(values):
@@ -113,3 +127,22 @@ def test_integers_at_corners_are_lossless_with_the_best_predictor(make, predicto
     data = encode_table(values, SHEET)
     assert data[1] in predictors
     np.testing.assert_array_equal(decoded(data, values.shape, INTEGER, SHEET), values)
+
+
+@pytest.mark.parametrize("bits", [4, 10, 16])
+def test_values_quantized_in_their_own_range_take_the_bytes_of_integers(bits):
+    rows, columns = np.divmod(np.arange(1200), 40)
+    low, step = np.array([0.37, -5.1], np.float32), np.float32(1.3) / np.float32(2**bits - 1)
+    integers = np.stack([rows * (2**bits - 1) // 29, columns * (2**bits - 1) // 80], axis=1)
+    values = low + integers.astype(np.float32) * step
+    data = encode_table(values, SHEET)
+    assert data[0] == OWN_GRID
+    assert len(data) < len(encode_table(integers.astype(np.int32), SHEET)) + 16
+    assert decoded(data, values.shape, SINGLE, SHEET).tobytes() == values.tobytes()
+
+
+def test_values_beside_a_grid_are_not_put_on_it():
+    values = np.random.default_rng(5).random((1200, 2)).astype(np.float32)
+    assert encode_table(values, SHEET)[0] != OWN_GRID
+    assert_round_trips(np.full((5, 2), 0.1, np.float32))
+    assert_round_trips(np.array([[np.finfo(np.float32).max], [-np.finfo(np.float32).max]]))
