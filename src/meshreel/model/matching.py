@@ -122,16 +122,26 @@ class _Corners:
         if one.dtype != two.dtype or _description(one.surface) != _description(two.surface):
             return False
         numbers = _joint_numbers([self, other])
-        first, second = (
-            np.unique(own[corners.faces], axis=0)
-            for own, corners in zip(numbers, (self, other), strict=True)
-        )
-        n_all = len(np.unique(np.concatenate([first, second]), axis=0))
-        return n_all <= (1.0 + MISSING_SHARE) * min(len(first), len(second))
+        faces = [own[corners.faces] for own, corners in zip(numbers, (self, other), strict=True)]
+        found = _distinct_faces(np.concatenate(faces))[1]
+        counts = [len(np.unique(found[: len(faces[0])])), len(np.unique(found[len(faces[0]) :]))]
+        return int(found.max()) < (1.0 + MISSING_SHARE) * min(counts)
+
+
+def _distinct_faces(faces: Integers) -> tuple[Integers, Integers]:
+    """Return the first of each group of equal faces, and the group of each face."""
+    n_values = np.int64(faces.max()) + 1
+    _, pairs = np.unique(faces[:, 0] * n_values + faces[:, 1], return_inverse=True)
+    _, first, groups = np.unique(
+        pairs * n_values + faces[:, 2], return_index=True, return_inverse=True
+    )
+    return first, groups
 
 
 def _joint_numbers(several: Sequence[_Corners]) -> list[Integers]:
     """Number the values of several segments; return the number of each of their values."""
+    if all(np.array_equal(one.values, several[0].values) for one in several[1:]):
+        return [np.arange(len(one.values)) for one in several]
     _, numbers = np.unique(np.concatenate([one.values for one in several]), return_inverse=True)
     return np.split(numbers, np.cumsum([len(one.values) for one in several])[:-1])
 
@@ -219,8 +229,10 @@ def _aligned(run: list[_Corners]) -> tuple[Integers, Integers] | None:
     """
     own_numbers = _joint_numbers(run)
     faces = [own[one.faces] for one, own in zip(run, own_numbers, strict=True)]
-    keys, inverse = np.unique(np.concatenate(faces), axis=0, return_inverse=True)
-    rows = np.split(inverse.reshape(-1), np.cumsum([len(one) for one in faces])[:-1])
+    stacked = np.concatenate(faces)
+    first, inverse = _distinct_faces(stacked)
+    keys = stacked[first]
+    rows = np.split(inverse, np.cumsum([len(one) for one in faces])[:-1])
     is_alike = (keys == keys[:, :1]).all(axis=1)  # such a face may begin anywhere
     for own in rows:
         counts = np.bincount(own, minlength=len(keys))
