@@ -182,11 +182,11 @@ const scriptText = {
   name: "script text",
   setup(bundler) {
     bundler.onResolve({ filter: /\?script$/ }, ({ path, resolveDir }) => ({
-      path: join(resolveDir, path.replace("?script", "")),
+      path: relative(here, join(resolveDir, path.replace("?script", ""))), // hashes depend on it
       namespace: "script",
     }));
     bundler.onLoad({ filter: /.*/, namespace: "script" }, async ({ path }) => ({
-      contents: (await bundleForPage({ entryPoints: [path], outdir: here, format: "iife" })).outputFiles[0].text,
+      contents: (await bundleForPage({ entryPoints: [join(here, path)], outdir: here, format: "iife" })).outputFiles[0].text,
       loader: "text",
     }));
   },
