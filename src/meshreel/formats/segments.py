@@ -19,7 +19,7 @@ from meshreel.formats.scenes.scene_source import frame_range, open_mesh, select_
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.matching import match_segments
+from meshreel.model.matching.segments import match_segments
 from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, single_segment
 from meshreel.model.sequence import FrameSource
 from meshreel.runtime.counting import counted

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshreel.model.geometry.hard_edges import shared_edges
-from meshreel.model.matching import match_segments
+from meshreel.model.matching.segments import match_segments
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track

@@ -1,0 +1,122 @@
+"""The corners of triangles, identified by values that do not change over time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.kernel.order import opposite_sides
+from meshreel.model.sequence import Faces, MeshSequence
+from meshreel.model.surface import Attribute, Domain, Surface
+
+Integers = npt.NDArray[np.signedinteger[Any]]
+Rows = npt.NDArray[np.void]
+
+NONE = -1
+"""Corner or vertex that a segment does not have."""
+
+MISSING_SHARE = 0.02
+"""Largest share of faces that a segment may lack."""
+
+
+@dataclass(frozen=True)
+class Corners:
+    """The corners of a segment's triangles, identified by values that do not change over time.
+
+    Attributes
+    ----------
+    segment : MeshSequence
+    values : array
+        Distinct values of all corners as bytes, ascending.
+    faces : int32 array of shape (M, 3)
+        Integers of the values at the corners of each face, sorted. A face begins with the corner
+        that makes its numbers lowest; among equal ones, the numbers opposite to its sides. Faces of
+        equal numbers are sorted by those, too.
+    opposite : int32 array of shape (M, 3)
+        Number of the value opposite to the side after each corner, in the face across it.
+    corners : int32 array of shape (M, 3)
+        Number of each of these corners in the segment.
+    """
+
+    segment: MeshSequence
+    values: Rows
+    faces: Integers
+    opposite: Integers
+    corners: Integers
+
+    def has_faces_of(self, other: "Corners") -> bool:
+        """Whether both segments may have the same mesh: most faces have the values of others."""
+        one, two = self.segment, other.segment
+        if one.dtype != two.dtype or _description(one.surface) != _description(two.surface):
+            return False
+        numbers = joint_numbers([self, other])
+        faces = [own[corners.faces] for own, corners in zip(numbers, (self, other), strict=True)]
+        found = distinct_faces(np.concatenate(faces))[1]
+        counts = [len(np.unique(found[: len(faces[0])])), len(np.unique(found[len(faces[0]) :]))]
+        return int(found.max()) < (1.0 + MISSING_SHARE) * min(counts)
+
+
+def distinct_faces(faces: Integers) -> tuple[Integers, Integers]:
+    """Return the first of each group of equal faces, and the group of each face."""
+    n_values = np.int64(faces.max()) + 1
+    _, pairs = np.unique(faces[:, 0] * n_values + faces[:, 1], return_inverse=True)
+    _, first, groups = np.unique(
+        pairs * n_values + faces[:, 2], return_index=True, return_inverse=True
+    )
+    return first, groups
+
+
+def joint_numbers(several: Sequence[Corners]) -> list[Integers]:
+    """Number the values of several segments; return the number of each of their values."""
+    if all(np.array_equal(one.values, several[0].values) for one in several[1:]):
+        return [np.arange(len(one.values)) for one in several]
+    _, numbers = np.unique(np.concatenate([one.values for one in several]), return_inverse=True)
+    return np.split(numbers, np.cumsum([len(one.values) for one in several])[:-1])
+
+
+def corners_of(segment: MeshSequence) -> Corners:
+    """Return the corners of a segment, by its attributes and groups, or else its positions."""
+    surface = segment.surface
+    columns = [values_at_corners(one, segment.faces) for one in surface.attributes]
+    columns += [np.repeat(one.numbers, 3)[:, None] for one in surface.groups]
+    if not surface.attributes:
+        columns.append(segment.vertices[0][segment.faces.ravel()])
+    found, _, numbers = distinct_rows(columns)
+    rows = numbers.reshape(-1, 3)
+    twins = opposite_sides(segment.faces, segment.n_verts).astype(np.int64)
+    across = numbers[3 * (twins // 3) + (twins + 2) % 3].reshape(-1, 3)
+    # If two corners have the lowest number, the face begins with the one before the other.
+    turns = np.argmin(rows * np.int64(len(found)) + np.roll(rows, -1, axis=1), axis=1)
+    turns = (turns[:, None] + np.arange(3)) % 3
+    corners = 3 * np.arange(len(rows))[:, None] + turns
+    faces, opposite = (np.take_along_axis(one, turns, axis=1) for one in (rows, across))
+    return Corners(segment, found, *(one.astype(np.int32) for one in (faces, opposite, corners)))
+
+
+def values_at_corners(attribute: Attribute, faces: Faces) -> npt.NDArray[np.generic]:
+    """Return the values of an attribute at the corners of triangles, of shape (3 M, C)."""
+    values = attribute.per_item()
+    if attribute.domain is Domain.CORNER:
+        return values
+    return values[faces.ravel()] if attribute.domain is Domain.VERTEX else np.repeat(values, 3, 0)
+
+
+def _description(surface: Surface) -> tuple[object, ...]:
+    """Everything about a surface except values and groups of faces and hard edges."""
+    attributes = [
+        (one.name, one.kind, one.domain, one.values.dtype, one.values.shape[1])
+        for one in surface.attributes
+    ]
+    groups = [(one.name, one.labels) for one in surface.groups]
+    has_hard_edges = surface.hard_edges is not None
+    return attributes, groups, surface.materials, surface.images, has_hard_edges
+
+
+def distinct_rows(columns: Sequence[npt.NDArray[np.generic]]) -> tuple[Rows, Integers, Integers]:
+    """Return the distinct rows of tables as bytes, ascending, where they are, and their numbers."""
+    pieces = [np.ascontiguousarray(one).view(np.uint8).reshape(len(one), -1) for one in columns]
+    rows = np.ascontiguousarray(np.concatenate(pieces, axis=1))
+    whole = rows.view(np.dtype((np.void, rows.shape[1])))[:, 0]
+    return np.unique(whole, return_index=True, return_inverse=True)

@@ -1,0 +1,243 @@
+"""Frames whose vertices and faces are in another order than those of the frame before.
+
+Captured performances are often tracked: over many frames the mesh is the same, but a codec like
+Draco has compressed each frame alone, reordered its vertices and faces, and left out faces without
+area. Texture coordinates and other attributes, which do not change over time, identify the faces.
+Matched frames have the surface of the given ones exactly: the faces that are added have no area, or
+coincide with others.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeGuard
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.model.geometry.hard_edges import shared_edges
+from meshreel.model.matching.corners import (
+    MISSING_SHARE,
+    NONE,
+    Corners,
+    Integers,
+    corners_of,
+    distinct_rows,
+    values_at_corners,
+)
+from meshreel.model.matching.faces import aligned_faces
+from meshreel.model.matching.vertices import joined_vertices
+from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Surface
+from meshreel.runtime.progress import Count, Progress, silent
+
+
+def match_segments(
+    segments: Sequence[FrameSource], progress: Progress = silent
+) -> list[FrameSource]:
+    """Join consecutive segments that have the same mesh, in any order of vertices and faces.
+
+    Segments are matched by all of their attributes and groups; without attributes, by positions,
+    if they are at rest. Frames that stay in their files, and meshes with polygons, parts, tracks or
+    unused vertices, are not matched.
+
+    Parameters
+    ----------
+    segments : sequence of MeshSequence or other FrameSource
+        At least one.
+    progress : Progress
+        Called with the number of segments compared.
+
+    Returns
+    -------
+    list of FrameSource
+        Fewer, longer segments; a segment that matches no other is returned unchanged. The order of
+        vertices and faces of a joined segment is that of its first frame, followed by the faces
+        that only later frames have.
+    """
+    result: list[FrameSource] = []
+    run: list[Corners] = []
+    for number, segment in enumerate(segments, start=1):
+        corners = corners_of(segment) if _is_supported(segment) else None
+        if corners is None or (run and not run[-1].has_faces_of(corners)):
+            result += _joined(run)
+            run = []
+        if corners is None:
+            result.append(segment)
+        else:
+            run.append(corners)
+        progress("matching", Count(number, len(segments), "segments"))
+    return result + _joined(run)
+
+
+def _is_supported(segment: FrameSource) -> TypeGuard[MeshSequence]:
+    if not isinstance(segment, MeshSequence) or segment.tracks:
+        return False
+    if segment.surface.face_sizes is not None or segment.surface.parts:
+        return False
+    return len(np.unique(segment.faces)) == segment.n_verts
+
+
+def _joined(run: list[Corners]) -> list[FrameSource]:
+    """Join as many segments of a run as match; those that do not are tried in halves."""
+    if len(run) < 2:
+        return [one.segment for one in run]
+    joined = _join(run)
+    if joined is not None:
+        return [joined]
+    middle = len(run) // 2
+    return _joined(run[:middle]) + _joined(run[middle:])
+
+
+def _join(run: list[Corners]) -> MeshSequence | None:
+    """Return the segments of a run as one, or None if their meshes differ."""
+    aligned = aligned_faces(run)
+    if aligned is None:
+        return None
+    values, corners = aligned
+    if (corners[:, :, 0] == NONE).sum(axis=1).max() > MISSING_SHARE * len(values):
+        return None
+    at = np.full_like(corners, NONE)  # the vertex of each corner
+    for one, own, vertices in zip(run, corners, at, strict=True):
+        vertices[own != NONE] = one.segment.faces.ravel()[own[own != NONE]]
+    frames = [one.segment.vertices[0] for one in run]
+    vertices, faces = joined_vertices(at.reshape(len(run), -1), values.ravel(), frames)
+    positions = [one.segment.vertices[:, own] for one, own in zip(run, vertices, strict=True)]
+    for several, own in zip(positions, at, strict=True):
+        is_missing = own[:, 0] == NONE
+        if not _adds_nothing(several, faces[is_missing], faces[~is_missing]):
+            return None
+    return _assembled(run, positions, vertices, faces, corners)
+
+
+def _adds_nothing(positions: Vertices, faces: Integers, present: Integers) -> bool:
+    """Whether faces do not change the surface of frames (T, V, 3).
+
+    Such a face has two corners at one point, or is at the same points as a present face.
+    """
+    near = present[np.isin(present, faces).any(axis=1)]
+    for frame in positions:
+        _, point_of = np.unique(frame[np.append(faces, near)], axis=0, return_inverse=True)
+        points = np.sort(point_of.reshape(-1, 3), axis=1)
+        points, others = points[: len(faces)], points[len(faces) :]
+        has_area = (points[:, 0] != points[:, 1]) & (points[:, 1] != points[:, 2])
+        n_points = np.int64(point_of.max(initial=0)) + 1
+        keys, near_keys = (
+            (one[:, 0] * n_points + one[:, 1]) * n_points + one[:, 2] for one in (points, others)
+        )
+        if not np.isin(keys[has_area], near_keys).all():
+            return False
+    return True
+
+
+def _assembled(
+    run: list[Corners],
+    positions: Sequence[Vertices],
+    vertices: Integers,
+    faces: Integers,
+    corners: Integers,
+) -> MeshSequence | None:
+    """Return the joined segment, or None if hard edges differ.
+
+    Parameters
+    ----------
+    positions : arrays of shape (T_s, V, 3), for each segment
+    vertices : array of shape (S, V)
+        Each vertex in each segment.
+    faces : array of shape (M, 3)
+    corners : array of shape (S, M, 3)
+        Number of each corner in each segment, or NONE.
+    """
+    segments = [one.segment for one in run]
+    source = np.argmax(corners[:, :, 0] != NONE, axis=0)  # the first segment with each face
+    own = corners[source, np.arange(len(faces))]
+    order = np.lexsort((own[:, 0] // 3, source))
+    turns = (np.argmin(own % 3, axis=1)[:, None] + np.arange(3)) % 3
+    faces, own = (np.take_along_axis(one, turns, axis=1)[order] for one in (faces, own))
+    source = source[order]
+    used, first_corners, numbers = np.unique(faces, return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(first_corners))
+    faces, used = rank[numbers].reshape(-1, 3), used[np.argsort(first_corners)]
+    surface = _surface(segments, source, own, np.sort(first_corners))
+    if surface.hard_edges is not None:
+        edges = _hard_edges(segments, vertices[:, used], faces)
+        if edges is None:
+            return None
+        surface = replace(surface, hard_edges=edges)
+    return replace(
+        segments[0],
+        vertices=np.concatenate([one[:, used] for one in positions]),
+        faces=faces.astype(np.int32),
+        surface=surface,
+    )
+
+
+def _surface(
+    segments: Sequence[MeshSequence], source: Integers, own: Integers, first_corners: Integers
+) -> Surface:
+    """Return the surface of joined faces; hard edges are those of the first segment.
+
+    Parameters
+    ----------
+    source, own : arrays of shapes (M,) and (M, 3)
+        The segment from which each face is taken, and its corners there.
+    first_corners : array of shape (V,)
+        A corner of the joined faces at each vertex.
+    """
+
+    def gathered(number: int) -> Attribute:
+        first = segments[0].surface.attributes[number]
+        values = np.empty((3 * len(source), first.values.shape[1]), first.values.dtype)
+        for index in np.unique(source).tolist():
+            is_own = np.repeat(source == index, 3)
+            other = segments[index]
+            of_corners = values_at_corners(other.surface.attributes[number], other.faces)
+            values[is_own] = of_corners[own[source == index].ravel()]
+        if first.domain is Domain.CORNER and first.indices is None:
+            return replace(first, values=values)
+        if first.domain is not Domain.CORNER:
+            values = values[first_corners if first.domain is Domain.VERTEX else slice(0, None, 3)]
+        if first.indices is None:
+            return replace(first, values=values)
+        _, rows, numbers = distinct_rows([values])
+        return replace(first, values=values[rows], indices=numbers.astype(np.int32))
+
+    def regrouped(number: int) -> FaceGroups:
+        groups = [one.surface.groups[number] for one in segments]
+        numbers = np.empty(len(source), np.int32)
+        for index in np.unique(source).tolist():
+            numbers[source == index] = groups[index].numbers[own[source == index, 0] // 3]
+        return replace(groups[0], numbers=numbers)
+
+    surface = segments[0].surface
+    return replace(
+        surface,
+        is_ordered=False,
+        attributes=tuple(map(gathered, range(len(surface.attributes)))),
+        groups=tuple(map(regrouped, range(len(surface.groups)))),
+    )
+
+
+def _hard_edges(
+    segments: Sequence[MeshSequence], vertices: Integers, faces: Integers
+) -> npt.NDArray[np.int32] | None:
+    """Return the hard edges of joined faces, or None if those of a segment differ.
+
+    Parameters
+    ----------
+    vertices : array of shape (S, V)
+        Each vertex in each segment.
+    """
+    edges = shared_edges(np.full(len(faces), 3), faces.ravel()).ends
+    is_hard = np.zeros(len(edges), bool)
+    for number, (one, own) in enumerate(zip(segments, vertices, strict=True)):
+        there = np.sort(own[edges], axis=1)
+        codes, hard = (
+            ends[:, 0] * np.int64(one.n_verts) + ends[:, 1]
+            for ends in (there, np.asarray(one.surface.hard_edges, np.int64))
+        )
+        is_hard_there = np.isin(codes, hard)
+        if not number:
+            is_hard = is_hard_there
+        elif ((is_hard != is_hard_there) & (there[:, 0] != there[:, 1])).any():
+            return None
+    return edges[is_hard].astype(np.int32)
