@@ -261,3 +261,17 @@ def test_face_that_coincides_with_another_may_be_missing():
     )
     (matched,) = match_segments([shuffled(doubled, 0, 1), shuffled(sheet, 1, 2)])
     assert (matched.n_verts, len(matched.faces)) == (99, len(SHEET.faces) + 1)
+
+
+def test_faces_that_are_each_missing_somewhere_leave_nothing_to_match_by():
+    faces = np.tile(np.array([[0, 1, 2]]), (60, 1)) + 3 * np.arange(60)[:, None]
+    uvs = Attribute("uv", Kind.UV, Domain.CORNER, RNG.random((180, 2)).astype(np.float32))
+    every = MeshSequence(RNG.random((1, 180, 3)), faces, surface=Surface(attributes=(uvs,)))
+    given = []
+    for missing in range(60):
+        kept = np.delete(np.arange(60), missing)
+        values = uvs.values.reshape(60, 6)[kept].reshape(-1, 2)
+        surface = Surface(attributes=(replace(uvs, values=values),))
+        vertices = every.vertices[:, faces[kept].ravel()]
+        given.append(MeshSequence(vertices, np.arange(177).reshape(-1, 3), surface=surface))
+    assert_same_surfaces(match_segments(given), given)

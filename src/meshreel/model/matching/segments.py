@@ -21,6 +21,7 @@ from meshreel.model.matching.corners import (
     Corners,
     Integers,
     corners_of,
+    distinct_faces,
     distinct_rows,
     values_at_corners,
 )
@@ -94,7 +95,8 @@ def _join(run: list[Corners]) -> MeshSequence | None:
     if aligned is None:
         return None
     values, corners = aligned
-    if (corners[:, :, 0] == NONE).sum(axis=1).max() > MISSING_SHARE * len(values):
+    is_missing = corners[:, :, 0] == NONE
+    if is_missing.mean(axis=1).max() > MISSING_SHARE or is_missing.any(axis=0).all():
         return None
     at = np.full_like(corners, NONE)  # the vertex of each corner
     for one, own, vertices in zip(run, corners, at, strict=True):
@@ -102,9 +104,8 @@ def _join(run: list[Corners]) -> MeshSequence | None:
     frames = [one.segment.vertices[0] for one in run]
     vertices, faces = joined_vertices(at.reshape(len(run), -1), values.ravel(), frames)
     positions = [one.segment.vertices[:, own] for one, own in zip(run, vertices, strict=True)]
-    for several, own in zip(positions, at, strict=True):
-        is_missing = own[:, 0] == NONE
-        if not _adds_nothing(several, faces[is_missing], faces[~is_missing]):
+    for several, lacks in zip(positions, is_missing, strict=True):
+        if not _adds_nothing(several, faces[lacks], faces[~lacks]):
             return None
     return _assembled(run, positions, vertices, faces, corners)
 
@@ -114,17 +115,16 @@ def _adds_nothing(positions: Vertices, faces: Integers, present: Integers) -> bo
 
     Such a face has two corners at one point, or is at the same points as a present face.
     """
+    if not len(faces):
+        return True
     near = present[np.isin(present, faces).any(axis=1)]
     for frame in positions:
         _, point_of = np.unique(frame[np.append(faces, near)], axis=0, return_inverse=True)
         points = np.sort(point_of.reshape(-1, 3), axis=1)
-        points, others = points[: len(faces)], points[len(faces) :]
         has_area = (points[:, 0] != points[:, 1]) & (points[:, 1] != points[:, 2])
-        n_points = np.int64(point_of.max(initial=0)) + 1
-        keys, near_keys = (
-            (one[:, 0] * n_points + one[:, 1]) * n_points + one[:, 2] for one in (points, others)
-        )
-        if not np.isin(keys[has_area], near_keys).all():
+        groups = distinct_faces(points)[1]
+        added, there = np.split(groups, [len(faces)])
+        if not np.isin(added[has_area[: len(faces)]], there).all():
             return False
     return True
 
