@@ -74,7 +74,8 @@ def measure_stream(
                 progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 
         with ReelFile(BytesIO(data), memory=OWN_STREAM, segment=number) as reel:
-            internal = _internal(segment, reel)
+            is_dropped = reel.order == "drop"
+            internal = internal_numbers(segment.faces, segment.n_verts) if is_dropped else None
             add_blocks(sums, segment, decoded_blocks(reel, internal))
             for name, errors in errors_of_tracks(segment.tracks, reel.tracks, internal).items():
                 tracks.setdefault(name, []).append(errors)
@@ -97,11 +98,6 @@ def measure_stream(
 def measure_tracks(sequence: FrameSource, data: bytes) -> dict[str, TrackErrors]:
     """Return the errors of the tracks of a stream; parameters as in `measure_stream`."""
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
-        return errors_of_tracks(sequence.tracks, reel.tracks, _internal(sequence, reel))
-
-
-def _internal(sequence: FrameSource, reel: ReelFile) -> Integers | None:
-    """Return the decoded number of each vertex; None if the stream keeps the order."""
-    if reel.order != "drop":
-        return None
-    return internal_numbers(sequence.faces, sequence.n_verts)
+        is_dropped = reel.order == "drop"
+        internal = internal_numbers(sequence.faces, sequence.n_verts) if is_dropped else None
+        return errors_of_tracks(sequence.tracks, reel.tracks, internal)

@@ -65,7 +65,9 @@ def decode(
     progress("decoding connectivity", 0.0)
     opened = whole_stream(bytes(data), limit, segment)
     opened.require_mesh()
-    return _decode_frames(opened, frame_range(frames, opened.n_frames), n_modes, progress)
+    selected = frame_range(frames, opened.n_frames)
+    start_s = start_of(selected, opened.start_s, opened.fps)
+    return _decode_frames(opened, selected, start_s, n_modes, progress)
 
 
 def decode_segments(
@@ -95,17 +97,17 @@ def decode_segments(
             local = range(first - place.first_frame, stop - place.first_frame)
             what = f"frames {requested.start}:{stop} of {number + 1} segments"
             limit.require(held_bytes + opened.frames_size_bytes(local), what)
-            segments.append(_decode_frames(opened, local, n_modes, silent))
+            start_s = start_of(local, opened.start_s, opened.fps)
+            segments.append(_decode_frames(opened, local, start_s, n_modes, silent))
             held_bytes += segments[-1].raw_size_bytes
             progress("decoding", Count(stop - requested.start, len(requested), "frames"))
     return SegmentedSequence(segments)
 
 
 def _decode_frames(
-    opened: OpenStream, selected: range, n_modes: int | None, progress: Progress
+    opened: OpenStream, selected: range, start_s: float, n_modes: int | None, progress: Progress
 ) -> MeshSequence:
     """Return some frames of an open stream of one segment, with their tracks."""
-    start_s = start_of(selected, opened.start_s, opened.fps)
     reader = opened.method.frames(opened, n_modes)
     tracks = tracks_of_stream(opened, reader)
     opened.require_frames(selected, with_tracks=True)
@@ -126,7 +128,7 @@ def _decode_frames(
             reader.fill(vertices[begin - selected.start : end - selected.start], begin)
             progress("decoding", Count(end - selected.start, len(selected), "frames"))
     try:
-        faces, surface = opened.file.faces, opened.surface
+        surface, faces = opened.surface, opened.file.faces
         reader.close()
         opened.file.close()
         decoded: dict[str, Track] = {}

@@ -145,7 +145,7 @@ def suits_one_frame(source: Source) -> bool:
     A hierarchy takes up to a quarter fewer bytes, but decodes too slowly for real time. A file of a
     single frame has the time.
     """
-    return source.n_frames == 1 and source.whole_extent is not None and _takes_grid(source.config)
+    return source.whole_extent is not None and source.n_frames == 1 and _takes_grid(source.config)
 
 
 def encode_frame(source: Source, progress: Progress, step: float | None) -> bytes:
