@@ -295,7 +295,7 @@ class EncoderConfig:
             names=tuple(allocation.value for allocation in Allocation),
             group=PAPER_GROUP,
             more="energy: all share the step of the largest, so that bits follow a row's energy; "
-            "constant: each takes that many bits of its own range.",
+            "constant: each row spreads that many bits over its range.",
             methods=PAPER,
         ),
     ] = Allocation.ENERGY.value
