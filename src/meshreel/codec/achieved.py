@@ -60,7 +60,7 @@ def measure_stream(
     sums, runs = ErrorSums(extent or sequence.extent), list[Vertices]()
     tracks: dict[str, list[TrackErrors]] = {}
     segments = segments_of(sequence)
-    n_frames, first_frame = sum(segment.n_frames for segment in segments), 0
+    n_frames, first_frame = sequence.n_frames, 0
     for number, segment in enumerate(segments):
 
         def decoded_blocks(

@@ -140,12 +140,12 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
 
 
 def suits_one_frame(source: Source) -> bool:
-    """Return whether a source is a segment of one frame, without options of modes.
+    """Return whether a segment has one frame, and no options of modes.
 
     A hierarchy takes up to a quarter fewer bytes, but decodes too slowly for real time. A file of a
     single frame has the time.
     """
-    return source.whole_extent is not None and source.n_frames == 1 and _takes_grid(source.config)
+    return source.n_frames == 1 and _takes_grid(source.config)
 
 
 def encode_frame(source: Source, progress: Progress, step: float | None) -> bytes:

@@ -64,7 +64,7 @@ def encode(
     InvalidInputError
         If no stream meets the target.
     """
-    if suits_one_frame(source):
+    if source.whole_extent is not None and suits_one_frame(source):
         if step is None and source.config.target.kind is not TargetKind.MAX_ERROR:
             step, _ = step_for_target(source.config, RateSearch(source, progress, None))
         return encode_frame(source, progress, step)
