@@ -85,7 +85,7 @@ def as_own_grid(values: npt.NDArray[Any]) -> Iterator[tuple[bytes, Integers]]:
         width = (values.max(axis=0) - low).max()
     for bits in QUANTIZED_BITS if 0 < width < np.inf else ():
         step = width / np.float32(2**bits - 1)
-        if _on_grid(values[:SAMPLE], low, step) is None:
+        if not step or _on_grid(values[:SAMPLE], low, step) is None:  # a width may underflow
             continue
         integers = _on_grid(values, low, step)
         if integers is not None:

@@ -78,6 +78,11 @@ def test_signs_of_zero_among_decimals_are_lossless():
     assert_round_trips(np.array([[0.5], [-0.0], [0.0]], np.float32))
 
 
+def test_ranges_too_small_for_a_quantization_step_are_lossless():
+    smallest = np.finfo(np.float32).smallest_subnormal
+    assert_round_trips(np.array([[200 * smallest], [-0.0]], np.float32))
+
+
 def test_decimals_with_few_places_take_fewer_bytes():
     values = (np.random.default_rng(0).integers(0, 10**4, (5000, 2)) / 1e4).astype(np.float32)
     assert len(encode_table(values)) < 0.5 * values.nbytes
