@@ -1,10 +1,11 @@
 """The frame of reports: openings, and the document that compares codecs."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Protocol, TypeVar
 
+from meshreel.evaluation.runs.store import Result, done
 from meshreel.evaluation.runs.timing import machines_text
-from meshreel.rendering.documents import Bullets, Code, Document, Heading, Paragraph, Part
+from meshreel.rendering.documents import Bullets, Code, Document, Heading, Paragraph, Part, Picture
 from meshreel.runtime.counting import counted
 
 
@@ -33,6 +34,17 @@ def sequence_opening(name: str, sequence: Mapping[str, Any]) -> list[Part]:
     ]
 
 
+class Results(Protocol):
+    """Results of one sequence."""
+
+    @property
+    def measured(self) -> list[Result]:
+        """Results and refusals, ours first."""
+
+
+AnyResults = TypeVar("AnyResults", bound=Results)
+
+
 class Summarized(Protocol):
     """A codec with a name and a one-line summary."""
 
@@ -48,8 +60,8 @@ class Summarized(Protocol):
 def codecs_document(
     title: str,
     command: str,
-    finished: Iterable[Mapping[str, Any]],
-    body: Iterable[Part],
+    measured: Iterable[tuple[AnyResults, Sequence[Picture]]],
+    parts_of: Callable[[AnyResults, Sequence[Picture]], list[Part]],
     *,
     methodology: tuple[str, ...],
     peers: Sequence[Summarized],
@@ -61,10 +73,10 @@ def codecs_document(
     ----------
     command : str
         The command line that created the report.
-    finished : iterable of results
-        Their machines are listed.
-    body : iterable of Part
-        The sections of the sequences.
+    measured : iterable of (results, pictures)
+        Of each sequence.
+    parts_of : callable
+        Returns the section of a sequence.
     methodology : tuple of str
         How results were measured.
     peers : sequence of Summarized
@@ -72,10 +84,13 @@ def codecs_document(
     notes : sequence of str
         Lines about missing results.
     """
+    sections = [(done(results.measured), parts_of(results, each)) for results, each in measured]
+    finished = [result for results, _ in sections for result in results]
     parts = report_opening(title, "Created by", command, finished)
     if notes:
         parts += [Heading(2, "Not measured"), Bullets(tuple(notes))]
-    parts += [*body, Heading(2, "How it was measured"), Bullets(methodology)]
+    parts += [part for _, section in sections for part in section]
+    parts += [Heading(2, "How it was measured"), Bullets(methodology)]
     if peers:
         lines = tuple(f"`{peer.name}`: {peer.summary}" for peer in peers)
         parts += [Heading(2, "Other codecs"), Bullets(lines)]

@@ -50,10 +50,8 @@ def codec_document(
     measured: Measured[CodecResults], peers: Sequence[Peer], notes: Sequence[str], command: str
 ) -> Document:
     """Build the report; see `codecs_document` for the parameters."""
-    finished = (result for results, _ in measured for result in done(results.measured))
-    body = (part for results, pictures in measured for part in _sequence_parts(results, pictures))
     return codecs_document(
-        TITLE, command, finished, body, methodology=METHODOLOGY, peers=peers, notes=notes
+        TITLE, command, measured, _sequence_parts, methodology=METHODOLOGY, peers=peers, notes=notes
     )
 
 

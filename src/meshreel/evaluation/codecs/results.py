@@ -10,7 +10,7 @@ from typing import Any
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.codecs.measure import METHOD
 from meshreel.evaluation.rate_distortion import Point
-from meshreel.evaluation.runs.store import Result, done
+from meshreel.evaluation.runs.store import Result, done, without_identities
 
 COLUMNS = (
     "sequence", "n", "k", "m", "codec", "params", "bytes_total", "bytes_connectivity",
@@ -166,10 +166,7 @@ class CodecResults:
         """All results in plain types."""
         return {
             **self.sequence,
-            "measured": [
-                {name: value for name, value in result.items() if name != "identity"}
-                for result in self.measured
-            ],
+            "measured": without_identities(self.measured),
             "recorded": [asdict(point) for point in self.recorded],
         }
 

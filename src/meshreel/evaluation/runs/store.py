@@ -82,6 +82,11 @@ def done(results: Iterable[Result]) -> list[Result]:
     return [result for result in results if "refused" not in result]
 
 
+def without_identities(results: Iterable[Result]) -> list[Result]:
+    """The results without what identifies their setting."""
+    return [{name: one for name, one in result.items() if name != "identity"} for result in results]
+
+
 def sequence_identity(sequence: AnySequence) -> dict[str, Any]:
     """Name, shape and a hash of the content; of several segments the largest counts."""
     digest = hashlib.sha256()

@@ -9,7 +9,7 @@ from meshreel.evaluation.codecs.peers.protocol import Peer
 from meshreel.evaluation.pipeline import Measured
 from meshreel.evaluation.rate_distortion import Point, bd_rate, rate_at_error
 from meshreel.evaluation.report import codecs_document, sequence_opening
-from meshreel.evaluation.runs.store import Result, done
+from meshreel.evaluation.runs.store import Result, done, without_identities
 from meshreel.rendering.documents import (
     Bullets,
     Document,
@@ -79,21 +79,15 @@ class SurfaceResults:
 
     def as_dict(self) -> dict[str, Any]:
         """All results in plain types."""
-        measured = [
-            {name: value for name, value in result.items() if name != "identity"}
-            for result in self.measured
-        ]
-        return {**self.sequence, "measured": measured}
+        return {**self.sequence, "measured": without_identities(self.measured)}
 
 
 def surface_document(
     measured: Measured[SurfaceResults], peers: Sequence[Peer], notes: Sequence[str], command: str
 ) -> Document:
     """Build the report; see `codecs_document` for the parameters."""
-    finished = (result for results, _ in measured for result in done(results.measured))
-    body = (part for results, pictures in measured for part in _sequence_parts(results, pictures))
     return codecs_document(
-        TITLE, command, finished, body, methodology=METHODOLOGY, peers=peers, notes=notes
+        TITLE, command, measured, _sequence_parts, methodology=METHODOLOGY, peers=peers, notes=notes
     )
 
 

@@ -45,10 +45,8 @@ def track_document(
     command: str,
 ) -> Document:
     """Build the report; see `codecs_document` for the parameters."""
-    finished = (result for results, _ in measured for result in done(results.measured))
-    body = (part for results, pictures in measured for part in _track_parts(results, pictures))
     return codecs_document(
-        TITLE, command, finished, body, methodology=METHODOLOGY, peers=peers, notes=notes
+        TITLE, command, measured, _track_parts, methodology=METHODOLOGY, peers=peers, notes=notes
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from meshreel.evaluation.rate_distortion import Point
-from meshreel.evaluation.runs.store import Result, done
+from meshreel.evaluation.runs.store import Result, done, without_identities
 from meshreel.evaluation.tracks.measure import EXACTLY, OURS
 
 
@@ -76,13 +76,9 @@ class TrackResults:
 
     def as_dict(self) -> dict[str, Any]:
         """All results in plain types."""
-        measured = [
-            {name: value for name, value in result.items() if name != "identity"}
-            for result in self.measured
-        ]
         return {
             **self.sequence,
             "track": self.track,
             "positions_bytes": self.positions_bytes,
-            "measured": measured,
+            "measured": without_identities(self.measured),
         }
