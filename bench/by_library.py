@@ -106,7 +106,7 @@ def available(tasks: Mapping[str, tuple[str, Callable[[], Callable[..., Any]]]])
 
 
 def outcome(work: Callable[[], Any]) -> str:
-    """What a reader does with damaged data, in a process of its own."""
+    """What a reader does with damaged data, in another process."""
     child = os.fork()
     if child == 0:
         null = os.open(os.devnull, os.O_WRONLY)

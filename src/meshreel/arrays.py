@@ -1,4 +1,4 @@
-"""Array types shared by the whole package."""
+"""Array types shared by the whole package, and rows as bytes."""
 
 from typing import Any
 
@@ -11,3 +11,17 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Values = npt.NDArray[Any]
 """Numbers of any type."""
+
+
+def rows_as_bytes(*tables: npt.NDArray[np.generic]) -> npt.NDArray[np.void]:
+    """Return one item per row with the bytes of that row in all tables.
+
+    Items are equal if all their bits are, and are sorted as unsigned big-endian numbers.
+
+    Parameters
+    ----------
+    *tables : arrays of shape (N,) or (N, C), of any dtypes
+    """
+    bytes_of = [np.ascontiguousarray(one).view(np.uint8).reshape(len(one), -1) for one in tables]
+    rows = np.ascontiguousarray(np.concatenate(bytes_of, axis=1))
+    return rows.view(np.dtype((np.void, rows.shape[1])))[:, 0]

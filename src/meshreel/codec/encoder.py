@@ -13,7 +13,7 @@ from meshreel.codec.subspace.trajectories import bounding_frame
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import Measure, TrackBound, TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
-from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, tracks_of_all
+from meshreel.model.segments import AnySequence, SegmentedSequence, tracks_of_all
 from meshreel.model.sequence import Extent
 from meshreel.model.surface_selection import (
     ALL,
@@ -77,6 +77,8 @@ def encode(sequence: AnySequence, call: EncodeCall) -> bytes:
     G. Arvanitis, A. S. Lalos, K. Moustakas, "Fast Spatio-temporal Compression of Dynamic 3D
     Meshes".
     """
+    if isinstance(sequence, SegmentedSequence):
+        sequence = without_reordering(sequence, call.order)
     return encode_with(call, sequence, call.attributes, call.tracks, call.progress, call.engine)
 
 
@@ -90,17 +92,17 @@ def encode_with(
 ) -> bytes:
     """Encode a sequence with options that are already checked, as `encode`.
 
+    Segments that differ only in order are not joined; see `without_reordering`.
+
     Raises
     ------
     InvalidInputError
         If the mesh is too large for the method, or no stream meets the target.
     """
     if isinstance(sequence, SegmentedSequence):
-        joined = segments_of(without_reordering(sequence, config.order))
-        if len(joined) > 1:
-            whole = SegmentedSequence(joined, sequence.name, sequence.start_s)
-            return encode_segments(config, whole, attributes, tracks, progress, engine)
-        (sequence,) = joined
+        if sequence.n_segments > 1:
+            return encode_segments(config, sequence, attributes, tracks, progress, engine)
+        (sequence,) = sequence.segments
     surface = select(sequence.surface, attributes)
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Integers, rows_as_bytes
+from meshreel.codec.connectivity.triangles import rotate_corners
 from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of, segments_of
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Attribute, Domain, Surface
@@ -128,9 +129,7 @@ def _row_numbers(first: Vertices, second: Vertices) -> tuple[Labels, Labels]:
     """Return numbers of the rows of two arrays; equal rows have equal numbers."""
     if first.dtype != second.dtype or first.shape != second.shape:
         return np.zeros(len(first), np.uint64), np.ones(len(second), np.uint64)
-    rows = np.ascontiguousarray(np.concatenate([first, second]))
-    keys = rows.view(f"V{rows.itemsize * rows.shape[1]}").ravel()
-    _, numbers = np.unique(keys, return_inverse=True)
+    _, numbers = np.unique(rows_as_bytes(np.concatenate([first, second])), return_inverse=True)
     split = np.split(numbers.astype(np.uint64), 2)
     return split[0], split[1]
 
@@ -191,8 +190,7 @@ def _items(faces: Faces, others: Faces, vertices: Integers) -> _Match | None:
 def _turned(faces: Integers) -> tuple[Integers, Integers]:
     """Return faces that begin with their lowest vertex, and the corner that it was."""
     turns = faces.argmin(axis=1)
-    rows = np.take_along_axis(faces, (turns[:, np.newaxis] + np.arange(3)) % 3, axis=1)
-    return rows, turns
+    return rotate_corners(faces, turns), turns
 
 
 def _paired(first: Surface, second: Surface) -> Iterator[tuple[Attribute, Attribute]]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import rows_as_bytes
 from meshreel.codec.entropy.exact import encode_numbers, nothing_expected, row_before_expected
 from meshreel.codec.entropy.multiples import GRID, OWN_GRID, as_multiples, as_own_grid
 from meshreel.kernel.order import opposite_sides
@@ -58,7 +59,8 @@ def _trials(forms: list[tuple[bytes, Numbers]], faces: Faces | None) -> Iterator
     """Yield the table in each form, with each predictor."""
     table = forms[0][1]
     n_rows = len(table)
-    if faces is None or n_rows <= SMALL_TABLE or _n_distinct(table) < FEW_ROWS * n_rows:
+    n_distinct = 0 if faces is None else len(np.unique(rows_as_bytes(table)))
+    if n_rows <= SMALL_TABLE or n_distinct < FEW_ROWS * n_rows:
         for number, expected in ((NOTHING, nothing_expected), (ROW_BEFORE, row_before_expected)):
             for form, numbers in forms:
                 yield form + bytes([number]) + encode_numbers(numbers, expected(n_rows))
@@ -70,8 +72,3 @@ def _trials(forms: list[tuple[bytes, Numbers]], faces: Faces | None) -> Iterator
         yield form + bytes([ALONG_FACES]) + encode_numbers(numbers, along)
         if numbers.dtype == INTEGER and -MAX_VALUE <= numbers.min() <= numbers.max() <= MAX_VALUE:
             yield form + bytes([ON_SURFACE]) + encode_on_surface(numbers, faces, twins)
-
-
-def _n_distinct(table: Numbers) -> int:
-    rows = np.ascontiguousarray(table).view(np.uint8).reshape(len(table), -1)
-    return len(np.unique(rows.view(np.dtype((np.void, rows.shape[1])))))

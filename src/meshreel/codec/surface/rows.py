@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import rows_as_bytes
 from meshreel.model.geometry.polygons import fan_corners, join_fans
 from meshreel.model.surface import Domain, Surface
 
@@ -33,9 +34,7 @@ def distinct_rows(values: npt.NDArray[np.generic], places: Integers) -> tuple[In
 
     Values are equal if their bits are.
     """
-    patterns = np.ascontiguousarray(values).view(np.uint8).reshape(len(values), -1)
-    keys = np.concatenate([np.asarray(places, ">i8")[:, None].view(np.uint8), patterns], axis=1)
-    records = np.ascontiguousarray(keys).view(np.dtype((np.void, keys.shape[1])))[:, 0]
+    records = rows_as_bytes(places.astype(np.int64), values)
     _, first, number = np.unique(records, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty(len(first), np.int64)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import rows_as_bytes
 from meshreel.kernel.order import opposite_sides
 from meshreel.model.sequence import Faces, MeshSequence
 from meshreel.model.surface import Attribute, Domain, Surface
@@ -31,9 +32,8 @@ class Corners:
     values : array
         Distinct values of all corners as bytes, ascending.
     faces : int32 array of shape (M, 3)
-        Integers of the values at the corners of each face, sorted. A face begins with the corner
-        that makes its numbers lowest; among equal ones, the numbers opposite to its sides. Faces of
-        equal numbers are sorted by those, too.
+        Numbers of the values at the corners of each face, which begins with the corner that makes
+        them lowest.
     opposite : int32 array of shape (M, 3)
         Number of the value opposite to the side after each corner, in the face across it.
     corners : int32 array of shape (M, 3)
@@ -83,7 +83,7 @@ def corners_of(segment: MeshSequence) -> Corners:
     columns += [np.repeat(one.numbers, 3)[:, None] for one in surface.groups]
     if not surface.attributes:
         columns.append(segment.vertices[0][segment.faces.ravel()])
-    found, _, numbers = distinct_rows(columns)
+    found, numbers = np.unique(rows_as_bytes(*columns), return_inverse=True)
     rows = numbers.reshape(-1, 3)
     twins = opposite_sides(segment.faces, segment.n_verts).astype(np.int64)
     across = numbers[3 * (twins // 3) + (twins + 2) % 3].reshape(-1, 3)
@@ -112,11 +112,3 @@ def _description(surface: Surface) -> tuple[object, ...]:
     groups = [(one.name, one.labels) for one in surface.groups]
     has_hard_edges = surface.hard_edges is not None
     return attributes, groups, surface.materials, surface.images, has_hard_edges
-
-
-def distinct_rows(columns: Sequence[npt.NDArray[np.generic]]) -> tuple[Rows, Integers, Integers]:
-    """Return the distinct rows of tables as bytes, ascending, where they are, and their numbers."""
-    pieces = [np.ascontiguousarray(one).view(np.uint8).reshape(len(one), -1) for one in columns]
-    rows = np.ascontiguousarray(np.concatenate(pieces, axis=1))
-    whole = rows.view(np.dtype((np.void, rows.shape[1])))[:, 0]
-    return np.unique(whole, return_index=True, return_inverse=True)

@@ -14,6 +14,7 @@ from typing import TypeGuard
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import rows_as_bytes
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.matching.corners import (
     MISSING_SHARE,
@@ -22,7 +23,6 @@ from meshreel.model.matching.corners import (
     Integers,
     corners_of,
     distinct_faces,
-    distinct_rows,
     values_at_corners,
 )
 from meshreel.model.matching.faces import aligned_faces
@@ -198,7 +198,7 @@ def _surface(
             values = values[first_corners if first.domain is Domain.VERTEX else slice(0, None, 3)]
         if first.indices is None:
             return replace(first, values=values)
-        _, rows, numbers = distinct_rows([values])
+        _, rows, numbers = np.unique(rows_as_bytes(values), return_index=True, return_inverse=True)
         return replace(first, values=values[rows], indices=numbers.astype(np.int32))
 
     def regrouped(number: int) -> FaceGroups:
