@@ -16,6 +16,7 @@ NAMES = {
     3: "ANCHOR_VERTICES",
     4: "SHAPE",
     5: "SEGMENT",
+    6: "REFERENCE",
     16: "BLOCK",
     17: "BASIS",
     18: "ANCHORS",
@@ -167,6 +168,7 @@ class Container:
     """The sections of a segment: leading ones by name, and a dict for each track of each block.
 
     `start` is the position of its SEGMENT; `begins` has those of BLOCK and TRACK_BLOCK per block.
+    Leading sections begin with those of the segment that it `refers` to, if it does.
     """
 
     header: Header
@@ -174,6 +176,7 @@ class Container:
     blocks: list
     start: int = 0
     begins: list = field(default_factory=list)
+    refers: bool = False
 
     def all_of(self, name):
         return [payload for other, payload in self.leading if other == name]
@@ -183,6 +186,10 @@ class Container:
         return payload
 
 
+OF_MESH = (
+    *("CONNECTIVITY", "ORDER", "POLYGONS", "ATTRIBUTE", "GROUPS"),
+    *("PARTS", "MATERIAL", "IMAGE", "HARD_EDGES"),
+)
 IN_BLOCKS = (
     *("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS"),
     *("VALUES", "MISSING", "ANCHOR_RESIDUALS"),
@@ -193,13 +200,18 @@ def read_containers(data):
     """The segments of a whole stream, its index compared with their blocks."""
     payload = Payload(data)
     container = Container(read_header(payload), [], [])
-    containers, index, end = [container], (None, b""), None
+    containers, index, end, after_segment = [container], (None, b""), None, None
     for start, name, section in read_sections(payload):
         need(end is None or name == "END", "a section follows INDEX")
         if name == "SEGMENT":
             header = header_of_segment(containers[0].header, section)
             container = Container(header, [], [], start)
             containers.append(container)
+            after_segment = payload.position
+        elif name == "REFERENCE":
+            need(start == after_segment, "REFERENCE does not follow SEGMENT")
+            container.leading = referred_sections(containers, Payload(section))
+            container.refers = True
         elif name in ("BLOCK", "TRACK_BLOCK"):
             if name == "BLOCK":
                 container.blocks.append([])
@@ -230,6 +242,20 @@ def read_containers(data):
     if index[1]:
         check_index(containers, Payload(index[1]), end)
     return containers
+
+
+def referred_sections(containers, payload):
+    """The sections that the REFERENCE of the last segment adds to it."""
+    distance, n_sections = payload.varint(), payload.varint()
+    payload.end()
+    need(0 < distance < len(containers) and n_sections, "a reference is out of range")
+    container, other = containers[-1], containers[-1 - distance]
+    need(not other.refers, "a reference leads to another")
+    counts = other.header.n_verts, other.header.n_faces
+    need(counts == (container.header.n_verts, container.header.n_faces), "meshes differ")
+    sections = [one for one in other.leading if one[0] in OF_MESH]
+    need(n_sections <= len(sections), "a reference adds sections that do not exist")
+    return sections[:n_sections]
 
 
 def read_container(data):

@@ -20,8 +20,9 @@ from meshreel.codec.bitstream.container import (
     write_header,
     write_index,
     write_sections,
+    write_varint,
 )
-from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.bitstream.layout import INDEX_POSITION, Section
 from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of
 from meshreel.codec.open_stream import whole_stream
 from meshreel.model.tracks import Track
@@ -66,6 +67,20 @@ def of_many_kinds():
         meshreel.encode(moving(BOX, 3), lossless=True),
         meshreel.encode(of_boxes()),
         meshreel.encode(moving(BOX, 4), method="pca-qp"),
+    )
+
+
+def returning():
+    """Return streams of two meshes that return: with other attributes, methods and tracks."""
+    full = of_everything(n_frames=1)
+    fewer = replace(full, surface=replace(full.surface, attributes=full.surface.attributes[:1]))
+    return (
+        meshreel.encode(moving(BOX, 3, start_s=1.5)),
+        meshreel.encode(fewer),
+        meshreel.encode(full, lossless=True),
+        meshreel.encode(with_heat(moving(BOX, 2, seed=6, dtype=np.float64)), max_error=0.1),
+        meshreel.encode(moving(BOX, 2, seed=6), order="drop"),
+        meshreel.encode(fewer, step=0.001),
     )
 
 
@@ -128,9 +143,17 @@ STREAMS: dict[str, Callable[[], bytes]] = {
     "two_meshes": lambda: join_streams(meshes()),
     "one_frame_each": lambda: join_streams(one_frame_each()),
     "placed_alike": lambda: join_streams(placed_alike()),
+    "returning": lambda: join_streams(returning()),
+    "returning_no_index": lambda: without_end(join_streams(returning())),
     "many_kinds": lambda: join_streams(of_many_kinds()),
     "two_meshes_no_index": lambda: without_index([sections_of(0), sections_of(1)]),
 }
+
+
+def without_end(data):
+    """Return a stream whose INDEX is replaced by an END that refers to none."""
+    (index_at,) = INDEX_POSITION.unpack(data[-12:-4])
+    return data[:index_at] + b"".join(write_sections([(Section.END, b"")]))
 
 
 def with_section(change):
@@ -173,6 +196,31 @@ def in_all(n_frames):
     return written([first, (header, kept, blocks)], n_frames)
 
 
+def with_leading(*changes, mesh=BOX):
+    """Return boxes, the last ones with other leading sections; the first one is of a mesh."""
+    streams = meshreel.encode(moving(mesh, 2)), *(encoded_box(seed) for seed in (6, 7))
+    segments = [
+        (header_of(opened), list(leading_of(opened)), list(blocks_of(opened)))
+        for opened in map(whole_stream, streams)
+    ]
+    n_kept = len(segments) - len(changes)
+    changed = [
+        (header, change(leading), blocks)
+        for (header, leading, blocks), change in zip(segments[n_kept:], changes, strict=True)
+    ]
+    return written([*segments[:n_kept], *changed], n_frames=6)
+
+
+def encoded_box(seed):
+    return meshreel.encode(moving(BOX, 2, seed=seed))
+
+
+def refer(*numbers):
+    """Return a function that replaces leading sections by a REFERENCE."""
+    payload = b"".join(map(write_varint, numbers))
+    return lambda leading: [(Section.REFERENCE, payload)]
+
+
 def with_blocks(further, change):
     """Return segments for an index, with changed blocks."""
     return [replace(s, places=[change(block) for block in s.places]) for s in further]
@@ -208,6 +256,18 @@ REFUSED: dict[str, Callable[[], bytes]] = {
     ),
     "index_without_the_second": partial(with_index, lambda further: []),
     "index_with_a_third": partial(with_index, lambda further: [*further, *further]),
+    "reference_to_itself": lambda: with_leading(refer(0, 2)),
+    "reference_before_the_first": lambda: with_leading(refer(3, 2)),
+    "reference_without_index": lambda: without_end(with_leading(refer(3, 2))),
+    "reference_to_no_section": lambda: with_leading(refer(2, 0)),
+    "reference_to_three_sections": lambda: with_leading(refer(2, 3)),
+    "reference_of_one_number": lambda: with_leading(refer(2)),
+    "reference_of_three_numbers": lambda: with_leading(refer(2, 2, 2)),
+    "reference_to_a_reference": lambda: with_leading(refer(1, 2), refer(1, 2)),
+    "reference_to_another_mesh": lambda: with_leading(refer(2, 2), mesh=TETRAHEDRON),
+    "reference_of_the_first": lambda: with_leading(refer(1, 2), refer(1, 2), refer(2, 2)),
+    "reference_behind_another": lambda: with_leading(lambda _: 2 * refer(2, 1)([])),
+    "reference_and_connectivity": lambda: with_leading(lambda all: [*refer(2, 2)([]), *all[:1]]),
     "no_block": lambda: without_index([sections_of(0), sections_of(1)[:1], sections_of(1)]),
     "no_block_of_the_first": lambda: without_index([sections_of(0)[:1], sections_of(1)]),
     "no_block_of_the_last": lambda: without_index([sections_of(0), sections_of(1)[:2]]),

@@ -10,8 +10,8 @@
 #define MAX_BLOCKS 4
 #define MAX_TRACKS 5
 
-enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, BLOCK = 16, BASIS = 17, COEFFICIENTS = 19 };
-enum { FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192 };
+enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, REFERENCE = 6, BLOCK = 16, BASIS = 17 };
+enum { COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192 };
 enum { INDEX = 130, POLYGONS = 131, ATTRIBUTE = 132, GROUPS = 133, PARTS = 134, START = 135 };
 enum { MATERIAL = 136, IMAGE = 137, TRACK = 138, REEL = 7, GRID = 9 };
 enum { MODES = 0, EXACT = 1, ROTATIONS = 2, BACKWARD = 3, EXACT_BACKWARD = 6 };
@@ -31,6 +31,8 @@ typedef struct {
     int method, order, n_tracks; /* including the positions */
     track tracks[MAX_TRACKS];
     int64_t n_frames[MAX_BLOCKS], n_blocks, n_polygons;
+    int64_t n_of_mesh; /* sections of the mesh in this segment */
+    bool refers;       /* the first ones are those of an earlier segment */
     size_t begins[MAX_BLOCKS + 1], ends[MAX_BLOCKS][MAX_TRACKS];
 } stream;
 
@@ -72,6 +74,8 @@ static void end_section(stream *s, int64_t id, size_t payload) {
     if (fuzz_one_in(60)) {
         copy = fuzz_mutate(copy); /* under a valid checksum */
     }
+    bool is_of_surface = id >= POLYGONS && id < TRACK && id != START;
+    s->n_of_mesh += id == CONNECTIVITY || id == ORDER || is_of_surface;
     s->size = payload;
     put_byte(s, id);
     put_varint(s, copy.size);
@@ -367,7 +371,7 @@ static void put_track(stream *s, int number) {
     end_section(s, TRACK, payload);
 }
 
-static void put_leading(stream *s) {
+static void put_mesh(stream *s) {
     const fuzz_mesh *mesh = &s->mesh;
     size_t size = reel_connectivity_encode_memory(mesh->n_verts, mesh->n_faces);
     int64_t capacity = 96 * mesh->n_faces + 1024;
@@ -393,13 +397,19 @@ static void put_leading(stream *s) {
     if (fuzz_one_in(3)) {
         put_polygons(s);
     }
-    if (fuzz_one_in(2)) {
+}
+
+static void put_leading(stream *s) {
+    if (!s->refers) {
+        put_mesh(s);
+    }
+    if (fuzz_one_in(s->refers ? 5 : 2)) {
         put_surface(s);
     }
     for (int i = 1; i < s->n_tracks; i++) {
         put_track(s, i);
     }
-    payload = s->size;
+    size_t payload = s->size;
     put_double(s, fuzz_float());
     end_section(s, fuzz_one_in(8) ? START : UNKNOWN, payload);
 }
@@ -524,6 +534,20 @@ static void put_segment(stream *s) {
     end_section(s, SEGMENT, payload);
 }
 
+/* Continue the mesh of an earlier segment, `distance` before. */
+static void put_reference(stream *s, const stream *to, int64_t distance) {
+    s->mesh = to->mesh;
+    s->order = to->order;
+    s->n_polygons = to->n_polygons;
+    s->refers = true;
+    put_segment(s);
+    size_t payload = s->size;
+    bool is_wrong = fuzz_one_in(8);
+    put_varint(s, (uint64_t)(is_wrong ? fuzz_below(distance + 3) : distance));
+    put_varint(s, (uint64_t)(is_wrong ? fuzz_below(to->n_of_mesh + 2) : to->n_of_mesh));
+    end_section(s, REFERENCE, payload);
+}
+
 /* Write the index entry of the segment that begins at `at`; 0 for the first. */
 static void put_index_entry(stream *index, const stream *s, size_t at) {
     uint64_t tracks = (uint64_t)s->n_tracks + fuzz_one_in(50);
@@ -548,6 +572,7 @@ static fuzz_bytes make_stream(void) {
     stream s = {.bytes = fuzz_allocate(CAPACITY, 1)}, index = {.bytes = fuzz_allocate(CAPACITY, 1)};
     int64_t n_segments = fuzz_one_in(3) ? 1 + fuzz_below(MAX_SEGMENTS) : 1, announced = 0;
     int64_t n_blocks[MAX_SEGMENTS], n_frames[MAX_SEGMENTS][MAX_BLOCKS];
+    stream written[MAX_SEGMENTS];
     for (int64_t k = 0; k < n_segments; k++) {
         n_blocks[k] = 1 + fuzz_below(MAX_BLOCKS);
         for (int64_t i = 0; i < n_blocks[k]; i++) {
@@ -558,12 +583,17 @@ static fuzz_bytes make_stream(void) {
     for (int64_t k = 0; k < n_segments; k++) {
         size_t at = s.size;
         choose_mesh(&s);
-        if (k) {
+        s.n_of_mesh = s.refers = 0;
+        const stream *earlier = &written[k ? fuzz_below(k) : 0];
+        if (k && fuzz_one_in(2) && (!earlier->refers || fuzz_one_in(8))) {
+            put_reference(&s, earlier, k - (earlier - written));
+        } else if (k) {
             put_segment(&s);
         } else {
             put_header(&s, fuzz_one_in(2) ? 0 : announced);
         }
         put_leading(&s);
+        written[k] = s;
         s.n_blocks = n_blocks[k];
         for (int64_t i = 0; i < s.n_blocks; i++) {
             put_block(&s, i, n_frames[k][i]);

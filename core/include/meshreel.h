@@ -186,6 +186,11 @@ typedef struct meshreel_section {
 MESHREEL_API int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                                      meshreel_section *section, meshreel_error *error);
 
+/* Describe a known section before the first block, `number` of 0, 1, ...; those of an earlier segment
+   that an open segment refers to come first. Returns MESHREEL_INVALID after the last. */
+MESHREEL_API int meshreel_leading_of(const meshreel_file *file, uint32_t number,
+                                     meshreel_section *section);
+
 /* Byte range of a track in a block of frames. */
 typedef struct meshreel_block {
     uint32_t first_frame, n_frames;

@@ -174,9 +174,12 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     }
     outline->leading = items;
     outline->leading_capacity = (uint32_t)capacity;
-    outline->leading[outline->n_leading++] = (reel_leading_section){section->id, section->payload};
+    outline->leading[outline->n_leading++] = *section;
     if (section->id == REEL_TRACK && ++outline->n_tracks > MAX_TRACKS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->at, "more than 2^20 tracks");
+    }
+    if (section->id == REEL_REFERENCE) {
+        return reel_corrupt(call, section->at, "a reference does not follow the section SEGMENT");
     }
     if (section->id == REEL_START && !outline->is_first) {
         return reel_corrupt(call, section->at, "a start is stored behind the first segment");
@@ -560,8 +563,7 @@ static int begin_segment(reel_call *call, const reel_section *section, const ree
 
 /* Read the section SEGMENT of a segment other than the first, found earlier by index or scan. */
 static int read_beginning(reel_call *call, const reel_outline *file, const reel_segment *segment,
-                          reel_section *section, reel_outline *outline) {
-    uint64_t limit = segment->first_block ? segment->first_block : segment->end;
+                          uint64_t limit, reel_section *section, reel_outline *outline) {
     int failed = reel_announce(call, (reel_range){segment->at, limit - segment->at});
     failed = failed ? failed : reel_section_at(call, segment->at, limit, section);
     failed = failed ? failed : reel_section_check(call, section);
@@ -573,6 +575,96 @@ static int read_beginning(reel_call *call, const reel_outline *file, const reel_
     return failed || !is_other
                ? failed
                : reel_corrupt(call, segment->at, "the index contradicts the mesh of a segment");
+}
+
+/* A segment's reference to the mesh of an earlier segment. */
+typedef struct {
+    const reel_segment *to; /* NULL: there is no reference */
+    uint64_t at;         /* offset of its payload */
+    uint64_t n_sections; /* number of shared sections */
+    uint64_t end;        /* end of the section, or of SEGMENT */
+} mesh_reference;
+
+/* Read the section REFERENCE of segment `number`, if it is stored at `begin`. */
+static int read_reference(reel_call *call, const reel_segments *segments, uint64_t number,
+                          const reel_outline *outline, uint64_t begin, uint64_t limit,
+                          mesh_reference *reference) {
+    uint8_t id = REEL_END;
+    reel_section section;
+    *reference = (mesh_reference){.end = begin};
+    int failed = begin < limit ? reel_read(call, begin, &id, sizeof id) : MESHREEL_OK;
+    if (failed || id != REEL_REFERENCE) {
+        return failed;
+    }
+    failed = reel_section_at(call, begin, limit, &section);
+    failed = failed ? failed : reel_section_check(call, &section);
+    if (failed) {
+        return failed;
+    }
+    reel_range left = section.payload;
+    uint64_t distance;
+    failed = reel_read_varint(call, &left, &distance);
+    failed = failed ? failed : reel_read_varint(call, &left, &reference->n_sections);
+    if (failed) {
+        return failed;
+    }
+    if (left.length || !reference->n_sections) {
+        return reel_corrupt(call, section.payload.at,
+                            "a reference shares no section, or bytes follow it");
+    }
+    if (!distance || distance > number) {
+        return reel_corrupt(call, section.payload.at,
+                            "a segment refers to one that does not precede it");
+    }
+    reference->to = &segments->all[number - distance];
+    reference->at = section.payload.at;
+    reference->end = section.end;
+    bool is_other = reference->to->n_verts != outline->n_verts ||
+                    reference->to->n_faces != outline->n_faces;
+    return is_other ? reel_corrupt(call, section.payload.at,
+                                   "a segment refers to one with more or fewer vertices or faces")
+                    : MESHREEL_OK;
+}
+
+/* Whether sections with this id describe the mesh, which segments may share. */
+static bool is_of_mesh(uint32_t id) {
+    bool is_of_surface = id >= REEL_POLYGONS && id <= REEL_HARD_EDGES && id != REEL_START &&
+                         id != REEL_TRACK;
+    return id == REEL_CONNECTIVITY || id == REEL_ORDER || is_of_surface;
+}
+
+/* Whether a section is behind the leading ones of the segment that begins at `begin`. */
+static bool is_after_leading(const reel_section *section, uint64_t begin) {
+    bool is_of_block = section->id >= REEL_BLOCK && !(section->id & REEL_OPTIONAL);
+    return is_of_block || section->id == REEL_END ||
+           (section->id == REEL_SEGMENT && section->at != begin);
+}
+
+/* Add the sections that a segment refers to. */
+static int add_shared(reel_call *call, reel_pool *pool, const mesh_reference *reference,
+                      reel_outline *outline) {
+    const reel_segment *to = reference->to;
+    uint64_t limit = to->first_block ? to->first_block : to->end, at = to->at;
+    int failed = reel_announce(call, (reel_range){at, limit - at});
+    for (uint64_t n_left = reference->n_sections; !failed && n_left;) {
+        reel_section section = {.id = REEL_BLOCK};
+        failed = at < limit ? reel_section_at(call, at, limit, &section) : MESHREEL_OK;
+        failed = failed || at >= limit ? failed : reel_section_check(call, &section);
+        if (!failed && section.id == REEL_REFERENCE) {
+            return reel_corrupt(call, reference->at,
+                                "a segment refers to one that refers to another");
+        }
+        if (!failed && is_after_leading(&section, to->at)) {
+            return reel_corrupt(call, reference->at,
+                                "a segment refers to more sections than the other one has");
+        }
+        if (!failed && is_of_mesh(section.id)) {
+            failed = add_leading(call, pool, outline, &section);
+            n_left--;
+        }
+        at = section.end;
+    }
+    return failed;
 }
 
 static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *segment,
@@ -594,15 +686,21 @@ static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *s
 int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file,
                       const reel_segments *segments, uint32_t number, reel_outline *outline) {
     const reel_segment *segment = &segments->all[number];
-    reel_section section = {.end = segment->at};
+    mesh_reference reference = {.end = segment->at};
     int failed = MESHREEL_OK;
     if (number) {
-        failed = read_beginning(call, file, segment, &section, outline);
+        reel_section section;
+        uint64_t limit = segment->first_block ? segment->first_block : segment->end;
+        failed = read_beginning(call, file, segment, limit, &section, outline);
+        failed = failed ? failed
+                        : read_reference(call, segments, number, outline, section.end, limit,
+                                         &reference);
+        failed = failed || !reference.to ? failed : add_shared(call, pool, &reference, outline);
     } else {
         *outline = *file;
         reset_outline(outline);
     }
-    failed = failed ? failed : parse_segment(call, pool, segment, section.end, outline);
+    failed = failed ? failed : parse_segment(call, pool, segment, reference.end, outline);
     if (failed) {
         return failed;
     }
@@ -660,10 +758,14 @@ static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, re
                         reel_segments *segments) {
     const reel_chunk *mark = call->scratch.last;
     reel_outline outline;
+    mesh_reference reference;
     uint64_t at = next->at;
     int failed = begin_segment(call, next, file, &outline);
     failed = failed ? failed
-                    : read_sections(call, &call->scratch, &outline, next->end, next);
+                    : read_reference(call, segments, segments->count, &outline, next->end,
+                                     call->source->size, &reference);
+    failed = failed ? failed
+                    : read_sections(call, &call->scratch, &outline, reference.end, next);
     if (failed == MESHREEL_TRUNCATED || failed == MESHREEL_CORRUPT) {
         next->id = REEL_END;
         file->is_whole = false;

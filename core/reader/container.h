@@ -13,12 +13,6 @@
 enum reel_method_number { REEL_METHOD_REEL = 7, REEL_METHOD_LOSSLESS = 8, REEL_METHOD_GRID = 9 };
 enum reel_kept_order { REEL_ORDER_KEPT = 0, REEL_ORDER_OF_VERTICES = 1, REEL_ORDER_DROPPED = 2 };
 
-/* A section before the first block of a segment. */
-typedef struct {
-    uint32_t id;
-    reel_range payload;
-} reel_leading_section;
-
 /* A block. Its tracks are contiguous: track t ends at ends[block n_tracks + t], the first begins at
    `at`. */
 typedef struct {
@@ -50,7 +44,8 @@ typedef struct {
     uint32_t number_bytes, method, laplacian, order;
     uint64_t begin;                /* offset of its first section */
     bool is_first;                 /* first segment of the file */
-    reel_leading_section *leading; /* known leading sections */
+    /* Known leading sections, after those of an earlier segment that it refers to. */
+    reel_section *leading;
     uint32_t n_leading, leading_capacity;
     uint32_t n_tracks; /* including the positions */
     reel_block_entry *blocks;

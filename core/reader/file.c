@@ -168,6 +168,15 @@ uint32_t meshreel_segment_of_frame(const meshreel_file *file, uint32_t frame) {
 
 /* ---- the layout ---- */
 
+static meshreel_section describe_section(const reel_section *section) {
+    return (meshreel_section){section->id,
+                              reel_is_known(section->id),
+                              section->at,
+                              section->end - section->at,
+                              section->payload.at,
+                              section->payload.length};
+}
+
 int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                         meshreel_section *section, meshreel_error *error) {
     if (!file || !section) {
@@ -184,11 +193,17 @@ int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
         failed = reel_section_check(&call, &result);
     }
     if (!failed) {
-        *section =
-            (meshreel_section){result.id,       reel_is_known(result.id), at,
-                               result.end - at, result.payload.at,        result.payload.length};
+        *section = describe_section(&result);
     }
     return reel_end_call(&call, failed, error);
+}
+
+int meshreel_leading_of(const meshreel_file *file, uint32_t number, meshreel_section *section) {
+    if (!file || !section || file->info.n_segments > 1 || number >= file->outline.n_leading) {
+        return MESHREEL_INVALID;
+    }
+    *section = describe_section(&file->outline.leading[number]);
+    return MESHREEL_OK;
 }
 
 int meshreel_block_of(const meshreel_file *file, uint32_t number, uint32_t track,

@@ -16,6 +16,7 @@ enum reel_section_id {
     REEL_ORDER = 2,
     REEL_SHAPE = 4,
     REEL_SEGMENT = 5,
+    REEL_REFERENCE = 6,
     REEL_BLOCK = 16,
     REEL_BASIS = 17,
     REEL_COEFFICIENTS = 19,

@@ -153,7 +153,7 @@ static int allocate_arrays(reel_call *call, reel_pool *pool, const reel_outline 
 }
 
 static int read_section(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                        const reel_leading_section *section, uint32_t n_images,
+                        const reel_section *section, uint32_t n_images,
                         const surface_arrays *arrays, meshreel_surface *surface) {
     const reel_outline *outline = faces->outline;
     reel_range payload = section->payload;
@@ -195,7 +195,7 @@ static int read_sections(reel_call *call, reel_pool *pool, const reel_faces *fac
     uint64_t last_material = REEL_UNKNOWN;
     int failed = MESHREEL_OK;
     for (uint32_t i = 0; !failed && i < outline->n_leading; i++) {
-        const reel_leading_section *section = &outline->leading[i];
+        const reel_section *section = &outline->leading[i];
         const reel_chunk *mark = call->scratch.last;
         failed = read_section(call, pool, faces, section, n_images, arrays, surface);
         last_material = section->id == REEL_MATERIAL ? section->payload.at : last_material;

@@ -8,7 +8,7 @@
 #define LAST_KIND MESHREEL_TRACK_SCALAR
 #define LAST_DOMAIN (MESHREEL_CORNERS + REEL_OF_ROWS)
 
-static int fail_track(reel_call *call, const reel_leading_section *section, const char *message) {
+static int fail_track(reel_call *call, const reel_section *section, const char *message) {
     return reel_fail(call, MESHREEL_CORRUPT, section->payload.at, message);
 }
 
@@ -82,7 +82,7 @@ static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
 }
 
 static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                      const reel_leading_section *section, reel_track *track) {
+                      const reel_section *section, reel_track *track) {
     reel_range left = section->payload;
     meshreel_track *info = &track->info;
     uint8_t codes[4];
@@ -178,7 +178,7 @@ int reel_read_tracks(reel_call *call, reel_pool *pool, const reel_outline *outli
     uint32_t count = 1;
     uint64_t at = outline->begin;
     for (uint32_t i = 0; i < outline->n_leading && !failed; i++) {
-        const reel_leading_section *section = &outline->leading[i];
+        const reel_section *section = &outline->leading[i];
         if (section->id != REEL_TRACK) {
             continue;
         }

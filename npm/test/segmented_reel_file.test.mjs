@@ -28,7 +28,8 @@ function startsOf(segments) {
 }
 
 test("frames of all segments are bit-exact", async () => {
-  for (const name of ["two_meshes", "two_meshes_no_index", "one_frame_each", "placed_alike"]) {
+  const meshes = ["two_meshes", "two_meshes_no_index", "one_frame_each", "placed_alike"];
+  for (const name of [...meshes, "returning", "returning_no_index"]) {
     const expected = expectedSegments(name);
     await withFile(segmentedBytes(name), async (file) => {
       assert.deepEqual(
@@ -95,8 +96,8 @@ test("segments and frames that do not exist are rejected", async () => {
   });
 });
 
-test("a segment is found by the index and read by one request", async () => {
-  const bytes = largeSegments("one_frame_each");
+/** A blob, and the ranges that are read from it. */
+function recordedBlob(bytes) {
   const ranges = [];
   const blob = new Blob([bytes]);
   const slice = blob.slice.bind(blob);
@@ -104,6 +105,26 @@ test("a segment is found by the index and read by one request", async () => {
     ranges.push([start, end]);
     return slice(start, end);
   };
+  return { blob, ranges };
+}
+
+test("a mesh of an earlier segment is read by one more request", async () => {
+  const { blob, ranges } = recordedBlob(largeSegments("returning"));
+  const expected = expectedSegments("returning");
+  await withFile(blob, async (file) => {
+    ranges.length = 0;
+    const reel = await file.segment(5);
+    assert.equal(ranges.length, 2, String(ranges));
+    assert.ok(ranges[1][0] > 100_000 && ranges[1][1] < 200_000, String(ranges)); // in segment 1
+    assert.equal(integerHash(reel.surface.triangles), expected[5]["hash of faces"]);
+    assert.deepEqual(reel.surface.attributes.map(({ name }) => name), ["uv"]);
+    assert.equal(reel.surface.images.length, expected[5].images.length);
+    assert.equal(sha(await reel.frame(0)), expected[5]["hash of positions"]);
+  });
+});
+
+test("a segment is found by the index and read by one request", async () => {
+  const { blob, ranges } = recordedBlob(largeSegments("one_frame_each"));
   await withFile(blob, async (file) => {
     const expected = expectedSegments("one_frame_each");
     ranges.length = 0;

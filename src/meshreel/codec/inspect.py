@@ -18,7 +18,7 @@ from meshreel.model.surface_description import (
 )
 from meshreel.model.tracks import TrackKind
 
-CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER)
+CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.REFERENCE)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.PROMISE)
 """Sections of the positions, except their blocks."""
 

@@ -104,9 +104,8 @@ def header_of(opened: OpenStream) -> Header:
 
 
 def leading_of(opened: OpenStream) -> Iterator[tuple[Section, bytes]]:
-    """Return the known sections before the first block that any segment may have."""
-    leading = (one for one in opened.leading if one.id != Section.SEGMENT)
-    return ((Section(one.id), opened.payload(one)) for one in leading)
+    """Yield the known sections before the first block, except SEGMENT and REFERENCE."""
+    return ((Section(one.id), opened.payload(one)) for one in opened.leading)
 
 
 def blocks_of(opened: OpenStream) -> Iterator[tuple[int, list[tuple[Section, bytes]]]]:

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from operator import attrgetter
 from typing import BinaryIO, TypeVar
 
 import numpy as np
@@ -172,11 +171,10 @@ class OpenStream:
         """
         return self.file.faces
 
-    @cached_property
+    @property
     def leading(self) -> tuple[FileSection, ...]:
-        """Known sections before the first block."""
-        sections = self.file.sections(stop=self.file.block(0).offset, is_checked=False)
-        return tuple(filter(attrgetter("is_known"), sections))
+        """Known sections before the first block, those that an earlier segment stores first."""
+        return self.file.leading
 
     @cached_property
     def surface(self) -> Surface:

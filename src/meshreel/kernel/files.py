@@ -697,15 +697,17 @@ class OpenFile:
         while offset < end:
             found = _Section()
             self.call("section_at", self.handle, _U64(offset), is_checked, ctypes.byref(found))
-            yield FileSection(
-                found.id,
-                bool(found.is_known),
-                found.offset,
-                found.size,
-                found.payload,
-                found.payload_size,
-            )
+            yield _file_section(found)
             offset = found.offset + found.size
+
+    @cached_property
+    def leading(self) -> tuple[FileSection, ...]:
+        """Known sections before the first block, those that an earlier segment stores first."""
+        sections: list[FileSection] = []
+        found = _Section()
+        while not _function("leading_of")(self.handle, _U32(len(sections)), ctypes.byref(found)):
+            sections.append(_file_section(found))
+        return tuple(sections)
 
     def bytes_at(self, offset: int, size: int) -> bytes:
         """Bytes of the file."""
@@ -719,6 +721,17 @@ class OpenFile:
         if self.is_open:
             self.is_open = False
             self._close()
+
+
+def _file_section(found: _Section) -> FileSection:
+    return FileSection(
+        found.id,
+        bool(found.is_known),
+        found.offset,
+        found.size,
+        found.payload,
+        found.payload_size,
+    )
 
 
 def _stream_error(error: _Error) -> Exception:

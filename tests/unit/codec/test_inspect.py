@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.bitstream.layout import Section
 from meshreel.kernel.files import OpenFile
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import waving_grid
@@ -49,10 +48,9 @@ def test_sizes_of_sections_and_tracks_are_parts_of_the_whole():
     assert 0 < sum(found.block_bytes) < found.size_bytes - of_tracks
 
 
-def test_each_section_is_visited_once_and_leading_ones_again_for_the_surface(monkeypatch):
+def test_each_section_is_visited_once(monkeypatch):
     data = meshreel.encode(dressed(), block_frames=2)
     sections = Stream(data).sections
-    n_leading = [section for section, _ in sections].index(Section.BLOCK)
     calls, call = Counter(), OpenFile.call
 
     def counted(self, name, *arguments):
@@ -61,7 +59,7 @@ def test_each_section_is_visited_once_and_leading_ones_again_for_the_surface(mon
 
     monkeypatch.setattr(OpenFile, "call", counted)
     meshreel.info(data)
-    assert calls["section_at"] == len(sections) + n_leading
+    assert calls["section_at"] == len(sections)
     assert calls["group_of"] == 5
 
 

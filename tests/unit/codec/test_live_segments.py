@@ -58,6 +58,20 @@ def test_equal_faces_continue_the_segment():
     )
 
 
+def test_a_mesh_that_returns_is_stored_once():
+    file = BytesIO()
+    with Encoder(GRIDS[0].faces, file, lossless=True) as encoder:
+        for number in (0, 1, 0, 2, 1, 0):
+            encoder.push(GRIDS[number][0], faces=GRIDS[number].faces)
+    opened = info(file.getvalue())
+    assert opened.budget_bytes["reference"] == 3 * 8
+    sizes = [info(meshreel.encode(grid, lossless=True)).budget_bytes for grid in GRIDS]
+    assert opened.budget_bytes["connectivity"] == sum(one["connectivity"] for one in sizes)
+    for number, frame in zip((0, 1, 0, 2, 1, 0), decode_segments(file.getvalue()), strict=True):
+        np.testing.assert_array_equal(frame.faces, GRIDS[number].faces)
+        np.testing.assert_array_equal(frame.vertices, GRIDS[number][0])
+
+
 def test_the_error_bound_refers_to_the_first_box_in_all_segments():
     larger = [
         meshreel.MeshSequence(grid.vertices * np.float32(scale), grid.faces)

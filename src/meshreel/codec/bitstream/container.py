@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from hashlib import blake2b
 from io import BytesIO
 from typing import BinaryIO
 
@@ -15,6 +16,7 @@ from meshreel.codec.bitstream.layout import (
     INDEX_POSITION,
     MAGIC,
     MAX_NAME_BYTES,
+    MESH_SECTIONS,
     Section,
     VertexType,
 )
@@ -26,6 +28,10 @@ _FIXED = struct.Struct("<8sHIIIdBBBB4dH")
 _SEGMENT = struct.Struct("<IIBBBB")
 _PLACEMENT = struct.Struct("<4d")
 _CHECKSUM = struct.Struct("<I")
+_COUNTS = struct.Struct("<II")
+
+MIN_FRAMING = 6
+"""Bytes of a section without its payload, if that has fewer than 128 bytes."""
 
 MAX_VARINT_BYTES = 9
 """Longest variable-length integer: its 63 bits fit a signed 64-bit integer."""
@@ -189,6 +195,52 @@ def write_segment(header: Header, first: Header) -> bytes:
     return payload + _PLACEMENT.pack(*header.origin, header.scale)
 
 
+class StoredMeshes:
+    """The meshes that the segments of a stream store so far, for references to them.
+
+    Only digests of their sections are kept.
+    """
+
+    def __init__(self) -> None:
+        self._segments: dict[bytes, int] = {}
+
+    def share(self, number: int, header: Header, leading: Sections) -> list[tuple[Section, bytes]]:
+        """Return the leading sections of a segment, with a reference if that takes fewer bytes.
+
+        Parameters
+        ----------
+        number : int
+            Of the segment, from 0; numbers ascend from call to call.
+        header : Header
+        leading : iterable of (Section, bytes)
+            The sections before its first block.
+        """
+        listed = list(leading)
+        mesh = [one for one in listed if one[0] in MESH_SECTIONS]
+        digests = _digests(header, mesh)
+        n_shared = sum(digest in self._segments for digest in digests)
+        if n_shared:
+            distance = number - self._segments[digests[n_shared - 1]]
+            reference = write_varint(distance) + write_varint(n_shared)
+            saved = sum(len(payload) + MIN_FRAMING for _, payload in mesh[:n_shared])
+            if len(reference) + MIN_FRAMING < saved:
+                others = (one for one in listed if one[0] not in MESH_SECTIONS)
+                return [(Section.REFERENCE, reference), *mesh[n_shared:], *others]
+        for digest in digests:
+            self._segments.setdefault(digest, number)
+        return listed
+
+
+def _digests(header: Header, sections: Sections) -> list[bytes]:
+    """Return a digest of the first 1, 2, ... sections of a mesh."""
+    state = blake2b(_COUNTS.pack(header.n_verts, header.n_faces), digest_size=16)
+    digests = []
+    for section, payload in sections:
+        state.update(bytes([section]) + write_varint(len(payload)) + payload)
+        digests.append(state.digest())
+    return digests
+
+
 @dataclass(frozen=True)
 class BlockPlace:
     """Position and size of a block of frames in a stream.
@@ -271,8 +323,10 @@ class StreamWriter:
         self._first: list[BlockPlace] = []
         self._further: list[SegmentPlace] = []
         self._places = self._first  # of the segment that is being written
+        self._meshes = StoredMeshes()
         self._position = 0
-        self._write(write_header(header) + b"".join(write_sections(list(leading))))
+        stored = self._meshes.share(0, header, leading)
+        self._write(write_header(header) + b"".join(write_sections(stored)))
 
     @property
     def size_bytes(self) -> int:
@@ -281,6 +335,8 @@ class StreamWriter:
 
     def begin_segment(self, header: Header, leading: Sections) -> None:
         """Begin another mesh; its frames follow those of the blocks written so far.
+
+        If an earlier segment has the same mesh, a reference is written in its place.
 
         Parameters
         ----------
@@ -294,7 +350,8 @@ class StreamWriter:
         counts = header.n_verts, header.n_faces
         self._further.append(SegmentPlace(*counts, self._position, self._places))
         first = Section.SEGMENT, write_segment(header, self._header)
-        self._write(b"".join(write_sections([first, *leading])))
+        stored = self._meshes.share(len(self._further), header, leading)
+        self._write(b"".join(write_sections([first, *stored])))
 
     def write_block(self, n_frames: int, sections: Sections) -> None:
         """Write a block and flush the file.

@@ -22,6 +22,7 @@ class Section(IntEnum):
     ANCHOR_VERTICES = 3
     SHAPE = 4
     SEGMENT = 5
+    REFERENCE = 6
     BLOCK = 16
     BASIS = 17
     ANCHORS = 18
@@ -55,6 +56,9 @@ SURFACE_SECTIONS = (
     Section.IMAGE,
     Section.HARD_EDGES,
 )
+
+MESH_SECTIONS = (Section.CONNECTIVITY, Section.ORDER, *SURFACE_SECTIONS)
+"""Sections that a segment may share with an earlier one."""
 
 
 class Laplacian(IntEnum):
