@@ -1,5 +1,6 @@
 """Decode a stream to a mesh sequence."""
 
+from collections.abc import Hashable
 from itertools import pairwise
 from typing import Any
 
@@ -12,9 +13,12 @@ from meshreel.codec.reel_track import tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.model.frame_choice import frame_range, start_of
 from meshreel.model.segments import SegmentedSequence
-from meshreel.model.sequence import MeshSequence
+from meshreel.model.sequence import Faces, MeshSequence
+from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
+
+Mesh = tuple[Surface, Faces]
 
 FRAMES_PER_REPORT = 256
 """Most frames between two progress reports."""
@@ -87,6 +91,7 @@ def decode_segments(
     file = whole_file(bytes(data), limit)
     requested = frame_range(frames, file.info.n_frames)
     segments: list[MeshSequence] = []
+    meshes: dict[Hashable, Mesh] = {}
     held_bytes = 0
     for number, place in enumerate(file.segments):
         first = max(requested.start, place.first_frame)
@@ -98,16 +103,28 @@ def decode_segments(
             what = f"frames {requested.start}:{stop} of {number + 1} segments"
             limit.require(held_bytes + opened.frames_size_bytes(local), what)
             start_s = start_of(local, opened.start_s, opened.fps)
-            segments.append(_decode_frames(opened, local, start_s, n_modes, silent))
+            mesh = meshes.get(opened.mesh_key)
+            segments.append(_decode_frames(opened, local, start_s, n_modes, silent, mesh))
+            meshes[opened.mesh_key] = segments[-1].surface, segments[-1].faces
             held_bytes += segments[-1].raw_size_bytes
+            if mesh is not None:  # shared with another segment
+                held_bytes -= mesh[0].size_bytes + mesh[1].nbytes
             progress("decoding", Count(stop - requested.start, len(requested), "frames"))
     return SegmentedSequence(segments)
 
 
 def _decode_frames(
-    opened: OpenStream, selected: range, start_s: float, n_modes: int | None, progress: Progress
+    opened: OpenStream,
+    selected: range,
+    start_s: float,
+    n_modes: int | None,
+    progress: Progress,
+    mesh: Mesh | None = None,
 ) -> MeshSequence:
-    """Return some frames of an open stream of one segment, with their tracks."""
+    """Return some frames of an open stream of one segment, with their tracks.
+
+    `mesh` is that of another segment, if both store the same.
+    """
     reader = opened.method.frames(opened, n_modes)
     tracks = tracks_of_stream(opened, reader)
     opened.require_frames(selected, with_tracks=True)
@@ -128,7 +145,7 @@ def _decode_frames(
             reader.fill(vertices[begin - selected.start : end - selected.start], begin)
             progress("decoding", Count(end - selected.start, len(selected), "frames"))
     try:
-        surface, faces = opened.surface, opened.file.faces
+        surface, faces = mesh or (opened.surface, opened.file.faces)
         reader.close()
         opened.file.close()
         decoded: dict[str, Track] = {}

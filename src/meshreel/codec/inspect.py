@@ -1,7 +1,7 @@
 """Description of a stream, without decoding a frame."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -226,10 +226,10 @@ def file_info(
     """Describe a file, or one of its segments; parameters and errors as in `stream_info`."""
     if segment is not None or file.info.n_segments == 1:
         return stream_info(OpenStream(file, limit, segment), is_remote=is_remote)
-    segments = []
+    segments, surfaces = [], _Surfaces()
     for number in range(file.info.n_segments):
         opened = OpenStream(file, limit, number)
-        segments.append(stream_info(opened, is_remote=is_remote))
+        segments.append(stream_info(opened, is_remote=is_remote, surfaces=surfaces))
         opened.file.close()
     return _combined(file, segments)
 
@@ -295,7 +295,43 @@ def _combined_tracks(tracks: Iterable[TrackInfo]) -> tuple[TrackInfo, ...]:
     )
 
 
-def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
+@dataclass(frozen=True)
+class _SurfaceInfo:
+    """Description of a surface, as in `StreamInfo`."""
+
+    size_bytes: int
+    n_polygons: int
+    attributes: tuple[str, ...]
+    parts: tuple[str, ...]
+    materials: tuple[str, ...]
+    images: tuple[str, ...]
+
+
+class _Surfaces:
+    """Descriptions of the surfaces of segments; a shared surface is decoded once."""
+
+    def __init__(self) -> None:
+        self._found: dict[Hashable, _SurfaceInfo] = {}
+
+    def of(self, opened: OpenStream) -> _SurfaceInfo:
+        """Describe the surface of a segment; raises CorruptStreamError if it is damaged."""
+        key = opened.mesh_key
+        if key not in self._found:
+            surface = opened.surface
+            self._found[key] = _SurfaceInfo(
+                size_bytes=surface.size_bytes,
+                n_polygons=surface.n_faces(opened.n_faces),
+                attributes=describe_attributes(surface),
+                parts=tuple(part.name for part in surface.parts),
+                materials=describe_materials(surface),
+                images=describe_images(surface),
+            )
+        return self._found[key]
+
+
+def stream_info(
+    opened: OpenStream, *, is_remote: bool = False, surfaces: _Surfaces | None = None
+) -> StreamInfo:
     """Describe a stream: contents, and bytes by section.
 
     Parameters
@@ -303,6 +339,8 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
     opened : OpenStream
     is_remote : bool, default False
         Read only short sections and the heads of others, without verifying checksums.
+    surfaces : _Surfaces, optional
+        Surfaces of other segments of the same file.
 
     Raises
     ------
@@ -312,7 +350,7 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
     file = opened.file
     sizes = _sizes(file, is_checked=not is_remote)
     groups = (file.group(number, is_checked=False) for number in range(opened.n_blocks))
-    surface = opened.surface
+    surface = (surfaces or _Surfaces()).of(opened)
     positions = opened.n_frames * opened.n_verts * 3
     tracks = _tracks(opened, sizes.of_tracks)
     return StreamInfo(
@@ -339,12 +377,12 @@ def stream_info(opened: OpenStream, *, is_remote: bool = False) -> StreamInfo:
         is_lossless=opened.method.is_lossless,
         is_whole=opened.is_whole,
         start_s=opened.start_s,
-        n_polygons=surface.n_faces(opened.n_faces),
-        attributes=describe_attributes(surface),
-        parts=tuple(part.name for part in surface.parts),
+        n_polygons=surface.n_polygons,
+        attributes=surface.attributes,
+        parts=surface.parts,
         diagonal=opened.frame.scale,
-        materials=describe_materials(surface),
-        images=describe_images(surface),
+        materials=surface.materials,
+        images=surface.images,
         tracks=tracks,
         segments=(
             SegmentInfo(

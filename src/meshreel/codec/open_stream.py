@@ -1,6 +1,6 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -10,7 +10,13 @@ import numpy as np
 
 from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import read_block_counts
-from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Laplacian, Order, Section
+from meshreel.codec.bitstream.layout import (
+    MESH_SECTIONS,
+    SURFACE_SECTIONS,
+    Laplacian,
+    Order,
+    Section,
+)
 from meshreel.codec.memory import DEFAULT_LIMIT, UNLIMITED, MemoryLimit
 from meshreel.codec.methods import method_of_code
 from meshreel.codec.subspace.trajectories import BoundingFrame
@@ -175,6 +181,12 @@ class OpenStream:
     def leading(self) -> tuple[FileSection, ...]:
         """Known sections before the first block, those that an earlier segment stores first."""
         return self.file.leading
+
+    @property
+    def mesh_key(self) -> Hashable:
+        """A value that equals that of another segment of the file if they store one mesh."""
+        stored = (one.offset for one in self.leading if one.id in MESH_SECTIONS)
+        return self.order_kept, *stored
 
     @cached_property
     def surface(self) -> Surface:
