@@ -248,7 +248,7 @@ def referred_sections(containers, payload):
     """The sections that the REFERENCE of the last segment adds to it."""
     distance, n_sections = payload.varint(), payload.varint()
     payload.end()
-    need(0 < distance < len(containers) and n_sections, "a reference is out of range")
+    need(0 < distance < len(containers) and 0 < n_sections < 256, "a reference is out of range")
     container, other = containers[-1], containers[-1 - distance]
     need(not other.refers, "a reference leads to another")
     counts = other.header.n_verts, other.header.n_faces

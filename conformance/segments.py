@@ -261,6 +261,9 @@ REFUSED: dict[str, Callable[[], bytes]] = {
     "reference_without_index": lambda: without_end(with_leading(refer(3, 2))),
     "reference_to_no_section": lambda: with_leading(refer(2, 0)),
     "reference_to_three_sections": lambda: with_leading(refer(2, 3)),
+    "reference_to_256_sections": lambda: with_leading(
+        lambda leading: [*leading, *300 * [(Section.IMAGE, b"\0\0")]], refer(1, 256)
+    ),
     "reference_of_one_number": lambda: with_leading(refer(2)),
     "reference_of_three_numbers": lambda: with_leading(refer(2, 2, 2)),
     "reference_to_a_reference": lambda: with_leading(refer(1, 2), refer(1, 2)),

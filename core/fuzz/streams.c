@@ -548,21 +548,25 @@ static void put_reference(stream *s, const stream *to, int64_t distance) {
     end_section(s, REFERENCE, payload);
 }
 
+/* Write a number of the index; rarely any other one. */
+static void put_index_number(stream *index, uint64_t value) {
+    put_varint(index, fuzz_one_in(200) ? fuzz_next() >> fuzz_below(64) : value);
+}
+
 /* Write the index entry of the segment that begins at `at`; 0 for the first. */
 static void put_index_entry(stream *index, const stream *s, size_t at) {
-    uint64_t tracks = (uint64_t)s->n_tracks + fuzz_one_in(50);
     if (at) {
-        put_varint(index, (uint64_t)s->mesh.n_verts);
-        put_varint(index, (uint64_t)s->mesh.n_faces + fuzz_one_in(50));
-        put_varint(index, tracks);
+        put_index_number(index, (uint64_t)s->mesh.n_verts);
+        put_index_number(index, (uint64_t)s->mesh.n_faces);
+        put_index_number(index, (uint64_t)s->n_tracks);
     }
-    put_varint(index, s->begins[0] - at);
-    put_varint(index, (uint64_t)s->n_blocks);
+    put_index_number(index, s->begins[0] - at);
+    put_index_number(index, (uint64_t)s->n_blocks);
     for (int64_t i = 0; i < s->n_blocks; i++) {
         size_t begin = s->begins[i];
-        put_varint(index, (uint64_t)s->n_frames[i]);
+        put_index_number(index, (uint64_t)s->n_frames[i]);
         for (int k = 0; k < s->n_tracks; k++) {
-            put_varint(index, s->ends[i][k] - begin);
+            put_index_number(index, s->ends[i][k] - begin);
             begin = s->ends[i][k];
         }
     }
@@ -602,6 +606,8 @@ static fuzz_bytes make_stream(void) {
     }
     if (!fuzz_one_in(5)) {
         put_end(&s, &index);
+    } else if (fuzz_one_in(2)) { /* interrupted */
+        s.size -= (size_t)fuzz_below((int64_t)s.size / 2);
     }
     return (fuzz_bytes){fuzz_copy(s.bytes, (int64_t)s.size, 1), s.size};
 }

@@ -26,6 +26,8 @@ typedef struct {
     const meshreel_host *host;
     uint64_t held; /* bytes held by the object, counted against the limit */
     reel_pool scratch;
+    const uint8_t *cached; /* bytes of the file that are read without the source, or NULL */
+    uint64_t cached_at, cached_size;
     meshreel_error error;
 } reel_call;
 

@@ -11,6 +11,7 @@
 #define END_BYTES 14
 #define LAST_METHOD REEL_METHOD_GRID
 #define MAX_TRACKS ((uint32_t)1 << 20)
+#define MAX_SHARED 255
 
 static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A};
 
@@ -388,8 +389,8 @@ static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments
 }
 
 /* Read the index: the first segment into `outline`, all into `segments`. */
-static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
-                      const reel_section *index, reel_segments *segments) {
+static int read_entries(reel_call *call, reel_pool *pool, reel_outline *outline,
+                        const reel_section *index, reel_segments *segments) {
     reel_range left = index->payload;
     reel_segment segment = {.at = outline->begin, .n_verts = outline->n_verts,
                             .n_faces = outline->n_faces, .n_tracks = outline->n_tracks};
@@ -406,6 +407,21 @@ static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
     return failed || segment.end == index->at
                ? failed
                : reel_corrupt(call, index->at, "the index does not list all blocks");
+}
+
+/* Read the index from one copy of its bytes: it consists of many short numbers. */
+static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
+                      const reel_section *index, reel_segments *segments) {
+    const reel_chunk *mark = call->scratch.last;
+    const uint8_t *bytes;
+    int failed = reel_view(call, index->payload, &bytes);
+    call->cached = failed ? NULL : bytes;
+    call->cached_at = index->payload.at;
+    call->cached_size = index->payload.length;
+    failed = failed ? failed : read_entries(call, pool, outline, index, segments);
+    call->cached = NULL;
+    reel_drop_scratch(call, mark);
+    return failed;
 }
 
 /* ---- section by section ---- */
@@ -608,9 +624,9 @@ static int read_reference(reel_call *call, const reel_segments *segments, uint64
     if (failed) {
         return failed;
     }
-    if (left.length || !reference->n_sections) {
+    if (left.length || !reference->n_sections || reference->n_sections > MAX_SHARED) {
         return reel_corrupt(call, section.payload.at,
-                            "a reference shares no section, or bytes follow it");
+                            "a reference shares no section or more than 255, or bytes follow it");
     }
     if (!distance || distance > number) {
         return reel_corrupt(call, section.payload.at,

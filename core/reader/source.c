@@ -12,6 +12,18 @@ static int truncated(reel_call *call, uint64_t at) {
     return reel_fail(call, MESHREEL_TRUNCATED, at, "the file ends too early; fetch it again");
 }
 
+/* Fail because a section ends behind `limit`: the end of the file, or of the bytes that the index
+   lists. */
+static int fail_at_limit(reel_call *call, uint64_t at, uint64_t limit) {
+    if (limit < call->source->size) {
+        return reel_fail(call, MESHREEL_CORRUPT, at,
+                         "a section is longer than the index or the blocks allow");
+    }
+    return at >= limit ? truncated(call, at)
+                       : reel_fail(call, MESHREEL_TRUNCATED, at,
+                                   "the file ends inside a section; fetch it again");
+}
+
 int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
     const meshreel_source *source = call->source;
     if (at > source->size || size > source->size - at) {
@@ -22,6 +34,11 @@ int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
     }
     if (source->bytes) {
         reel_copy(to, (const uint8_t *)source->bytes + at, size);
+        return MESHREEL_OK;
+    }
+    if (call->cached && at >= call->cached_at && at - call->cached_at <= call->cached_size &&
+        size <= call->cached_size - (at - call->cached_at)) {
+        reel_copy(to, call->cached + (at - call->cached_at), size);
         return MESHREEL_OK;
     }
     if (source->read(source->user, at, to, size)) {
@@ -201,18 +218,17 @@ int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
 int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *result) {
     uint8_t id;
     if (at >= limit) {
-        return truncated(call, at);
+        return fail_at_limit(call, at, limit);
     }
     reel_range left = {at, limit - at};
     uint64_t length;
     int failed = reel_read_bytes(call, &left, &id, 1);
     failed = failed ? failed : reel_read_varint(call, &left, &length);
     if (failed) {
-        return failed;
+        return failed == MESHREEL_TRUNCATED ? fail_at_limit(call, at, limit) : failed;
     }
     if (left.length < 4 || length > left.length - 4) {
-        return reel_fail(call, MESHREEL_TRUNCATED, at,
-                         "the file ends inside a section; fetch it again");
+        return fail_at_limit(call, at, limit);
     }
     *result = (reel_section){id, at, {left.at, length}, left.at + length + 4};
     return MESHREEL_OK;

@@ -1,11 +1,12 @@
 // Files with several segments: frames across segments, bytes that are read, and damage.
 
 import assert from "node:assert/strict";
+import { readdirSync, readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import { InvalidInputError, ReelFile, SegmentedReelFile } from "../dist/index.js";
 import { loadInternals, openSegments } from "./support/bundle.mjs";
-import { SEGMENT, sectionsOf } from "./support/container.mjs";
+import { END, SEGMENT, sealHeader, sectionBytes, sectionsOf } from "./support/container.mjs";
 import { expectedSegments, integerHash, segmentedBytes, sha, streamBytes } from "./support/streams.mjs";
 import { largeSegments } from "./support/track_streams.mjs";
 
@@ -137,6 +138,58 @@ test("a segment is found by the index and read by one request", async () => {
     assert.ok(ranges.every(([start, end]) => end - start < sizeBytes), String(ranges));
     assert.equal(sha(await reel.frame(0)), expected[2]["hash of positions"]);
   });
+});
+
+/** The stream "one_frame_each" with its last segment `count` times more; no index. */
+function repeated(count, isWhole = true) {
+  const bytes = segmentedBytes("one_frame_each");
+  const sections = sectionsOf(bytes);
+  const last = sections.filter(({ id }) => id === SEGMENT).at(-1).position;
+  const index = sections.at(-2).position;
+  const copies = Array.from({ length: count }, () => bytes.subarray(last, index));
+  const end = isWhole ? [sectionBytes(END, [])] : [];
+  const joined = Buffer.concat([bytes.subarray(0, index), ...copies, ...end]);
+  joined.fill(0, 10, 14); // the number of frames is not stated
+  sealHeader(joined);
+  return new Uint8Array(joined);
+}
+
+test("files of very many segments are opened and played", async () => {
+  const count = 20_000;
+  const expected = expectedSegments("one_frame_each").at(-1);
+  await withFile(repeated(count), async (file) => {
+    assert.equal(file.segments.length, count + 5);
+    for (const index of [count + 4, 5, 10_000]) {
+      const { segment, positions } = await file.frame(index);
+      assert.equal(segment, index);
+      assert.equal(sha(positions), expected["hash of positions"]);
+    }
+  });
+  await withFile(repeated(count, false).subarray(0, -1), async (file) => {
+    assert.equal(file.segments.length, count + 4);
+  });
+});
+
+/** Refused streams whose first segments are complete: without a usable index they end there. */
+const CUT_WHERE_DAMAGED = [
+  "frames_of_the_first_alone", "index_of_another_place", "index_of_more_frames",
+  "index_with_a_third", "index_without_the_second", "no_block", "no_block_of_the_last", "no_tracks",
+  "reference_without_index",
+];
+
+test("files that break a rule of segments play up to there or throw", async () => {
+  const folder = new URL("../../conformance/segments/refused/", import.meta.url);
+  const played = [];
+  for (const name of readdirSync(folder)) {
+    const play = async (file) => {
+      for (let t = 0; t < file.info.nFrames; t++) await file.frame(t);
+      played.push(name);
+    };
+    await withFile(new Uint8Array(readFileSync(new URL(name, folder))), play).catch((error) => {
+      assert.match(error.name, /^(CorruptStream|TruncatedStream)Error$/, name);
+    });
+  }
+  assert.deepEqual(played.sort(), CUT_WHERE_DAMAGED.map((name) => `${name}.reel`));
 });
 
 test("damage of a segment leaves the others intact", async () => {

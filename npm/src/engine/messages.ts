@@ -20,19 +20,22 @@ export interface Failure {
 /**
  * Arguments of calls of an engine, by name. `open` must be the first call; further ones open other
  * segments. The segment may be null if the file has only one. Track 0 is the positions. `ranges`
- * returns the bytes that were read to open the file, for another engine.
+ * returns the bytes that were read to open the file, for another engine; `segments` describes all
+ * segments, which may be very many.
  */
 export interface Calls {
   open: OpenParameters & { segment: number | null };
   ranges: object;
+  segments: object;
   frame: { segment: number | null; track: number; frame: number };
   fields: { segment: number | null; track: number; block: number; columns: readonly number[] };
 }
 
 /** Results of the calls. */
 export interface Results {
-  open: { file: FileInfo; segments: readonly SegmentInfo[]; info: ReelInfo; surface: Surface };
+  open: { file: FileInfo; info: ReelInfo; surface: Surface };
   ranges: readonly Range[];
+  segments: readonly SegmentInfo[];
   frame: TrackValues;
   fields: TrackFields;
 }

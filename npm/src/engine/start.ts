@@ -50,10 +50,11 @@ export function start(port: Port): void {
     if (call === "open") file ??= await SegmentsEngine.open(await library, read, args, signal);
     const opened = file as SegmentsEngine;
     if (call === "ranges") return opened.ranges();
+    if (call === "segments") return opened.segments;
     const engine = (lastEngine = await opened.segment((args as Calls["open"]).segment, signal));
     if (call === "open") {
       const { info, surface } = engine;
-      return { file: opened.info, segments: opened.segments, info, surface };
+      return { file: opened.info, info, surface };
     }
     if (call === "frame") return engine.frame(args.track, args.frame, signal);
     const { track, block, columns } = args as Calls["fields"];

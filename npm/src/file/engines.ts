@@ -3,7 +3,7 @@
 import { loadModule } from "../core/module.js";
 import type { Calls, Results } from "../engine/messages.js";
 import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
-import type { ByteSource } from "../types.js";
+import type { ByteSource, SegmentInfo } from "../types.js";
 import { startEngine } from "./engine_function.js";
 import { RemoteEngine } from "./remote_engine.js";
 
@@ -58,6 +58,16 @@ export class FileEngines {
   /** Open a segment, which may be null if there is only one. */
   openSegment(segment: number | null, signal?: AbortSignal): Promise<Results["open"]> {
     return this.positions.call("open", this.parameters(segment), signal);
+  }
+
+  /** Describe all segments; closes the file if that fails or is cancelled. */
+  async segments(signal?: AbortSignal): Promise<readonly SegmentInfo[]> {
+    try {
+      return await this.positions.call("segments", {}, signal);
+    } catch (error) {
+      this.close();
+      throw error;
+    }
   }
 
   /** Start, on the first call, the engine that decodes everything, and open a segment in it. */

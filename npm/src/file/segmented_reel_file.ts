@@ -50,8 +50,9 @@ export class SegmentedReelFile implements OpenSegments {
    */
   static async open(from: SourceInput, options: FileOptions = {}): Promise<SegmentedReelFile> {
     const { engines, opened } = await FileEngines.open(from, options, 0);
+    const segments = await engines.segments(options.signal);
     const first = ReelFile.segment(engines, 0, opened);
-    return new SegmentedReelFile(engines, opened.file, opened.segments, first);
+    return new SegmentedReelFile(engines, opened.file, segments, first);
   }
 
   /**

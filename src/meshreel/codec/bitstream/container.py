@@ -33,6 +33,9 @@ _COUNTS = struct.Struct("<II")
 MIN_FRAMING = 6
 """Bytes of a section without its payload, if that has fewer than 128 bytes."""
 
+MAX_SHARED = 255
+"""Most sections of a mesh that a segment shares with an earlier one."""
+
 MAX_VARINT_BYTES = 9
 """Longest variable-length integer: its 63 bits fit a signed 64-bit integer."""
 
@@ -217,7 +220,7 @@ class StoredMeshes:
         """
         listed = list(leading)
         mesh = [one for one in listed if one[0] in MESH_SECTIONS]
-        digests = _digests(header, mesh)
+        digests = _digests(header, mesh[:MAX_SHARED])
         n_shared = sum(digest in self._segments for digest in digests)
         if n_shared:
             distance = number - self._segments[digests[n_shared - 1]]
