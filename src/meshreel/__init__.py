@@ -13,6 +13,7 @@ Material          appearance of a face group: Texture (Wrap, Filter), Image, Alp
 SegmentedSequence an animated mesh whose faces change: segments, each a MeshSequence;
                   concatenate makes one, load_segments and decode_segments read one;
                   open_segments gives a SegmentedReelFile; a MeshFrame is vertices and faces
+register          raw frames, each with its own mesh, to segments that follow the surface
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
 corner_normals    normals of one or several frames, split at the hard edges of a Surface
@@ -35,7 +36,7 @@ from meshreel import methods as _methods  # noqa: F401  registers the coding met
 
 if TYPE_CHECKING:
     from meshreel import paper as paper
-    from meshreel.api import compare, decode, decode_segments, encode, info
+    from meshreel.api import compare, decode, decode_segments, encode, info, register
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.reel_file import ReelFile
     from meshreel.codec.segmented_file import SegmentedReelFile
@@ -114,6 +115,7 @@ __all__ = [
     "load_segments",
     "open",
     "open_segments",
+    "register",
     "save",
     "simulate_flag",
 ]
@@ -123,7 +125,7 @@ _MATERIALS = ("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap")
 _MODULES = {
     **dict.fromkeys(_SURFACE, "model.surface"),
     **dict.fromkeys(_MATERIALS, "model.materials"),
-    **dict.fromkeys(("compare", "decode", "decode_segments", "encode", "info"), "api"),
+    **dict.fromkeys(("compare", "decode", "decode_segments", "encode", "info", "register"), "api"),
     **dict.fromkeys(("MeshFrame", "SegmentedSequence", "concatenate"), "model.segments"),
     "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",

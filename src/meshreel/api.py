@@ -1,4 +1,4 @@
-"""`encode`, `decode`, `info` and `compare` of `meshreel`, which also accept files."""
+"""`encode`, `decode`, `info`, `compare` and `register` of `meshreel`, which also accept files."""
 
 import inspect
 import os
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar,
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
 from meshreel.codec.config import check_names
+from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.reel_file import ReelFile
@@ -176,6 +177,53 @@ def info(data: Stream | AnyPath | ReelFile, *, segment: int | None = None) -> St
     if is_remote(data):
         return read_info(data, segment)
     return _with_stream(data, "info", lambda stream: streams.info(stream, segment))
+
+
+def register(
+    source: AnyInput,
+    *,
+    tolerance: float | str = "0.2%",
+    unit: str | None = None,
+    progress: Progress = silent,
+) -> SegmentedSequence:
+    """Replace the meshes of a raw capture by few meshes that follow its surface.
+
+    A capture has a new mesh in every frame. Registration deforms the mesh of a key frame to fit
+    the frames before and after it, as far as the tolerance is met, so that many frames share one
+    connectivity: a segment. `meshreel.encode` compresses such segments many times better.
+
+    Parameters
+    ----------
+    source : SegmentedSequence, path, bytes, or ReelFile
+        Raw frames, as `encode` accepts them. Frames that stay in their files are read three times.
+    tolerance : float or str, default "0.2%"
+        Largest distance between a registered surface and the raw one, in the syntax of
+        `max_error`: percent of the diagonal of the box of all frames ("0.2%"), model units
+        ("0.5u"), or a length ("1mm", with `unit`). 99 % of both surfaces, in every frame, are
+        within it, and no connected patch beyond it is larger than a square whose side is ten times
+        the tolerance.
+    unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
+        Length unit of the model, for a `tolerance` that is a length.
+    progress : callable, optional
+        Called with the stage and the completed fraction, 0..1.
+
+    Returns
+    -------
+    SegmentedSequence
+        Frames that cannot be followed are segments of their own, with their raw mesh. Segments of
+        several frames have the texture coordinates, groups and materials of their key frame.
+
+    Raises
+    ------
+    InvalidInputError
+        If the tolerance is not valid, no frame has a face with an area, or the extra [register] is
+        not installed.
+    """
+    from meshreel.registration.register import register as register_sequence  # imports SciPy
+
+    bound = bound_of(tolerance, unit, "tolerance")
+    frames = _source(source, None, matches_frames=False)
+    return register_sequence(frames, bound, progress).sequence
 
 
 @overload

@@ -47,7 +47,7 @@ class ErrorBound:
         return f"{self.amount:g} {'model units' if self.is_length else '%'}"
 
 
-def bound_of(given: float | str, unit: str | None = None) -> ErrorBound:
+def bound_of(given: float | str, unit: str | None = None, option: str = "max_error") -> ErrorBound:
     """Parse an error bound.
 
     Parameters
@@ -58,6 +58,8 @@ def bound_of(given: float | str, unit: str | None = None) -> ErrorBound:
     unit : str, optional
         Length unit of the model, also of `METERS`; required for lengths only, because a sequence
         has no unit.
+    option : str, default "max_error"
+        Name of the parameter, for error messages.
 
     Raises
     ------
@@ -66,42 +68,44 @@ def bound_of(given: float | str, unit: str | None = None) -> ErrorBound:
         given with a bound that is not a length.
     """
     if not isinstance(given, str):
-        return _checked(given, "", given, unit)
+        return _checked(given, "", given, unit, option)
     match = _BOUND.fullmatch(given.strip().lower())
     if not match:
         raise InvalidInputError(
-            "max_error= takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
+            f"{option}= takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
             f"length ({', '.join(f'0.5{name}' for name in METERS)}); got {given!r}"
         )
-    return _checked(float(match[1]), match[2], given, unit)
+    return _checked(float(match[1]), match[2], given, unit, option)
 
 
-def _checked(amount: float, written: str, given: float | str, unit: str | None) -> ErrorBound:
+def _checked(
+    amount: float, written: str, given: float | str, unit: str | None, option: str
+) -> ErrorBound:
     if not 0 < amount < float("inf"):
-        raise InvalidInputError(f"max_error must be above 0; got {given}")
+        raise InvalidInputError(f"{option} must be above 0; got {given}")
     if unit is not None and unit not in METERS:
         raise InvalidInputError(f"unit= is one of {', '.join(METERS)}; got {unit!r}")
     if written in METERS:
         return ErrorBound(
-            amount * METERS[written] / METERS[_required_unit(unit, given)], is_length=True
+            amount * METERS[written] / METERS[_required_unit(unit, given, option)], is_length=True
         )
     if written not in ("", "%", MODEL_UNITS):
         raise InvalidInputError(
-            f"max_error= has no unit {written!r}; use %, {MODEL_UNITS} (model units), "
+            f"{option}= has no unit {written!r}; use %, {MODEL_UNITS} (model units), "
             f"{', '.join(METERS)}; got {given!r}"
         )
     if unit is not None:
         raise InvalidInputError(
-            f"unit= has no effect on {given}, which is not a length; omit it, or give max_error "
+            f"unit= has no effect on {given}, which is not a length; omit it, or give {option} "
             "in mm, cm, m, km, in or ft"
         )
     return ErrorBound(amount, is_length=written == MODEL_UNITS)
 
 
-def _required_unit(unit: str | None, given: float | str) -> str:
+def _required_unit(unit: str | None, given: float | str, option: str) -> str:
     if unit is None:
         raise InvalidInputError(
-            f"max_error {given} is a length, but the model has no length unit; give it with unit= "
+            f"{option} {given} is a length, but the model has no length unit; give it with unit= "
             f"({', '.join(METERS)}), or use model units as in 0.5{MODEL_UNITS}"
         )
     return unit

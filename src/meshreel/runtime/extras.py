@@ -60,5 +60,7 @@ DRACO_FRAMES = Extra("draco", "DracoPy", "DracoPy")
 PNG = Extra("textures", "imagecodecs", "imagecodecs")  # 16-bit PNG
 OPEN_EXR = Extra("textures", "OpenEXR", "OpenEXR")
 PAPER = Extra("paper", "SciPy", "scipy", InvalidInputError)
+REGISTER = Extra("register", "libigl", "igl", InvalidInputError)
+REGISTER_SCIPY = Extra("register", "SciPy", "scipy", InvalidInputError)
 SURFACES = Extra("surfaces", "SciPy", "scipy", InvalidInputError)  # to compare changing faces
 PEERS = Extra("peers", "SciPy", "scipy", InvalidInputError)  # to compare curves

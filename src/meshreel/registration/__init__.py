@@ -1,0 +1,1 @@
+"""Registration: raw frames, each with its own mesh, become segments of constant connectivity."""

@@ -1,0 +1,84 @@
+"""Cleaning of raw meshes: welded vertices, no degenerate faces, no small components."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats, rows_as_bytes
+from meshreel.model.geometry.hard_edges import lowest_connected
+from meshreel.model.geometry.normals import face_normals
+from meshreel.model.segments import MeshFrame
+from meshreel.model.sequence import Faces
+
+Indices = npt.NDArray[np.int64]
+
+MIN_COMPONENT_AREA = 0.002
+"""Smallest area of a component, as a share of the area of its frame, that is kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class CleanMesh:
+    """A raw frame prepared for registration.
+
+    Attributes
+    ----------
+    vertices : float64 array of shape (V, 3)
+    faces : int32 array of shape (M, 3)
+    kept_faces : int64 array of shape (M,)
+        The number of each face in the raw frame.
+    n_components : int
+        Components that are connected by vertices.
+    n_degenerate : int
+        Removed faces without area.
+    n_crumbs : int
+        Removed components of less than `MIN_COMPONENT_AREA`.
+    """
+
+    vertices: Floats
+    faces: Faces
+    kept_faces: Indices
+    n_components: int
+    n_degenerate: int
+    n_crumbs: int
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no face is left."""
+        return not len(self.faces)
+
+
+def clean(frame: MeshFrame) -> CleanMesh:
+    """Weld equal positions, and remove faces without area and small components.
+
+    Texture seams and quantization leave several vertices at one position; welding them restores
+    the connectivity of the surface.
+    """
+    _, first, number = np.unique(
+        rows_as_bytes(frame.vertices + 0), return_index=True, return_inverse=True
+    )
+    vertices = frame.vertices[first].astype(np.float64)
+    faces: Faces = number[frame.faces].astype(np.int32)
+    doubled_areas = np.linalg.norm(face_normals(vertices, faces), axis=1)
+    has_area = doubled_areas > 0
+    kept = np.flatnonzero(has_area)
+    component = components(faces[kept], len(vertices))
+    labels, of_faces = np.unique(component[faces[kept, 0]], return_inverse=True)
+    areas = np.bincount(of_faces, doubled_areas[kept], len(labels))
+    is_large = areas >= MIN_COMPONENT_AREA * areas.sum()
+    kept = kept[is_large[of_faces]]
+    used, corners = np.unique(faces[kept], return_inverse=True)
+    return CleanMesh(
+        vertices[used],
+        corners.reshape(-1, 3).astype(np.int32),
+        kept,
+        int(is_large.sum()),
+        int((~has_area).sum()),
+        int((~is_large).sum()),
+    )
+
+
+def components(faces: Faces, n_verts: int) -> Indices:
+    """Return the lowest vertex of the component of each vertex."""
+    sides = np.concatenate([faces[:, :2], faces[:, 1:]]).astype(np.int64)
+    return np.asarray(lowest_connected(n_verts, sides[:, 0], sides[:, 1]))

@@ -1,0 +1,185 @@
+"""The fit of a mesh to a surface: squared distances in both directions, with smooth changes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from meshreel.arrays import Floats
+from meshreel.model.sequence import Faces
+from meshreel.registration.triangle_mesh import Closest, Samples, TriangleMesh
+from meshreel.runtime.extras import REGISTER_SCIPY
+
+MIN_COSINE = 0.5
+"""Smallest cosine between the normals of a point and its closest point that correspond."""
+
+REACH = 0.02
+"""Largest distance of points that correspond."""
+
+MAX_STEPS = 40
+"""Largest number of steps of conjugate gradients."""
+
+RESIDUAL = 1e-2
+"""Relative residual at which conjugate gradients stop: correspondences change anyway."""
+
+DAMPING = 1e-3
+"""Weight of the squared change of each vertex, which holds vertices that nothing corresponds to."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Equations that move points of the mesh along normals onto planes.
+
+    Attributes
+    ----------
+    vertices : int32 array of shape (N, 3)
+        The vertices whose weighted mean is the point.
+    weights, normals : float64 arrays of shape (N, 3)
+    offsets : float64 array of shape (N,)
+        The distance that the point should move along the normal.
+    areas : float64 array of shape (N,)
+    """
+
+    vertices: Faces
+    weights: Floats
+    normals: Floats
+    offsets: Floats
+    areas: Floats
+
+
+class TwoSidedFit:
+    """Fits positions of one mesh to surfaces.
+
+    The sum of squared distances from points of the mesh to the surface and from points of the
+    surface to the mesh is minimized by Gauss-Newton steps: each distance is linearized along the
+    normal of the surface, which lets the mesh slide along it. The change is smooth: its Laplacian
+    is penalized.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+    n_verts : int
+    """
+
+    def __init__(self, faces: Faces, n_verts: int) -> None:
+        self._faces = faces
+        self._n_verts = n_verts
+        self._laplacian = uniform_laplacian(faces, n_verts)
+
+    def step(
+        self, positions: Floats, rest: Floats, target: TriangleMesh, smoothness: float
+    ) -> Floats:
+        """Return positions of shape (V, 3) that fit a surface better.
+
+        Parameters
+        ----------
+        positions : float64 array of shape (V, 3)
+            In longest sides of the box of the sequence.
+        rest : float64 array of shape (V, 3)
+            The positions from which the change is smooth.
+        smoothness : float
+            Weight of the squared Laplacian of the change, relative to that of one vertex's share
+            of the distances.
+        """
+        rows = self._rows(positions, target)
+        if not len(rows.offsets):
+            return positions
+        return positions + self._solve(rows, positions - rest, smoothness)
+
+    def _rows(self, positions: Floats, target: TriangleMesh) -> Rows:
+        mesh = TriangleMesh(positions, self._faces)
+        return joined(
+            rows_to_surface(mesh, mesh.centroid_samples(), target),
+            rows_to_surface(mesh, mesh.vertex_samples(), target),
+            rows_from_surface(mesh, target, target.centroid_samples()),
+            rows_from_surface(mesh, target, target.vertex_samples()),
+        )
+
+    def _solve(self, rows: Rows, change: Floats, smoothness: float) -> Floats:
+        """Return the change of the positions that solves the equations, of shape (V, 3)."""
+        sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
+        n_rows, size = len(rows.offsets), 3 * self._n_verts
+        scale = np.sqrt(rows.areas * (self._n_verts / rows.areas.sum()))
+        values = (scale[:, None] * rows.weights)[:, :, None] * rows.normals[:, None]
+        columns = 3 * rows.vertices[:, :, None] + np.arange(3)
+        jacobian = sparse.csr_matrix(
+            (values.ravel(), columns.ravel(), np.arange(0, 9 * n_rows + 1, 9)), (n_rows, size)
+        )
+        transposed = jacobian.T.tocsr()
+        laplacian, weight = self._laplacian, smoothness
+
+        def smoothed(field: Floats) -> Floats:
+            return np.asarray(weight * (laplacian.T @ (laplacian @ field)) + DAMPING * field)
+
+        def product(flat: Floats) -> Floats:
+            return np.asarray(
+                transposed @ (jacobian @ flat) + smoothed(flat.reshape(-1, 3)).ravel()
+            )
+
+        right = transposed @ (scale * rows.offsets) - smoothed(change).ravel()
+        squares = np.bincount(columns.ravel(), values.ravel() ** 2, size)
+        diagonal = squares + np.repeat(weight * self._squared_columns(), 3) + DAMPING
+        solution, _ = linalg.cg(
+            linalg.LinearOperator((size, size), product),
+            right,
+            rtol=RESIDUAL,
+            maxiter=MAX_STEPS,
+            M=sparse.diags(1.0 / diagonal),
+        )
+        return np.asarray(solution).reshape(-1, 3)
+
+    def _squared_columns(self) -> Floats:
+        return np.asarray(self._laplacian.multiply(self._laplacian).sum(axis=0)).ravel()
+
+
+def rows_to_surface(mesh: TriangleMesh, samples: Samples, target: TriangleMesh) -> Rows:
+    """Return equations that move samples of the mesh to their closest points on the target."""
+    found = target.closest(samples.points)
+    normals = target.face_normals[found.faces]
+    agrees = np.einsum("nc,nc->n", normals, samples.normals) > MIN_COSINE
+    kept = agrees & (found.distances < REACH)
+    offsets = np.einsum("nc,nc->n", normals, found.points - samples.points)
+    return Rows(
+        mesh.faces[samples.faces[kept]],
+        samples.weights[kept],
+        normals[kept],
+        offsets[kept],
+        samples.areas[kept],
+    )
+
+
+def rows_from_surface(mesh: TriangleMesh, target: TriangleMesh, samples: Samples) -> Rows:
+    """Return equations that move the closest points of samples of the target to them."""
+    found = mesh.closest(samples.points)
+    agrees = np.einsum("nc,nc->n", mesh.face_normals[found.faces], samples.normals) > MIN_COSINE
+    kept = np.flatnonzero(agrees & (found.distances < REACH))
+    found = Closest(found.distances[kept], found.faces[kept], found.points[kept])
+    normals = samples.normals[kept]
+    offsets = np.einsum("nc,nc->n", normals, samples.points[kept] - found.points)
+    return Rows(
+        mesh.faces[found.faces], mesh.barycentric(found), normals, offsets, samples.areas[kept]
+    )
+
+
+def joined(*several: Rows) -> Rows:
+    """Return all rows as one."""
+    return Rows(
+        np.concatenate([one.vertices for one in several]),
+        np.concatenate([one.weights for one in several]),
+        np.concatenate([one.normals for one in several]),
+        np.concatenate([one.offsets for one in several]),
+        np.concatenate([one.areas for one in several]),
+    )
+
+
+def uniform_laplacian(faces: Faces, n_verts: int) -> Any:
+    """Return the matrix that subtracts from each vertex the mean of its neighbors."""
+    sparse = REGISTER_SCIPY.load("sparse")
+    first, second = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    ones = np.ones(2 * len(first))
+    ends = np.concatenate([first, second]), np.concatenate([second, first])
+    adjacency = sparse.csr_matrix((ones, ends), (n_verts, n_verts))
+    adjacency.data[:] = 1.0
+    degrees = np.asarray(adjacency.sum(axis=1)).ravel()
+    scaled = sparse.diags(1.0 / np.maximum(degrees, 1.0)) @ adjacency
+    return (sparse.diags((degrees > 0).astype(float)) - scaled).tocsr()

@@ -1,0 +1,241 @@
+"""Segments grow from key frames in both directions, as far as the tolerance is met."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from meshreel.arrays import Floats, Singles
+from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.model.sequence import Faces
+from meshreel.registration.cleaning import CleanMesh
+from meshreel.registration.fitting import TwoSidedFit
+from meshreel.registration.tracking import ATTEMPTS, State, Tracker
+from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.verification import FrameErrors, Tolerance, measure
+from meshreel.runtime.threads import in_threads
+
+MARGIN = 4
+"""A key is chosen in the middle of a run of frames, without this fraction of it on either side."""
+
+SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
+"""Smoothness of the steps of the fit, which end when the tolerance is met."""
+
+LOST = 5.0
+"""Errors in tolerances that no fit of details can mend."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The raw frames of a sequence, cleaned, in longest sides of the sequence's box.
+
+    Attributes
+    ----------
+    n_frames : int
+    cleaned : callable
+        Returns a frame.
+    low : float64 array of shape (3,)
+        Lowest corner of the box of all frames, in the unit of the sequence.
+    scale : float
+        Longest side of the box, above 0.
+    """
+
+    n_frames: int
+    cleaned: Callable[[int], CleanMesh]
+    low: Floats
+    scale: float
+
+    def mesh(self, number: int) -> TriangleMesh:
+        """Return the cleaned surface of a frame."""
+        found = self.cleaned(number)
+        return TriangleMesh((found.vertices - self.low) / self.scale, found.faces)
+
+
+@dataclass(frozen=True)
+class Topology:
+    """What decides whether a frame is a good key.
+
+    A deformation can bring parts of a surface together but not separate what touches: the best key
+    has the most components, and of those the fewest handles.
+    """
+
+    n_components: int
+    euler_number: int
+
+    @classmethod
+    def of_mesh(cls, mesh: CleanMesh) -> "Topology":
+        """Return the topology of a cleaned frame."""
+        n_edges = len(undirected_edges(mesh.faces))
+        return cls(mesh.n_components, len(mesh.vertices) - n_edges + len(mesh.faces))
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """Higher is better."""
+        return self.n_components, self.euler_number
+
+
+class Followed(NamedTuple):
+    """A frame that was followed.
+
+    Attributes
+    ----------
+    positions : float32 array of shape (V, 3)
+        Those of the key mesh, in longest sides of the box.
+    errors : FrameErrors
+    """
+
+    positions: Singles
+    errors: FrameErrors
+
+
+EXACT = FrameErrors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Consecutive frames with the faces of a key.
+
+    Attributes
+    ----------
+    first : int
+        The first frame.
+    key : int
+        The frame whose mesh this is.
+    positions : float32 array of shape (T, V, 3)
+        In longest sides of the box.
+    faces : int32 array of shape (M, 3)
+    errors : tuple of FrameErrors
+        Of each frame; zero at the key.
+    reasons : tuple of (int, str)
+        The frames at which it ended, and why each could not be followed.
+    """
+
+    first: int
+    key: int
+    positions: Singles
+    faces: Faces
+    errors: tuple[FrameErrors, ...]
+    reasons: tuple[tuple[int, str], ...]
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.positions)
+
+
+def grow_segments(
+    frames: Frames,
+    topologies: list[Topology | None],
+    tolerance: Tolerance,
+    report: Callable[[int], None],
+) -> list[Segment]:
+    """Divide all frames into segments.
+
+    Parameters
+    ----------
+    topologies : list of Topology, or None for frames without a surface
+        Frames without a surface belong to no segment.
+    tolerance : Tolerance
+        In longest sides of the box.
+    report : callable
+        Called with the number of finished frames.
+    """
+    free = {number for number, one in enumerate(topologies) if one is not None}
+    segments: list[Segment] = []
+    n_empty = len(topologies) - len(free)
+    while free:
+        run = max(_runs(sorted(free)), key=len)
+        key = _choose_key(run, topologies)
+        n_done = frames.n_frames - len(free)
+        segment = _grow(frames, key, run, tolerance, partial(_add, report, n_done))
+        free -= set(range(segment.first, segment.first + segment.n_frames))
+        segments.append(segment)
+    report(frames.n_frames - n_empty)
+    return sorted(segments, key=lambda one: one.first)
+
+
+def _add(report: Callable[[int], None], n_before: int, n_more: int) -> None:
+    report(n_before + n_more)
+
+
+def _runs(numbers: list[int]) -> list[range]:
+    """Return the ranges of consecutive numbers."""
+    cuts = [0, *(np.flatnonzero(np.diff(numbers) > 1) + 1).tolist(), len(numbers)]
+    return [range(numbers[a], numbers[b - 1] + 1) for a, b in pairwise(cuts)]
+
+
+def _choose_key(run: range, topologies: list[Topology | None]) -> int:
+    """Return the frame of the best topology near the middle of a run."""
+    margin = len(run) // MARGIN
+    inner = run[margin : len(run) - margin]
+    ranks = {number: one.rank for number in inner if (one := topologies[number])}
+    best = max(ranks.values())
+    middle = (run[0] + run[-1]) / 2
+    return min((n for n, rank in ranks.items() if rank == best), key=lambda n: abs(n - middle))
+
+
+def _grow(
+    frames: Frames, key: int, run: range, tolerance: Tolerance, report: Callable[[int], None]
+) -> Segment:
+    """Return the segment of a key within a run of frames."""
+    mesh = frames.mesh(key)
+    found = {key: Followed(mesh.vertices.astype(np.float32), EXACT)}
+    ways = [range(key + 1, run.stop), range(key - 1, run.start - 1, -1)]
+    follower = Follower(mesh, tolerance) if len(run) > 1 else None
+    ends: list[tuple[int, str]] = []
+
+    def follow(numbers: range) -> None:
+        """Follow frames in order, up to the first that cannot be followed."""
+        if follower is None:
+            return
+        state = follower.tracker.start()
+        for number in numbers:
+            outcome = follower.follow(state, frames.mesh(number))
+            if isinstance(outcome, str):
+                ends.append((number, outcome))
+                return
+            state, found[number] = outcome
+            report(len(found))
+
+    in_threads(follow, ways)
+    numbers = sorted(found)
+    return Segment(
+        numbers[0],
+        key,
+        np.stack([found[number].positions for number in numbers]),
+        mesh.faces,
+        tuple(found[number].errors for number in numbers),
+        tuple(sorted(ends)),
+    )
+
+
+class Follower:
+    """Follows frames with the mesh of a key, with as little detail as the tolerance allows."""
+
+    def __init__(self, key: TriangleMesh, tolerance: Tolerance) -> None:
+        self.tracker = Tracker(key)
+        self._fit = TwoSidedFit(key.faces, len(key.vertices))
+        self._faces = key.faces
+        self._tolerance = tolerance
+
+    def follow(self, state: State, target: TriangleMesh) -> tuple[State, Followed] | str:
+        """Return the next frame, or why no attempt meets the tolerance."""
+        reason = ""
+        for attempt in ATTEMPTS:
+            pose, posed = self.tracker.track(state, target, attempt)
+            positions = posed.positions
+            for smoothness in SMOOTHNESS:
+                positions = self._fit.step(positions, posed.positions, target, smoothness)
+                mesh = TriangleMesh(positions, self._faces)
+                errors = measure(mesh, target, self._tolerance)
+                exceeded = errors.exceeds(self._tolerance)
+                if not exceeded:
+                    following = self.tracker.arrive(state, pose, posed, positions)
+                    return following, Followed(positions.astype(np.float32), errors)
+                reason = reason or exceeded
+                if errors.p99 > LOST * self._tolerance.length:
+                    break
+        return reason

@@ -1,0 +1,247 @@
+"""Tracking: the nodes of a key mesh follow the surfaces of neighboring frames, coarse to fine.
+
+A deformation graph is fitted by Gauss-Newton steps to corresponding points, which are near in place
+and in direction, found from both sides. Rotations of neighboring nodes should agree (O. Sorkine, M.
+Alexa, "As-Rigid-As-Possible Surface Modeling", 2007).
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from meshreel.arrays import Floats
+from meshreel.registration.graph import DeformationGraph, Pose, Posed
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.runtime.extras import REGISTER_SCIPY
+
+NODE_SPACING = 0.05
+"""Distance of the nodes along the surface, in longest sides of the box of all frames."""
+
+BEND = 0.04
+"""The distance that counts as much as two normals that differ by one radian."""
+
+N_POINTS = 3000
+"""Vertices of the key whose correspondences a Gauss-Newton step uses; half as many of the frame."""
+
+
+class Stage(NamedTuple):
+    """Gauss-Newton steps of the deformation graph.
+
+    Attributes
+    ----------
+    rigidity : float
+        Weight of the differences between neighboring nodes.
+    spread : float
+        Distance at which a correspondence counts half.
+    n_steps : int
+        Largest number of steps.
+    """
+
+    rigidity: float
+    spread: float
+    n_steps: int
+
+
+class Attempt(NamedTuple):
+    """How to follow a frame.
+
+    Attributes
+    ----------
+    predicts : bool
+        Whether constant velocity is considered.
+    stages : tuple of Stage
+        Coarse to fine.
+    """
+
+    predicts: bool
+    stages: tuple[Stage, ...]
+
+
+STAGES = Stage(3.0, 0.1, 5), Stage(1.0, 0.05, 4), Stage(0.4, 0.02, 3)
+
+ATTEMPTS = (
+    Attempt(True, STAGES),
+    Attempt(False, (Stage(10.0, 0.2, 10), *STAGES)),
+    Attempt(True, (*STAGES, Stage(0.15, 0.02, 4))),
+)
+"""The ways to follow a frame, tried in order until one meets the tolerance."""
+
+MIN_COSINE = 0.4
+"""Smallest cosine between normals of corresponding points."""
+
+TANGENTIAL = 0.05
+"""Weight of distances along the surface, relative to those along its normal."""
+
+CONVERGED = 6e-4
+"""Largest translation of a node in a step after which a stage ends."""
+
+DETAIL_KEPT = 0.9
+"""Share of the displacement from the posed key that the next frame begins with."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where the tracker is: the pose and details of a frame, and the pose of the one before."""
+
+    pose: Pose
+    details: Floats
+    before: Pose | None
+
+
+class Tracker:
+    """Moves a key mesh from frame to frame. All lengths are in longest sides of the sequence's box.
+
+    Parameters
+    ----------
+    key : TriangleMesh
+    """
+
+    def __init__(self, key: TriangleMesh) -> None:
+        self._faces = key.faces
+        self._graph = DeformationGraph.of_mesh(key.vertices, key.faces, NODE_SPACING)
+        order = np.random.default_rng(0).permutation(len(key.vertices))
+        self._points = np.sort(order[:N_POINTS])
+
+    def start(self) -> State:
+        """Return the state at the key."""
+        n_nodes, n_verts = len(self._graph.nodes), len(self._graph.nearest)
+        return State(Pose.at_rest(n_nodes), np.zeros((n_verts, 3)), None)
+
+    def track(
+        self, state: State, target: TriangleMesh, attempt: Attempt = ATTEMPTS[0]
+    ) -> tuple[Pose, Posed]:
+        """Return the pose in the next frame, and the mesh in it with the details of the last."""
+        tree = target.oriented_tree(BEND)
+        rng = np.random.default_rng(len(target.vertices))
+        pose = self._predicted(state, tree) if attempt.predicts else state.pose
+        for stage in attempt.stages:
+            for _ in range(stage.n_steps):
+                posed = self._graph.posed(pose, state.details)
+                others = rng.integers(0, len(target.vertices), len(self._points) // 2)
+                step = self._step(pose, posed, target, tree, others, stage)
+                pose = pose.moved(step)
+                if np.abs(step[:, 3:]).max() < CONVERGED:
+                    break
+        return pose, self._graph.posed(pose, state.details)
+
+    def arrive(self, state: State, pose: Pose, posed: Posed, positions: Floats) -> State:
+        """Return the state after a frame, given the mesh fitted to it, of shape (V, 3)."""
+        change = np.einsum("vji,vj->vi", posed.turns, positions - posed.positions)
+        return State(pose, DETAIL_KEPT * (state.details + change), state.pose)
+
+    def _predicted(self, state: State, tree: Any) -> Pose:
+        """Return the pose of the last frame or one of constant velocity, whichever is nearer."""
+        if state.before is None:
+            return state.pose
+        candidates = [state.pose, state.pose.continued(state.before)]
+        distances = []
+        for pose in candidates:
+            mesh = TriangleMesh(self._graph.posed(pose, state.details).positions, self._faces)
+            found, _ = tree.query(mesh.oriented(BEND)[self._points[::4]])
+            distances.append(np.minimum(found, 0.1).mean())
+        return candidates[int(np.argmin(distances))]
+
+    def _step(
+        self,
+        pose: Pose,
+        posed: Posed,
+        target: TriangleMesh,
+        tree: Any,
+        others: Indices,
+        stage: Stage,
+    ) -> Floats:
+        """Return rotation vectors and translations of all nodes, of shape (N, 6)."""
+        sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
+        pairs = self._correspondences(posed, target, tree, others, stage.spread)
+        parts = [
+            self._distance_rows(posed, target, *pairs),
+            self._rigidity_rows(pose, stage.rigidity),
+        ]
+        jacobian = sparse.vstack([matrix for matrix, _ in parts]).tocsr()
+        right = -np.concatenate([residuals for _, residuals in parts])
+        normal = (jacobian.T @ jacobian).tocsr()
+        normal.setdiag(normal.diagonal() + 1e-6)
+        solution, _ = linalg.cg(
+            normal,
+            jacobian.T @ right,
+            rtol=1e-3,
+            maxiter=200,
+            M=_block_inverse(normal, 6),
+        )
+        return np.asarray(solution).reshape(-1, 6)
+
+    def _correspondences(
+        self, posed: Posed, target: TriangleMesh, tree: Any, others: Indices, spread: float
+    ) -> tuple[Indices, Indices, Floats]:
+        """Return vertices of the mesh and of the target that correspond, and their weights."""
+        mesh = TriangleMesh(posed.positions, self._faces)
+        oriented = mesh.oriented(BEND)
+        own = self._points
+        _, there = tree.query(oriented[own])
+        _, back = mesh.oriented_tree(BEND).query(target.oriented(BEND)[others])
+        own, there = np.concatenate([own, back]), np.concatenate([there, others])
+        distances = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
+        cosines = np.einsum("nc,nc->n", mesh.vertex_normals[own], target.vertex_normals[there])
+        weights = (cosines > MIN_COSINE) * spread**2 / (spread**2 + distances**2)
+        return own, there, np.sqrt(weights)
+
+    def _distance_rows(
+        self, posed: Posed, target: TriangleMesh, own: Indices, there: Indices, weights: Floats
+    ) -> tuple[Any, Floats]:
+        """Return the derivatives and values of weighted distances to the planes of the target.
+
+        A small share of the distance along the plane counts too, so that nothing slides.
+        """
+        sparse = REGISTER_SCIPY.load("sparse")
+        nearest, arms = self._graph.nearest[own], posed.arms[own]
+        normals = target.vertex_normals[there]
+        gaps = posed.positions[own] - target.vertices[there]
+        n_rows, n_near = nearest.shape
+        moved = weights[:, None] * self._graph.weights[own]
+        turned = np.cross(arms, normals[:, None])
+        along = np.broadcast_to(normals[:, None], arms.shape)
+        values = moved[:, :, None] * np.concatenate([turned, along], axis=2)
+        columns = 6 * nearest[:, :, None] + np.arange(6)
+        size = 6 * len(self._graph.nodes)
+        ends = np.arange(0, 6 * n_near * n_rows + 1, 6 * n_near)
+        parts = [sparse.csr_matrix((values.ravel(), columns.ravel(), ends), (n_rows, size))]
+        residuals = [weights * np.einsum("nc,nc->n", gaps, normals)]
+        ends = np.arange(0, n_near * n_rows + 1, n_near)
+        for axis in range(3):
+            columns = (6 * nearest + 3 + axis).ravel()
+            shares = (TANGENTIAL * moved).ravel()
+            parts.append(sparse.csr_matrix((shares, columns, ends), (n_rows, size)))
+            residuals.append(TANGENTIAL * weights * gaps[:, axis])
+        return sparse.vstack(parts), np.concatenate(residuals)
+
+    def _rigidity_rows(self, pose: Pose, weight: float) -> tuple[Any, Floats]:
+        """Return the derivatives and values of how differently neighboring nodes move."""
+        sparse = REGISTER_SCIPY.load("sparse")
+        nodes, (first, second) = self._graph.nodes, self._graph.edges.T
+        turned = np.einsum("eij,ej->ei", pose.rotations[first], nodes[second] - nodes[first])
+        gaps = turned + (nodes + pose.translations)[first] - (nodes + pose.translations)[second]
+        ones, parts = np.ones(len(first)), []
+        for axis in range(3):
+            after, last = (axis + 1) % 3, (axis + 2) % 3
+            values = np.stack([turned[:, last], -turned[:, after], ones, -ones], axis=1)
+            columns = np.stack(
+                [6 * first + after, 6 * first + last, 6 * first + 3 + axis, 6 * second + 3 + axis],
+                axis=1,
+            )
+            ends = np.arange(0, 4 * len(first) + 1, 4)
+            shape = len(first), 6 * len(nodes)
+            parts.append(sparse.csr_matrix((weight * values.ravel(), columns.ravel(), ends), shape))
+        return sparse.vstack(parts), weight * gaps.T.ravel()
+
+
+def _block_inverse(matrix: Any, size: int) -> Any:
+    """Return the inverse of the diagonal blocks of a matrix, to precondition with."""
+    sparse = REGISTER_SCIPY.load("sparse")
+    blocks = matrix.tobsr((size, size))
+    rows = np.repeat(np.arange(len(blocks.indptr) - 1), np.diff(blocks.indptr))
+    diagonal = blocks.data[blocks.indices == rows]
+    n_blocks = len(diagonal)
+    return sparse.bsr_matrix(
+        (np.linalg.inv(diagonal), np.arange(n_blocks), np.arange(n_blocks + 1)), matrix.shape
+    )

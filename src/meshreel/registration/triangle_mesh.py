@@ -1,0 +1,145 @@
+"""A triangle mesh in registration: closest points, normals, and samples."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats
+from meshreel.metrics.closest_points import k_d_tree
+from meshreel.model.geometry.normals import face_normals, vertex_normals
+from meshreel.model.sequence import Faces
+from meshreel.runtime.extras import REGISTER
+
+Indices = npt.NDArray[np.int64]
+
+
+class Samples(NamedTuple):
+    """Points of a surface.
+
+    Attributes
+    ----------
+    faces : int64 array of shape (N,)
+        The face that contains each point.
+    weights : float64 array of shape (N, 3)
+        Barycentric coordinates.
+    points : float64 array of shape (N, 3)
+    normals : float64 array of shape (N, 3)
+    areas : float64 array of shape (N,)
+        The part of the surface that each point represents.
+    """
+
+    faces: Indices
+    weights: Floats
+    points: Floats
+    normals: Floats
+    areas: Floats
+
+
+class Closest(NamedTuple):
+    """The closest points of N points on a surface.
+
+    Attributes
+    ----------
+    distances : float64 array of shape (N,)
+    faces : int64 array of shape (N,)
+    points : float64 array of shape (N, 3)
+    """
+
+    distances: Floats
+    faces: Indices
+    points: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A triangle mesh with what registration asks of it, each computed at most once.
+
+    Attributes
+    ----------
+    vertices : float64 array of shape (V, 3)
+    faces : int32 array of shape (M, 3)
+    """
+
+    vertices: Floats
+    faces: Faces
+
+    @cached_property
+    def _doubled_normals(self) -> Floats:
+        return face_normals(self.vertices, self.faces)
+
+    @cached_property
+    def areas(self) -> Floats:
+        """Area of each face, of shape (M,)."""
+        return np.asarray(0.5 * np.linalg.norm(self._doubled_normals, axis=1))
+
+    @cached_property
+    def vertex_areas(self) -> Floats:
+        """A third of the area of the faces of each vertex, of shape (V,)."""
+        shares = np.repeat(self.areas / 3, 3)
+        return np.asarray(np.bincount(self.faces.ravel(), shares, len(self.vertices)), np.float64)
+
+    @cached_property
+    def face_normals(self) -> Floats:
+        """Unit normals of the faces, of shape (M, 3); zero without area."""
+        return unit(self._doubled_normals)
+
+    @cached_property
+    def vertex_normals(self) -> Floats:
+        """Unit normals of the vertices, of shape (V, 3)."""
+        return vertex_normals(self.vertices, self.faces)
+
+    @cached_property
+    def _tree(self) -> Any:
+        tree = REGISTER.load().AABB()
+        tree.init(self.vertices, self.faces)
+        return tree
+
+    def closest(self, points: Floats) -> Closest:
+        """Return the closest point of the surface for each point of shape (N, 3)."""
+        squared, faces, found = self._tree.squared_distance(self.vertices, self.faces, points)
+        return Closest(np.sqrt(squared), faces.astype(np.int64), found)
+
+    def centroid_samples(self) -> Samples:
+        """Return the centroids of the faces as samples."""
+        weights = np.full((len(self.faces), 3), 1 / 3)
+        points = self.vertices[self.faces].mean(axis=1)
+        return Samples(np.arange(len(self.faces)), weights, points, self.face_normals, self.areas)
+
+    def vertex_samples(self) -> Samples:
+        """Return the vertices as samples, each in one of its faces."""
+        corners = np.zeros(len(self.vertices), np.int64)
+        corners[self.faces.ravel()] = np.arange(self.faces.size)
+        weights = np.eye(3)[corners % 3]
+        return Samples(corners // 3, weights, self.vertices, self.vertex_normals, self.vertex_areas)
+
+    def barycentric(self, found: Closest) -> Floats:
+        """Return the barycentric coordinates of closest points in their faces, of shape (N, 3)."""
+        corners = self.vertices[self.faces[found.faces]]
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        offset = found.points - corners[:, 0]
+        normal = self._doubled_normals[found.faces]
+        squared = np.maximum(_dots(normal, normal), 1e-300)
+        s = np.clip(_dots(np.cross(offset, second), normal) / squared, 0.0, 1.0)
+        t = np.clip(_dots(np.cross(first, offset), normal) / squared, 0.0, 1.0 - s)
+        return np.stack([1.0 - s - t, s, t], axis=1)
+
+    def oriented_tree(self, bend: float) -> Any:
+        """Return a k-d tree of the vertices and their normals times a length."""
+        return k_d_tree(self.oriented(bend))
+
+    def oriented(self, bend: float) -> Floats:
+        """Return the vertices and their normals times a length, of shape (V, 6)."""
+        return np.hstack([self.vertices, bend * self.vertex_normals])
+
+
+def unit(vectors: Floats) -> Floats:
+    """Return vectors of length 1; zero vectors stay."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
+
+
+def _dots(first: Floats, second: Floats) -> Floats:
+    return np.asarray(np.einsum("nc,nc->n", first, second))

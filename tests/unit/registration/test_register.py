@@ -1,0 +1,139 @@
+"""Raw captures become few segments, within the tolerance."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel import Attribute, Domain, InvalidInputError, Kind, MeshSequence, Surface
+from meshreel.codec.error_bounds import ErrorBound
+from meshreel.registration.register import register
+from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.verification import measure
+from samples.captures import as_frames, bent, capsule, capture
+
+TOLERANCE = ErrorBound(0.5)
+
+
+@pytest.fixture(scope="module")
+def raw():
+    return capture()
+
+
+@pytest.fixture(scope="module")
+def registered(raw):
+    return register(raw, TOLERANCE)
+
+
+def only_segment(found):
+    (segment,) = found.sequence.segments
+    return segment
+
+
+def test_a_moving_surface_becomes_one_segment(raw, registered):
+    sequence = registered.sequence
+    assert (sequence.n_segments, sequence.n_frames, sequence.fps) == (1, raw.n_frames, 25.0)
+    assert sequence.segments[0].n_verts in [one.n_verts for one in raw.segments]
+
+
+def test_every_frame_is_within_the_tolerance(raw, registered):
+    limit = registered.tolerance
+    for frame, original in zip(registered.sequence, raw, strict=True):
+        mesh, target = (
+            TriangleMesh(one.vertices.astype(float) / registered.scale, one.faces)
+            for one in (frame, original)
+        )
+        errors = measure(mesh, target, limit)
+        assert not errors.exceeds(limit)
+        assert errors.n_folded == 0
+    assert registered.psnr_db > 65
+
+
+def test_the_mesh_follows_the_material(registered):
+    """Vertices stay where they are along the axis, although nothing but the surface tells them."""
+    segment = only_segment(registered)
+    key = registered.segments[0].key
+    angles = np.linspace(0, 0.5, 6)
+    for positions, angle in zip(segment.vertices, angles, strict=True):
+        expected = bent(unbent(segment.vertices[key], angles[key]), angle)
+        assert np.linalg.norm(positions - expected, axis=1).mean() < 0.05
+
+
+def unbent(points, angle):
+    """Undo `bent` by fixed-point iteration."""
+    found = points.astype(float)
+    for _ in range(50):
+        found = found + points - bent(found, angle)
+    return found
+
+
+def test_registration_is_deterministic(raw, registered):
+    again = only_segment(register(raw, TOLERANCE))
+    assert np.array_equal(again.vertices, only_segment(registered).vertices)
+
+
+def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
+    vertices, faces = capsule(20, 20)
+    aside = np.array([0.7, 0, 0])
+    torn = np.vstack([vertices * 0.5 + aside, vertices * 0.5 - aside])
+    both = np.vstack([faces, faces + len(vertices)])
+    others = as_frames([(torn, both), (torn + np.array([0, 0, 0.01]), both)])
+    found = register(meshreel.concatenate([raw, others]), TOLERANCE)
+    assert [one.n_frames for one in found.sequence.segments] == [raw.n_frames, 2]
+    assert any(line.startswith("frame 6 does not continue") for line in found.cuts())
+
+
+def test_frames_without_a_surface_stay_as_they_are(raw):
+    empty = as_frames([(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))])
+    found = register(meshreel.concatenate([empty, raw, empty]), TOLERANCE)
+    assert [one.n_frames for one in found.sequence.segments] == [1, raw.n_frames, 1]
+    assert found.sequence.frame(0).vertices.shape == (3, 3)
+    assert any("without a surface" in note for note in found.notes)
+
+
+def test_a_single_frame_is_returned_unchanged(raw):
+    one = raw[:1]
+    found = register(one, TOLERANCE).sequence
+    assert np.array_equal(found.frame(0).vertices, one.frame(0).vertices)
+    assert np.array_equal(found.frame(0).faces, one.frame(0).faces)
+
+
+def test_nothing_to_register_is_an_error():
+    empty = as_frames([(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))])
+    with pytest.raises(InvalidInputError, match="no frame has a face with an area"):
+        register(empty)
+
+
+def test_texture_coordinates_of_the_key_are_kept_at_corners(raw):
+    def textured(segment):
+        uv = segment.vertices[0][:, :2].copy()
+        surface = Surface(attributes=(Attribute("uv", Kind.UV, Domain.VERTEX, uv),))
+        return MeshSequence(segment.vertices, segment.faces, segment.fps, surface=surface)
+
+    given = meshreel.concatenate([textured(one) for one in raw.segments[:3]])
+    found = register(given, TOLERANCE)
+    segment = only_segment(found)
+    (uv,) = segment.surface.attributes
+    at_corners = segment.vertices[found.segments[0].key][segment.faces.ravel()][:, :2]
+    assert uv.domain is Domain.CORNER
+    np.testing.assert_allclose(uv.per_item(), at_corners, atol=1e-5)
+
+
+def test_segments_encode_to_fewer_bytes_than_raw_frames(raw, registered):
+    sizes = [len(meshreel.encode(one, quality=70)) for one in (raw, registered.sequence)]
+    assert sizes[1] < 0.5 * sizes[0]
+
+
+def test_tolerances_are_lengths_or_percent(raw):
+    found = meshreel.register(raw[:2], tolerance="20mm", unit="m")
+    assert found.n_segments == 1
+    with pytest.raises(InvalidInputError, match="tolerance= takes percent"):
+        meshreel.register(raw, tolerance="fine")
+    with pytest.raises(InvalidInputError, match="tolerance 5mm is a length"):
+        meshreel.register(raw, tolerance="5mm")
+
+
+def test_progress_counts_cleaned_and_registered_frames(raw):
+    calls = []
+    register(raw, TOLERANCE, lambda stage, share: calls.append((stage, float(share))))
+    assert calls[raw.n_frames - 1] == ("cleaning", 1.0)
+    assert calls[-1] == ("registering", 1.0)

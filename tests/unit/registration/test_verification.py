@@ -1,0 +1,51 @@
+"""Errors of registered frames, on surfaces whose distance is known."""
+
+import numpy as np
+import pytest
+
+from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.verification import Tolerance, measure
+from samples.shapes import square
+
+
+def plane(height=0.0, n=21):
+    return TriangleMesh(*square(height, n))
+
+
+def test_distances_of_parallel_planes_are_their_offset():
+    errors = measure(plane(0.01), plane(), Tolerance(0.02))
+    figures = [errors.mean, errors.p95, errors.p99, errors.largest, errors.mean_square**0.5]
+    assert figures == pytest.approx([0.01] * 5)
+    assert (errors.patch_area, errors.n_folded) == (0.0, 0)
+    assert not errors.exceeds(Tolerance(0.02))
+
+
+def test_a_surface_beyond_the_tolerance_is_told_by_its_distance():
+    errors = measure(plane(0.01), plane(), Tolerance(0.005))
+    assert errors.patch_area == pytest.approx(1.0)
+    assert "farther than 1 %" in errors.exceeds(Tolerance(0.005))
+
+
+def test_a_missing_part_counts_in_the_other_direction():
+    target = plane()
+    kept = target.vertices[target.faces][:, :, 0].mean(axis=1) < 0.94
+    mesh = TriangleMesh(target.vertices, target.faces[kept])
+    errors = measure(mesh, target, Tolerance(0.004))
+    assert errors.p99 > 0.02
+    assert errors.patch_area == pytest.approx(0.05, rel=0.3)
+
+
+def test_separate_patches_do_not_add_up():
+    vertices, faces = square(0.0, 41)
+    vertices[np.abs(vertices[:, :2] - [0.25, 0.25]).max(axis=1) < 0.05, 2] = 0.1
+    vertices[np.abs(vertices[:, :2] - [0.75, 0.75]).max(axis=1) < 0.05, 2] = 0.1
+    one = measure(TriangleMesh(vertices, faces), plane(n=41), Tolerance(0.05)).patch_area
+    vertices[vertices[:, 0] > 0.5, 2] = 0
+    other = measure(TriangleMesh(vertices, faces), plane(n=41), Tolerance(0.05)).patch_area
+    assert one == pytest.approx(other)
+
+
+def test_turned_faces_are_folded():
+    mesh = plane()
+    turned = TriangleMesh(mesh.vertices, mesh.faces[:, ::-1].copy())
+    assert measure(turned, mesh, Tolerance(0.1)).n_folded == len(mesh.faces)
