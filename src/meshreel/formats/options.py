@@ -54,6 +54,8 @@ class ReadOptions:
         moves a mesh.
     matches_frames : bool, default True
         Whether frames that differ only in the order of vertices and faces become one segment.
+    register : float or str, optional
+        Tolerance of the registration of frames whose faces change, as in `meshreel.register`.
     """
 
     fps: float | None = None
@@ -70,6 +72,7 @@ class ReadOptions:
     animation: str | int | None = None
     memory: float | str | None = None
     matches_frames: bool = True
+    register: float | str | None = None
 
 
 @dataclass(frozen=True)

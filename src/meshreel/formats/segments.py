@@ -7,7 +7,8 @@ from functools import partial
 from itertools import accumulate, pairwise
 from pathlib import Path
 
-from meshreel.errors import ConnectivityChangeError
+from meshreel.codec.error_bounds import bound_of
+from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.mesh_files import MeshFiles
 from meshreel.formats.frames.opening import open_mesh_files
@@ -46,13 +47,31 @@ def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
     """
     check_read_options(found.format, options)
     attempt = replace(_at_rate(found, options), notes=[])
+    if options.register is not None:
+        attempt = replace(attempt, matches_frames=False)
     try:
         opened = _open_constant(found, attempt)
     except ConnectivityChangeError:
         attempt.notes.clear()
         opened = _open_changing(found, attempt)
     options.notes.extend(dict.fromkeys(attempt.notes))
-    return opened
+    return opened if options.register is None else registered(opened, options)
+
+
+def registered(sequence: AnySequence, options: ReadOptions) -> SegmentedSequence:
+    """Return a sequence registered with the tolerance of the options, which receive notes on it.
+
+    Raises
+    ------
+    InvalidInputError
+        As `meshreel.register`.
+    """
+    from meshreel.registration.register import register  # imports SciPy
+
+    tolerance = bound_of(options.register or "", option="register")
+    registration = register(sequence, tolerance, options.progress)
+    options.notes.extend(registration.notes())
+    return registration.sequence
 
 
 @staged("reading")
@@ -188,6 +207,8 @@ def find_segments(source: Source | SourceFiles, options: ReadOptions) -> list[Fo
     InvalidInputError, FormatError
         As `meshreel.load`.
     """
+    if options.register is not None:
+        raise InvalidInputError("register= joins segments; it cannot be combined with split")
     found = source if isinstance(source, SourceFiles) else find_files(source)
     check_read_options(found.format, options)
     if not isinstance(source, SourceFiles):

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.model.sequence import Faces
-from meshreel.registration.triangle_mesh import Closest, Samples, TriangleMesh
+from meshreel.registration.triangle_mesh import Closest, Samples, TriangleMesh, unit
 from meshreel.runtime.extras import REGISTER_SCIPY
 
 MIN_COSINE = 0.5
@@ -15,6 +15,9 @@ MIN_COSINE = 0.5
 
 REACH = 0.02
 """Largest distance of points that correspond."""
+
+BOUNDARY_COSINE = 0.5
+"""Cosine between the way to the closest point and the normal, below which that is on a boundary."""
 
 MAX_STEPS = 40
 """Largest number of steps of conjugate gradients."""
@@ -28,21 +31,23 @@ DAMPING = 1e-3
 
 @dataclass(frozen=True)
 class Rows:
-    """Equations that move points of the mesh along normals onto planes.
+    """Equations that move points of the mesh.
 
     Attributes
     ----------
     vertices : int32 array of shape (N, 3)
         The vertices whose weighted mean is the point.
-    weights, normals : float64 arrays of shape (N, 3)
+    weights : float64 array of shape (N, 3)
+    directions : float64 array of shape (N, 3)
+        Unit vectors.
     offsets : float64 array of shape (N,)
-        The distance that the point should move along the normal.
+        The distance that the point should move in its direction.
     areas : float64 array of shape (N,)
     """
 
     vertices: Faces
     weights: Floats
-    normals: Floats
+    directions: Floats
     offsets: Floats
     areas: Floats
 
@@ -100,7 +105,7 @@ class TwoSidedFit:
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
         n_rows, size = len(rows.offsets), 3 * self._n_verts
         scale = np.sqrt(rows.areas * (self._n_verts / rows.areas.sum()))
-        values = (scale[:, None] * rows.weights)[:, :, None] * rows.normals[:, None]
+        values = (scale[:, None] * rows.weights)[:, :, None] * rows.directions[:, None]
         columns = 3 * rows.vertices[:, :, None] + np.arange(3)
         jacobian = sparse.csr_matrix(
             (values.ravel(), columns.ravel(), np.arange(0, 9 * n_rows + 1, 9)), (n_rows, size)
@@ -138,14 +143,10 @@ def rows_to_surface(mesh: TriangleMesh, samples: Samples, target: TriangleMesh) 
     normals = target.face_normals[found.faces]
     agrees = np.einsum("nc,nc->n", normals, samples.normals) > MIN_COSINE
     kept = agrees & (found.distances < REACH)
-    offsets = np.einsum("nc,nc->n", normals, found.points - samples.points)
-    return Rows(
-        mesh.faces[samples.faces[kept]],
-        samples.weights[kept],
-        normals[kept],
-        offsets[kept],
-        samples.areas[kept],
-    )
+    gaps = found.points[kept] - samples.points[kept]
+    directions, offsets = _directions(gaps, normals[kept])
+    vertices = mesh.faces[samples.faces[kept]]
+    return Rows(vertices, samples.weights[kept], directions, offsets, samples.areas[kept])
 
 
 def rows_from_surface(mesh: TriangleMesh, target: TriangleMesh, samples: Samples) -> Rows:
@@ -154,11 +155,23 @@ def rows_from_surface(mesh: TriangleMesh, target: TriangleMesh, samples: Samples
     agrees = np.einsum("nc,nc->n", mesh.face_normals[found.faces], samples.normals) > MIN_COSINE
     kept = np.flatnonzero(agrees & (found.distances < REACH))
     found = Closest(found.distances[kept], found.faces[kept], found.points[kept])
-    normals = samples.normals[kept]
-    offsets = np.einsum("nc,nc->n", normals, samples.points[kept] - found.points)
-    return Rows(
-        mesh.faces[found.faces], mesh.barycentric(found), normals, offsets, samples.areas[kept]
-    )
+    gaps = samples.points[kept] - found.points
+    directions, offsets = _directions(gaps, samples.normals[kept])
+    vertices, weights = mesh.faces[found.faces], mesh.barycentric(found)
+    return Rows(vertices, weights, directions, offsets, samples.areas[kept])
+
+
+def _directions(gaps: Floats, normals: Floats) -> tuple[Floats, Floats]:
+    """Return the directions in which points should move, and how far.
+
+    That is along the normal, so that the mesh can slide; but a point beyond the boundary of the
+    other surface moves straight to it: its closest point is not below it.
+    """
+    offsets = np.einsum("nc,nc->n", gaps, normals)
+    lengths = np.linalg.norm(gaps, axis=1)
+    is_beyond = np.abs(offsets) < BOUNDARY_COSINE * lengths
+    directions = np.where(is_beyond[:, None], unit(gaps), normals)
+    return directions, np.where(is_beyond, lengths, offsets)
 
 
 def joined(*several: Rows) -> Rows:
@@ -166,7 +179,7 @@ def joined(*several: Rows) -> Rows:
     return Rows(
         np.concatenate([one.vertices for one in several]),
         np.concatenate([one.weights for one in several]),
-        np.concatenate([one.normals for one in several]),
+        np.concatenate([one.directions for one in several]),
         np.concatenate([one.offsets for one in several]),
         np.concatenate([one.areas for one in several]),
     )

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
 from meshreel.model.geometry.connectivity import undirected_edges
@@ -51,7 +52,11 @@ class Frames:
     def mesh(self, number: int) -> TriangleMesh:
         """Return the cleaned surface of a frame."""
         found = self.cleaned(number)
-        return TriangleMesh((found.vertices - self.low) / self.scale, found.faces)
+        return TriangleMesh(self.normalized(found.vertices), found.faces)
+
+    def normalized(self, vertices: npt.NDArray[np.floating]) -> Floats:
+        """Return positions in longest sides of the box, from its lowest corner."""
+        return np.asarray((vertices.astype(np.float64) - self.low) / self.scale)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,10 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.segments import (
     AnySequence,
+    HasSegments,
     MeshFrame,
     SegmentedSequence,
+    frame_at,
     frames_of,
     segment_containing,
     segments_of,
@@ -23,7 +25,8 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Surface
 from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
-from meshreel.registration.verification import FrameErrors, Tolerance
+from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import REGISTER, REGISTER_SCIPY
 from meshreel.runtime.progress import Count, Progress, silent
@@ -35,6 +38,52 @@ DEFAULT_TOLERANCE = ErrorBound(0.2)
 CACHED_FRAMES = 4
 """Cleaned frames in memory."""
 
+MAX_CUTS = 8
+"""Cuts that are listed in notes."""
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Distances of registered surfaces from the raw ones, over all frames.
+
+    Attributes
+    ----------
+    mean_percent, p95_percent, p99_percent, max_percent : float
+        Means of the frames, and the maximum of all, in percent of the diagonal of the box of all
+        frames; in each frame the worse direction.
+    psnr_db : float
+        Surface PSNR: 10 log10(3 p^2 / mse), with the longest side p of the box.
+    n_folded : int
+        Faces in all frames whose normal opposes that of the raw surface.
+    """
+
+    mean_percent: float
+    p95_percent: float
+    p99_percent: float
+    max_percent: float
+    psnr_db: float
+    n_folded: int
+
+    @classmethod
+    def of_frames(cls, errors: Sequence[FrameErrors], scale: float) -> "Distances":
+        """Summarize errors in longest sides of the box, of which `scale` make a diagonal."""
+        rows = np.array([[one.mean, one.p95, one.p99, one.mean_square] for one in errors])
+        mean, p95, p99, mean_square = rows.mean(axis=0).tolist()
+        return cls(
+            100 * mean / scale,
+            100 * p95 / scale,
+            100 * p99 / scale,
+            100 * max(one.largest for one in errors) / scale,
+            float(10 * np.log10(3 / mean_square)) if mean_square else float("inf"),
+            sum(one.n_folded for one in errors),
+        )
+
+    def __str__(self) -> str:
+        return (
+            f"mean {self.mean_percent:.2g} %, 95 % {self.p95_percent:.2g} %, largest "
+            f"{self.max_percent:.2g} % of the diagonal, {self.psnr_db:.1f} dB surface PSNR"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Registration:
@@ -45,38 +94,77 @@ class Registration:
     sequence : SegmentedSequence
         Segments of constant connectivity. Frames that could not be followed are segments of their
         own, with the raw mesh.
+    raw : SegmentedSequence
+        The given sequence.
     segments : tuple of Segment
-        The registered segments; positions are in longest sides of the box.
-    scale : float
-        Longest side of the box of all frames, in the unit of the sequence.
+        The registered segments, in longest sides of the box.
+    frames : Frames
+        The raw frames.
     tolerance : Tolerance
         In longest sides of the box.
-    notes : tuple of str
-        What was changed or left out.
+    diagonal : float
+        Diagonal of the box, in its longest sides.
+    changes : tuple of str
+        What was removed or left out.
     """
 
     sequence: SegmentedSequence
+    raw: SegmentedSequence
     segments: tuple[Segment, ...]
-    scale: float
+    frames: Frames
     tolerance: Tolerance
-    notes: tuple[str, ...]
+    diagonal: float
+    changes: tuple[str, ...]
 
     @property
-    def errors(self) -> tuple[FrameErrors, ...]:
-        """Distances of each frame from its raw frame, in longest sides of the box."""
-        return tuple(one for segment in self.segments for one in segment.errors)
+    def distances(self) -> Distances:
+        """Distances from the raw frames."""
+        errors = [one for segment in self.segments for one in segment.errors]
+        return Distances.of_frames(errors, self.diagonal)
 
-    @property
-    def psnr_db(self) -> float:
-        """Surface PSNR: 10 log10(3 / mean squared distance), over all frames."""
-        mean = float(np.mean([one.mean_square for one in self.errors]))
-        return float(10 * np.log10(3 / mean)) if mean else float("inf")
+    def distances_of(self, sequence: HasSegments, progress: Progress = silent) -> Distances:
+        """Return the distances of a sequence or a file, such as the encoded one.
+
+        Frames without a surface do not count.
+        """
+        errors = []
+        numbers = [n for one in self.segments for n in range(one.first, one.first + one.n_frames)]
+        for number in numbers:
+            frame = frame_at(sequence, number)
+            own = TriangleMesh(self.frames.normalized(frame.vertices), frame.faces)
+            errors.append(measure(own, self.frames.mesh(number), self.tolerance))
+            progress("measuring", Count(len(errors), len(numbers), "frames"))
+        return Distances.of_frames(errors, self.diagonal)
 
     def cuts(self) -> Iterator[str]:
         """Yield a line about each frame at which a segment ended."""
         for segment in self.segments:
             for number, reason in segment.reasons:
                 yield f"frame {number} does not continue the mesh of frame {segment.key}: {reason}"
+
+    def listed_cuts(self) -> Iterator[str]:
+        """Yield the first lines of `cuts`, and the number of the others."""
+        cuts = list(self.cuts())
+        yield from cuts[:MAX_CUTS]
+        if len(cuts) > MAX_CUTS:
+            yield f"{len(cuts) - MAX_CUTS} more frames do not continue a mesh"
+
+    def notes(self) -> Iterator[str]:
+        """Yield lines on the result, what was removed, and the first cuts."""
+        counts = (
+            counted(self.sequence.n_frames, "frame"),
+            counted(self.sequence.n_segments, "segment"),
+        )
+        yield f"registered {counts[0]} in {counts[1]}; distance from the raw surface: " + str(
+            self.distances
+        )
+        yield from self.changes
+        yield from self.listed_cuts()
+
+    @property
+    def tolerance_percent(self) -> float:
+        """The tolerance in percent of the diagonal."""
+        return 100 * self.tolerance.length / self.diagonal
 
 
 def register(
@@ -100,8 +188,14 @@ def register(
     Raises
     ------
     InvalidInputError
-        If no frame has a face with an area, or the extra [register] is not installed.
+        If the faces do not change, no frame has a face with an area, or the extra [register] is
+        not installed.
     """
+    if not isinstance(sequence, SegmentedSequence) or sequence.n_segments == 1:
+        raise InvalidInputError(
+            f"all {counted(sequence.n_frames, 'frame')} have the same faces; there is nothing to "
+            "register"
+        )
     for library in (REGISTER, REGISTER_SCIPY):
         library.load()
     extent = sequence.extent
@@ -125,9 +219,15 @@ def register(
             limit,
             lambda n_done: progress("registering", Count(n_done, raw.n_frames, "frames")),
         )
-    notes = tuple(_notes(n_removed, topologies, sequence))
-    registered = SegmentedSequence(_sequences(raw, segments, frames), sequence.name)
-    return Registration(registered, tuple(segments), scale, limit, notes)
+    return Registration(
+        SegmentedSequence(_sequences(raw, segments, frames), sequence.name),
+        sequence,
+        tuple(segments),
+        frames,
+        limit,
+        diagonal / scale,
+        tuple(_changes(n_removed, topologies, sequence)),
+    )
 
 
 class _RawFrames:
@@ -204,7 +304,7 @@ def _kept_attribute(attribute: Attribute, items: Integers) -> Attribute:
     return replace(attribute, domain=domain, values=values[first], indices=indices.astype(np.int32))
 
 
-def _notes(
+def _changes(
     n_removed: Mapping[str, int], topologies: Sequence[Topology | None], sequence: AnySequence
 ) -> Iterator[str]:
     if n_removed["face"]:

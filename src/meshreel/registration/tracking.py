@@ -73,6 +73,9 @@ MIN_COSINE = 0.4
 TANGENTIAL = 0.05
 """Weight of distances along the surface, relative to those along its normal."""
 
+TANGENTIAL_AT_BOUNDARY = 0.5
+"""The same for two vertices on boundaries, which should meet."""
+
 CONVERGED = 6e-4
 """Largest translation of a node in a step after which a stage ends."""
 
@@ -99,6 +102,7 @@ class Tracker:
 
     def __init__(self, key: TriangleMesh) -> None:
         self._faces = key.faces
+        self._is_boundary = key.is_boundary
         self._graph = DeformationGraph.of_mesh(key.vertices, key.faces, NODE_SPACING)
         order = np.random.default_rng(0).permutation(len(key.vertices))
         self._points = np.sort(order[:N_POINTS])
@@ -173,8 +177,12 @@ class Tracker:
 
     def _correspondences(
         self, posed: Posed, target: TriangleMesh, tree: Any, others: Indices, spread: float
-    ) -> tuple[Indices, Indices, Floats]:
-        """Return vertices of the mesh and of the target that correspond, and their weights."""
+    ) -> tuple[Indices, Indices, Floats, Floats]:
+        """Return vertices of the mesh and of the target that correspond, and two weights.
+
+        The weights are those of their distance, and of the part along the surface relative to the
+        part along the normal.
+        """
         mesh = TriangleMesh(posed.positions, self._faces)
         oriented = mesh.oriented(BEND)
         own = self._points
@@ -184,14 +192,22 @@ class Tracker:
         distances = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
         cosines = np.einsum("nc,nc->n", mesh.vertex_normals[own], target.vertex_normals[there])
         weights = (cosines > MIN_COSINE) * spread**2 / (spread**2 + distances**2)
-        return own, there, np.sqrt(weights)
+        are_boundaries = self._is_boundary[own] & target.is_boundary[there]
+        tangential = np.where(are_boundaries, TANGENTIAL_AT_BOUNDARY, TANGENTIAL)
+        return own, there, np.sqrt(weights), tangential
 
     def _distance_rows(
-        self, posed: Posed, target: TriangleMesh, own: Indices, there: Indices, weights: Floats
+        self,
+        posed: Posed,
+        target: TriangleMesh,
+        own: Indices,
+        there: Indices,
+        weights: Floats,
+        tangential: Floats,
     ) -> tuple[Any, Floats]:
         """Return the derivatives and values of weighted distances to the planes of the target.
 
-        A small share of the distance along the plane counts too, so that nothing slides.
+        A share of the distance along the plane counts too, so that nothing slides.
         """
         sparse = REGISTER_SCIPY.load("sparse")
         nearest, arms = self._graph.nearest[own], posed.arms[own]
@@ -210,9 +226,9 @@ class Tracker:
         ends = np.arange(0, n_near * n_rows + 1, n_near)
         for axis in range(3):
             columns = (6 * nearest + 3 + axis).ravel()
-            shares = (TANGENTIAL * moved).ravel()
+            shares = (tangential[:, None] * moved).ravel()
             parts.append(sparse.csr_matrix((shares, columns, ends), (n_rows, size)))
-            residuals.append(TANGENTIAL * weights * gaps[:, axis])
+            residuals.append(tangential * weights * gaps[:, axis])
         return sparse.vstack(parts), np.concatenate(residuals)
 
     def _rigidity_rows(self, pose: Pose, weight: float) -> tuple[Any, Floats]:

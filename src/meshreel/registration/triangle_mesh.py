@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.metrics.closest_points import k_d_tree
+from meshreel.model.geometry.connectivity import boundary_edges
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces
 from meshreel.runtime.extras import REGISTER
@@ -90,6 +91,13 @@ class TriangleMesh:
     def vertex_normals(self) -> Floats:
         """Unit normals of the vertices, of shape (V, 3)."""
         return vertex_normals(self.vertices, self.faces)
+
+    @cached_property
+    def is_boundary(self) -> npt.NDArray[np.bool_]:
+        """Whether each vertex is on a side of only one face, of shape (V,)."""
+        found = np.zeros(len(self.vertices), bool)
+        found[boundary_edges(self.faces)] = True
+        return found
 
     @cached_property
     def _tree(self) -> Any:

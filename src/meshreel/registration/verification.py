@@ -63,12 +63,14 @@ class FrameErrors:
     n_folded: int
 
     def exceeds(self, tolerance: Tolerance) -> str:
-        """Return why the tolerance is not met, in longest sides of the box; empty if it is."""
+        """Return why the tolerance is not met; empty if it is."""
         if self.p99 > tolerance.length:
-            return f"1 % of the surface is farther than {100 * self.p99:.2g} %"
+            return (
+                f"1 % of the surface is farther than {self.p99 / tolerance.length:.2g} tolerances"
+            )
         if self.patch_area > tolerance.patch_area:
-            side = 100 * self.patch_area**0.5
-            return f"a patch as large as a square of {side:.2g} % is farther than the tolerance"
+            side = self.patch_area**0.5 / tolerance.length
+            return f"a patch of {side:.2g} x {side:.2g} tolerances is farther than the tolerance"
         return ""
 
 

@@ -39,13 +39,13 @@ def test_every_frame_is_within_the_tolerance(raw, registered):
     limit = registered.tolerance
     for frame, original in zip(registered.sequence, raw, strict=True):
         mesh, target = (
-            TriangleMesh(one.vertices.astype(float) / registered.scale, one.faces)
+            TriangleMesh(registered.frames.normalized(one.vertices), one.faces)
             for one in (frame, original)
         )
         errors = measure(mesh, target, limit)
         assert not errors.exceeds(limit)
         assert errors.n_folded == 0
-    assert registered.psnr_db > 65
+    assert registered.distances.psnr_db > 65
 
 
 def test_the_mesh_follows_the_material(registered):
@@ -87,18 +87,17 @@ def test_frames_without_a_surface_stay_as_they_are(raw):
     found = register(meshreel.concatenate([empty, raw, empty]), TOLERANCE)
     assert [one.n_frames for one in found.sequence.segments] == [1, raw.n_frames, 1]
     assert found.sequence.frame(0).vertices.shape == (3, 3)
-    assert any("without a surface" in note for note in found.notes)
+    assert any("without a surface" in note for note in found.changes)
 
 
-def test_a_single_frame_is_returned_unchanged(raw):
-    one = raw[:1]
-    found = register(one, TOLERANCE).sequence
-    assert np.array_equal(found.frame(0).vertices, one.frame(0).vertices)
-    assert np.array_equal(found.frame(0).faces, one.frame(0).faces)
+def test_constant_faces_are_an_error(raw):
+    with pytest.raises(InvalidInputError, match="all 1 frame have the same faces"):
+        register(raw[:1], TOLERANCE)
 
 
 def test_nothing_to_register_is_an_error():
-    empty = as_frames([(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))])
+    flat = (np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
+    empty = as_frames([flat, flat])
     with pytest.raises(InvalidInputError, match="no frame has a face with an area"):
         register(empty)
 
@@ -121,6 +120,22 @@ def test_texture_coordinates_of_the_key_are_kept_at_corners(raw):
 def test_segments_encode_to_fewer_bytes_than_raw_frames(raw, registered):
     sizes = [len(meshreel.encode(one, quality=70)) for one in (raw, registered.sequence)]
     assert sizes[1] < 0.5 * sizes[0]
+
+
+def test_distances_of_a_decoded_sequence_include_those_of_coding(raw, registered):
+    again = registered.distances_of(registered.sequence)
+    assert vars(again) == pytest.approx(vars(registered.distances), rel=1e-3)
+    decoded = meshreel.decode_segments(meshreel.encode(registered.sequence, quality=40))
+    assert registered.distances_of(decoded).mean_percent > registered.distances.mean_percent
+
+
+def test_notes_state_the_result_and_the_cuts(raw):
+    other = as_frames([capsule(20, 20)]).segments[0]
+    apart = MeshSequence(other.read(0, 1)[:, :, ::-1].copy(), other.faces, fps=25.0)
+    found = register(meshreel.concatenate([raw[:2], apart]), TOLERANCE)
+    first, *others = found.notes()
+    assert first.startswith("registered 3 frames in 2 segments; distance from the raw surface:")
+    assert any("does not continue the mesh" in note for note in others)
 
 
 def test_tolerances_are_lengths_or_percent(raw):

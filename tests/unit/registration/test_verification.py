@@ -23,7 +23,7 @@ def test_distances_of_parallel_planes_are_their_offset():
 def test_a_surface_beyond_the_tolerance_is_told_by_its_distance():
     errors = measure(plane(0.01), plane(), Tolerance(0.005))
     assert errors.patch_area == pytest.approx(1.0)
-    assert "farther than 1 %" in errors.exceeds(Tolerance(0.005))
+    assert "farther than 2 tolerances" in errors.exceeds(Tolerance(0.005))
 
 
 def test_a_missing_part_counts_in_the_other_direction():

@@ -23,8 +23,9 @@ from meshreel.formats.load import open_for_encoding
 from meshreel.formats.notes import note_unknown_rate
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
+from meshreel.formats.segments import registered
 from meshreel.formats.supported_options import supported_only
-from meshreel.model.segments import AnySequence, segments_of, tracks_of_all
+from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, tracks_of_all
 from meshreel.model.sequence import positions_size_bytes
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.runtime.counting import counted
@@ -33,7 +34,7 @@ from meshreel.runtime.engine.engine import Engine
 BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
 """Fractions of the frames of a block to try in order if memory runs out."""
 
-READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside", "animation")
+READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside", "animation", "register")
 """Fields of `ReadOptions` that the manifest records if they differ from the default."""
 
 
@@ -122,10 +123,16 @@ def encode_input(
         supported_only(options.reading, source),
         attributes=ALL,
         notes=notes,
-        matches_frames=options.config.order in (None, "drop"),
+        matches_frames=options.config.order in (None, "drop") and options.reading.register is None,
+        register=None,
     )
     with local_copy(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)
+        if options.reading.register is not None:
+            if isinstance(opened, SegmentedSequence):
+                opened = registered(opened, replace(reading, register=options.reading.register))
+            else:
+                notes.append("not registered: all frames have the same faces")
         return _measured(opened, options, notes, began, engine)
 
 

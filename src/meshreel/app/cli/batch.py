@@ -58,7 +58,7 @@ WORKERS = "Where it runs (give one)"
 )
 @encode_options()
 @track_option
-@reading_options("attributes", "fps", "merge", "skip_bad", "allow_outside")
+@reading_options("attributes", "fps", "merge", "skip_bad", "allow_outside", "register")
 @option(
     "--animations",
     type=click.Choice(["first", "all"]),

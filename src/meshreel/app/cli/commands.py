@@ -8,6 +8,7 @@ import click
 
 COMMANDS = (
     "encode",
+    "register",
     "batch",
     "decode",
     "convert",
@@ -24,7 +25,7 @@ COMMANDS = (
 )
 """In the order of the help. Module `meshreel.app.cli.encode` defines `encode_command`."""
 
-WITH_ADDRESSES = frozenset({"encode", "batch", "decode", "convert", "info", "compare"})
+WITH_ADDRESSES = frozenset({"encode", "register", "batch", "decode", "convert", "info", "compare"})
 """Commands that accept addresses of remote files."""
 
 

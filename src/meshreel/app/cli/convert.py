@@ -44,7 +44,7 @@ GENERAL_OPTIONS = ("max_error", "unit")
 @output_option
 @frames_option
 @start_number_option
-@reading_options("fps", *MESHES, "topology", "dataset", "attributes")
+@reading_options("fps", *MESHES, "topology", "dataset", "attributes", "register")
 @track_option
 @split_option
 @targets_option

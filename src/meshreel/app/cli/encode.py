@@ -42,7 +42,7 @@ OTHER_OUTPUTS = (
     "current folder.",
 )
 @encode_options()
-@reading_options("fps", *MESHES, "topology", "dataset", "attributes")
+@reading_options("fps", *MESHES, "topology", "dataset", "attributes", "register")
 @track_option
 @split_option
 @option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
@@ -87,6 +87,8 @@ def encode_command(
     - `meshreel encode character.glb --attributes none`
 
     - `meshreel encode sim.vtkhdf --track stress=500Pa --track velocity=0.1% --track id=exact`
+
+    - `meshreel encode capture/ --register 0.2%`
 
     - `meshreel encode huge_frames/ --memory 1GiB`
 

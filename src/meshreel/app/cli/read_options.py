@@ -88,6 +88,14 @@ _OPTIONS = {
         help="Dataset with the positions (.h5, .npz). Default: vertices.",
         panel=READING,
     ),
+    "register": option(
+        "--register",
+        metavar="TOLERANCE",
+        help="Follow the surface of a raw capture, which has a new mesh in every frame, with few "
+        "meshes, up to this distance: 0.2% of the diagonal, or 0.5u in model units (needs "
+        "[register]; see `meshreel register`).",
+        panel=READING,
+    ),
     "attributes": option(
         "--attributes",
         default="all",

@@ -1,0 +1,151 @@
+"""`meshreel register`: follow the surface of a raw capture, and encode the result."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from meshreel.app.cli.commands import command
+from meshreel.app.cli.completing import input_files, streams
+from meshreel.app.cli.encode_options import Encoding, encode_options
+from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.read_options import MESHES, reading_options
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
+    from meshreel.registration.register import Distances, Registration
+
+
+@command
+@argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="RAW...",
+    completion=input_files,
+    help="A raw capture, with a new mesh in every frame: a folder or a quoted glob of frames, the "
+    "frame files (.drc, .obj, .ply, ...), or an animation file (.abc, .usd, .vtkhdf, ...). Or "
+    "addresses (s3://, gs://, https://), which are downloaded.",
+)
+@option(
+    "--output",
+    "-o",
+    completion=streams,
+    help="The .reel to write, or its address (s3://...). Default: named after the input, in the "
+    "current folder.",
+)
+@option(
+    "--tolerance",
+    default="0.2%",
+    show_default=True,
+    metavar="LENGTH",
+    help="Largest distance between the registered and the raw surface: percent of the diagonal of "
+    "the box of all frames (0.2%), model units (0.5u), or a length (1mm, with --unit). In every "
+    "frame, 99 % of both surfaces are within it, and no connected patch beyond it is larger than a "
+    "square of ten tolerances.",
+)
+@reading_options("fps", *MESHES, "dataset", "attributes")
+@encode_options()
+@option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
+@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
+def register_command(
+    inputs: tuple[str, ...],
+    output: str | None,
+    tolerance: str,
+    reading: "ReadOptions",
+    encoding: Encoding,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Compress a raw capture, which has a new mesh in every frame, into one .reel file.
+
+    The mesh of a key frame is deformed to fit the frames before and after it, as far as the
+    tolerance is met; where it is not, another key begins a segment. The distance of the registered
+    surface from the raw one, and that of the decoded surface, are measured and printed. Frames that
+    cannot be followed keep their raw mesh. Texture coordinates and materials are those of the keys.
+
+    Examples:
+
+    - `meshreel register capture/`
+
+    - `meshreel register 'scan/*.obj' -o walk.reel --tolerance 0.1% --quality 70`
+
+    - `meshreel register capture/ --tolerance 1mm --unit m`
+
+    - `meshreel register capture/ --size 2MB`
+    """
+    from contextlib import ExitStack
+    from dataclasses import replace
+
+    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.app.cli.encode import OTHER_OUTPUTS
+    from meshreel.app.cli.encoded_file import encode_file
+    from meshreel.app.cli.read_options import output_stem, source_of
+    from meshreel.codec.config import EncoderConfig
+    from meshreel.codec.error_bounds import METERS, bound_of
+    from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.reel import open_segments
+    from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.sources import files_of_source
+    from meshreel.registration.register import register
+    from meshreel.runtime.outputs.checks import check_extension, check_output_path
+
+    output = output or f"{output_stem(inputs[0])}.reel"
+    check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
+    is_length = tolerance.strip().lower().endswith(tuple(METERS))
+    bound = bound_of(tolerance, encoding["unit"] if is_length else None, "tolerance")
+    if is_length and encoding["max_error"] is None:
+        encoding = {**encoding, "unit": None}
+    config, notes = EncoderConfig(**encoding), reading.notes
+    with ExitStack() as stack:
+        target = stack.enter_context(uploaded(output, overwrite=force))
+        path = Path(target.local)
+        source = stack.enter_context(local_copy(source_of(inputs), notes))
+        check_output_path(path, overwrite=force, inputs=files_of_source(source))
+        progress = stack.enter_context(progress_bar())
+        reading = replace(reading, progress=progress, matches_frames=False)
+        raw = open_for_encoding(source, config.memory_bytes, reading)
+        registration = register(raw, bound, progress)
+        notes += [*registration.changes, *registration.listed_cuts()]
+        encoded = encode_file(
+            registration.sequence,
+            path,
+            config,
+            notes,
+            force=force,
+            progress=progress,
+            name=target.name(path),
+        )
+        with open_segments(path) as reel:
+            coded = registration.distances_of(reel, progress)
+    print_notes(notes)
+    if as_json:
+        figures = encoded.figures() | _figures(registration, coded)
+        print_json({**figures, "notes": notes})
+        return
+    encoded.show()
+    print_table(
+        "relative to the raw capture", _rows(registration, encoded.stream.size_bytes, coded)
+    )
+
+
+def _figures(registration: "Registration", coded: "Distances") -> dict[str, Any]:
+    return {
+        "tolerance_percent": registration.tolerance_percent,
+        "registered": vars(registration.distances),
+        "decoded": vars(coded),
+        "cuts": list(registration.cuts()),
+    }
+
+
+def _rows(registration: "Registration", size_bytes: int, coded: "Distances") -> dict[str, str]:
+    from meshreel.runtime.counting import counted, size_text
+
+    raw, registered = registration.raw, registration.sequence
+    ratio = raw.raw_size_bytes / size_bytes
+    return {
+        "raw": f"{size_text(raw.raw_size_bytes)} in {counted(raw.n_segments, 'segment')}",
+        "ratio": f"{ratio:.1f} x smaller, in {counted(registered.n_segments, 'segment')}",
+        "tolerance": f"{registration.tolerance_percent:.3g} % of the diagonal, met in every frame",
+        "registered": str(registration.distances),
+        "decoded": str(coded),
+        "folded faces": f"{registration.distances.n_folded} in all frames",
+    }

@@ -1,0 +1,65 @@
+"""`meshreel register`, and `--register` of other commands, on a raw capture in frame files."""
+
+import json
+
+import pytest
+
+import meshreel
+from samples.captures import capture
+from samples.commands import assert_fails, run, run_json
+
+
+@pytest.fixture(scope="module")
+def raw(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("raw") / "raw"
+    meshreel.save(capture(4), folder / "frame_%03d.obj")
+    return folder
+
+
+def test_register_writes_one_segment_and_prints_both_distances(raw, tmp_path):
+    output = tmp_path / "walk.reel"
+    figures = run_json("register", raw, "-o", output, "--tolerance", "0.5%")
+    assert figures["n_segments"] == len(meshreel.info(output).segments) == 1
+    registered, decoded = figures["registered"], figures["decoded"]
+    assert 0 < registered["mean_percent"] < decoded["mean_percent"] < 0.1
+    assert (registered["n_folded"], figures["cuts"]) == (0, [])
+    assert figures["tolerance_percent"] == pytest.approx(0.5)
+
+
+def test_register_prints_a_table(raw, tmp_path):
+    done = run("register", raw, "-o", tmp_path / "walk.reel", "--tolerance", "0.5%")
+    for text in ("relative to the raw capture", "met in every frame", "surface PSNR"):
+        assert text in done.stdout
+
+
+def test_encode_and_convert_register_while_reading(raw, tmp_path):
+    run("encode", raw, "-o", tmp_path / "walk.reel", "--register", "0.5%")
+    converted = run("convert", raw, "-o", tmp_path / "walk.npz", "--register", "0.5%")
+    assert meshreel.info(tmp_path / "walk.reel").n_frames == 4
+    assert meshreel.load(tmp_path / "walk.npz").n_frames == 4
+    assert "registered 4 frames in 1 segment" in converted.stderr
+
+
+def test_batch_registers_captures_and_leaves_others_alone(raw, tmp_path):
+    meshreel.save(meshreel.simulate_flag(3), raw.parent / "flag.npz")
+    done = run("batch", raw.parent, tmp_path / "out", "--register", "0.5%", "--workers", "1")
+    records = json.loads((tmp_path / "out/manifest.json").read_text())["inputs"]
+    notes = {name: " ".join(record["notes"]) for name, record in records.items()}
+    assert "registered 4 frames" in notes["raw"], done.stderr
+    assert "not registered: all frames have the same faces" in notes["flag.npz"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["register", "RAW", "--tolerance", "5mm"], "tolerance 5mm is a length"),
+        (["register", "RAW", "--tolerance", "0"], "tolerance must be above 0"),
+        (["encode", "RAW", "--register", "0.5%", "--split"], "cannot be combined with"),
+        (["register", "flag.npz"], "all 3 frames have the same faces"),
+    ],
+)
+def test_what_cannot_be_registered_is_refused(arguments, message, raw, tmp_path):
+    meshreel.save(meshreel.simulate_flag(3), tmp_path / "flag.npz")
+    given = [str(raw) if one == "RAW" else one for one in arguments]
+    assert_fails(run(*given, cwd=tmp_path), message)
+    assert not list(tmp_path.glob("*.reel"))
