@@ -88,7 +88,8 @@ def _one_way(
     centroids = mesh.centroid_samples()
     of_faces, of_vertices = target.closest(centroids.points), target.closest(mesh.vertices)
     distances = np.concatenate([of_faces.distances, of_vertices.distances])
-    areas = np.concatenate([mesh.areas, mesh.vertex_areas])
+    # These weights integrate polynomials of degree 2 over each face exactly.
+    areas = np.concatenate([0.75 * mesh.areas, 0.25 * mesh.vertex_areas])
     cosines = np.einsum("nc,nc->n", centroids.normals, target.face_normals[of_faces.faces])
     figures = (
         float(np.average(distances, weights=areas)),
