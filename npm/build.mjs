@@ -17,7 +17,6 @@ import { basename, dirname, join, relative, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
-import { threeSubset } from "./three_subset.mjs";
 import { separateStreams } from "./wasm_streams.mjs";
 
 const here = dirname(fileURLToPath(import.meta.url));
@@ -103,6 +102,14 @@ function externalScripts(filter) {
   };
 }
 
+/** Bundles modules of src/three with the renderer of the player in place of three.js. */
+const ownRenderer = {
+  name: "own renderer",
+  setup(bundler) {
+    bundler.onResolve({ filter: /^three$/ }, () => ({ path: join(here, "src/webgl/index.ts"), sideEffects: false }));
+  },
+};
+
 const common = {
   bundle: true,
   minify: true,
@@ -115,6 +122,7 @@ const common = {
 };
 
 const threeLicense = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8").trim();
+const notice = `Shaders are derived from those of three.js.\n\n${threeLicense}`;
 
 const embeddedModules = {
   // Gzip compresses the base64 text to about the size of the deflated bytes, and zopfli, although slow,
@@ -151,19 +159,22 @@ async function buildPackage() {
     plugins: [externalIndex],
     chunkNames: "three_[name]",
   });
-  // For pages without a bundler: one script with the decoder and three.js. The module for engines without
+  // For pages without a bundler: one script with the decoder and a renderer. The module for engines without
   // SIMD and the one for tracks and exact values remain separate scripts.
   const player = await build({
     ...common,
     entryPoints: ["src/player/index.ts"],
     outfile: join(dist, "player.js"),
     // These scripts of `meshreel` are loaded on demand.
-    plugins: [embedEngine, threeSubset, externalScripts(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
+    plugins: [embedEngine, ownRenderer, externalScripts(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
     define: embeddedModules,
-    legalComments: "eof", // copyright notices of three.js, whose license follows
-    footer: { js: `/* Contains three.js.\n\n${threeLicense}\n*/` },
+    footer: { js: `/* ${notice}\n*/` },
   });
-  run(process.execPath, "node_modules/typescript/bin/tsc", "--project", "tsconfig.package.json");
+  // The player first: it also emits types of src/three, as seen with its own renderer.
+  for (const part of ["player", "package"]) {
+    run(process.execPath, "node_modules/typescript/bin/tsc", "--project", `tsconfig.${part}.json`);
+  }
+  rmSync(join(dist, "page"), { recursive: true });
   // Types only; the empty script allows importing it at run time.
   copyFileSync(join(here, "src/player/jsx.d.ts"), join(dist, "player/jsx.d.ts"));
   writeFileSync(join(dist, "player/jsx.js"), "export {};\n");
@@ -192,24 +203,18 @@ const scriptText = {
   },
 };
 
-/** Bundled packages, whose licenses are included in the page. */
-const LICENSED = ["three"];
-
 /** Bundle parts of the page; returns the result of esbuild. */
 async function bundleForPage(options) {
   const result = await build({
     ...common,
     write: false,
-    legalComments: "eof", // notices of three.js
-    plugins: [embedEngine, threeSubset, scriptText, externalScripts(/\/local_file\.js$/)],
+    plugins: [embedEngine, ownRenderer, scriptText, externalScripts(/\/local_file\.js$/)],
     define: embeddedModules,
     ...options,
   });
   for (const input of Object.keys(result.metafile.inputs)) {
     const name = /.*node_modules\/((?:@[^/]+\/)?[^/]+)/.exec(input)?.[1];
-    if (name && !LICENSED.includes(name)) {
-      throw new Error(`the page bundles ${name}, whose license is not in LICENSED and THIRD_PARTY_LICENSES`);
-    }
+    if (name) throw new Error(`the page bundles ${name}; include its license here and in THIRD_PARTY_LICENSES.md`);
   }
   return result;
 }
@@ -217,7 +222,6 @@ async function bundleForPage(options) {
 /** Build the page of `meshreel view` and `meshreel export`. */
 async function buildPage(folder) {
   const page = join(here, "src/page");
-  const notice = `/* Contains three.js.\n\n${threeLicense}\n*/\n`;
   const [scripts, styles] = await Promise.all([
     bundleForPage({
       entryPoints: { player: join(page, "main.ts") },
@@ -229,13 +233,13 @@ async function buildPage(folder) {
   ]);
   // Replacement functions, since "$&" in a bundle would be special in a replacement string.
   const html = readFileSync(join(page, "index.html"), "utf8")
-    .replace("<!--license-->", () => `<!-- Contains three.js.\n${threeLicense}\n-->`)
+    .replace("<!--license-->", () => `<!-- ${notice}\n-->`)
     .replace("<!--style-->", () => `<style>${styles.outputFiles[0].text.replaceAll("</style", "<\\/style")}</style>`);
   const files = { "index.html": html };
   for (const { path, text } of scripts.outputFiles) {
     const { inputs, entryPoint } = scripts.metafile.outputs[relative(here, path)];
-    const isLicensed = entryPoint?.endsWith("main.ts") || Object.keys(inputs).some((one) => /three\/src/.test(one));
-    files[basename(path)] = text.replaceAll("</script", "<\\/script") + (isLicensed ? notice : "");
+    const isLicensed = entryPoint?.endsWith("main.ts") || "src/webgl/surface_shader.ts" in inputs;
+    files[basename(path)] = text.replaceAll("</script", "<\\/script") + (isLicensed ? `/* ${notice}\n*/\n` : "");
   }
   mkdirSync(folder, { recursive: true });
   for (const name of readdirSync(folder)) {

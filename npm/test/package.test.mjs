@@ -19,15 +19,23 @@ const MAX_WHOLE_BYTES = 50_500;
 /** Limit of the gzipped part for three.js. */
 const MAX_THREE_BYTES = 13_500;
 
-const DIST = join(PACKAGE, "dist");
+/** Limit of the gzipped script with <reel-player>, and of the page until its first picture. */
+const MAX_PLAYER_BYTES = 113_000;
 
-/** The script of a file in dist/, and all its static imports. */
-function scripts(name, loadedScripts = new Map()) {
+const DIST = join(PACKAGE, "dist");
+const PAGE = join(PACKAGE, "../src/meshreel/app/viewer/page");
+
+/** A script of a folder, and all its static imports. */
+function scripts(name, folder = DIST, loadedScripts = new Map()) {
   if (loadedScripts.has(name)) return loadedScripts;
-  const text = readFileSync(join(DIST, name), "utf8");
+  const text = readFileSync(join(folder, name), "utf8");
   loadedScripts.set(name, text);
-  for (const [, , other] of text.matchAll(/(from|import)"\.\/([^"]+)"/g)) scripts(other, loadedScripts);
+  for (const [, , other] of text.matchAll(/(from|import)"\.\/([^"]+)"/g)) scripts(other, folder, loadedScripts);
   return loadedScripts;
+}
+
+function gzippedBytes(texts) {
+  return [...texts].reduce((sum, text) => sum + gzipSync(text, { level: 9 }).length, 0);
 }
 
 /** Import a separate instance of the package. */
@@ -45,8 +53,7 @@ async function framesHash({ ReelFile }) {
 
 test("the decoder is small enough for a page", () => {
   const loadedScripts = scripts("index.js");
-  const sizes = [...loadedScripts.values()].map((text) => gzipSync(text, { level: 9 }).length);
-  const sizeBytes = sizes.reduce((sum, size) => sum + size, 0);
+  const sizeBytes = gzippedBytes(loadedScripts.values());
   assert.ok(sizeBytes <= MAX_BYTES, `${sizeBytes} bytes`);
   assert.ok(!loadedScripts.has("plain_wasm.js"), "the module without SIMD is loaded eagerly");
   assert.ok(!loadedScripts.has("whole_wasm.js"), "the module for tracks is loaded eagerly");
@@ -54,6 +61,13 @@ test("the decoder is small enough for a page", () => {
   assert.ok(whole <= MAX_WHOLE_BYTES, `${whole} bytes`);
   const three = gzipSync(readFileSync(join(DIST, "three.js")), { level: 9 }).length;
   assert.ok(three <= MAX_THREE_BYTES, `${three} bytes`);
+});
+
+test("the player and the page are small until the first picture", () => {
+  const player = gzippedBytes(scripts("player.js").values());
+  assert.ok(player <= MAX_PLAYER_BYTES, `${player} bytes`);
+  const page = gzippedBytes([...scripts("player.js", PAGE).values(), readFileSync(join(PAGE, "index.html"))]);
+  assert.ok(page <= MAX_PLAYER_BYTES, `${page} bytes`);
 });
 
 test("the package decodes with SIMD", async () => {

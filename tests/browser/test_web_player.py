@@ -250,7 +250,10 @@ def test_keys_play_seek_and_turn(shown):
     press(page, "canvas", "Home")
     page.wait_for_timeout(300)
     before = picture(page)
+    radius = "player.getCameraOrbit().radius"
+    framed = page.evaluate(radius)
     press(page, "canvas", "ArrowLeft", "ArrowLeft", "+")
+    assert page.evaluate(radius) < 0.9 * framed  # plus zooms in
     page.wait_for_timeout(300)
     turned = picture(page)
     press(page, "canvas", "0")

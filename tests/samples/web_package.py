@@ -18,8 +18,8 @@ PACKAGE = ROOT / "npm"
 DIST = PACKAGE / "dist"
 BUILD_S = 300
 SOURCES = (
-    *("npm/src", "npm/build.mjs", "npm/three_subset.mjs", "npm/package-lock.json"),
-    *("npm/tsconfig.json", "npm/tsconfig.package.json", "core"),
+    *("npm/src", "npm/build.mjs", "npm/package-lock.json", "core"),
+    *("npm/tsconfig.json", "npm/tsconfig.package.json", "npm/tsconfig.player.json"),
 )
 
 

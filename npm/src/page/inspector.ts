@@ -11,10 +11,10 @@ import { exposeForTests } from "./window_player.js";
 
 /** Add the inspector to a player with an open file; resolves when the initial state is shown. */
 export async function inspect(element: ReelPlayerElement, facts: Facts): Promise<void> {
-  const { file: segments, mesh } = element;
+  const parts = partsOf(element);
+  const [segments, mesh] = [element.file, parts.mesh()];
   if (!segments || !mesh) throw new Error("The player was removed from the page.");
   const reel: Reel = { ...facts, segments, file: segments.first };
-  const parts = partsOf(element);
   const picture = new Picture(parts, mesh, reel, firstLook(reel), element.texture !== null);
   const player = new Player(element, reel, picture);
   const opening = new Opening(reel, player);

@@ -3,12 +3,14 @@
 import type { TrackValues } from "../index.js";
 import type { PlayerParts } from "../player/element.js";
 import type { View } from "../player/view.js";
-import type { ColorLegend, ReelMesh } from "../three/index.js";
-import * as THREE from "three";
+import type { ColorLegend } from "../three/color/track_colors.js";
+import type { ReelMesh } from "../three/reel_mesh.js";
+import { BufferAttribute, DynamicDrawUsage, Mesh, Vector3 } from "../webgl/index.js";
 
 import { extremePoints } from "./extreme_points.js";
 import { uniqueEdges } from "./edges.js";
 import type { Reel } from "./facts.js";
+import { Marker } from "./shading/marker.js";
 import { MeshView } from "./shading/mesh_view.js";
 import { OriginalMesh } from "./shading/original.js";
 import { parseComponent, type TrackSettings, DEFAULT_RANGE } from "./tracks/settings.js";
@@ -46,25 +48,21 @@ const INK: Record<Background, [number, number, number]> = {
  */
 const LINE_LIFT = { wire: 0.001, over: 0.02 };
 const ORIGINAL_INK: [number, number, number] = [0.93, 0.42, 0.1];
-const MARKER: [number, number, number] = [1, 0.1, 0.6];
 
 export class Picture {
   private readonly view: View;
   /** Extreme positions of all frames, relative to the center of the file. */
-  private readonly sweptPoints: THREE.Vector3[];
+  private readonly sweptPoints: Vector3[];
   /** Whether the file has colors or materials, or a texture is shown. */
   readonly hasFileMaterials: boolean;
   private readonly decoded: MeshView;
   private readonly original: { mesh: OriginalMesh; figure: MeshView } | null = null;
-  private heat: THREE.BufferAttribute;
+  private heat: BufferAttribute;
   private hasHeat = false;
   private hasTrackColors = false;
   /** Whether the original is colored by the track. */
   private hasOriginalTrackColors = false;
-  private readonly marker = new THREE.Points(
-    new THREE.BufferGeometry().setFromPoints([new THREE.Vector3()]),
-    new THREE.PointsMaterial({ size: 11, sizeAttenuation: false, depthTest: false }),
-  );
+  private readonly marker = new Marker();
   private markedVertex: number | null = null;
 
   constructor(
@@ -75,7 +73,7 @@ export class Picture {
     hasTexture: boolean,
   ) {
     this.view = parts.view;
-    this.sweptPoints = reel.swept.map((point) => new THREE.Vector3(...point));
+    this.sweptPoints = reel.swept.map((point) => new Vector3(...point));
     this.view.framedPoints = this.sweptPoints;
     this.mesh.addEventListener("segment", () => {
       this.decoded.setFileMaterials(this.mesh.segmentMaterial);
@@ -84,13 +82,9 @@ export class Picture {
     const { geometry, material, sources } = this.mesh;
     const { materials } = reel.file.surface;
     this.hasFileMaterials = hasTexture || "color" in geometry.attributes || materials.length > 0;
-    this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
-    geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
+    this.heat = new BufferAttribute(new Float32Array(sources.length), 1);
+    geometry.setAttribute("heat", this.heat.setUsage(DynamicDrawUsage));
     this.decoded = new MeshView(this.mesh, material);
-    this.marker.frustumCulled = false;
-    this.marker.renderOrder = 2;
-    this.marker.visible = false;
-    this.marker.material.color.setRGB(...MARKER);
     this.decoded.group.add(this.marker);
     this.view.model.add(this.decoded.group);
     if (reel.original) {
@@ -222,7 +216,7 @@ export class Picture {
   /** Read the drawn positions (V, 3) back from the GPU, relative to the center of the file. */
   positions(): Float32Array {
     const positions = new Float32Array(3 * this.mesh.reel.info.nVerts);
-    const point = new THREE.Vector3();
+    const point = new Vector3();
     this.mesh.sources.forEach((source, vertex) => {
       this.mesh.getVertexPosition(vertex, point).toArray(positions, 3 * source);
     });
@@ -247,6 +241,7 @@ export class Picture {
     this.marker.visible = this.markedVertex !== null && !this.mesh.isPlaying;
     if (this.marker.visible) {
       this.mesh.getVertexPosition(this.markedVertex as number, this.marker.position);
+      this.marker.setPixelRatio(this.view.renderer?.getPixelRatio() ?? 1);
     }
     if (original && this.needsOriginal) {
       if (this.look.shading === "smooth") original.mesh.computeNormals();
@@ -260,14 +255,14 @@ export class Picture {
     this.original?.mesh.rebuildGeometry();
     if (geometry.getAttribute("heat") === this.heat) return;
     const vertex = this.markedVertex;
-    this.heat = new THREE.BufferAttribute(new Float32Array(sources.length), 1);
-    geometry.setAttribute("heat", this.heat.setUsage(THREE.DynamicDrawUsage));
+    this.heat = new BufferAttribute(new Float32Array(sources.length), 1);
+    geometry.setAttribute("heat", this.heat.setUsage(DynamicDrawUsage));
     for (const figure of [this.decoded, this.original?.figure]) figure?.lines.geometry.setIndex(null);
     if (vertex !== null) this.markedVertex = null;
     this.applyAppearance();
   }
 
-  private centroid(target = new THREE.Vector3()): THREE.Vector3 {
+  private centroid(target = new Vector3()): Vector3 {
     return this.mesh.getCentroid(target);
   }
 
@@ -281,7 +276,7 @@ export class Picture {
 
   private setLines(
     { lines }: MeshView,
-    { geometry }: THREE.Mesh,
+    { geometry }: Mesh,
     isVisible: boolean,
     ink: readonly [number, number, number, number],
     lift: number,
@@ -291,11 +286,11 @@ export class Picture {
     if (!isVisible || lines.geometry.index) return;
     const nVerts = geometry.getAttribute("position").count;
     const edges = uniqueEdges(geometry.index?.array as Uint32Array, nVerts);
-    lines.geometry.setIndex(new THREE.BufferAttribute(edges, 1));
+    lines.geometry.setIndex(new BufferAttribute(edges, 1));
   }
 
   /** Extreme points of the current pose about its centroid, with a margin. */
-  private posePoints(): THREE.Vector3[] {
+  private posePoints(): Vector3[] {
     const centroid = this.centroid();
     return extremePoints(this.positions()).map((point) => point.sub(centroid).multiplyScalar(POSE_MARGIN));
   }

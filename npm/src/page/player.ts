@@ -2,7 +2,8 @@
 
 import { CorruptStreamError, TruncatedStreamError } from "../index.js";
 import { partsOf, type PlayerParts, type ReelPlayerElement } from "../player/element.js";
-import type { ColorLegend, ReelMesh } from "../three/index.js";
+import type { ColorLegend } from "../three/color/track_colors.js";
+import type { ReelMesh } from "../three/reel_mesh.js";
 
 import { FrameData } from "./frame_data.js";
 import { maxModes, type Reel } from "./facts.js";

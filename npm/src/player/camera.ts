@@ -1,7 +1,7 @@
 // The camera of a player and its controls.
 
-import { MathUtils, PerspectiveCamera, Vector3 } from "three";
-import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { PerspectiveCamera, Vector3 } from "../webgl/index.js";
+import { type CameraOrbit, MIN_PHI, OrbitControls, sphericalAround } from "./orbit_controls.js";
 
 /** Fraction of the canvas that the model fills; the rest is a margin. */
 const FILL_RATIO = 0.93;
@@ -12,9 +12,6 @@ const ZOOM_FACTOR = 1.15;
 
 /** Limits of the distance, relative to the one that frames the model. */
 const [MIN_DISTANCE, MAX_DISTANCE] = [0.02, 10];
-
-/** Angles from the vertical below which the direction to the right would be undefined. */
-const MIN_PHI = 1e-3;
 
 /** Rotation without user input, in radians per second, and the pause after user input. */
 const AUTO_ROTATION = Math.PI / 6;
@@ -33,16 +30,6 @@ export interface CameraPose {
   readonly target: Vector3 | null;
   /** Vertical field of view, in degrees. */
   readonly fieldOfView: number;
-}
-
-/** Where the camera is, relative to the point that it orbits. */
-export interface CameraOrbit {
-  /** Azimuth in radians. */
-  readonly theta: number;
-  /** Angle from the vertical in radians. */
-  readonly phi: number;
-  /** Distance in model units. */
-  readonly radius: number;
 }
 
 /** A camera that frames points and orbits around them, with y up. */
@@ -94,24 +81,18 @@ export class PlayerCamera {
     if (!has) {
       this.#controls?.dispose();
       this.#controls = null;
+      this.#canvas.style.touchAction = "";
       return;
     }
-    const controls = new OrbitControls(this.camera, this.#canvas);
-    this.zoomsAlways = this.#zoomsAlways; // the controls have just set `touchAction`
-    controls.zoomToCursor = true;
-    controls.target = this.target;
-    this.#controls = controls;
+    const onChange = () => this.#onChange(this.#isUserControlled);
+    this.#controls = new OrbitControls(this.camera, this.#canvas, this.target, onChange, () => this.#takeInput());
+    this.zoomsAlways = this.#zoomsAlways;
     this.#limitDistance();
-    controls.addEventListener("change", () => this.#onChange(this.#isUserControlled));
-    controls.addEventListener("start", () => this.#takeInput());
-    controls.addEventListener("end", () => this.#takeInput());
   }
 
   /** Where the camera is. */
   get orbit(): CameraOrbit {
-    const { x, y, z } = this.camera.position.clone().sub(this.target);
-    const radius = Math.hypot(x, y, z);
-    return { theta: Math.atan2(x, z), phi: Math.acos(MathUtils.clamp(y / radius, -1, 1)), radius };
+    return sphericalAround(this.target, this.camera.position);
   }
 
   /** Frame points from an initial view, by default that of the last call. */
@@ -152,8 +133,8 @@ export class PlayerCamera {
     if (performance.now() - this.#lastInputMs < AUTO_ROTATION_DELAY_MS) return;
     const angle = AUTO_ROTATION * seconds;
     this.#turn += angle;
-    const { position } = this.camera;
-    position.sub(this.target).applyAxisAngle(this.camera.up, angle).add(this.target);
+    const { theta, phi, radius } = this.orbit;
+    this.camera.position.setFromSphericalCoords(radius, phi, theta + angle).add(this.target);
     this.camera.lookAt(this.target);
     this.#onChange(false);
   }
@@ -171,12 +152,12 @@ export class PlayerCamera {
     const controls = this.#controls;
     if (!controls) return false;
     const moves: Record<string, () => void> = {
-      ArrowLeft: () => controls.rotateLeft(ROTATION_STEP),
-      ArrowRight: () => controls.rotateLeft(-ROTATION_STEP),
-      ArrowUp: () => controls.rotateUp(ROTATION_STEP),
-      ArrowDown: () => controls.rotateUp(-ROTATION_STEP),
-      "+": () => controls.dollyIn(ZOOM_FACTOR),
-      "-": () => controls.dollyOut(ZOOM_FACTOR),
+      ArrowLeft: () => controls.rotate(ROTATION_STEP, 0),
+      ArrowRight: () => controls.rotate(-ROTATION_STEP, 0),
+      ArrowUp: () => controls.rotate(0, ROTATION_STEP),
+      ArrowDown: () => controls.rotate(0, -ROTATION_STEP),
+      "+": () => controls.zoom(1 / ZOOM_FACTOR),
+      "-": () => controls.zoom(ZOOM_FACTOR),
       "0": () => this.reset(),
     };
     if (!(key in moves)) return false;
@@ -208,11 +189,11 @@ export class PlayerCamera {
     const { theta, phi, distance, zoom, target, fieldOfView } = this.#pose;
     this.camera.fov = fieldOfView;
     this.camera.updateProjectionMatrix();
-    const polar = MathUtils.clamp(phi, MIN_PHI, Math.PI - MIN_PHI);
+    const polar = Math.min(Math.max(phi, MIN_PHI), Math.PI - MIN_PHI);
     const back = new Vector3().setFromSphericalCoords(1, polar, theta + this.#turn);
     const right = new Vector3().crossVectors(this.camera.up, back).normalize();
     const up = new Vector3().crossVectors(back, right);
-    const slopeY = FILL_RATIO * Math.tan(MathUtils.degToRad(fieldOfView / 2));
+    const slopeY = FILL_RATIO * this.camera.slope;
     const slopes = { right: slopeY * this.camera.aspect, up: slopeY };
     const center = target ?? middleOf(points);
     const local = points.map((point) => {

@@ -1,17 +1,17 @@
 // The element <reel-player>.
 
-import { Vector3 } from "three";
-
 import { InvalidInputError } from "../errors.js";
 import { ReelMesh } from "../three/reel_mesh.js";
+import type { TextureOptions } from "../three/texture/mesh_texture.js";
 import type { FrameRange } from "../three/clock.js";
 import type { SourceInput } from "../source/open.js";
 import type { OpenReel, OpenSegments } from "../types.js";
+import { Vector3 } from "../webgl/index.js";
 import { PlayerAttributes } from "./attributes.js";
 import { Bar, type BarState } from "./bar.js";
 import { Legend, trackTitle } from "./legend.js";
 import { Messages } from "./messages.js";
-import type { CameraOrbit } from "./camera.js";
+import type { CameraOrbit } from "./orbit_controls.js";
 import { createElement, IconButton } from "./dom.js";
 import { loadEnvironmentImage } from "./environment_image.js";
 import { type HalfExtents, boxCorners, estimateHalfExtents } from "./half_extents.js";
@@ -61,8 +61,23 @@ interface Failure {
   readonly isContextLoss: boolean;
 }
 
+/** The mesh of a player: the part of a `ReelMesh` that does not depend on three.js. */
+export type PlayerMesh = Pick<
+  ReelMesh,
+  | ("file" | "reel" | "segment" | "isOnGpu" | "positionsAt" | "addEventListener" | "removeEventListener")
+  | ("play" | "pause" | "retry" | "seek" | "isPlaying" | "isWaiting" | "isLoading" | "buffered")
+  | ("time" | "duration" | "frame" | "nFrames" | "range" | "loop" | "speed" | "interpolate" | "modes")
+  | ("colorBy" | "video")
+> & {
+  setTexture(
+    source: string | HTMLVideoElement | HTMLImageElement | ImageBitmap | null,
+    options?: TextureOptions,
+  ): Promise<void>;
+};
+
 /** The parts of a player that exist while it is connected to a document. */
 export interface PlayerParts {
+  mesh(): ReelMesh | null;
   readonly view: View;
   readonly bar: Bar;
   readonly messages: Messages;
@@ -161,8 +176,8 @@ export class ReelPlayerElement extends PlayerAttributes {
     return this.#mesh?.file ?? null;
   }
 
-  /** The three.js mesh; null before the event `load`. It uses the three.js inside this script. */
-  get mesh(): ReelMesh | null {
+  /** The mesh; null before the event `load`. It is no object of three.js. */
+  get mesh(): PlayerMesh | null {
     return this.#mesh;
   }
 
@@ -403,7 +418,8 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#stage.append(picture, bar.element);
     const frame = () => this.#mesh && this.#settings && this.#frameModel(this.#settings);
     const step = (nFrames: number) => this.#step(nFrames);
-    this.#ui = { view, bar, start, poster, messages, legend, frame, step, retryTrack: null };
+    const mesh = () => this.#mesh;
+    this.#ui = { mesh, view, bar, start, poster, messages, legend, frame, step, retryTrack: null };
     this.#listeners = new AbortController();
     const { signal } = this.#listeners;
     window.addEventListener("online", () => this.#retry(), { signal });
@@ -551,7 +567,7 @@ export class ReelPlayerElement extends PlayerAttributes {
   /** Frame the model in the initial view. */
   #frameModel({ up, camera, autoRotate, shadowIntensity }: PlayerSettings): void {
     const { view } = this.#ui as PlayerParts;
-    view.world.rotation.x = up === "z" ? -Math.PI / 2 : 0;
+    view.world.setRotationX(up === "z" ? -Math.PI / 2 : 0);
     view.world.updateMatrixWorld();
     const [x, y, z] = this.#extents;
     const extents: HalfExtents = up === "z" ? [x, z, y] : [x, y, z];

@@ -1,16 +1,7 @@
 // Loads the image of `environment-image`: an equirectangular panorama, also in Radiance HDR.
 
-import {
-  DataTexture,
-  DataUtils,
-  EquirectangularReflectionMapping,
-  HalfFloatType,
-  LinearFilter,
-  SRGBColorSpace,
-  Texture,
-} from "three";
-
 import { SourceError } from "../errors.js";
+import { DataTexture, FloatType, LinearFilter, SRGBColorSpace, Texture } from "../webgl/index.js";
 
 /** Panoramas have no more pixels than this: a broken header must not exhaust memory. */
 const MAX_PIXELS = 2 ** 26;
@@ -32,7 +23,6 @@ export async function loadEnvironmentImage(address: string, signal: AbortSignal)
   }
   try {
     const texture = isRadiance(bytes) ? decodeRadiance(bytes) : await decodeImage(bytes);
-    texture.mapping = EquirectangularReflectionMapping;
     texture.magFilter = texture.minFilter = LinearFilter;
     texture.needsUpdate = true;
     return texture;
@@ -68,7 +58,7 @@ function decodeRadiance(bytes: Uint8Array): DataTexture {
   const size = /^-Y (\d+) \+X (\d+)/.exec(readLine());
   const [height, width] = [Number(size?.[1]), Number(size?.[2])];
   if (!(width > 0 && height > 0 && width * height <= MAX_PIXELS)) throw new Error("unknown size");
-  const halves = new Uint16Array(4 * width * height);
+  const pixels = new Float32Array(4 * width * height).fill(1);
   const row = new Uint8Array(4 * width); // red, green, blue and exponents, one after the other
   for (let y = height - 1; y >= 0; y--) {
     position = readRow(bytes, position, row, width);
@@ -76,14 +66,12 @@ function decodeRadiance(bytes: Uint8Array): DataTexture {
       const scale = 2 ** (row[3 * width + x] - 136);
       const at = 4 * (y * width + x);
       for (let i = 0; i < 3; i++) {
-        halves[at + i] = DataUtils.toHalfFloat(Math.min(row[i * width + x] * scale, 65504));
+        pixels[at + i] = Math.min(row[i * width + x] * scale, 65504);
       }
-      halves[at + 3] = DataUtils.toHalfFloat(1);
     }
   }
-  const texture = new DataTexture(halves, width, height);
-  texture.type = HalfFloatType;
-  return texture;
+  // Half floats, since not every GPU interpolates floats.
+  return Object.assign(new DataTexture(pixels, width, height), { type: FloatType, internalFormat: "RGBA16F" });
 }
 
 /** Read a row of pixels into planes; returns the position after it. */

@@ -1,8 +1,7 @@
 // Estimates the bounding box of all frames from a few of them.
 
-import { Vector3 } from "three";
-
 import type { OpenReel, OpenSegments } from "../types.js";
+import { Vector3 } from "../webgl/index.js";
 
 /** Limits of the sampled frames and positions, which keep the time below a tenth of a second. */
 const [MAX_FRAMES, MAX_POSITIONS] = [16, 2 ** 19];

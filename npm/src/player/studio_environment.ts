@@ -1,6 +1,6 @@
 // An environment map for metals: a neutral studio, brighter at the top, with two area lights.
 
-import { DataTexture, EquirectangularReflectionMapping, LinearFilter, SRGBColorSpace } from "three";
+import { DataTexture, LinearFilter, SRGBColorSpace } from "../webgl/index.js";
 
 /** Radiance of a white pixel; set `Scene.environmentIntensity` to it. */
 export const MAX_RADIANCE = 3;
@@ -27,7 +27,6 @@ export function studioEnvironment(): DataTexture {
   }
   const texture = new DataTexture(pixels, WIDTH, HEIGHT);
   texture.colorSpace = SRGBColorSpace;
-  texture.mapping = EquirectangularReflectionMapping;
   texture.magFilter = texture.minFilter = LinearFilter;
   texture.needsUpdate = true;
   return texture;

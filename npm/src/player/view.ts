@@ -1,20 +1,16 @@
 // The canvas of a player, which is redrawn only when it has changed and is visible.
 
+import { MeshReelError } from "../errors.js";
 import {
-  DirectionalLight,
   Group,
-  HemisphereLight,
   type Mesh,
   type Object3D,
   Raycaster,
   Scene,
   type Texture,
-  Vector2,
   Vector3,
   WebGLRenderer,
-} from "three";
-
-import { MeshReelError } from "../errors.js";
+} from "../webgl/index.js";
 import { PlayerCamera } from "./camera.js";
 import { type ContextHolder, releaseContext, acquireContext } from "./context_pool.js";
 import { FloorShadow } from "./floor_shadow.js";
@@ -63,8 +59,6 @@ export class View implements ContextHolder {
   /** Points of `model` to frame in place of its box; null: the box. */
   framedPoints: readonly Vector3[] | null = null;
   readonly #scene = new Scene();
-  readonly #sky = new HemisphereLight(0xffffff, 0x8a8f98, Math.PI / 2);
-  readonly #key = new DirectionalLight(0xffffff, Math.PI / 2);
   #neutral: Texture | null = null;
   /** The panorama that lights the model in place of the lights. */
   #environment: Texture | "neutral" | null = null;
@@ -96,7 +90,8 @@ export class View implements ContextHolder {
       this.invalidate();
       delegate.onCameraChange(isByUser);
     });
-    this.#addLights();
+    this.world.add(this.model);
+    this.#scene.add(this.camera.camera, this.world);
     this.#resizeObserver = new ResizeObserver(() => this.#resize());
     this.#resizeObserver.observe(this.canvas);
     this.#visibilityObserver = new IntersectionObserver(([...entries]) => {
@@ -148,8 +143,9 @@ export class View implements ContextHolder {
     this.#scene.environment = isNeutral ? this.#neutral : (panorama as Texture | null);
     const isOnlyLight = panorama === "neutral";
     this.#scene.environmentIntensity = isNeutral ? MAX_RADIANCE * (isOnlyLight ? ONLY_LIGHT : 1) : 1;
-    this.#sky.visible = this.#scene.environment === null;
-    this.#key.visible = panorama === null;
+    // Of such intensities that a white surface that faces the camera appears white.
+    this.#scene.skyIntensity = this.#scene.environment ? 0 : Math.PI / 2;
+    this.#scene.keyIntensity = panorama ? 0 : Math.PI / 2;
     this.invalidate();
   }
 
@@ -164,11 +160,11 @@ export class View implements ContextHolder {
     [this.#shadowIntensity, this.#extents] = [intensity, extents];
     if (!this.#renderer) return;
     if (intensity > 0 && !this.#shadow) {
-      this.#shadow = new FloorShadow(this.#renderer);
-      this.#scene.add(this.#shadow.group);
+      this.#shadow = new FloorShadow();
+      this.#scene.add(this.#shadow.mesh);
     }
     if (this.#shadow) {
-      this.#shadow.group.visible = intensity > 0;
+      this.#shadow.mesh.visible = intensity > 0;
       this.#shadow.intensity = intensity;
       this.#shadow.fit(extents);
     }
@@ -195,10 +191,7 @@ export class View implements ContextHolder {
     const [w, h] = this.isPortrait ? [width, height / n] : [width / n, height];
     const [x, y] = [clientX - left, clientY - top];
     if (!(x >= 0 && x < width && y >= 0 && y < height)) return null;
-    const ray = new Raycaster();
-    const place = new Vector2((2 * (x % w)) / w - 1, 1 - (2 * (y % h)) / h);
-    ray.setFromCamera(place, this.camera.camera);
-    return ray;
+    return Raycaster.fromCamera((2 * (x % w)) / w - 1, 1 - (2 * (y % h)) / h, this.camera.camera);
   }
 
   remove(mesh: Mesh): void {
@@ -218,12 +211,11 @@ export class View implements ContextHolder {
     const ratio = renderer.getPixelRatio();
     const panes = this.#panes ?? [this.model.children];
     const [n, w, h] = [panes.length, width / ratio, height / ratio];
-    renderer.setScissorTest(n > 1);
     panes.forEach((objects, i) => {
-      const place = this.isPortrait ? [0, h - ((i + 1) * h) / n, w, h / n] : [(i * w) / n, 0, w / n, h];
-      renderer.setViewport(...(place as [number, number, number, number]));
-      if (n > 1) renderer.setScissor(...(place as [number, number, number, number]));
+      if (this.isPortrait) renderer.setViewport(0, h - ((i + 1) * h) / n, w, h / n, n > 1);
+      else renderer.setViewport((i * w) / n, 0, w / n, h, n > 1);
       if (this.#panes) for (const one of this.model.children) one.visible = objects.includes(one);
+      if (this.#shadow?.mesh.visible) this.#shadow.update(renderer, this.#scene);
       renderer.render(this.#scene, this.camera.camera);
     });
   }
@@ -278,15 +270,6 @@ export class View implements ContextHolder {
     this.canvas.remove();
   }
 
-  /** Add lights of such intensities that a white surface that faces the camera appears white. */
-  #addLights(): void {
-    const { camera } = this.camera;
-    this.#key.position.set(-0.5, 1, 2);
-    camera.add(this.#key, this.#key.target);
-    this.world.add(this.model);
-    this.#scene.add(this.#sky, camera, this.world);
-  }
-
   #setVisible(isSeen: boolean): void {
     if (isSeen === this.#isVisible) return;
     this.#isVisible = isSeen;
@@ -322,7 +305,7 @@ export class View implements ContextHolder {
     const { clientWidth, clientHeight } = this.canvas;
     if (!this.#renderer || !clientWidth || !clientHeight) return;
     this.#renderer.setPixelRatio(pixelRatio());
-    this.#renderer.setSize(clientWidth, clientHeight, false);
+    this.#renderer.setSize(clientWidth, clientHeight);
     this.#updateAspect();
     this.invalidate();
   }

@@ -1,6 +1,6 @@
 // The default shading of faces: a plain color, or a heat map.
 
-import * as THREE from "three";
+import { DoubleSide, GLSL3, RawShaderMaterial, Vector3 } from "../../webgl/index.js";
 
 import { resolveColorMap } from "../../three/color/color_map.js";
 
@@ -10,9 +10,9 @@ export const HEAT_COLORS = resolveColorMap("sequential");
 const list = HEAT_COLORS.map((color) => `vec3(${color.map((c) => (c / 255).toFixed(5)).join(",")})`);
 
 const VERTEX = `
+precision highp float;
 uniform mat4 modelViewMatrix;
 uniform mat4 projectionMatrix;
-uniform mat3 normalMatrix;
 in vec3 position;
 in vec3 normal;
 in float heat;
@@ -22,7 +22,7 @@ out float value;
 void main() {
   vec4 seen = modelViewMatrix * vec4(position, 1.0);
   place = seen.xyz;
-  bent = normalMatrix * normal;
+  bent = mat3(modelViewMatrix) * normal;
   value = heat;
   gl_Position = projectionMatrix * seen;
 }`;
@@ -66,16 +66,16 @@ export const POLYGON_OFFSET = {
 } as const;
 
 /** A material that shows a plain color, or the attribute "heat" as a heat map. */
-export class FaceMaterial extends THREE.RawShaderMaterial {
+export class FaceMaterial extends RawShaderMaterial {
   constructor() {
     super({
-      glslVersion: THREE.GLSL3,
+      glslVersion: GLSL3,
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT,
-      side: THREE.DoubleSide,
+      side: DoubleSide,
       ...POLYGON_OFFSET,
       uniforms: {
-        plain: { value: new THREE.Vector3(0.62, 0.69, 0.77) },
+        plain: { value: new Vector3(0.62, 0.69, 0.77) },
         heatMaximum: { value: 1 },
         isPainted: { value: false },
         isSmooth: { value: false },

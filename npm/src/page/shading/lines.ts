@@ -1,9 +1,10 @@
 // Draws edges over the faces of a mesh.
 
-import * as THREE from "three";
+import { BufferGeometry, GLSL3, LineSegments, RawShaderMaterial, Sphere, Vector4 } from "../../webgl/index.js";
 
 // Lines are moved towards the camera by "lift", so that adjacent faces do not hide them.
 const VERTEX = `
+precision highp float;
 uniform mat4 modelViewMatrix;
 uniform mat4 projectionMatrix;
 uniform float lift;
@@ -20,15 +21,15 @@ uniform vec4 lineColor;
 out vec4 color;
 void main() { color = vec4(lineColor.rgb * lineColor.a, lineColor.a); }`;
 
-export class EdgeLines extends THREE.LineSegments<THREE.BufferGeometry, THREE.RawShaderMaterial> {
+export class EdgeLines extends LineSegments<BufferGeometry, RawShaderMaterial> {
   constructor() {
     super(
-      new THREE.BufferGeometry(),
-      new THREE.RawShaderMaterial({
-        glslVersion: THREE.GLSL3,
+      new BufferGeometry(),
+      new RawShaderMaterial({
+        glslVersion: GLSL3,
         vertexShader: VERTEX,
         fragmentShader: FRAGMENT,
-        uniforms: { lineColor: { value: new THREE.Vector4() }, lift: { value: 0 } },
+        uniforms: { lineColor: { value: new Vector4() }, lift: { value: 0 } },
         depthWrite: false,
         transparent: true,
         premultipliedAlpha: true,
@@ -37,7 +38,7 @@ export class EdgeLines extends THREE.LineSegments<THREE.BufferGeometry, THREE.Ra
     this.visible = false;
     this.renderOrder = 1;
     this.frustumCulled = false;
-    this.geometry.boundingSphere = new THREE.Sphere(); // positions are on the GPU, so that it cannot be computed
+    this.geometry.boundingSphere = new Sphere(); // positions are on the GPU, so that it cannot be computed
   }
 
   /** Set the color, and the offset towards the camera in model units. */

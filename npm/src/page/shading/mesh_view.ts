@@ -1,26 +1,26 @@
 // A mesh in a view: its faces and the lines over them.
 
-import * as THREE from "three";
+import { Group, Material, Mesh } from "../../webgl/index.js";
 
 import { POLYGON_OFFSET, FaceMaterial } from "./faces.js";
 import { EdgeLines } from "./lines.js";
 import { TrackMaterial } from "../tracks/material.js";
 
 /** Materials of the file, which need lights. */
-export type FileMaterials = THREE.Material | THREE.Material[];
+export type FileMaterials = Material | Material[];
 
 /** Which materials faces use. */
 export type Appearance = "own" | "plain" | "track";
 
 /** A mesh with switchable materials and edge lines. */
 export class MeshView {
-  readonly group = new THREE.Group();
+  readonly group = new Group();
   readonly lines = new EdgeLines();
   readonly faces = new FaceMaterial();
   readonly track = new TrackMaterial();
 
   constructor(
-    private readonly mesh: THREE.Mesh,
+    private readonly mesh: Mesh,
     private own: FileMaterials,
   ) {
     mesh.frustumCulled = false; // the camera may come arbitrarily close

@@ -1,17 +1,18 @@
 // The original as a three.js mesh that shows one frame at a time.
 
-import * as THREE from "three";
+import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Mesh, Vector3 } from "../../webgl/index.js";
 
-import type { ColorAttribute, ReelMesh } from "../../three/index.js";
+import type { ColorAttribute } from "../../three/color/track_colors.js";
+import type { ReelMesh } from "../../three/reel_mesh.js";
 
 /** A mesh that shares faces, UVs and colors with the decoded mesh, but has its own positions. */
-export class OriginalMesh extends THREE.Mesh {
+export class OriginalMesh extends Mesh {
   private sources!: Uint32Array;
-  private positions!: THREE.BufferAttribute;
-  private normals!: THREE.BufferAttribute;
+  private positions!: BufferAttribute;
+  private normals!: BufferAttribute;
   /** Positions of the current frame, of shape (V, 3). */
   private current: Float32Array | null = null;
-  private colors: THREE.BufferAttribute | null = null;
+  private colors: BufferAttribute | null = null;
   private areNormalsStale = true;
 
   constructor(private readonly decoded: ReelMesh) {
@@ -22,7 +23,7 @@ export class OriginalMesh extends THREE.Mesh {
   /** Rebuild the geometry after that of the decoded mesh has changed. */
   rebuildGeometry(): void {
     this.releaseGeometry();
-    this.geometry = new THREE.BufferGeometry();
+    this.geometry = new BufferGeometry();
     const { index, groups, attributes } = this.decoded.geometry;
     Object.assign(this.geometry, { index, groups, attributes: { ...attributes } });
     this.sources = this.decoded.sources;
@@ -54,8 +55,8 @@ export class OriginalMesh extends THREE.Mesh {
     const { triangles } = this.decoded.reel.surface;
     const places = this.geometry.index?.array as Uint32Array;
     const sums = new Float32Array(3 * this.decoded.reel.info.nVerts);
-    const corners = [0, 1, 2].map(() => new THREE.Vector3());
-    const [ab, ac] = [new THREE.Vector3(), new THREE.Vector3()];
+    const corners = [0, 1, 2].map(() => new Vector3());
+    const [ab, ac] = [new Vector3(), new Vector3()];
     for (let i = 0; i < triangles.length; i += 3) {
       const vertices = [0, 1, 2].map((corner) => places[i + corner]);
       vertices.forEach((at, corner) => corners[corner].fromBufferAttribute(this.positions, at));
@@ -78,21 +79,21 @@ export class OriginalMesh extends THREE.Mesh {
   /** Free the attributes that only this mesh uses. */
   private releaseGeometry(): void {
     const own = Object.entries(this.geometry.attributes).filter(([, attribute]) =>
-      [this.positions, this.normals, this.colors].includes(attribute as THREE.BufferAttribute),
+      [this.positions, this.normals, this.colors].includes(attribute as BufferAttribute),
     );
     Object.assign(this.geometry, { index: null, attributes: Object.fromEntries(own) });
     this.geometry.dispose();
   }
 
-  private attribute(name: string, width: number, values: Float32Array): THREE.BufferAttribute {
-    const created = new THREE.BufferAttribute(values, width).setUsage(THREE.DynamicDrawUsage);
+  private attribute(name: string, width: number, values: Float32Array): BufferAttribute {
+    const created = new BufferAttribute(values, width).setUsage(DynamicDrawUsage);
     this.geometry.setAttribute(name, created);
     return created;
   }
 }
 
 /** Copy three numbers of each source vertex to the vertices of the geometry. */
-function scatter(from: Float32Array, sources: Uint32Array, into: THREE.BufferAttribute): void {
+function scatter(from: Float32Array, sources: Uint32Array, into: BufferAttribute): void {
   const values = into.array as Float32Array;
   for (let i = 0; i < values.length; i++) values[i] = from[3 * sources[Math.floor(i / 3)] + (i % 3)];
   into.needsUpdate = true;

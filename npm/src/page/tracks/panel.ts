@@ -1,7 +1,7 @@
 // The panel section that colors the mesh by a track.
 
 import { type LegendContent, trackTitle } from "../../player/legend.js";
-import type { ColorLegend } from "../../three/index.js";
+import type { ColorLegend } from "../../three/color/track_colors.js";
 
 import type { Reel } from "../facts.js";
 import { inputById, byId } from "../page.js";

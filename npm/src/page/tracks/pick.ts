@@ -1,7 +1,7 @@
 // Picks the vertex, face and corner of the file at a position on the mesh.
 
-import type { ReelMesh } from "../../three/index.js";
-import * as THREE from "three";
+import type { ReelMesh } from "../../three/reel_mesh.js";
+import { Raycaster, Vector3 } from "../../webgl/index.js";
 
 import { type Domain, itemsAtCorners } from "./items.js";
 
@@ -9,11 +9,11 @@ import { type Domain, itemsAtCorners } from "./items.js";
 export type Picked = Readonly<Record<Domain, number>>;
 
 /** Return the items at the first hit of a ray; null without a hit. */
-export function pickFirst(ray: THREE.Raycaster, mesh: ReelMesh): Picked | null {
-  const [hit] = ray.intersectObject(mesh, false);
+export function pickFirst(ray: Raycaster, mesh: ReelMesh): Picked | null {
+  const [hit] = ray.intersectObject(mesh);
   if (!hit?.face || hit.faceIndex === undefined || hit.faceIndex === null) return null;
   const { a, b, c } = hit.face;
-  const point = new THREE.Vector3();
+  const point = new Vector3();
   const distances = [a, b, c].map((vertex) => {
     mesh.getVertexPosition(vertex, point);
     return mesh.localToWorld(point).distanceTo(hit.point);

@@ -2,7 +2,7 @@
 
 import { formatNumber } from "../../player/axis_numbers.js";
 import { withUnit } from "../../player/legend.js";
-import type { ColorLegend } from "../../three/index.js";
+import type { ColorLegend } from "../../three/color/track_colors.js";
 
 import type { Reel } from "../facts.js";
 import { inputById, byId } from "../page.js";

@@ -1,6 +1,6 @@
 // Settings of coloring by a track, from the command line or the controls.
 
-import type { Component } from "../../three/index.js";
+import type { Component } from "../../three/color/color_range.js";
 
 /** How a track colors the mesh; null selects the default. */
 export interface TrackSettings {

@@ -1,5 +1,5 @@
-import{e as n,f as r,g as l,h as m,k as i,p as o,q as s}from"./chunk-LM5FM4DS.js";import"./chunk-4UEN2IM3.js";import"./chunk-Y7KMCY26.js";import"./chunk-WOT6VMZA.js";typeof customElements<"u"&&!customElements.get("reel-player")&&customElements.define("reel-player",r);async function E(){let e=o(),{view:p,bar:a,legend:f}=n(e),y=new Promise(w=>{for(let u of["timeupdate","error"])e.addEventListener(u,w,{once:!0})});p.camera.zoomsAlways=!0,a.isDetailed=!0,a.element.before(f.element);let[t]=await Promise.all([l(),m(e)]);document.title=`${t.name} – meshreel`,i("name").textContent=t.name,await y;let{inspect:d}=await import("./inspector-7SWBSCP2.js");await d(e,t)}var c=E();window.player={ready:c};c.catch(e=>{e!==o().error&&s(e)});
-/* Contains three.js.
+import{e as n,f as r,g as l,h as m,k as i,p as o,q as s}from"./chunk-O7IZ6AU3.js";import"./chunk-4UEN2IM3.js";import"./chunk-D4QPOOG7.js";import"./chunk-WOT6VMZA.js";typeof customElements<"u"&&!customElements.get("reel-player")&&customElements.define("reel-player",r);async function E(){let e=o(),{view:p,bar:a,legend:f}=n(e),y=new Promise(w=>{for(let u of["timeupdate","error"])e.addEventListener(u,w,{once:!0})});p.camera.zoomsAlways=!0,a.isDetailed=!0,a.element.before(f.element);let[t]=await Promise.all([l(),m(e)]);document.title=`${t.name} – meshreel`,i("name").textContent=t.name,await y;let{inspect:d}=await import("./inspector-KBCL32QV.js");await d(e,t)}var c=E();window.player={ready:c};c.catch(e=>{e!==o().error&&s(e)});
+/* Shaders are derived from those of three.js.
 
 The MIT License
 

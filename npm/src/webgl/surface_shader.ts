@@ -1,0 +1,261 @@
+// The shader of surfaces. Its equations are those of three.js, so that the player and a page with
+// three.js show the same: GGX with height-correlated Smith masking, multiple scattering, and a
+// prefiltered environment.
+
+import type { Material, MeshBasicMaterial, MeshStandardMaterial } from "./materials.js";
+import { Color } from "./math.js";
+import type { UniformValues } from "./programs.js";
+import type { Texture } from "./textures.js";
+
+const SLOTS = ["map", "roughnessMap", "metalnessMap", "normalMap", "aoMap", "emissiveMap"] as const;
+
+/** Color of the sky's light from below. */
+const GROUND = new Color(0x8a8f98);
+
+export const TO_SRGB = `
+vec3 toSrgb(vec3 light) {
+  vec3 isDark = vec3(lessThanEqual(light, vec3(0.0031308)));
+  return mix(pow(light, vec3(0.41666)) * 1.055 - 0.055, light * 12.92, isDark);
+}`;
+
+const VERTEX = `
+precision highp float;
+uniform mat4 modelViewMatrix;
+uniform mat4 projectionMatrix;
+in vec3 position;
+in vec3 normal;
+in vec4 color;
+out vec3 place;
+out vec3 bent;
+out vec4 tint;
+IN_OUT
+void main() {
+  vec4 seen = modelViewMatrix * vec4(position, 1.0);
+  place = seen.xyz;
+  bent = mat3(modelViewMatrix) * normal;
+#ifdef COLOR
+  tint = color;
+#endif
+  UVS
+  gl_Position = projectionMatrix * seen;
+}`;
+
+const BASE = `
+precision highp float;
+#define PI 3.141592653589793
+uniform vec3 diffuse;
+uniform float opacity;
+uniform float alphaTest;
+uniform float aoMapIntensity;
+in vec3 place;
+in vec3 bent;
+in vec4 tint;
+out vec4 shown;
+IN_OUT
+${TO_SRGB}
+vec4 baseColor() {
+  vec4 base = vec4(diffuse, opacity);
+#ifdef MAP
+  base *= texture(map, mapUv);
+#endif
+#ifdef COLOR
+  base *= tint;
+#endif
+#ifdef ALPHA_TEST
+  if (base.a < alphaTest) discard;
+#endif
+#ifdef OPAQUE
+  base.a = 1.0;
+#endif
+  return base;
+}
+float occlusion() {
+#ifdef AOMAP
+  return (texture(aoMap, aoMapUv).r - 1.0) * aoMapIntensity + 1.0;
+#else
+  return 1.0;
+#endif
+}`;
+
+const DEPTH_MAIN = "void main() { shown = baseColor(); }";
+
+const BASIC_MAIN = `
+void main() {
+  vec4 base = baseColor();
+  vec3 light = base.rgb * occlusion();
+  GLSL
+  shown = vec4(toSrgb(light), base.a);
+}`;
+
+const STANDARD_MAIN = `
+uniform mat4 viewMatrix;
+uniform vec3 emissive;
+uniform float roughness;
+uniform float metalness;
+uniform vec2 normalScale;
+uniform sampler2D dfgTable;
+uniform float keyIntensity;
+uniform float skyIntensity;
+uniform vec3 groundColor;
+uniform samplerCube environment;
+uniform float environmentIntensity;
+uniform float maxLod;
+
+float pow2(float x) { return x * x; }
+float saturate(float x) { return clamp(x, 0.0, 1.0); }
+
+// Single and multiple scattering of a light from all directions.
+void scatter(vec2 dfg, vec3 f0, out vec3 single, out vec3 multi) {
+  single = f0 * dfg.x + dfg.y;
+  float rest = 1.0 - dfg.x - dfg.y;
+  vec3 mean = f0 + (1.0 - f0) / 21.0;
+  multi = single * mean / (1.0 - rest * mean) * rest;
+}
+
+void main() {
+  vec4 base = baseColor();
+  float face = gl_FrontFacing ? 1.0 : -1.0;
+#ifdef FLAT
+  vec3 n = normalize(cross(dFdx(place), dFdy(place)));
+#else
+  vec3 n = normalize(bent);
+  #ifdef DOUBLE
+  n *= face;
+  #endif
+#endif
+  vec3 change = max(abs(dFdx(n)), abs(dFdy(n)));
+#ifdef NORMALMAP
+  // The directions of u and v on the surface; see http://www.thetenthplanet.de/archives/1180
+  vec3 across = cross(dFdy(place), n);
+  vec3 along = cross(n, dFdx(place));
+  vec2 du = dFdx(normalMapUv);
+  vec2 dv = dFdy(normalMapUv);
+  vec3 t = across * du.x + along * dv.x;
+  vec3 b = across * du.y + along * dv.y;
+  float size = max(dot(t, t), dot(b, b));
+  float scale = size == 0.0 ? 0.0 : inversesqrt(size);
+  #ifdef DOUBLE
+  scale *= face;
+  #endif
+  vec3 texel = texture(normalMap, normalMapUv).xyz * 2.0 - 1.0;
+  n = normalize(mat3(t * scale, b * scale, n) * (texel * vec3(normalScale, 1.0)));
+#endif
+  float rough = roughness;
+#ifdef ROUGHNESSMAP
+  rough *= texture(roughnessMap, roughnessMapUv).g;
+#endif
+  float metal = metalness;
+#ifdef METALNESSMAP
+  metal *= texture(metalnessMap, metalnessMapUv).b;
+#endif
+  rough = min(max(rough, 0.045) + max(max(change.x, change.y), change.z), 1.0);
+  vec3 matte = base.rgb * (1.0 - metal);
+  vec3 f0 = mix(vec3(0.04), base.rgb, metal);
+  vec3 v = normalize(-place);
+  float nv = saturate(dot(n, v));
+  vec2 dfg = texture(dfgTable, vec2(rough, nv)).rg;
+
+  // The key light, which moves with the camera.
+  vec3 l = normalize(vec3(-0.5, 1.0, 2.0));
+  vec3 h = normalize(l + v);
+  float nl = saturate(dot(n, l));
+  float vh = saturate(dot(v, h));
+  float alpha2 = pow2(pow2(rough));
+  float toViewer = nl * sqrt(alpha2 + (1.0 - alpha2) * nv * nv);
+  float toLight = nv * sqrt(alpha2 + (1.0 - alpha2) * nl * nl);
+  float visible = 0.5 / max(toViewer + toLight, 1e-6);
+  float facets = alpha2 / (PI * pow2(pow2(saturate(dot(n, h))) * (alpha2 - 1.0) + 1.0));
+  float fresnel = exp2((-5.55473 * vh - 6.98316) * vh);
+  vec3 lost = 1.0 + f0 * (1.0 / (dfg.x + dfg.y) - 1.0);
+  vec3 key = (f0 * (1.0 - fresnel) + fresnel) * visible * facets * lost + matte / PI * 0.96 * (1.0 - fresnel);
+  vec3 light = keyIntensity * nl * key;
+
+  // The sky and the environment.
+  vec3 single;
+  vec3 multi;
+  scatter(dfg, vec3(0.04), single, multi);
+  vec3 scattered = matte * (1.0 - single - multi);
+  float up = dot(n, viewMatrix[1].xyz) * 0.5 + 0.5;
+  float ambient = occlusion();
+  vec3 around = skyIntensity * mix(groundColor, vec3(1.0), up) / PI;
+#ifdef ENVIRONMENT
+  mat3 toWorld = transpose(mat3(viewMatrix));
+  around += textureLod(environment, toWorld * n, maxLod).rgb * environmentIntensity;
+  vec3 r = toWorld * normalize(mix(reflect(-v, n), n, pow2(pow2(rough))));
+  vec3 radiance = textureLod(environment, r, maxLod * rough * (2.0 - rough)).rgb * environmentIntensity;
+  vec3 metalSingle;
+  vec3 metalMulti;
+  scatter(dfg, base.rgb, metalSingle, metalMulti);
+  vec3 mirrored = radiance * mix(single, metalSingle, metal) + mix(multi, metalMulti, metal) * around;
+  light += mirrored * saturate(pow(nv + ambient, exp2(-16.0 * rough - 1.0)) - 1.0 + ambient);
+#endif
+  light += scattered * around * ambient;
+#ifdef EMISSIVEMAP
+  light += emissive * texture(emissiveMap, emissiveMapUv).rgb;
+#else
+  light += emissive;
+#endif
+  shown = vec4(toSrgb(light), base.a);
+}`;
+
+/** A material without its own shaders. */
+export type Surface = Material & Partial<Omit<MeshStandardMaterial, keyof Material> & Pick<MeshBasicMaterial, "glsl">>;
+
+/** What shaders need to know about a scene. */
+export interface Lighting {
+  readonly keyIntensity: number;
+  readonly skyIntensity: number;
+  readonly environmentIntensity: number;
+  /** The prefiltered environment; null without one. */
+  readonly environment: Texture | null;
+  /** Level of the environment with roughness 1. */
+  readonly maxLod: number;
+  readonly dfgTable: Texture;
+}
+
+/** Return the macros of a material, which together with its own GLSL identify its shader. */
+export function surfaceMacros(surface: Surface, { environment }: Lighting, isDepth: boolean): string {
+  const isStandard = "roughness" in surface;
+  const names = [
+    isDepth ? "DEPTH" : isStandard ? "STANDARD" : "BASIC",
+    ...SLOTS.map((slot) => surface[slot] && `${slot.toUpperCase()} ${uvName(surface[slot])}`),
+    surface.vertexColors && "COLOR",
+    surface.alphaTest > 0 && "ALPHA_TEST",
+    !surface.transparent && "OPAQUE",
+    surface.flatShading && "FLAT",
+    surface.side && "DOUBLE",
+    isStandard && environment && "ENVIRONMENT",
+  ];
+  return names.filter(Boolean).map((name) => `#define ${name}\n`).join("");
+}
+
+/** Return the vertex and the fragment shader of a material. */
+export function surfaceShaders(surface: Surface, macros: string, isDepth: boolean): [string, string] {
+  const slots = SLOTS.filter((slot) => surface[slot]);
+  const channels = new Set(slots.map((slot) => uvName(surface[slot] as Texture)));
+  const lines = (line: (slot: (typeof SLOTS)[number]) => string) => slots.map(line).join("\n");
+  const inputs = [...channels].map((uv) => `in vec2 ${uv};\n`).join("");
+  const matrices = lines((slot) => `uniform mat3 ${slot}Matrix;out vec2 ${slot}Uv;`);
+  const transforms = lines((slot) => `${slot}Uv = (${slot}Matrix * vec3(${slot.toUpperCase()}, 1.0)).xy;`);
+  const samplers = lines((slot) => `uniform sampler2D ${slot};in vec2 ${slot}Uv;`);
+  const basic = () => BASIC_MAIN.replace("GLSL", surface.glsl ?? "");
+  const main = isDepth ? DEPTH_MAIN : "roughness" in surface ? STANDARD_MAIN : basic();
+  return [
+    macros + VERTEX.replace("IN_OUT", inputs + matrices).replace("UVS", transforms),
+    macros + BASE.replace("IN_OUT", samplers) + main,
+  ];
+}
+
+/** Return the uniforms of a material; one with its own shaders has no color, which depths do not need. */
+export function surfaceUniforms(surface: Surface, lighting: Lighting): UniformValues {
+  const matrices = SLOTS.map((slot) => {
+    surface[slot]?.updateMatrix();
+    return [`${slot}Matrix`, surface[slot]?.matrix];
+  });
+  const rest = { ...Object.fromEntries(matrices), diffuse: surface.color ?? GROUND, groundColor: GROUND };
+  return { ...(surface as object), ...lighting, ...rest };
+}
+
+function uvName({ channel }: Texture): string {
+  return `uv${channel || ""}`;
+}
