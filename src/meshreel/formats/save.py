@@ -12,7 +12,11 @@ import numpy.typing as npt
 
 from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.segmented_stream import SegmentedStream, StreamedSegment
+from meshreel.formats.frames.segmented_stream import (
+    SegmentedStream,
+    SegmentMesh,
+    StreamedSegment,
+)
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.notes import note_unwritten_materials, note_unwritten_tracks
@@ -277,7 +281,7 @@ def _save(
     """Write a stream to checked paths, which appear together; return them and those of images."""
     found = output_format_of(Path(output))
     if isinstance(found, SequenceFormat) and found.has_image_folder:
-        stream = sharing_materials(stream)
+        stream, _ = sharing_materials(stream)
     images = _image_files(found, paths[0], stream)
     with replace_all_when_done(
         [*images, *paths],
@@ -351,8 +355,12 @@ def _write_sequence(
     """Write all frames to the first path, and the first frame to the companion file, if any."""
     if found.write_segments is not None:
         if not found.holds_materials:
-            for mesh in stream.meshes():
+
+            def note_materials(mesh: SegmentMesh) -> SegmentMesh:
                 note_unwritten_materials(mesh.surface, found.extension, stream.notes)
+                return mesh
+
+            stream = stream.changed(note_materials)
         found.write_segments(paths[0], stream, options)
         return
     if found.write is None:  # check_output rejects read-only formats

@@ -121,7 +121,7 @@ def write_alembic(path: Path, stream: SegmentedStream, options: WriteOptions) ->
     InvalidInputError
         If the disk is too small, or a position does not fit into float32.
     """
-    shared = SharedData.of(stream)
+    shared = SharedData.of(stream.meshes())
     shared.note_others(".abc", stream.notes)
     stream = stream.changed(shared.only)
     check_free_space(path, stream)
@@ -138,7 +138,7 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
     """Write a file, which is complete once the library's objects are destroyed."""
     archive = ALEMBIC.load("Abc").OArchive(str(path))
     sampling = archive.addTimeSampling(_time_sampling(stream))
-    left_out = unwritable_tracks(stream)
+    left_out = unwritable_tracks(stream, shared)
     rounding: Rounding | None = None
     writers: list[_PartWriter] = []
     for segment in stream.segments():

@@ -14,6 +14,7 @@ from meshreel.formats.alembic.track_reading import TRACK_KIND, UNIT
 from meshreel.formats.alembic.winding import reversed_corners
 from meshreel.formats.alembic.write_attributes import is_texture, scope_of
 from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.notes import (
     note_name,
     note_track_name,
@@ -43,16 +44,18 @@ STANDARD_NAMES = {
 }
 """The standard mesh properties, which other programs read."""
 
+LONG = ("i8", "u8")
 MAX_INT32 = np.iinfo(np.int32).max
 
 
-def unwritable_tracks(stream: SegmentedStream) -> set[str]:
+def unwritable_tracks(stream: SegmentedStream, shared: SharedData) -> set[str]:
     """Return the names of tracks that Alembic cannot store; notes of the stream name them."""
+    long = {str(name) for name, *_, number_type, _ in shared.tracks if number_type[1:] in LONG}
     too_large = {
         name: None
-        for mesh in stream.meshes()
+        for mesh in (stream.meshes() if long else ())
         for name, track in mesh.tracks.items()
-        if track.dtype.str[1:] in ("i8", "u8") and not _fits_int32(track)
+        if name in long and not _fits_int32(track)
     }
     note_unwritten_tracks(
         too_large, ".abc", stream.notes, "integers beyond 32 bits (a limit of its library)"

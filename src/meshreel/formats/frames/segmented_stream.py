@@ -171,6 +171,17 @@ class SegmentedStream:
         for segment in self._segments:
             yield self._mesh(segment, [])
 
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type that holds the positions of all segments."""
+        return np.result_type(*(segment.open().dtype for segment in self._segments))
+
+    def frames(self) -> Iterator[Vertices]:
+        """Yield the positions of all frames of several segments, without decoding surfaces."""
+        for segment in self._segments:
+            for block in _blocks(segment.open(), segment.frames):
+                yield from block
+
     def segments(self) -> Iterator[FrameStream]:
         """Yield the frames of each segment in order; read them before the next one."""
         for number in range(self.n_segments):

@@ -1,7 +1,7 @@
 """What all segments of a sequence have in common, for formats that declare data once."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -50,15 +50,15 @@ class SharedData:
     other_tracks: tuple[str, ...]
 
     @classmethod
-    def of(cls, stream: SegmentedStream) -> "SharedData":
+    def of(cls, meshes: Iterable[SegmentMesh]) -> "SharedData":
         """Compare the segments of a stream."""
         shared: list[dict[Key, None]] = []
         others: list[dict[str, None]] = [{}, {}, {}]
         labels: dict[Key, dict[str, None]] = {}
         parts: tuple[str, ...] = ()
         indexed: frozenset[Key] = frozenset()
-        has_hard_edges = False
-        for number, mesh in enumerate(stream.meshes()):
+        has_hard_edges = has_empty = False
+        for number, mesh in enumerate(meshes):
             found = [dict.fromkeys(keys) for keys in _keys(mesh)]
             for key, one in _groups(mesh.surface).items():
                 labels.setdefault(key, {}).update(dict.fromkeys(one.labels))
@@ -72,10 +72,8 @@ class SharedData:
                 names.update((str(key[0]), None) for key in sorted(known.keys() ^ own.keys()))
                 for key in known.keys() - own.keys():
                     del known[key]
-            is_empty = stream.n_segments > 1 and any(
-                not part.n_faces for part in mesh.surface.parts
-            )
-            if part_names != parts or is_empty:
+            has_empty = has_empty or any(not part.n_faces for part in mesh.surface.parts)
+            if part_names != parts or (number and has_empty):
                 others[1]["the names of parts"] = None
                 parts = ()
         attributes, groups, tracks = map(tuple, shared)
@@ -126,21 +124,30 @@ class SharedData:
         note_unwritten_tracks(self.other_tracks, extension, notes, which)
 
 
-def sharing_materials(stream: SegmentedStream) -> SegmentedStream:
-    """Return the stream with the materials and images of all segments in each of them.
+def sharing_materials(
+    stream: SegmentedStream, visit: Callable[[SegmentMesh], None] | None = None
+) -> tuple[SegmentedStream, SharedData]:
+    """Return the stream with the materials and images of all segments in each, and what they share.
 
-    Different materials with the same name are numbered.
+    Different materials with the same name are numbered. All of this takes one pass over the meshes,
+    in which `visit` is called with each as it is.
     """
     table = MaterialTable()
-    for mesh in stream.meshes():
-        table.add(mesh.surface)
+
+    def collect() -> Iterator[SegmentMesh]:
+        for mesh in stream.meshes():
+            if visit is not None:
+                visit(mesh)
+            yield replace(mesh, surface=table.add(mesh.surface)) if has_several else mesh
 
     def share(mesh: SegmentMesh) -> SegmentMesh:
         surface = table.add(mesh.surface)
         surface = replace(surface, materials=table.materials, images=table.images)
         return replace(mesh, surface=surface)
 
-    return stream.changed(share) if stream.n_segments > 1 else stream
+    has_several = stream.n_segments > 1
+    shared = SharedData.of(collect())
+    return stream.changed(share) if has_several else stream, shared
 
 
 def _with_indices(attribute: Attribute, *, is_indexed: bool) -> Attribute:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.animation import POINTER, VISIBILITY
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
@@ -143,10 +143,13 @@ class _Result:
 
 def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
     _check_options(options)
-    for segment_mesh in stream.meshes():
-        found = [*describe_losses(segment_mesh.surface)]
-        found.append(describe_fans(segment_mesh.surface.sizes(len(segment_mesh.faces))))
+
+    def note_losses(mesh: SegmentMesh) -> None:
+        found = [*describe_losses(mesh.surface)]
+        found.append(describe_fans(mesh.surface.sizes(len(mesh.faces))))
         stream.notes.extend(one for one in found if one and one not in stream.notes)
+
+    sharing, _ = sharing_materials(stream, note_losses)
     times_s = _times(stream)
     segments: Iterable[MeshSequence]
     if stream.n_segments == 1:
@@ -155,8 +158,7 @@ def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
         low, high = extent.low, extent.high
     else:
         low, high = _box(stream)
-        stream = sharing_materials(stream)
-        segments = (one.gather() for one in stream.segments())
+        segments = (one.gather() for one in sharing.segments())
     check_range(low, high)
     diagonal = float(np.linalg.norm(high - low))
     if options.max_error is not None:
@@ -194,9 +196,8 @@ def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
 def _box(stream: SegmentedStream) -> tuple[Floats, Floats]:
     """Return the corners of the bounding box of all frames, each of shape (3,)."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for segment in stream.quiet().segments():
-        for frame in segment.frames():
-            low, high = np.minimum(low, frame.min(axis=0)), np.maximum(high, frame.max(axis=0))
+    for frame in stream.frames():
+        low, high = np.minimum(low, frame.min(axis=0)), np.maximum(high, frame.max(axis=0))
     return low, high
 
 

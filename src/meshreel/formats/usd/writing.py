@@ -55,8 +55,7 @@ def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
         If USD cannot write the file.
     """
     is_package = path.suffix.lower() == ".usdz"
-    stream = sharing_materials(stream)
-    shared = SharedData.of(stream)
+    stream, shared = sharing_materials(stream)
     shared.note_others(path.suffix.lower(), stream.notes)
     stream = stream.changed(shared.only)
     with (

@@ -34,9 +34,9 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     second group next to VTKHDF stores the surface of each segment for meshreel, including what VTK
     cannot represent.
     """
-    shared = SharedData.of(stream)
+    shared = SharedData.of(stream.meshes())
     _note_losses(stream, shared)
-    dtype = np.result_type(*(mesh.dtype for mesh in stream.meshes()))
+    dtype = stream.dtype
     with hdf_output(path) as output:
         root = output.root.create_group(ROOT)
         root.attrs["Version"] = np.array(VERSION, np.int64)
