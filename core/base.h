@@ -7,8 +7,10 @@
 
 #include "reel.h"
 
+/* Functions that all builds inline, and functions that builds for small code may call. */
+#define REEL_WRAPPER static inline __attribute__((always_inline))
 #ifndef REEL_INLINE
-#define REEL_INLINE static inline __attribute__((always_inline))
+#define REEL_INLINE REEL_WRAPPER
 #endif
 
 #ifndef REEL_CALLED
@@ -17,8 +19,22 @@
 
 #define REEL_ALIGNMENT 64
 
+/* 1: a build for pages that decodes what most files contain, and traps at everything else, even at
+   damage. The page then decodes the file with the whole build, which also reports the damage. */
+#ifndef REEL_SMALL
+#define REEL_SMALL 0
+#endif
+
+/* Begins code that small builds omit. */
+REEL_WRAPPER void reel_rare(void) {
+    if (REEL_SMALL) {
+        __builtin_trap();
+    }
+}
+
 /* Return the failure -(code + 256 place) that reel.h describes. */
-REEL_INLINE int64_t reel_failure(enum reel_code code, uint64_t place) {
+REEL_WRAPPER int64_t reel_failure(enum reel_code code, uint64_t place) {
+    reel_rare();
     return -(int64_t)((uint64_t)code + 256U * (place & 0x7FFFFFFFFFFFU));
 }
 
@@ -57,6 +73,7 @@ REEL_INLINE size_t reel_array_bytes(size_t count, size_t item) {
 REEL_INLINE void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
     size_t size = reel_array_bytes(count, item);
     if (size > arena->size - arena->used) {
+        reel_rare();
         arena->failed = true;
         return NULL;
     }

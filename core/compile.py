@@ -166,8 +166,8 @@ TARGETS = {
     "macosx-arm64": Target("libreel.dylib", MACH_O, "aarch64-macos.11.0", "macosx_11_0_arm64"),
     "macosx-x86_64": Target("libreel.dylib", MACH_O, "x86_64-macos.11.0", "macosx_11_0_x86_64"),
     "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
-    # Positions of the method reel, and the surface: what a page needs for its first frame.
-    "wasm": wasm("reel.wasm", "-msimd128", "-DREEL_ONLY_POSITIONS=1"),
+    # What most files contain; a page loads the whole module only for others.
+    "wasm": wasm("reel.wasm", "-msimd128", "-DREEL_SMALL=1"),
     "wasm-whole": wasm("reel_whole.wasm", "-msimd128"),
     "wasm-plain": wasm("reel_plain.wasm"),  # for engines without SIMD
 }

@@ -160,7 +160,7 @@ async function buildPackage() {
     chunkNames: "three_[name]",
   });
   // For pages without a bundler: one script with the decoder and a renderer. The module for engines without
-  // SIMD and the one for tracks and exact values remain separate scripts.
+  // SIMD and the whole module remain separate scripts.
   const player = await build({
     ...common,
     entryPoints: ["src/player/index.ts"],

@@ -7,11 +7,6 @@
 #include "../base.h"
 #include "../include/meshreel.h"
 
-/* 1: this build only decodes positions of the method reel, which pages load first. */
-#ifndef REEL_ONLY_POSITIONS
-#define REEL_ONLY_POSITIONS 0
-#endif
-
 #define REEL_UNKNOWN UINT64_MAX /* offset of a failure without a position in the file */
 
 /* Memory from the host that is released together, last allocation first. */
@@ -38,10 +33,20 @@ reel_call reel_begin_call(const meshreel_source *source, const meshreel_host *ho
 int reel_end_call(reel_call *call, int failed, meshreel_error *error);
 
 /* Record a failure, and return its code. */
-int reel_fail(reel_call *call, int code, uint64_t offset, const char *message);
+int reel_record(reel_call *call, int code, uint64_t offset, const char *message);
+int reel_record_corrupt(reel_call *call, uint64_t offset, const char *message);
 
-/* Record MESHREEL_CORRUPT, and return it. */
-int reel_corrupt(reel_call *call, uint64_t offset, const char *message);
+/* The same, but small builds trap: for all failures other than missing bytes. */
+REEL_WRAPPER int reel_fail(reel_call *call, int code, uint64_t offset, const char *message) {
+    reel_rare();
+    return reel_record(call, code, offset, message);
+}
+
+/* The same for MESHREEL_CORRUPT. */
+REEL_WRAPPER int reel_corrupt(reel_call *call, uint64_t offset, const char *message) {
+    reel_rare();
+    return reel_record_corrupt(call, offset, message);
+}
 
 /* Fill `error` with MESHREEL_INVALID before a call has begun, and return it. */
 int reel_invalid(meshreel_error *error, const char *message);

@@ -42,7 +42,7 @@ int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
         return MESHREEL_OK;
     }
     if (source->read(source->user, at, to, size)) {
-        reel_fail(call, MESHREEL_UNREADABLE, at, "the function that reads the file failed");
+        reel_record(call, MESHREEL_UNREADABLE, at, "the function that reads the file failed");
         call->error.size = size;
         return MESHREEL_UNREADABLE;
     }
@@ -55,7 +55,7 @@ int reel_announce(reel_call *call, reel_range range) {
         !source->announce(source->user, range.at, range.length)) {
         return MESHREEL_OK;
     }
-    reel_fail(call, MESHREEL_UNREADABLE, range.at, "the function that announces a range failed");
+    reel_record(call, MESHREEL_UNREADABLE, range.at, "the function that announces a range failed");
     call->error.size = range.length;
     return MESHREEL_UNREADABLE;
 }

@@ -83,6 +83,7 @@ static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
 
 static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outline,
                       const reel_section *section, reel_track *track) {
+    reel_rare();
     reel_range left = section->payload;
     meshreel_track *info = &track->info;
     uint8_t codes[4];
@@ -185,5 +186,5 @@ int reel_read_tracks(reel_call *call, reel_pool *pool, const reel_outline *outli
         failed = read_track(call, pool, outline, section, &all[count++]);
         at = section->payload.at;
     }
-    return failed ? failed : check_names(call, all + 1, count - 1, at);
+    return failed || count == 1 ? failed : check_names(call, all + 1, count - 1, at);
 }

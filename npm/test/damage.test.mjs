@@ -175,7 +175,7 @@ test("header sizes that exceed the file are rejected before memory is allocated"
 
 test("streams that exceed the memory limit are rejected", async () => {
   const bytes = streamBytes("geometry");
-  await assert.rejects(openEngine(internals, bytes, "reel", 10_000), (error) => {
+  await assert.rejects(openEngine(internals, bytes, "reel_whole", 10_000), (error) => {
     const message = /^decoding needs \d+ bytes of memory; the limit is 10000: open the file with a larger `memory`$/;
     assert.match(error.message, message);
     return error instanceof MemoryLimitError;

@@ -49,7 +49,7 @@ test("a file that is shorter than its announced size is an error", async () => {
   bytes.set(streamBytes("key_blocks"));
   const read = async (start, end) => bytes.slice(start, Math.min(end, 70_000));
   const parameters = { size: bytes.length, hasRanges: true, memory: 2 ** 31 };
-  const open = SegmentsEngine.open(await newLibrary(Library), read, parameters, signal);
+  const open = SegmentsEngine.open(await newLibrary(Library), new Ranges(), read, parameters, signal);
   await assert.rejects(open, SourceError);
 });
 

@@ -68,7 +68,7 @@ async function decodeBlock(engine, number) {
 test("fields of positions are within the tolerance", async () => {
   let [nCorrections, nResiduals] = [0, 0];
   for (const name of REELS) {
-    const engine = await openEngine(internals, streamBytes(name), "reel");
+    const engine = await openEngine(internals, streamBytes(name));
     if (engine.info.diagonal < MIN_DIAGONAL) continue;
     for (const number of engine.info.blocks.keys()) {
       const { fields, frames } = await decodeBlock(engine, number);

@@ -8,13 +8,14 @@ import { pathToFileURL } from "node:url";
 import { gzipSync } from "node:zlib";
 import { separateStreams } from "../wasm_streams.mjs";
 import { PACKAGE } from "./support/bundle.mjs";
-import { streamBytes, expectedOf, sha } from "./support/streams.mjs";
+import { groupsOf } from "./support/container.mjs";
+import { COMMON, PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
 /** Limit of the gzipped decoder: the module and all scripts that are loaded with it. */
-const MAX_BYTES = 58_500;
+const MAX_BYTES = 48_900;
 
-/** Limit of the gzipped module for tracks and exact positions. */
-const MAX_WHOLE_BYTES = 50_500;
+/** Limit of the gzipped whole module. */
+const MAX_WHOLE_BYTES = 50_600;
 
 /** Limit of the gzipped part for three.js. */
 const MAX_THREE_BYTES = 13_500;
@@ -43,8 +44,8 @@ function freshPackage() {
   return import(`${pathToFileURL(join(DIST, "index.js"))}?${Math.random()}`);
 }
 
-async function framesHash({ ReelFile }) {
-  const reel = await ReelFile.open(streamBytes("geometry"));
+async function framesHash({ ReelFile }, name = "geometry") {
+  const reel = await ReelFile.open(streamBytes(name));
   const frames = [];
   for (let index = 0; index < reel.info.nFrames; index++) frames.push(await reel.frame(index));
   reel.close();
@@ -56,7 +57,7 @@ test("the decoder is small enough for a page", () => {
   const sizeBytes = gzippedBytes(loadedScripts.values());
   assert.ok(sizeBytes <= MAX_BYTES, `${sizeBytes} bytes`);
   assert.ok(!loadedScripts.has("plain_wasm.js"), "the module without SIMD is loaded eagerly");
-  assert.ok(!loadedScripts.has("whole_wasm.js"), "the module for tracks is loaded eagerly");
+  assert.ok(!loadedScripts.has("whole_wasm.js"), "the whole module is loaded eagerly");
   const whole = gzipSync(readFileSync(join(DIST, "whole_wasm.js")), { level: 9 }).length;
   assert.ok(whole <= MAX_WHOLE_BYTES, `${whole} bytes`);
   const three = gzipSync(readFileSync(join(DIST, "three.js")), { level: 9 }).length;
@@ -119,6 +120,38 @@ test("the compiled modules equal the built ones", async (context) => {
   reel.close();
   const built = ["reel", "reel_whole"].map((name) => sha(readFileSync(join(PACKAGE, `wasm/${name}.wasm`))));
   assert.deepEqual(compiled, built);
+});
+
+test("every stream plays, and few load the whole module", async (context) => {
+  const { compile } = WebAssembly;
+  const sizes = [];
+  context.mock.method(WebAssembly, "compile", (bytes) => {
+    sizes.push(bytes.byteLength);
+    return compile(bytes);
+  });
+  const small = readFileSync(join(PACKAGE, "wasm/reel.wasm")).length;
+  const whole = readFileSync(join(PACKAGE, "wasm/reel_whole.wasm")).length;
+  for (const name of PLAYED) {
+    sizes.length = 0;
+    const loaded = await freshPackage();
+    assert.equal(await framesHash(loaded, name), expectedOf(name)["hash of positions"], name);
+    assert.deepEqual(sizes, COMMON.includes(name) ? [small] : [small, whole], name);
+  }
+});
+
+test("damage that the small module finds is reported, and other blocks play", async () => {
+  const { ReelFile } = await freshPackage();
+  const bytes = streamBytes("blocks");
+  const [[start, end]] = groupsOf(bytes).at(-1);
+  bytes.fill(0xff, start + 9, end);
+  const reel = await ReelFile.open(bytes);
+  try {
+    const [first] = await Promise.allSettled([reel.frame(0), reel.frame(reel.info.nFrames - 1)]);
+    await assert.rejects(reel.frame(reel.info.nFrames - 1), { name: "CorruptStreamError" });
+    assert.deepEqual(await reel.frame(0), first.value);
+  } finally {
+    reel.close();
+  }
 });
 
 test("a module with an unknown opcode is not separated into streams", () => {

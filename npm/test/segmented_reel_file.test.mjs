@@ -206,7 +206,7 @@ test("damage of a segment leaves the others intact", async () => {
 test("segments that are not used last release their memory", async () => {
   const internals = await loadInternals();
   const { file, engine } = await openSegments(
-    internals, segmentedBytes("one_frame_each"), "reel", 2 ** 31, 0,
+    internals, segmentedBytes("one_frame_each"), "reel_whole", 2 ** 31, 0,
   );
   const { heap } = engine.library;
   const play = async () => {

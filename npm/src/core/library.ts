@@ -90,6 +90,8 @@ export class Library {
   readonly heap: Heap;
   private bytes: Bytes | null = null;
   private memoryLimit = 0;
+  /** The trap that ended the library. */
+  private trap: unknown = null;
 
   /** @throws MeshReelError if the ABI of the module differs from that of this package. */
   private constructor(instance: WebAssembly.Instance) {
@@ -122,11 +124,20 @@ export class Library {
     return this.functions.memory.buffer as ArrayBuffer;
   }
 
-  /** Call `work` with `bytes` as the file that the library reads; returns its result. */
+  /**
+   * Call `work` with `bytes` as the file that the library reads; returns its result.
+   *
+   * @throws WebAssembly.RuntimeError if the small module refuses the file, in this call or before: its
+   * memory may be inconsistent then.
+   */
   withBytes<Result>(bytes: Bytes, work: () => Result): Result {
+    if (this.trap) throw this.trap;
     this.bytes = bytes;
     try {
       return work();
+    } catch (error) {
+      if (error instanceof WebAssembly.RuntimeError) this.trap = error;
+      throw error;
     } finally {
       this.bytes = null;
     }

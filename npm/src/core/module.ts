@@ -9,16 +9,17 @@ const SIMD_PROBE = [
   253, 98, 11,
 ];
 
-/** What a module decodes: surfaces and positions of the method reel, or everything. */
-export type Scope = "positions" | "whole";
+/** What a module decodes: what most files contain, or everything. */
+export type Scope = "small" | "whole";
 
 const loading = new Map<Scope, Promise<WebAssembly.Module>>();
 
 /**
  * Compile a module of the library once, and return it to all callers; it can be sent to workers.
  *
- * The module uses SIMD if the engine supports it. Otherwise, or without DecompressionStream, a
- * slower module with identical output is loaded from a separate script.
+ * The small module refuses all else: its functions throw a `WebAssembly.RuntimeError`. The module
+ * uses SIMD if the engine supports it. Otherwise, or without DecompressionStream, a slower, whole
+ * module with identical output is loaded from a separate script.
  *
  * @throws WebAssembly.CompileError if the Content-Security-Policy of the page forbids WebAssembly;
  * it must allow `script-src 'wasm-unsafe-eval'`.

@@ -1,5 +1,5 @@
-// The part of the library that decodes surfaces and positions of the method reel, with SIMD. It
-// comes first in bundles, where gzip compresses it best.
+// The part of the library that decodes what most files contain, with SIMD. It comes first in bundles,
+// where gzip compresses it best.
 
 /** Inserted by build.mjs. */
 declare const SIMD_MODULE: string;

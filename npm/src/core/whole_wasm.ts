@@ -1,4 +1,4 @@
-// The whole library with SIMD, loaded on demand for tracks and exact positions.
+// The whole library with SIMD, loaded on demand for files that the small module refuses.
 
 /** Inserted by build.mjs. */
 declare const WHOLE_MODULE: string;

@@ -24,7 +24,7 @@ export interface Failure {
  * segments, which may be very many.
  */
 export interface Calls {
-  open: OpenParameters & { segment: number | null };
+  open: OpenParameters & { segment: number | null; ranges?: readonly Range[] };
   ranges: object;
   segments: object;
   frame: { segment: number | null; track: number; frame: number };

@@ -25,8 +25,6 @@ export interface OpenParameters {
   readonly hasRanges: boolean;
   /** Limit of the memory that decoding may use, in bytes. */
   readonly memory: number;
-  /** Bytes that another engine has read from the same file. */
-  readonly ranges?: readonly Range[];
 }
 
 /** An open file. Segments are opened on request; those used last stay open. */
@@ -52,27 +50,24 @@ export class SegmentsEngine {
    * Open a file: read its first bytes, and the index. If the index is missing or damaged, read the
    * whole file.
    *
+   * @param bytes - Bytes that were read before; receives what is read here.
    * @throws MeshReelError as `Library.check` and `read` do.
    */
   static async open(
     library: Library,
+    bytes: Ranges,
     read: Read,
-    { size, hasRanges, memory, ranges = [] }: OpenParameters,
+    { size, hasRanges, memory }: OpenParameters,
     signal: AbortSignal,
   ): Promise<SegmentsEngine> {
-    const bytes = new Ranges(ranges);
-    const fetch = async (start: number, end: number): Promise<Uint8Array> => {
-      if (bytes.has(start, end)) return new Uint8Array();
-      const range = await read(start, end, signal);
-      bytes.add(start, range);
-      return range;
+    const fetch = async (start: number, end: number): Promise<void> => {
+      if (!bytes.has(start, end)) bytes.add(start, await read(start, end, signal));
     };
     const isLarge = size !== null && hasRanges && size > HEAD_BYTES;
-    const parts = isLarge
-      ? [fetch(0, HEAD_BYTES), fetch(size - TAIL_BYTES, size)]
-      : [fetch(0, size ?? Number.MAX_SAFE_INTEGER)];
-    const [head] = await Promise.all(parts);
-    const sizeBytes = isLarge ? size : head.length || (size ?? 0);
+    if (isLarge) await Promise.all([fetch(0, HEAD_BYTES), fetch(size - TAIL_BYTES, size)]);
+    else if (!bytes.has(0, 1)) await fetch(0, size ?? Number.MAX_SAFE_INTEGER);
+    const [nRead] = bytes.missing(0, Number.MAX_SAFE_INTEGER)!;
+    const sizeBytes = isLarge ? size : nRead || (size ?? 0);
     // Without an index, blocks are found section by section. Doubling the read-ahead each time keeps
     // the number of requests small.
     let readAhead = HEAD_BYTES;
@@ -82,7 +77,7 @@ export class SegmentsEngine {
       return range;
     };
     const handle = await fetchUntilDone(library, bytes, readMore, signal, () =>
-      openFile(library, sizeBytes, memory, head),
+      openFile(library, sizeBytes, memory, bytes),
     );
     const keepsBytes = isLarge || sizeBytes <= HEAD_BYTES;
     return new SegmentsEngine(library, handle, bytes, read, readMore, keepsBytes);
@@ -150,10 +145,11 @@ export class SegmentsEngine {
 }
 
 /** Open a file in the library; if it is not a `.reel` file, the error names its format. */
-function openFile(library: Library, size: number, memory: number, head: Uint8Array): number {
+function openFile(library: Library, size: number, memory: number, bytes: Ranges): number {
   try {
     return library.open(size, memory);
   } catch (error) {
+    const head = bytes.slice(0, Math.min(size, 64));
     const kind = error instanceof CorruptStreamError && identifyOtherFormat(head);
     throw kind ? new CorruptStreamError(`not a .reel file: ${kind}`) : error;
   }

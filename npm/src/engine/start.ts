@@ -11,6 +11,7 @@ import {
   type CallMessage,
   type ToEngine,
 } from "./messages.js";
+import { Ranges } from "./ranges.js";
 import { SegmentsEngine } from "./segments_engine.js";
 
 interface PendingRead {
@@ -25,6 +26,7 @@ export function start(port: Port): void {
   let nReads = 0;
   let library: Promise<Library>;
   let file: SegmentsEngine | null = null;
+  let opening = new Ranges(); // bytes of a file that is not open yet
   let lastEngine: Engine | null = null;
   let queue: Promise<void> = Promise.resolve();
 
@@ -47,9 +49,13 @@ export function start(port: Port): void {
     });
 
   const execute = async ({ call, args }: CallMessage, signal: AbortSignal) => {
-    if (call === "open") file ??= await SegmentsEngine.open(await library, read, args, signal);
+    if (call === "ranges") return file ? file.ranges() : opening.list();
+    if (call === "open" && !file) {
+      opening = new Ranges(args.ranges);
+      file = await SegmentsEngine.open(await library, opening, read, args, signal);
+      opening = new Ranges();
+    }
     const opened = file as SegmentsEngine;
-    if (call === "ranges") return opened.ranges();
     if (call === "segments") return opened.segments;
     const engine = (lastEngine = await opened.segment((args as Calls["open"]).segment, signal));
     if (call === "open") {

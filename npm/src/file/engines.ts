@@ -10,6 +10,9 @@ import { RemoteEngine } from "./remote_engine.js";
 /** Default memory limit in bytes: 2 GiB. */
 const DEFAULT_MEMORY = 2 ** 31;
 
+/** Name of the errors by which the small module refuses a file. */
+const REFUSAL = "RuntimeError";
+
 /** Options of opening a file. */
 export interface FileOptions extends SourceOptions {
   /**
@@ -25,12 +28,18 @@ export interface FileOptions extends SourceOptions {
   memory?: number;
 }
 
-/** The engine of positions of a file, and the one that decodes everything, started on demand. */
+/**
+ * The engines of a file: of positions and surface, and of tracks, started on demand.
+ *
+ * The first one begins with the small module. If that refuses the file, an engine with the whole
+ * module takes its place: for features that few files use, and to report damage.
+ */
 export class FileEngines {
-  private full: Promise<RemoteEngine> | null = null;
+  private whole: Promise<RemoteEngine> | null = null;
+  private tracks: Promise<RemoteEngine> | null = null;
 
   private constructor(
-    readonly positions: RemoteEngine,
+    private positions: RemoteEngine,
     private readonly source: ByteSource,
     private readonly options: FileOptions,
   ) {}
@@ -45,7 +54,7 @@ export class FileEngines {
     const opening = openSource(from, options);
     const engine = new RemoteEngine(startEngine, opening, options.worker ?? true);
     try {
-      const [source] = await Promise.all([opening, engine.sendModule(loadModule("positions"))]);
+      const [source] = await Promise.all([opening, engine.sendModule(loadModule("small"))]);
       const engines = new FileEngines(engine, source, options);
       return { engines, opened: await engines.openSegment(segment, options.signal) };
     } catch (error) {
@@ -57,7 +66,7 @@ export class FileEngines {
 
   /** Open a segment, which may be null if there is only one. */
   openSegment(segment: number | null, signal?: AbortSignal): Promise<Results["open"]> {
-    return this.positions.call("open", this.parameters(segment), signal);
+    return this.call("open", this.parameters(segment), signal);
   }
 
   /** Describe all segments; closes the file if that fails or is cancelled. */
@@ -70,20 +79,48 @@ export class FileEngines {
     }
   }
 
-  /** Start, on the first call, the engine that decodes everything, and open a segment in it. */
-  everything(segment: number | null): Promise<RemoteEngine> {
-    this.full ??= this.openFullEngine(segment).catch((error: unknown) => {
-      this.full = null; // the next call tries again
+  /** Call the engine of positions and surface. */
+  async call<Name extends "open" | "frame" | "fields">(
+    call: Name,
+    args: Calls[Name],
+    signal?: AbortSignal,
+  ): Promise<Results[Name]> {
+    const engine = this.positions;
+    try {
+      return await engine.call(call, args, signal);
+    } catch (refusal) {
+      if ((refusal as Error).name !== REFUSAL) throw refusal;
+      this.whole ??= this.startWhole(args.segment).catch((error: unknown) => {
+        this.whole = null; // the next call tries again
+        throw error;
+      });
+      this.positions = await this.whole;
+      if (engine === this.positions) throw refusal;
+      engine.close(refusal);
+      return this.positions.call(call, args, signal);
+    }
+  }
+
+  /** Start, on the first call, the engine that decodes tracks, and open a segment in it. */
+  ofTracks(segment: number | null): Promise<RemoteEngine> {
+    this.tracks ??= this.startWhole(segment).catch((error: unknown) => {
+      this.tracks = null; // the next call tries again
       throw error;
     });
-    return this.full;
+    return this.tracks;
+  }
+
+  /** Whether a worker decodes positions, rather than the calling thread. */
+  get isInWorker(): boolean {
+    return this.positions.isInWorker;
   }
 
   /** Release all memory and connections. Pending calls throw an `AbortError`. */
   close(): void {
     const reason = new DOMException("the file was closed", "AbortError");
     this.positions.close(reason);
-    this.full?.then((engine) => engine.close(reason)).catch(() => {});
+    this.whole?.then((engine) => engine.close(reason)).catch(() => {});
+    this.tracks?.then((engine) => engine.close(reason)).catch(() => {});
     this.source.close();
   }
 
@@ -92,7 +129,8 @@ export class FileEngines {
     return { size, hasRanges, memory: this.options.memory ?? DEFAULT_MEMORY, segment };
   }
 
-  private async openFullEngine(segment: number | null): Promise<RemoteEngine> {
+  /** Start an engine with the whole module, and open a segment in it. */
+  private async startWhole(segment: number | null): Promise<RemoteEngine> {
     const [module, ranges] = await Promise.all([
       loadModule("whole"),
       this.positions.call("ranges", {}),

@@ -13,7 +13,6 @@ import type {
 } from "../types.js";
 import { FileEngines, type FileOptions } from "./engines.js";
 import { type CallOptions, ReelTrack } from "./reel_track.js";
-import type { RemoteEngine } from "./remote_engine.js";
 
 const POSITION_COLUMNS = [0, 1, 2];
 
@@ -33,8 +32,7 @@ export interface OpenOptions extends FileOptions {
  *
  * Opening reads the connectivity and the index; blocks of frames are read when they are needed, and
  * the last two decoded blocks are cached. Positions are bit-identical to those of the Python
- * package. Positions of the methods "lossless" and "grid" are decoded by the module for tracks: see
- * `track`.
+ * package.
  *
  * @example
  * const reel = await ReelFile.open("walk.reel");
@@ -97,8 +95,7 @@ export class ReelFile implements OpenReel {
     requireIndex("frame", index, nFrames);
     requireCompatible(into, numberType, 3 * nVerts);
     const call = { segment: this.index, track: 0, frame: index };
-    const engine = await this.positionEngine();
-    return copyInto(into, (await engine.call("frame", call, signal)) as Positions);
+    return copyInto(into, (await this.engines.call("frame", call, signal)) as Positions);
   }
 
   /**
@@ -124,7 +121,7 @@ export class ReelFile implements OpenReel {
     if (new Set(tracks.map((track) => track.name)).size < tracks.length) {
       throw new CorruptStreamError("two tracks of the file have the same name");
     }
-    return new ReelTrack(this.info, index, this.index, () => this.fullEngine());
+    return new ReelTrack(this.info, index, this.index, () => this.engines.ofTracks(this.index));
   }
 
   /**
@@ -135,17 +132,13 @@ export class ReelFile implements OpenReel {
    */
   async fields(block: number, { signal }: CallOptions = {}): Promise<BlockFields> {
     requireIndex("block", block, this.info.blocks.length);
-    const engine = await this.positionEngine();
-    return engine.call(
-      "fields",
-      { segment: this.index, track: 0, block, columns: POSITION_COLUMNS },
-      signal,
-    );
+    const call = { segment: this.index, track: 0, block, columns: POSITION_COLUMNS };
+    return this.engines.call("fields", call, signal);
   }
 
   /** Whether a worker decodes frames, rather than the calling thread. */
   get isInWorker(): boolean {
-    return this.engines.positions.isInWorker;
+    return this.engines.isInWorker;
   }
 
   /**
@@ -154,14 +147,5 @@ export class ReelFile implements OpenReel {
    */
   close(): void {
     if (this.ownsEngines) this.engines.close();
-  }
-
-  /** Return the engine that decodes positions. */
-  private positionEngine(): RemoteEngine | Promise<RemoteEngine> {
-    return this.info.method === "reel" ? this.engines.positions : this.fullEngine();
-  }
-
-  private fullEngine(): Promise<RemoteEngine> {
-    return this.engines.everything(this.index);
   }
 }

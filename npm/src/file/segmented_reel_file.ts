@@ -91,7 +91,7 @@ export class SegmentedReelFile implements OpenSegments {
 
   /** Whether a worker decodes frames, rather than the calling thread. */
   get isInWorker(): boolean {
-    return this.#engines.positions.isInWorker;
+    return this.#engines.isInWorker;
   }
 
   /** Release all memory and connections. Pending calls throw an `AbortError`. */

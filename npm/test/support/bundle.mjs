@@ -37,7 +37,7 @@ export async function openEngine(internals, bytes, name, memory = 2 ** 31, segme
 
 /** Open a file in memory and one of its segments; `reads` are the ranges that were read. */
 export async function openSegments(
-  { SegmentsEngine, Library },
+  { SegmentsEngine, Ranges, Library },
   bytes,
   name,
   memory = 2 ** 31,
@@ -51,7 +51,7 @@ export async function openSegments(
   const library = await newLibrary(Library, name);
   const { signal } = new AbortController();
   const parameters = { size: bytes.length, hasRanges: true, memory };
-  const file = await SegmentsEngine.open(library, read, parameters, signal);
+  const file = await SegmentsEngine.open(library, new Ranges(), read, parameters, signal);
   const engine = Object.assign(await file.segment(segment, signal), { library });
   return { file, engine, reads };
 }
