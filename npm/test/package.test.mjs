@@ -21,7 +21,7 @@ const MAX_WHOLE_BYTES = 50_600;
 const MAX_THREE_BYTES = 13_100;
 
 /** Limit of the gzipped script with <reel-player>, and of the page until its first picture. */
-const MAX_PLAYER_BYTES = 113_000;
+const MAX_PLAYER_BYTES = 103_000;
 
 const DIST = join(PACKAGE, "dist");
 const PAGE = join(PACKAGE, "../src/meshreel/app/viewer/page");
