@@ -1,4 +1,4 @@
-"""Entropy decoding: "Bits", "Integers" and "Mixed bits" of docs/format.md."""
+"""Entropy decoding: "Bits", "Integers" and "Symbols" of docs/format.md."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -47,6 +47,31 @@ def adapted(x, rate, bit):
     return x + (65535 - x) * rate // 65536 if bit else x - x * rate // 65536
 
 
+SYMBOLS, ONE, LEAST = 16, 32768, 2
+SLOWEST, SLOWEST_IN_CONTEXT = 7, 5
+
+
+class SymbolModel:
+    """An adaptive symbol: the probability of a lower one than each, and the number coded, plus 1.
+
+    The count is 0 before the first use of a model of a context.
+    """
+
+    def __init__(self, below=(), count=0):
+        self.below, self.count = list(below), count
+
+    def learn(self, symbol, slowest=SLOWEST):
+        rate = min(self.count.bit_length(), slowest)
+        for i in range(1, SYMBOLS):
+            target = LEAST * i if i <= symbol else ONE - LEAST * (SYMBOLS - i)
+            self.below[i] += (target - self.below[i]) // 2**rate
+        self.count = min(self.count + 1, 128)
+
+
+def new_symbol_model():
+    return SymbolModel(range(0, ONE, ONE // SYMBOLS), 1)
+
+
 class BitStream:
     """Range decoder of a bit stream."""
 
@@ -87,6 +112,30 @@ class BitStream:
         context.learn(bit)
         shared.learn(bit)
         return bit
+
+    def symbol(self, model):
+        symbol = self._symbol_of(model.below)
+        model.learn(symbol)
+        return symbol
+
+    def symbol_in_context(self, shared, context):
+        """Read a symbol with a shared model and the model of its context."""
+        if not context.count:
+            context.below, context.count = list(shared.below), min(shared.count, 2)
+        pairs = zip(shared.below, context.below, strict=True)
+        symbol = self._symbol_of([a // 2 + b // 2 for a, b in pairs])
+        shared.learn(symbol, SLOWEST_IN_CONTEXT)
+        context.learn(symbol, SLOWEST_IN_CONTEXT)
+        return symbol
+
+    def _symbol_of(self, below):
+        unit = self.range // ONE
+        value = min(self.code // unit, ONE - 1)
+        symbol = max(i for i in range(SYMBOLS) if below[i] <= value)
+        self.code -= below[symbol] * unit
+        self.range = ([*below, ONE][symbol + 1] - below[symbol]) * unit
+        self._renormalize()
+        return symbol
 
     def end(self):
         """Refuse nonzero bytes after those consumed."""
@@ -182,41 +231,3 @@ def integers(data, lengths, tables=None):
         rows.append(row)
     stream.end()
     return rows
-
-
-LOGISTIC = (
-    *(22, 36, 60, 98, 162, 267, 439, 720, 1179, 1921, 3108, 4971, 7812, 11955, 17625, 24743, 32768),
-    *(40793, 47911, 53581, 57724, 60565, 62428, 63615, 64357, 64816, 65097, 65269, 65374, 65438),
-    *(65476, 65500, 65514),
-)
-
-
-def squash(x):
-    i, r = divmod(x + 2048, 128)
-    return (LOGISTIC[i] * (128 - r) + LOGISTIC[i + 1] * r) // 128
-
-
-def inverse_squash():
-    odds, x = [], -2047
-    for p in range(4096):
-        while x < 2047 and squash(x) < 16 * p + 8:
-            x += 1
-        odds.append(x)
-    return odds
-
-
-ODDS = inverse_squash()
-
-
-def mixed_bit(stream, models, weights):
-    """Read a bit predicted by several models; updates the list of weights."""
-    logits = [ODDS[model.probability // 16] if model.count else 0 for model in models]
-    total = sum(o * w for o, w in zip(logits, weights, strict=True)) // 65536
-    q = clip(squash(clip(total, -2047, 2047)), 24, 65512)
-    bit = stream.bit(q)
-    for i, (model, o) in enumerate(zip(models, logits, strict=True)):
-        weights[i] = clip(weights[i] + o * (65536 * bit - q) // 2**14, -(2**20), 2**20)
-        if not model.count:
-            model.fast, model.slow, model.count = q, q, 1
-        model.learn(bit)
-    return bit

@@ -2,7 +2,16 @@
 
 from dataclasses import dataclass, field, replace
 
-from conformance.bits import BitStream, Model, NamedBits, clip, mixed_bit, need
+from conformance.bits import (
+    BitStream,
+    Model,
+    NamedBits,
+    SymbolModel,
+    clip,
+    need,
+    new_symbol_model,
+)
+from conformance.order import twins_of
 
 N_STACKS = 12
 INITIAL = {"cap": (2048, 4), "copy": (2048, 4), "far": (2048, 4)}
@@ -18,6 +27,7 @@ class Node:
     remaining: int = 0
     across: int = 6
     turned: int = 0
+    behind: int | None = None
     number: int = -1
     next: "Node" = field(default=None, repr=False)
     prev: "Node" = field(default=None, repr=False)
@@ -60,20 +70,23 @@ class Walk:
         for name, model in INITIAL.items():
             self.bits.models[name] = Model(*model)
         self.n_verts, self.n_faces, self.faces = n_verts, n_faces, []
-        self.mixed = {("meets", 0, k): Model(512, 6) for k in range(2, 10)}
-        self.weights = {"meets": [32768, 16384, 16384]}
+        for k in range(2, 10):
+            self.bits.models["meets", k] = Model(512, 6)
+        self.degrees = [new_symbol_model() for _ in range(17)]
+        self.degrees_at = [SymbolModel() for _ in range(513)]
+        self.twins = list(range(3 * n_faces))
         self.stacks = [[] for _ in range(N_STACKS)]
         self.nodes, self.released, self.n_numbers = {}, [], 0
         self.n_visited = self.n_closing = self.copied = 0
-        self.last_degrees = [6, 6]
 
     def read(self):
         if self.stream.raw(1):
             self.read_listed(self.n_faces)
+            self.twins = twins_of(self.faces)
         else:
             self.read_walks()
         self.stream.end()
-        return self.faces
+        return self.faces, self.twins
 
     def read_listed(self, n_faces):
         a = 0
@@ -104,6 +117,7 @@ class Walk:
     def start_component(self):
         a = self.read_point(self.n_caps and self.bits.bit("starts open"), None, None)
         b = self.read_point(False, None, None)
+        self.is_first = True
         link(a, b)
         link(b, a)
         for node in (a, b):
@@ -113,13 +127,16 @@ class Walk:
     def fill(self, n):
         """Add the face between a node without remaining edges and its neighbors."""
         p, q = n.prev, n.next
-        if q.next is p and p.remaining == q.remaining == 0:
-            self.add_face(n, q, p)
+        is_last = q.next is p and p.remaining == q.remaining == 0
+        need(is_last or (p is not q and p.remaining and q.remaining), "a ring cannot be filled")
+        turned, opposite, last = self.add_face(n, q, p)
+        self.join(last, p.behind)
+        if is_last:
+            self.join(opposite, q.behind)
             for node in (p, q, n):
                 self.release(node)
             return
-        need(p is not q and p.remaining and q.remaining, "a ring cannot be filled")
-        p.turned, p.across = self.add_face(n, q, p), n.degree
+        p.turned, p.across, p.behind = turned, n.degree, opposite
         link(p, q)
         self.set_remaining(p, p.remaining - 1)
         self.set_remaining(q, q.remaining - 1)
@@ -133,7 +150,7 @@ class Walk:
             share = self.bits.count("share")
             need(share <= w.remaining - 2, "there are too few edges")
             new = replace(w, remaining=w.remaining - 2 - share)
-            turned = self.add_face(n, m, w)
+            turned, opposite, last = self.add_face(n, m, w)
             self.take_number(new)
             link(w.prev, new)
             link(new, m)
@@ -141,11 +158,12 @@ class Walk:
         else:
             new = self.read_point(self.n_caps and self.bits.bit("cap"), n, m)
             new.remaining = new.degree - 2
-            turned = self.add_face(n, m, new)
+            turned, opposite, last = self.add_face(n, m, new)
             link(n, new)
             link(new, m)
         new.across, n.across = n.degree, m.degree
         new.turned = n.turned = turned
+        new.behind, n.behind = opposite, last
         self.stack_of(new).append(new)
         if new.prev is not n:
             self.set_remaining(w, share)
@@ -156,13 +174,8 @@ class Walk:
         k, node = 2, m.next
         while node is not n and k < 9:
             node, k = node.next, k + 1
-        fn, fm = remaining_class(n), remaining_class(m)
-        contexts = (
-            k,
-            64 * fn + 8 * fm + k - 2,
-            512 * fn + 64 * fm + 8 * remaining_class(n.prev) + remaining_class(m.next),
-        )
-        return self.read_mixed("meets", contexts)
+        at = tuple(map(remaining_class, (n, m, n.prev, m.next)))
+        return self.stream.in_context(self.bits.models["meets", k], self.bits.models["meets", at])
 
     def read_target(self, n, m):
         if self.bits.bit("far"):
@@ -197,57 +210,40 @@ class Walk:
         return self.n_visited - 1
 
     def read_degree(self, n, m):
-        contexts = self.contexts_of_degree(n, m)
-        degree = self.read_degree_in(contexts)
-        self.last_degrees = [degree, self.last_degrees[0]]
-        return degree
-
-    def read_degree_in(self, contexts):
-        def decide(d):
-            return self.read_mixed(d, contexts)
-
-        if decide(0):
-            return 6
-        if decide(1):
-            return next((degree for degree in (5, 4, 3) if decide(7 - degree)), 2)
-        larger = next((degree for degree in range(7, 17) if decide(degree - 2)), None)
-        return larger or 17 + self.bits.count("more")
-
-    def contexts_of_degree(self, n, m):
-        if n is None:
-            return (3, 0, 0, 0, 0, 0, 0)
-        left, right = flank(n, "prev"), flank(m, "next")
-        e = remaining_class(left[-1])
-        excess = sum(degree_class(node.degree) - 3 for node in left + right if not node.is_cap)
-        s, y = clip(excess, -7, 8) + 7, degree_class(n.across)
-        g, h = map(degree_class, self.last_degrees)
-        cn, cm = node_class(n), node_class(m)
-        return (
-            1 if n.is_cap else 2 if m.is_cap else 0,
-            64 * cn + 8 * cm + y,
-            64 * remaining_class(n) + 8 * remaining_class(m) + e,
-            64 * e + 8 * g + h,
-            512 * node_class(n.prev) + 64 * cn + 8 * cm + node_class(m.next),
-            64 * (len(left) - 1) + 16 * (len(right) - 1) + s,
-            64 * s + 8 * cn + y,
-        )
-
-    def read_mixed(self, name, contexts):
-        models = [self.mixed.setdefault((name, i, c), Model(0, 0)) for i, c in enumerate(contexts)]
-        weights = self.weights.setdefault(name, [16384] * len(models))
-        return mixed_bit(self.stream, models, weights)
+        around, edge = 16, 512
+        if n is not None:
+            nodes = flank(n, "prev") + flank(m, "next")
+            excess = sum(degree_class(node.degree) - 3 for node in nodes if not node.is_cap)
+            around = clip(excess, -7, 8) + 7
+            edge = 64 * node_class(n) + 8 * node_class(m) + degree_class(n.across)
+        symbol = self.stream.symbol_in_context(self.degrees[around], self.degrees_at[edge])
+        return 2 + symbol if symbol < 15 else 17 + self.bits.count("more")
 
     def add_face(self, a, b, c):
-        """Add a face unless it has a cap; return whether it is flipped."""
+        """Add a face unless it has a cap.
+
+        Returns whether it is flipped, and its sides between b and c, and between c and a.
+        """
+        is_first, self.is_first = self.is_first, False
         if a.is_cap or b.is_cap or c.is_cap:
             self.n_closing += 1
             need(self.n_closing <= 3 * self.n_walked, "there are too many closing faces")
-            return a.turned
+            return a.turned, None, None
         need(len(self.faces) < self.n_walked, "there are too many faces")
         turned = self.bits.bit(("turned", a.turned)) if self.turns else 0
+        side = 3 * len(self.faces)
         corners = (a, c, b) if turned else (a, b, c)
         self.faces.append(tuple(node.vertex for node in corners))
-        return turned
+        first, last = (side + 2, side) if turned else (side, side + 2)
+        self.join(first, a.behind)
+        if is_first:
+            b.behind = first
+        return turned, side + 1, last
+
+    def join(self, side, other):
+        """Make two sides twins, if both are of faces of the mesh."""
+        if side is not None and other is not None:
+            self.twins[side], self.twins[other] = other, side
 
     def stack_of(self, node):
         if node.remaining == 0:
@@ -273,5 +269,5 @@ class Walk:
 
 
 def read_faces(data, n_verts, n_faces):
-    """Return the internal faces, as tuples of three vertices."""
+    """Return the internal faces, as tuples of three vertices, and the twins of their sides."""
     return Walk(data, n_verts, n_faces).read()

@@ -75,7 +75,7 @@ def example_lines(data):
         lines.append(f"{start:3}  {text}  {name}")
     header = container.header
     coded = container.only("CONNECTIVITY")
-    faces, notes = traced(lambda: read_faces(coded, header.n_verts, header.n_faces))
+    (faces, _), notes = traced(lambda: read_faces(coded, header.n_verts, header.n_faces))
     lines.append(f"CONNECTIVITY: {notes} = {faces}")
     passes = passes_of(resolutions_of(faces, header.n_verts, 1))
     row, notes = traced(

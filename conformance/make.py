@@ -46,6 +46,7 @@ from meshreel.codec.bitstream.container import Header, whole_stream, write_secti
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.entropy import tables
 from meshreel.codec.reel.normative import payloads
 from meshreel.codec.reel.normative.blocks import write_field_block, write_track_block
 from meshreel.codec.reel.normative.expected import MovingSurface
@@ -749,10 +750,24 @@ encoded(
 )
 
 
+encoded(
+    "grid_one_frame_listed",
+    lambda: moving(together(grid(4, 5), tangled(12, 20)), 1, rough=0.01),
+    method="grid",
+    max_error=0.01,
+    order="keep",
+)
+
+
 @stream
 def attributes_on_surface():
     """Integers of vertices and of corners of polygons, two of them by a divisor, on the surface."""
-    data = meshreel.encode(of_rough_integers(), method="grid", max_error=0.01, uv_bits=10)
+
+    def last(forms, faces):
+        return list(tables._trials(forms, faces))[-1]
+
+    with patch.object(tables, "_shortest", last):
+        data = meshreel.encode(of_rough_integers(), method="grid", max_error=0.01, uv_bits=10)
     with patch("conformance.surface.read_on_surface", wraps=read_on_surface) as read:
         read_all(data)
     assert read.call_count == 4

@@ -93,7 +93,7 @@ class Items:
 
     Items at corners of one of `faces` are adjacent. `cache` has resolutions by stencil size. If
     corners share values, `corners` has the item of each corner, and `vertices` the vertex of each
-    row, in output order.
+    row, in output order; `twins` are those of the sides of faces.
     """
 
     faces: list
@@ -102,6 +102,7 @@ class Items:
     cache: dict
     corners: object = None
     vertices: object = None
+    twins: list | None = None
 
     @property
     def neighbors(self):
@@ -144,14 +145,14 @@ def read_segment(container, memory):
     """Decode a segment."""
     header = container.header
     check_memory(container, memory)
-    internal = read_faces(container.only("CONNECTIVITY"), header.n_verts, header.n_faces)
+    internal, twins = read_faces(container.only("CONNECTIVITY"), header.n_verts, header.n_faces)
     order, faces = list(range(header.n_verts)), internal
     if header.order < 2:
         order, faces = read_order(container.only("ORDER"), internal, header.n_verts)
     polygons = polygons_of(container, faces)
     blocks, anchors, shape, positions, tracks = [], [], None, None, []
     if header.method in ("reel", "lossless", "grid"):
-        mesh = Items(internal, header.n_verts, order, {})
+        mesh = Items(internal, header.n_verts, order, {}, twins=twins)
         (_, blocks, positions), *tracks = read_reel_tracks(container, mesh, polygons, memory)
     else:
         isolated = [v for v, near in edges_of(internal, header.n_verts).items() if not near]
@@ -408,7 +409,7 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
         return read_exact_block(rest, n_frames, placed, blocks, items, coding)
     if n_frames == 1:
         need_no_modes(group)
-        rows = read_surface_integers(rest["VALUES"], items.n, 3, items.faces)
+        rows = read_surface_integers(rest["VALUES"], items.n, 3, items.faces, items.twins)
         block = {"frames": 1, "modes": 0}
         integers = [number for item in items.order for number in rows[item]]
     else:

@@ -102,9 +102,15 @@ PE = ("-O3", "-shared", "-s")
 # `bench/core_builds.py`.
 SOURCE_FLAGS = ("-DREEL_INLINE=static inline",)
 SOURCE_HOT: Levels = {
-    **dict.fromkeys(("coordinates.c", "exact_items.c", "fields.c", "timeline.c"), ("-O3",)),
     **dict.fromkeys(
-        ("connectivity.c", "frames.c", "hierarchy.c", "order.c", "predict.c", "smooth.c"), ("-O2",)
+        ("coordinates.c", "exact_items.c", "fields.c", "surface_integers.c", "timeline.c"), ("-O3",)
+    ),
+    **dict.fromkeys(
+        (
+            *("connectivity.c", "frames.c", "hierarchy.c", "order.c", "predict.c", "smooth.c"),
+            *("surface.c", "walk.c", "walk_codes.c"),
+        ),
+        ("-O2",),
     ),
 }
 # Loops over vectors: optimized for minimal size, their values would be spilled to memory.

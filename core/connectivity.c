@@ -94,8 +94,7 @@ static size_t walk_memory(int64_t n_faces) {
 }
 
 static reel_walk new_walk(reel_arena *arena, int64_t n_verts, int64_t n_faces) {
-    reel_walk walk = {
-        .n_verts = n_verts, .n_faces = n_faces, .free_slot = REEL_NONE, .last = {6, 6}};
+    reel_walk walk = {.n_verts = n_verts, .n_faces = n_faces, .free_slot = REEL_NONE};
     walk.capacity = (int32_t)max_nodes(n_faces);
     walk.models = reel_allocate(arena, 1, sizeof *walk.models);
     walk.nodes = reel_allocate(arena, max_nodes(n_faces), sizeof *walk.nodes);
@@ -108,19 +107,41 @@ static reel_walk new_walk(reel_arena *arena, int64_t n_verts, int64_t n_faces) {
     return walk;
 }
 
+/* Find the twins of listed faces, unless they are not requested; returns false if the arena is too
+   small. */
+static bool find_twins(const reel_walk *walk, reel_arena *arena) {
+    if (!walk->twins) {
+        return true;
+    }
+    size_t size = reel_twins_memory(walk->n_verts, walk->n_faces);
+    void *memory = reel_allocate(arena, size, 1);
+    return memory && reel_twins(memory, size, walk->faces, walk->n_faces, walk->n_verts,
+                                walk->twins) >= 0;
+}
+
+/* Before the walk, each half-edge is its own twin. */
+static void start_twins(const reel_walk *walk) {
+    for (int32_t side = 0; walk->twins && side < 3 * walk->n_faces; side++) {
+        walk->twins[side] = side;
+    }
+}
+
 static bool is_within(int64_t n_verts, int64_t n_faces) {
     return n_verts >= 0 && n_faces >= 0 && n_verts <= REEL_MAX_ITEMS && n_faces <= REEL_MAX_ITEMS;
 }
 
 size_t reel_connectivity_decode_memory(int64_t n_verts, int64_t n_faces) {
-    return is_within(n_verts, n_faces) ? walk_memory(n_faces) : 0;
+    return is_within(n_verts, n_faces)
+               ? walk_memory(n_faces) + reel_array_bytes(reel_twins_memory(n_verts, n_faces), 1)
+               : 0;
 }
 
 size_t reel_connectivity_encode_memory(int64_t n_verts, int64_t n_faces) {
     if (!is_within(n_verts, n_faces)) {
         return 0;
     }
-    return walk_memory(n_faces) + reel_surface_memory(n_verts, n_faces) +
+    return walk_memory(n_faces) + reel_array_bytes(reel_twins_memory(n_verts, n_faces), 1) +
+           reel_surface_memory(n_verts, n_faces) +
            reel_array_bytes((size_t)n_verts, sizeof(int32_t)) +
            reel_array_bytes(max_nodes(n_faces), sizeof(int32_t)) +
            reel_array_bytes(6 * (size_t)n_faces, 1);
@@ -153,8 +174,8 @@ static int64_t write_walks(reel_walk *walk, reel_arena *arena, const int32_t *fa
 
 int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t *faces,
                                  int64_t n_faces, int64_t n_verts, int64_t listed,
-                                 int32_t *internal_faces, int32_t *internal_to_given, uint8_t *out,
-                                 size_t capacity) {
+                                 int32_t *internal_faces, int32_t *twins,
+                                 int32_t *internal_to_given, uint8_t *out, size_t capacity) {
     if (!is_within(n_verts, n_faces)) {
         return reel_failure(REEL_INVALID, 0);
     }
@@ -170,13 +191,20 @@ int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t
     }
     walk.coder = reel_start_encoder(out, capacity);
     walk.faces = internal_faces;
+    walk.twins = twins;
     walk.given = internal_to_given;
+    start_twins(&walk);
     reel_code_raw(&walk.coder, 1, listed != 0);
-    return listed ? write_listed(&walk, faces) : write_walks(&walk, &arena, faces);
+    if (!listed) {
+        return write_walks(&walk, &arena, faces);
+    }
+    int64_t size = write_listed(&walk, faces);
+    return find_twins(&walk, &arena) ? size : reel_failure(REEL_NO_MEMORY, 0);
 }
 
 int64_t reel_connectivity_decode(void *memory, size_t memory_size, const uint8_t *in, size_t size,
-                                 int64_t n_verts, int64_t n_faces, int32_t *faces) {
+                                 int64_t n_verts, int64_t n_faces, int32_t *faces,
+                                 int32_t *twins) {
     if (!is_within(n_verts, n_faces)) {
         return reel_failure(REEL_INVALID, 0);
     }
@@ -187,9 +215,14 @@ int64_t reel_connectivity_decode(void *memory, size_t memory_size, const uint8_t
     }
     walk.coder = reel_start_decoder(in, size);
     walk.faces = faces;
+    walk.twins = twins;
+    start_twins(&walk);
     if (!reel_code_raw(&walk.coder, 1, 0)) {
         return code_faces(&walk, NULL);
     }
     code_listed(&walk, faces, n_faces);
-    return walk.failed ? reel_failure(REEL_CORRUPT, walk.coder.position) : reel_finish(&walk.coder);
+    if (walk.failed) {
+        return reel_failure(REEL_CORRUPT, walk.coder.position);
+    }
+    return find_twins(&walk, &arena) ? reel_finish(&walk.coder) : reel_failure(REEL_NO_MEMORY, 0);
 }

@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 15 /* changes whenever a function or struct below changes */
+#define REEL_ABI 16 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -272,17 +272,19 @@ REEL_API int64_t reel_fields_decode(void *memory, size_t memory_size, const uint
 /* Connectivity: `n_faces` triangles with vertices 0..n_verts-1, both counts at most 2^26. The
    encoder returns the faces as the decoder will restore them, in internal order and numbers, and
    the given vertex of each internal number; it writes at most 96 bytes for each face and 1024 more.
-   `keep_order` keeps the order of faces and vertices, and takes more bytes. docs/format.md,
-   CONNECTIVITY. */
+   `keep_order` keeps the order of faces and vertices, and takes more bytes. Unless `twins` is NULL,
+   both fill in the other half-edge at the edge of each internal half-edge, or itself.
+   docs/format.md, CONNECTIVITY. */
 REEL_API size_t reel_connectivity_encode_memory(int64_t n_verts, int64_t n_faces);
 REEL_API size_t reel_connectivity_decode_memory(int64_t n_verts, int64_t n_faces);
 REEL_API int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t *faces,
                                           int64_t n_faces, int64_t n_verts, int64_t keep_order,
-                                          int32_t *internal_faces, int32_t *internal_to_given,
-                                          uint8_t *out, size_t capacity);
+                                          int32_t *internal_faces, int32_t *twins,
+                                          int32_t *internal_to_given, uint8_t *out,
+                                          size_t capacity);
 REEL_API int64_t reel_connectivity_decode(void *memory, size_t memory_size, const uint8_t *in,
                                           size_t size, int64_t n_verts, int64_t n_faces,
-                                          int32_t *faces);
+                                          int32_t *faces, int32_t *twins);
 
 /* Tables of numbers (patterns.c): n_rows x width values of `size` bytes (1: unsigned, 4, 8),
    integers or floats (4 and 8). Rows are coded in `order`, a permutation of 0..n_rows-1. The i-th
@@ -349,9 +351,10 @@ REEL_API int64_t reel_predictors_find(void *memory, size_t memory_size, const in
                                       int32_t *order, int64_t *starts, int32_t *triples);
 
 /* Integers on a surface (surface_integers.c): n_rows x n_columns values within
-   +-REEL_MAX_SURFACE_VALUE, at most REEL_MAX_SURFACE_COLUMNS columns; `faces` and `twins` as above.
-   Writes REEL_SURFACE_HEAD bytes and those of reel_fields_encode; REEL_INVALID at the first value
-   that exceeds the limit. Every row is read or written. */
+   +-REEL_MAX_SURFACE_VALUE, at most REEL_MAX_SURFACE_COLUMNS columns; `faces` and `twins` as above,
+   which may join other rows. Writes at most REEL_SURFACE_HEAD bytes, 10 for each value, and 64
+   more; REEL_INVALID at the first value that exceeds the limit, or if a face has a row that does
+   not exist. Every row is read or written. */
 #define REEL_MAX_SURFACE_VALUE (1 << 29)
 #define REEL_MAX_SURFACE_COLUMNS 16
 #define REEL_SURFACE_HEAD 12

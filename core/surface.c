@@ -11,21 +11,13 @@
 /* Pairs of half-edges, as the faces are given. */
 typedef struct {
     const int32_t *faces;
-    int32_t *order; /* half-edges, sorted by their ends */
+    int32_t *order; /* half-edges, sorted by their lower end */
+    int32_t *next;  /* of each of `order`: the next one with the same ends, or NONE */
+    int32_t *first; /* of each vertex: the first of `order` with it as higher end */
     int32_t *pair;  /* partner of each half-edge; NONE on a boundary */
 } pairing;
 
 static int32_t end_of(const int32_t *faces, int32_t side) { return faces[reel_side_after(side)]; }
-
-static int32_t low_of(const int32_t *faces, int32_t side) {
-    int32_t a = faces[side], b = end_of(faces, side);
-    return a < b ? a : b;
-}
-
-static int32_t high_of(const int32_t *faces, int32_t side) {
-    int32_t a = faces[side], b = end_of(faces, side);
-    return a < b ? b : a;
-}
 
 static int32_t apex_of(const int32_t *faces, int32_t side) {
     return faces[reel_side_before(side)];
@@ -35,31 +27,16 @@ static bool goes_up(const int32_t *faces, int32_t side) {
     return faces[side] < end_of(faces, side);
 }
 
-/* Sort half-edges by one of their ends, stably. */
-static void sort_by(const int32_t *faces, int32_t (*key)(const int32_t *, int32_t),
-                    const int32_t *from, int32_t *to, int64_t n, int32_t *starts, int64_t n_verts) {
-    reel_zero(starts, (size_t)(n_verts + 1) * sizeof *starts);
-    for (int64_t i = 0; i < n; i++) {
-        starts[key(faces, from[i]) + 1]++;
-    }
-    for (int64_t v = 0; v < n_verts; v++) {
-        starts[v + 1] += starts[v];
-    }
-    for (int64_t i = 0; i < n; i++) {
-        to[starts[key(faces, from[i])]++] = from[i];
-    }
-}
-
-/* Pair the half-edges order[start..end-1] of one edge: first those of opposite direction and
-   different third vertex, then of opposite direction, then any two. */
-static void join_edge(pairing *sides, int64_t start, int64_t end) {
+/* Pair the half-edges of one edge: first those of opposite direction and different third vertex,
+   then of opposite direction, then any two. */
+static void join_edge(pairing *sides, const int32_t *of_edge, int64_t n) {
     const int32_t *faces = sides->faces;
     for (int round = 0; round < 3; round++) {
-        for (int64_t i = start; i < end; i++) {
-            int32_t side = sides->order[i];
-            int64_t limit = end - i < CANDIDATES ? end : i + CANDIDATES;
+        for (int64_t i = 0; i < n; i++) {
+            int32_t side = of_edge[i];
+            int64_t limit = n - i < CANDIDATES ? n : i + CANDIDATES;
             for (int64_t j = i + 1; j < limit && sides->pair[side] == NONE; j++) {
-                int32_t other = sides->order[j];
+                int32_t other = of_edge[j];
                 bool opposite = goes_up(faces, side) != goes_up(faces, other);
                 bool is_distinct = apex_of(faces, side) != apex_of(faces, other);
                 if (sides->pair[other] == NONE && (round == 2 || opposite) &&
@@ -72,34 +49,66 @@ static void join_edge(pairing *sides, int64_t start, int64_t end) {
     }
 }
 
-/* List the half-edges of non-degenerate faces, all unpaired; returns their number. */
-static int64_t list_sides(pairing *sides, reel_surface *surface) {
-    int64_t n_sides = 0;
-    for (int32_t f = 0; f < surface->n_faces; f++) {
-        const int32_t *face = sides->faces + 3 * (int64_t)f;
-        surface->flipped[f] = 0;
-        surface->flat[f] = face[0] == face[1] || face[1] == face[2] || face[2] == face[0];
-        surface->n_flat += surface->flat[f];
-        for (int32_t k = 0; k < 3; k++) {
-            sides->pair[3 * f + k] = NONE;
-            if (!surface->flat[f]) {
-                sides->order[n_sides++] = 3 * f + k;
+/* Find the degenerate faces, and sort the half-edges of the others by their lower end; none is
+   paired. */
+static void list_sides(pairing *sides, reel_surface *surface, int32_t *starts, int64_t n_verts) {
+    int32_t *ends = starts + 1;
+    reel_zero(starts, (size_t)(n_verts + 2) * sizeof *starts);
+    for (int pass = 0; pass < 2; pass++) {
+        for (int32_t f = 0; f < surface->n_faces; f++) {
+            const int32_t *face = sides->faces + 3 * (int64_t)f;
+            int32_t low[3] = {face[0] < face[1] ? face[0] : face[1],
+                              face[1] < face[2] ? face[1] : face[2],
+                              face[2] < face[0] ? face[2] : face[0]};
+            if (!pass) {
+                surface->flipped[f] = 0;
+                surface->flat[f] = face[0] == face[1] || face[1] == face[2] || face[2] == face[0];
+                surface->n_flat += surface->flat[f];
+            }
+            for (int32_t k = 0; k < 3 && !surface->flat[f]; k++) {
+                if (pass) {
+                    sides->order[ends[low[k]]++] = 3 * f + k;
+                } else {
+                    ends[low[k] + 1]++;
+                }
             }
         }
+        for (int64_t v = 0; !pass && v < n_verts; v++) {
+            ends[v + 1] += ends[v];
+        }
     }
-    return n_sides;
+    for (int64_t i = 0; i < 3 * surface->n_faces; i++) {
+        sides->pair[i] = NONE;
+    }
 }
 
-static void join_sides(pairing *sides, int64_t n_sides) {
+/* Pair the half-edges order[start..end-1], those with the same lower end. `of_edge` has space for
+   all of them. */
+static void join_sides(pairing *sides, int32_t start, int32_t end, int32_t *of_edge) {
     const int32_t *faces = sides->faces;
-    int64_t start = 0;
-    for (int64_t i = 1; i <= n_sides; i++) {
-        int32_t here = sides->order[start];
-        if (i == n_sides || low_of(faces, sides->order[i]) != low_of(faces, here) ||
-            high_of(faces, sides->order[i]) != high_of(faces, here)) {
-            join_edge(sides, start, i);
-            start = i;
+    for (int32_t i = end - 1; i >= start; i--) {
+        int32_t side = sides->order[i], a = faces[side], b = end_of(faces, side);
+        int32_t *first = &sides->first[a < b ? b : a];
+        sides->next[i] = *first >= start ? *first : NONE; /* those before belong to other ends */
+        *first = i;
+    }
+    for (int32_t i = start; i < end; i++) {
+        int32_t side = sides->order[i], next = sides->next[i];
+        if (sides->pair[side] != NONE || next == NONE) {
+            continue;
         }
+        if (sides->next[next] == NONE) {
+            sides->pair[side] = sides->order[next];
+            sides->pair[sides->order[next]] = side;
+            continue;
+        }
+        int64_t n = 0;
+        for (int32_t j = i; j != NONE; j = next) {
+            next = sides->next[j];
+            sides->next[j] = NONE; /* so that those without a partner are not tried again */
+            of_edge[n++] = sides->order[j];
+        }
+        join_edge(sides, of_edge, n);
     }
 }
 
@@ -215,7 +224,7 @@ size_t reel_surface_memory(int64_t n_verts, int64_t n_faces) {
     size_t v = (size_t)n_verts, m = (size_t)n_faces, word = sizeof(int32_t);
     return 2 * reel_array_bytes(12 * m, word) + 2 * reel_array_bytes(6 * m, word) +
            2 * reel_array_bytes(m, 1) + 3 * reel_array_bytes(3 * m, word) +
-           reel_array_bytes(v + 1, word) + reel_array_bytes(m + v, 1);
+           reel_array_bytes(v + 2, word) + reel_array_bytes(v, word) + reel_array_bytes(m + v, 1);
 }
 
 bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces, int64_t n_verts,
@@ -231,19 +240,21 @@ bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces,
     pairing sides = {.faces = faces};
     sides.order = reel_allocate(arena, 3 * m, word);
     sides.pair = reel_allocate(arena, 3 * m, word);
-    int32_t *scratch = reel_allocate(arena, 3 * m, word);
-    int32_t *starts = reel_allocate(arena, v + 1, word);
+    sides.next = reel_allocate(arena, 3 * m, word);
+    sides.first = reel_allocate(arena, v, word);
+    int32_t *starts = reel_allocate(arena, v + 2, word);
     uint8_t *marks = reel_allocate(arena, m + v, 1);
     if (arena->failed) {
         return false;
     }
-    int64_t n_sides = list_sides(&sides, result);
-    sort_by(faces, high_of, sides.order, scratch, n_sides, starts, n_verts);
-    sort_by(faces, low_of, scratch, sides.order, n_sides, starts, n_verts);
-    if (n_sides) {
-        join_sides(&sides, n_sides);
+    list_sides(&sides, result, starts, n_verts);
+    for (int64_t i = 0; i < n_verts; i++) {
+        sides.first[i] = NONE;
     }
-    orient_faces(&sides, result, scratch, marks);
+    for (int64_t i = 0; i < n_verts; i++) {
+        join_sides(&sides, starts[i], starts[i + 1], result->twin); /* of which nothing is set */
+    }
+    orient_faces(&sides, result, sides.next, marks);
     close_surface(result, sides.pair);
     reel_zero(marks, m + v);
     name_points(result, faces, marks);

@@ -2,198 +2,368 @@
    earlier rows around it by weights that the encoder fits. docs/format.md, "Integers on a
    surface". */
 
-#include "base.h"
+#include "symbols.h"
 
 #define N_CLASSES 3 /* of rows: with 1, 2, or more parallelograms */
 #define N_WEIGHTS (2 * N_CLASSES)
 #define ONE 4096.0 /* a weight of 1 in fixed point */
 #define MAX_WEIGHT 32767.0
-#define PRIOR 1e-6    /* of the weights, relative to the squared differences that they scale */
-#define N_CONTEXT 4   /* context neighbors of a row */
+#define PRIOR 1e-6                  /* of the weights, relative to the squared differences */
 #define MAX_PREDICTION 1073741824.0 /* 2^30: residuals of allowed values fit into 31 bits */
 #define MAX_COLUMNS REEL_MAX_SURFACE_COLUMNS
+#define LANES 4      /* columns are processed in groups */
+#define N_CONTEXT 4  /* rows around a row that predict the size of its residuals */
+#define LARGEST 4095 /* magnitudes saturate here in predictions */
+#define N_SIZES 29   /* half octaves of the predicted magnitude */
+#define N_VOTES (2 * N_CONTEXT + 1)
+#define LONG_TOKEN 15 /* of magnitudes of at least LONG */
+#define LONG 192
 
 _Static_assert(sizeof(int16_t) * N_WEIGHTS == REEL_SURFACE_HEAD, "see reel.h");
+
+typedef int32_t vec4i __attribute__((vector_size(4 * LANES), may_alias));
 
 /* The rows next to those at both ends of a side, and opposite to it on both faces. */
 typedef struct {
     int32_t a, b, c;
 } parallelogram;
 
+/* Columns of a row: their values, and their residuals, which saturate at LARGEST. */
 typedef struct {
-    int64_t n_rows, n_columns, n_faces;
+    double values[LANES];
+    vec4i residuals;
+} row_group;
+
+typedef struct {
+    reel_symbol_model token[N_SIZES]; /* class of a magnitude, by its predicted size */
+    reel_symbol_model long_token;     /* length of a magnitude of at least LONG */
+    reel_model negative[N_VOTES];     /* by the sum of the signs around the row */
+} residual_models;
+
+typedef struct {
+    int64_t n_rows, n_columns, n_groups, n_faces;
     const int32_t *faces, *twins;
-    int32_t *around_starts, *around; /* the earlier rows around each row */
-    int32_t *starts;                 /* where the parallelograms of each row begin */
+    int32_t *starts, *corners;          /* the faces of which each row is the latest */
+    int32_t *seen_at;                   /* of each row: the last row that it was around */
+    int32_t n_around, n_parallelograms; /* of the current row */
+    int32_t *around;                    /* earlier rows around it */
     parallelogram *parallelograms;
-    int32_t *columns, *near; /* coding order of the rows, which is theirs; context neighbors */
-    int64_t *near_starts;
-    int32_t *residuals; /* n_columns x n_rows */
-    void *fields_memory;
-    size_t fields_size;
+    row_group *rows; /* n_groups of each row */
+    residual_models *models;
+    int32_t recent[MAX_COLUMNS]; /* decaying mean magnitude of each column, in 1/48 */
     double weights[N_WEIGHTS];
 } surface_coder;
 
-/* The rows around a row, as means for each column: of the ends of the sides of its parallelograms,
-   of the rows opposite to it, and of all. */
+/* Means of the rows around a row, for each column: at the ends of the sides of its parallelograms,
+   opposite to it, and of all. */
 typedef struct {
-    double near[MAX_COLUMNS], opposite[MAX_COLUMNS], around[MAX_COLUMNS];
+    double near[LANES], opposite[LANES], around[LANES];
 } row_means;
 
 size_t reel_surface_integers_memory(int64_t n_rows, int64_t n_faces, int64_t n_columns) {
-    size_t rows = (size_t)n_rows, sides = 3 * (size_t)n_faces;
-    return 2 * reel_array_bytes(rows + 2, sizeof(int32_t)) +
-           reel_array_bytes(sides, sizeof(int32_t)) +
-           reel_array_bytes(sides, sizeof(parallelogram)) +
-           reel_array_bytes(rows, sizeof(int32_t)) +
-           reel_array_bytes(N_CONTEXT * rows, sizeof(int32_t)) +
-           reel_array_bytes(rows + 1, sizeof(int64_t)) +
-           reel_array_bytes((size_t)n_columns * rows, sizeof(int32_t)) +
-           reel_array_bytes(reel_fields_memory(n_rows, 1, N_CONTEXT * n_rows), 1);
+    size_t rows = (size_t)n_rows, faces = (size_t)n_faces;
+    size_t groups = ((size_t)n_columns + LANES - 1) / LANES;
+    return reel_array_bytes(rows + 2, sizeof(int32_t)) + reel_array_bytes(rows, sizeof(int32_t)) +
+           reel_array_bytes(faces, sizeof(int32_t)) +
+           reel_array_bytes(2 * faces + 1, sizeof(int32_t)) +
+           reel_array_bytes(faces + 1, sizeof(parallelogram)) +
+           reel_array_bytes(groups * rows, sizeof(row_group)) +
+           reel_array_bytes(1, sizeof(residual_models));
 }
 
-static int32_t third_corner(const int32_t *faces, int32_t side) {
-    return faces[side % 3 ? side - 1 : side + 2];
+/* ---- neighbors ---- */
+
+static bool has_valid_faces(const surface_coder *coder) {
+    bool valid = true;
+    for (int64_t i = 0; i < 3 * coder->n_faces; i++) {
+        valid &= (uint32_t)coder->faces[i] < coder->n_rows;
+    }
+    return valid;
 }
 
-/* Whether the faces at a side form a parallelogram with a row later than all others; finds both. */
-static bool find_parallelogram(const surface_coder *coder, int32_t side, int32_t *row,
-                               parallelogram *result) {
-    int32_t twin = coder->twins[side];
-    int32_t a = coder->faces[side], b = coder->faces[side % 3 == 2 ? side - 2 : side + 1];
-    int32_t c = third_corner(coder->faces, side), d = third_corner(coder->faces, twin);
-    *row = c > d ? c : d;
-    *result = (parallelogram){a, b, c > d ? d : c};
-    return twin != side && c != d && *row > a && *row > b;
+/* The corner of a face with its latest row. */
+REEL_INLINE int32_t latest_corner(const int32_t *face) {
+    int32_t latest = face[1] > face[0];
+    return face[2] > face[latest] ? 2 : latest;
 }
 
-/* List the rows around each row, and its parallelograms: counted first, then stored. */
-static void find_neighbors(surface_coder *coder) {
-    int32_t *around_ends = coder->around_starts + 1, *ends = coder->starts + 1;
-    size_t size = ((size_t)coder->n_rows + 2) * sizeof *ends;
-    reel_zero(coder->around_starts, size);
-    reel_zero(coder->starts, size);
-    for (int pass = 0; pass < 2; pass++) {
-        for (int32_t side = 0; side < 3 * coder->n_faces; side++) {
-            int32_t a = coder->faces[side], row;
-            int32_t b = coder->faces[side % 3 == 2 ? side - 2 : side + 1];
-            parallelogram found;
-            if (coder->twins[side] < side || a == b) {
-                continue;
-            }
-            if (pass) {
-                coder->around[around_ends[a > b ? a : b]++] = a > b ? b : a;
-            } else {
-                around_ends[(a > b ? a : b) + 1]++;
-            }
-            if (!find_parallelogram(coder, side, &row, &found)) {
-                continue;
-            }
-            if (pass) {
-                coder->parallelograms[ends[row]++] = found;
-            } else {
-                ends[row + 1]++;
-            }
+/* Sort the faces by their latest row; each is stored as 4 times its number plus a corner. */
+static void sort_faces(surface_coder *coder) {
+    int32_t *ends = coder->starts + 1;
+    reel_zero(coder->starts, ((size_t)coder->n_rows + 2) * sizeof *coder->starts);
+    for (int32_t i = 0; i < coder->n_faces; i++) {
+        const int32_t *face = coder->faces + 3 * (int64_t)i;
+        ends[face[latest_corner(face)] + 1]++;
+    }
+    for (int64_t i = 0; i < coder->n_rows; i++) {
+        ends[i + 1] += ends[i];
+    }
+    for (int32_t i = 0; i < coder->n_faces; i++) {
+        const int32_t *face = coder->faces + 3 * (int64_t)i;
+        int32_t latest = latest_corner(face);
+        coder->corners[ends[face[latest]]++] = 4 * i + latest;
+    }
+}
+
+static void start_rows(surface_coder *coder) {
+    for (int64_t i = 0; i < coder->n_rows; i++) {
+        coder->seen_at[i] = -1;
+    }
+}
+
+/* Find the rows around a row, and its parallelograms. */
+REEL_INLINE void find_neighbors(surface_coder *coder, int32_t row) {
+    static const int8_t after[] = {1, 2, 0}, before[] = {2, 0, 1};
+    int32_t n_around = 0, n_parallelograms = 0;
+    for (int32_t i = coder->starts[row]; i < coder->starts[row + 1]; i++) {
+        int32_t first = coder->corners[i] / 4 * 3, corner = coder->corners[i] & 3;
+        int32_t side = first + after[corner], twin = coder->twins[side];
+        int32_t a = coder->faces[side], b = coder->faces[first + before[corner]];
+        int32_t c = coder->faces[twin % 3 ? twin - 1 : twin + 2];
+        if (a == b || a == row || b == row) {
+            continue;
         }
-        for (int64_t i = 0; !pass && i < coder->n_rows; i++) {
-            around_ends[i + 1] += around_ends[i];
-            ends[i + 1] += ends[i];
+        coder->around[n_around] = a;
+        n_around += coder->seen_at[a] != row;
+        coder->seen_at[a] = row;
+        coder->around[n_around] = b;
+        n_around += coder->seen_at[b] != row;
+        coder->seen_at[b] = row;
+        coder->parallelograms[n_parallelograms] = (parallelogram){a, b, c};
+        n_parallelograms += (twin != side) & (c < row);
+    }
+    coder->n_around = n_around;
+    coder->n_parallelograms = n_parallelograms;
+}
+
+/* Start from geometric distributions of the predicted magnitudes: the probability of a magnitude
+   of at least i is the i-th power of that of at least 1. */
+static void start_models(residual_models *models) {
+    for (uint32_t class = 0; class < N_SIZES; class++) {
+        uint32_t middle = (80 + 32 * (class & 1U)) << (class / 2), tail[REEL_SYMBOLS];
+        tail[0] = 65536;
+        tail[1] = (uint32_t)(((uint64_t)(middle - 72) << 16) / (middle + 216));
+        tail[2] = (uint32_t)((uint64_t)tail[1] * tail[1] >> 16);
+        tail[3] = (uint32_t)((uint64_t)tail[1] * tail[2] >> 16);
+        for (int i = 4; i < REEL_SYMBOLS; i++) {
+            tail[i] = (uint32_t)((uint64_t)tail[i - 2] * tail[i - 2] >> 16);
         }
+        reel_symbol_model *model = &models->token[class];
+        for (uint32_t i = 0; i < REEL_SYMBOLS; i++) {
+            uint32_t below = REEL_SYMBOL_ONE - (tail[i] >> 1);
+            uint32_t free = REEL_SYMBOL_ONE - REEL_SYMBOLS * REEL_MIN_SYMBOL;
+            model->below[i] = (int16_t)((below * free >> REEL_SYMBOL_BITS) + i * REEL_MIN_SYMBOL);
+        }
+        model->count = 16;
+    }
+    models->long_token = reel_new_symbol_model();
+    for (int i = 0; i < N_VOTES; i++) {
+        models->negative[i] = reel_model_of(32768, 8);
     }
 }
 
 static bool prepare(surface_coder *coder, void *memory, size_t memory_size) {
     reel_arena arena = reel_arena_of(memory, memory_size);
-    size_t rows = (size_t)coder->n_rows, sides = 3 * (size_t)coder->n_faces;
-    coder->around_starts = reel_allocate(&arena, rows + 2, sizeof *coder->around_starts);
+    size_t rows = (size_t)coder->n_rows, faces = (size_t)coder->n_faces;
+    coder->n_groups = (coder->n_columns + LANES - 1) / LANES;
     coder->starts = reel_allocate(&arena, rows + 2, sizeof *coder->starts);
-    coder->around = reel_allocate(&arena, sides, sizeof *coder->around);
-    coder->parallelograms = reel_allocate(&arena, sides, sizeof *coder->parallelograms);
-    coder->columns = reel_allocate(&arena, rows, sizeof *coder->columns);
-    coder->near = reel_allocate(&arena, N_CONTEXT * rows, sizeof *coder->near);
-    coder->near_starts = reel_allocate(&arena, rows + 1, sizeof *coder->near_starts);
-    coder->residuals =
-        reel_allocate(&arena, (size_t)coder->n_columns * rows, sizeof *coder->residuals);
-    coder->fields_size = reel_fields_memory(coder->n_rows, 1, N_CONTEXT * coder->n_rows);
-    coder->fields_memory = reel_allocate(&arena, coder->fields_size, 1);
+    coder->seen_at = reel_allocate(&arena, rows, sizeof *coder->seen_at);
+    coder->corners = reel_allocate(&arena, faces, sizeof *coder->corners);
+    coder->around = reel_allocate(&arena, 2 * faces + 1, sizeof *coder->around);
+    coder->parallelograms = reel_allocate(&arena, faces + 1, sizeof *coder->parallelograms);
+    coder->rows = reel_allocate(&arena, (size_t)coder->n_groups * rows, sizeof *coder->rows);
+    coder->models = reel_allocate(&arena, 1, sizeof *coder->models);
     if (arena.failed) {
         return false;
     }
-    find_neighbors(coder);
-    int64_t count = 0;
-    for (int64_t i = 0; i < coder->n_rows; i++) {
-        coder->columns[i] = (int32_t)i;
-        coder->near_starts[i] = count;
-        const int32_t *around = coder->around + coder->around_starts[i];
-        int32_t n = coder->around_starts[i + 1] - coder->around_starts[i];
-        for (int32_t k = 0; k < n && k < N_CONTEXT; k++) {
-            coder->near[count++] = around[k];
-        }
+    sort_faces(coder);
+    start_rows(coder);
+    start_models(coder->models);
+    for (int k = 0; k < MAX_COLUMNS; k++) {
+        coder->recent[k] = 48;
     }
-    coder->near_starts[coder->n_rows] = count;
     return true;
 }
 
-/* The class of a row by its parallelograms, or -1 if it has none. */
-static int class_of(const surface_coder *coder, int64_t row) {
-    int32_t n = coder->starts[row + 1] - coder->starts[row];
+/* The class of the current row by its parallelograms, or -1 if it has none. */
+REEL_INLINE int class_of(const surface_coder *coder) {
+    int32_t n = coder->n_parallelograms;
     return n < N_CLASSES ? n - 1 : N_CLASSES - 1;
 }
 
-static void find_means(const surface_coder *coder, int64_t row, const int32_t *values,
-                       row_means *means) {
-    int64_t near[MAX_COLUMNS] = {0}, opposite[MAX_COLUMNS] = {0}, around[MAX_COLUMNS] = {0};
-    int64_t n_columns = coder->n_columns;
-    for (int32_t i = coder->starts[row]; i < coder->starts[row + 1]; i++) {
+/* Find the means of the columns of a group for the current row. */
+REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n_groups,
+                            row_means *means) {
+    double near[LANES] = {0}, opposite[LANES] = {0}, around[LANES] = {0};
+    for (int32_t i = 0; i < coder->n_parallelograms; i++) {
         const parallelogram *one = &coder->parallelograms[i];
-        const int32_t *a = values + one->a * n_columns, *b = values + one->b * n_columns,
-                      *c = values + one->c * n_columns;
-        for (int64_t k = 0; k < n_columns; k++) {
-            near[k] += (int64_t)a[k] + b[k];
+        const double *a = coder->rows[one->a * n_groups + group].values;
+        const double *b = coder->rows[one->b * n_groups + group].values;
+        const double *c = coder->rows[one->c * n_groups + group].values;
+        for (int k = 0; k < LANES; k++) {
+            near[k] += a[k] + b[k];
             opposite[k] += c[k];
         }
     }
-    for (int32_t i = coder->around_starts[row]; i < coder->around_starts[row + 1]; i++) {
-        for (int64_t k = 0; k < n_columns; k++) {
-            around[k] += values[coder->around[i] * n_columns + k];
+    for (int32_t i = 0; i < coder->n_around; i++) {
+        const double *values = coder->rows[coder->around[i] * n_groups + group].values;
+        for (int k = 0; k < LANES; k++) {
+            around[k] += values[k];
         }
     }
-    double n = (double)(coder->starts[row + 1] - coder->starts[row]),
-           n_around = (double)(coder->around_starts[row + 1] - coder->around_starts[row]);
-    for (int64_t k = 0; k < n_columns; k++) {
-        means->near[k] = (double)near[k] / (2.0 * n);
-        means->opposite[k] = (double)opposite[k] / n;
-        means->around[k] = (double)around[k] / n_around;
+    double share = 1.0 / (double)coder->n_parallelograms, half = 0.5 * share,
+           share_around = 1.0 / (double)coder->n_around;
+    for (int k = 0; k < LANES; k++) {
+        means->near[k] = near[k] * half;
+        means->opposite[k] = opposite[k] * share;
+        means->around[k] = around[k] * share_around;
     }
 }
 
-/* Predict a row without parallelograms: its first neighbor, or the row before it. */
-static void copy_row(const surface_coder *coder, int64_t row, const int32_t *values,
-                     int32_t *predicted) {
-    bool has_neighbor = coder->around_starts[row] < coder->around_starts[row + 1];
-    int64_t other = has_neighbor ? coder->around[coder->around_starts[row]] : row - 1;
-    for (int64_t k = 0; k < coder->n_columns; k++) {
-        predicted[k] = other < 0 ? 0 : values[other * coder->n_columns + k];
-    }
-}
-
-static void predict_row(const surface_coder *coder, int64_t row, const int32_t *values,
-                        int32_t *predicted) {
-    int class = class_of(coder, row);
+/* Predict the columns of a group of the current row: without parallelograms from its first
+   neighbor, or the row before it. */
+REEL_INLINE void predict_group(const surface_coder *coder, int64_t row, int64_t group,
+                               int64_t n_groups, int32_t *predicted) {
+    int class = class_of(coder);
     if (class < 0) {
-        copy_row(coder, row, values, predicted);
+        int64_t other = coder->n_around ? coder->around[0] : row - 1;
+        for (int k = 0; k < LANES; k++) {
+            double value = other < 0 ? 0.0 : coder->rows[other * n_groups + group].values[k];
+            predicted[k] = (int32_t)value;
+        }
         return;
     }
-    const double *weights = coder->weights + 2 * class;
+    double f = coder->weights[2 * class], g = coder->weights[2 * class + 1];
     row_means means;
-    find_means(coder, row, values, &means);
-    for (int64_t k = 0; k < coder->n_columns; k++) {
+    find_means(coder, group, n_groups, &means);
+    for (int k = 0; k < LANES; k++) {
         double near = means.near[k];
-        double value = near + (weights[0] * (near - means.opposite[k]) +
-                               weights[1] * (means.around[k] - near));
+        double value = near + (f * (near - means.opposite[k]) + g * (means.around[k] - near));
         value = value < MAX_PREDICTION ? value : MAX_PREDICTION;
         value = value > -MAX_PREDICTION ? value : -MAX_PREDICTION;
         predicted[k] = (int32_t)(value + (value < 0 ? -0.5 : 0.5));
+    }
+}
+
+/* ---- residuals ---- */
+
+/* Code a magnitude of 0..2^31-1 of a predicted size. */
+REEL_INLINE uint32_t code_magnitude(reel_range_coder *coder, residual_models *models, int size,
+                                    uint32_t magnitude) {
+    int token = 0, length = reel_bit_length(magnitude);
+    if (reel_is_encoder(coder)) {
+        token = magnitude < 4      ? (int)magnitude
+                : magnitude < LONG ? 2 * (length - 1) + (int)(magnitude >> (length - 2) & 1U)
+                                   : LONG_TOKEN;
+    }
+    token = reel_code_symbol(coder, &models->token[size], token);
+    if (token < 4) {
+        return (uint32_t)token;
+    }
+    if (token < LONG_TOKEN) {
+        int n_raw = token / 2 - 1;
+        return (2U | (token & 1U)) << n_raw | reel_code_raw(coder, n_raw, magnitude);
+    }
+    uint32_t above = magnitude - (LONG - 1);
+    length = reel_bit_length(above) - 1;
+    token = reel_code_symbol(coder, &models->long_token, length < LONG_TOKEN ? length : LONG_TOKEN);
+    if (token == LONG_TOKEN) {
+        length = LONG_TOKEN + (int)reel_code_raw(coder, 4, (uint32_t)(length - LONG_TOKEN));
+        uint32_t high = reel_code_raw(coder, 15, above >> (length - 15));
+        above = 1U << 15 | high;
+        above = above << (length - 15) | reel_code_raw(coder, length - 15, magnitude - (LONG - 1));
+    } else {
+        above = 1U << token | reel_code_raw(coder, token, above);
+    }
+    return above + (LONG - 1);
+}
+
+/* Sizes of the residuals at the first rows around a row: sums of their magnitudes, and of their
+   signs. */
+typedef struct {
+    vec4i sizes, signs;
+    int32_t n;
+} near_residuals;
+
+REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, int64_t n_groups) {
+    near_residuals near = {.n = coder->n_around < N_CONTEXT ? coder->n_around : N_CONTEXT};
+    for (int32_t i = 0; i < near.n; i++) {
+        vec4i one = coder->rows[coder->around[i] * n_groups + group].residuals;
+        vec4i is_negative = one < 0; /* -1 if true */
+        near.sizes += (one ^ is_negative) - is_negative;
+        near.signs += is_negative - (one > 0);
+    }
+    return near;
+}
+
+/* Code the columns of a group of a row; the encoder passes their values. `own` is the decaying mean
+   magnitude of the columns before. */
+REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder, int64_t row,
+                            int64_t group, int64_t n_groups, int64_t n_columns,
+                            const int32_t *given, int32_t *own) {
+    static const int32_t shares[N_CONTEXT + 1] = {0, 48, 24, 16, 12};
+    row_group *to = &coder->rows[row * n_groups + group];
+    int32_t predicted[LANES];
+    predict_group(coder, row, group, n_groups, predicted);
+    near_residuals near = sum_near(coder, group, n_groups);
+    for (int k = 0; k < LANES; k++) {
+        int64_t column = LANES * group + k;
+        if (column >= n_columns) {
+            to->values[k] = 0.0;
+            to->residuals[k] = 0;
+            continue;
+        }
+        int32_t *recent = &coder->recent[column];
+        int32_t mean = near.n ? near.sizes[k] * shares[near.n] : *recent;
+        float expected = (float)((column ? 3 * mean + 48 * *own : 4 * mean) + 2 * *recent + 72);
+        int32_t bits;
+        __builtin_memcpy(&bits, &expected, sizeof bits);
+        int size = (bits >> 22) - 2 * (127 + 6); /* half octaves above 64 */
+        int32_t residual = 0;
+        if (reel_is_encoder(range_coder)) {
+            residual = (int32_t)((uint32_t)given[column] - (uint32_t)predicted[k]);
+        }
+        uint32_t magnitude = residual < 0 ? 0U - (uint32_t)residual : (uint32_t)residual;
+        magnitude = code_magnitude(range_coder, coder->models, size, magnitude);
+        int32_t limited = magnitude < LARGEST ? (int32_t)magnitude : LARGEST;
+        if (magnitude) {
+            reel_model *model = &coder->models->negative[near.signs[k] + N_CONTEXT];
+            int negative = reel_bit(range_coder, model, residual < 0);
+            magnitude = negative ? 0U - magnitude : magnitude;
+            to->residuals[k] = negative ? -limited : limited;
+        } else {
+            to->residuals[k] = 0;
+        }
+        to->values[k] = (double)(int32_t)((uint32_t)predicted[k] + magnitude);
+        *recent += (48 * limited - *recent) >> 3;
+        *own = column ? (*own + limited) >> 1 : limited;
+    }
+}
+
+/* Code all rows: the encoder passes the values, the decoder where to write them. */
+REEL_INLINE void code_rows(reel_range_coder *range_coder, surface_coder *coder, int64_t n_groups,
+                           int64_t n_columns, const int32_t *given, int32_t *decoded) {
+    for (int64_t row = 0; row < coder->n_rows; row++) {
+        int32_t own = 0;
+        find_neighbors(coder, (int32_t)row);
+        for (int64_t group = 0; group < n_groups; group++) {
+            const int32_t *values = given ? given + row * n_columns : NULL;
+            code_group(range_coder, coder, row, group, n_groups, n_columns, values, &own);
+            const row_group *coded = &coder->rows[row * n_groups + group];
+            int64_t first = LANES * group;
+            for (int64_t k = 0; decoded && k < LANES && first + k < n_columns; k++) {
+                decoded[row * n_columns + first + k] = (int32_t)coded->values[k];
+            }
+        }
+    }
+}
+
+static void code_table(reel_range_coder *range_coder, surface_coder *coder, const int32_t *given,
+                       int32_t *decoded) {
+    if (coder->n_columns == 3) { /* positions */
+        code_rows(range_coder, coder, 1, 3, given, decoded);
+    } else {
+        code_rows(range_coder, coder, coder->n_groups, coder->n_columns, given, decoded);
     }
 }
 
@@ -225,22 +395,32 @@ static void solve(const fit_sums *sums, double weights[2]) {
 static void fit_weights(surface_coder *coder, const int32_t *values) {
     fit_sums sums[N_CLASSES] = {0};
     row_means means;
-    for (int64_t row = 0; row < coder->n_rows; row++) {
-        int class = class_of(coder, row);
-        if (class < 0) {
-            continue;
-        }
-        find_means(coder, row, values, &means);
-        for (int64_t k = 0; k < coder->n_columns; k++) {
-            double x = means.near[k] - means.opposite[k], y = means.around[k] - means.near[k],
-                   z = values[row * coder->n_columns + k] - means.near[k];
-            sums[class].xx += x * x;
-            sums[class].xy += x * y;
-            sums[class].yy += y * y;
-            sums[class].xz += x * z;
-            sums[class].yz += y * z;
+    for (int64_t i = 0; i < coder->n_rows * coder->n_groups; i++) {
+        int64_t row = i / coder->n_groups, first = LANES * (i % coder->n_groups);
+        for (int64_t k = 0; k < LANES; k++) {
+            bool is_column = first + k < coder->n_columns;
+            coder->rows[i].values[k] =
+                is_column ? (double)values[row * coder->n_columns + first + k] : 0.0;
         }
     }
+    for (int64_t row = 0; row < coder->n_rows; row++) {
+        find_neighbors(coder, (int32_t)row);
+        int class = class_of(coder);
+        for (int64_t group = 0; class >= 0 && group < coder->n_groups; group++) {
+            const double *own = coder->rows[row * coder->n_groups + group].values;
+            find_means(coder, group, coder->n_groups, &means);
+            for (int k = 0; k < LANES; k++) {
+                double x = means.near[k] - means.opposite[k], y = means.around[k] - means.near[k],
+                       z = own[k] - means.near[k];
+                sums[class].xx += x * x;
+                sums[class].xy += x * y;
+                sums[class].yy += y * y;
+                sums[class].xz += x * z;
+                sums[class].yz += y * z;
+            }
+        }
+    }
+    start_rows(coder);
     for (int class = 0; class < N_CLASSES; class++) {
         solve(&sums[class], coder->weights + 2 * class);
     }
@@ -272,6 +452,9 @@ int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int
                            .n_faces = n_faces,
                            .faces = faces,
                            .twins = twins};
+    if (!has_valid_faces(&coder)) {
+        return reel_failure(REEL_INVALID, 0);
+    }
     if (capacity < REEL_SURFACE_HEAD || !prepare(&coder, memory, memory_size)) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
@@ -282,18 +465,10 @@ int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int
     }
     fit_weights(&coder, values);
     write_weights(&coder, out);
-    int32_t predicted[MAX_COLUMNS];
-    for (int64_t row = 0; row < n_rows; row++) {
-        predict_row(&coder, row, values, predicted);
-        for (int64_t k = 0; k < n_columns; k++) {
-            coder.residuals[k * n_rows + row] = values[row * n_columns + k] - predicted[k];
-        }
-    }
-    int64_t pass_starts[] = {0, n_rows};
-    int64_t size = reel_fields_encode(coder.fields_memory, coder.fields_size, coder.residuals,
-                                      n_columns, n_rows, coder.columns, pass_starts, 1,
-                                      coder.near_starts, coder.near, out + REEL_SURFACE_HEAD,
-                                      capacity - REEL_SURFACE_HEAD);
+    reel_range_coder range_coder =
+        reel_start_encoder(out + REEL_SURFACE_HEAD, capacity - REEL_SURFACE_HEAD);
+    code_table(&range_coder, &coder, values, NULL);
+    int64_t size = reel_finish(&range_coder);
     return size < 0 ? size : size + REEL_SURFACE_HEAD;
 }
 
@@ -312,25 +487,16 @@ int64_t reel_surface_integers_decode(void *memory, size_t memory_size, const uin
     if (size > REEL_SURFACE_HEAD && !in[size - 1]) {
         return reel_failure(REEL_CORRUPT, size - 1);
     }
+    if (!has_valid_faces(&coder)) {
+        return reel_failure(REEL_INVALID, 0);
+    }
     if (!prepare(&coder, memory, memory_size)) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     read_weights(&coder, in);
-    int64_t pass_starts[] = {0, n_rows};
-    int64_t used = reel_fields_decode(coder.fields_memory, coder.fields_size,
-                                      in + REEL_SURFACE_HEAD, size - REEL_SURFACE_HEAD, n_columns,
-                                      n_columns, n_rows, coder.columns, pass_starts, 1,
-                                      coder.near_starts, coder.near, coder.residuals);
-    if (used < 0) {
-        return used;
-    }
-    int32_t predicted[MAX_COLUMNS];
-    for (int64_t row = 0; row < n_rows; row++) {
-        predict_row(&coder, row, values, predicted);
-        for (int64_t k = 0; k < n_columns; k++) {
-            values[row * n_columns + k] =
-                (int32_t)((uint32_t)predicted[k] + (uint32_t)coder.residuals[k * n_rows + row]);
-        }
-    }
-    return used + REEL_SURFACE_HEAD;
+    reel_range_coder range_coder =
+        reel_start_decoder(in + REEL_SURFACE_HEAD, size - REEL_SURFACE_HEAD);
+    code_table(&range_coder, &coder, NULL, values);
+    int64_t used = reel_finish(&range_coder);
+    return used < 0 ? used : used + REEL_SURFACE_HEAD;
 }

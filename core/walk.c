@@ -88,37 +88,60 @@ static int32_t half_edge_behind(const reel_walk *walk, int32_t n, bool after) {
     return walk->surface.twin[after ? reel_side_after(side) : reel_side_before(side)];
 }
 
-/* Add the face left of the edge from a to b, with third point c; returns whether it is flipped. */
-static bool add_face(reel_walk *walk, int32_t a, int32_t b, int32_t c) {
-    const reel_node *nodes = walk->nodes;
+/* A visited face a, b, c: whether it is flipped, and its half-edges between b and c, c and a. */
+typedef struct {
+    bool flipped;
+    int32_t opposite, last;
+} visited_face;
+
+/* Make two half-edges twins, unless one is REEL_NONE. */
+static void pair_twins(const reel_walk *walk, int32_t side, int32_t other) {
+    if (walk->twins && side != REEL_NONE && other != REEL_NONE) {
+        walk->twins[side] = other;
+        walk->twins[other] = side;
+    }
+}
+
+/* Add the face left of the edge from a to b, with third point c. */
+static visited_face add_face(reel_walk *walk, int32_t a, int32_t b, int32_t c) {
+    reel_node *nodes = walk->nodes;
     int32_t u = nodes[a].vertex, v = nodes[b].vertex, w = nodes[c].vertex;
+    bool starts_part = walk->starts_part;
+    walk->starts_part = false;
     if (u == REEL_CAP || v == REEL_CAP || w == REEL_CAP) {
         walk->n_closing++;
         walk->failed |= walk->n_closing > 3 * walk->n_faces;
-        return nodes[a].flipped;
+        return (visited_face){nodes[a].flipped, REEL_NONE, REEL_NONE};
     }
     if (walk->n_done == walk->n_faces) {
         walk->failed = true;
-        return false;
+        return (visited_face){false, REEL_NONE, REEL_NONE};
     }
     bool flipped = reel_is_encoder(&walk->coder) && walk->surface.flipped[walk->side[a] / 3];
     flipped = reel_code_flipped(walk, a, flipped);
-    int32_t *face = walk->faces + 3 * walk->n_done++;
+    int32_t side = 3 * (int32_t)walk->n_done++, *face = walk->faces + side;
     face[0] = u;
     face[1] = flipped ? w : v;
     face[2] = flipped ? v : w;
-    return flipped;
+    int32_t first = flipped ? side + 2 : side;
+    pair_twins(walk, first, nodes[a].behind);
+    if (starts_part) {
+        nodes[b].behind = first; /* both edges of the ring are the same edge */
+    }
+    return (visited_face){flipped, side + 1, flipped ? side : side + 2};
 }
 
 /* Record that the face n, m, c now lies behind the edges n to c and c to m. */
-static void set_behind(reel_walk *walk, int32_t n, int32_t m, int32_t c, bool flipped) {
+static void set_behind(reel_walk *walk, int32_t n, int32_t m, int32_t c, visited_face face) {
     reel_node *nodes = walk->nodes;
     int32_t to_c = half_edge_behind(walk, n, false), to_m = half_edge_behind(walk, n, true);
     set_half_edge(walk, n, to_c);
     set_half_edge(walk, c, to_m);
     nodes[c].across = nodes[n].degree;
     nodes[n].across = nodes[m].degree;
-    nodes[c].flipped = nodes[n].flipped = flipped;
+    nodes[c].flipped = nodes[n].flipped = face.flipped;
+    nodes[c].behind = face.opposite;
+    nodes[n].behind = face.last;
 }
 
 /* Create a node for a point that is first met, not yet in a ring; n and m are as in
@@ -145,7 +168,8 @@ static int32_t meet_point(reel_walk *walk, int32_t n, int32_t m, int32_t point) 
     int32_t result = walk->failed ? 0 : allocate_node(walk);
     if (!walk->failed) {
         walk->nodes[result] =
-            (reel_node){.vertex = vertex, .degree = degree, .remaining = degree - 2, .across = 6};
+            (reel_node){.vertex = vertex, .degree = degree, .remaining = degree - 2, .across = 6,
+                        .behind = REEL_NONE};
     }
     return result;
 }
@@ -176,7 +200,10 @@ static void grow_to_node(reel_walk *walk, int32_t n, int32_t m, int32_t w, int32
     int32_t max_share = nodes[w].remaining - 2;
     uint32_t result = reel_code_count(&walk->coder, &walk->models->share, (uint32_t)share);
     walk->failed |= result > (uint32_t)max_share;
-    bool flipped = !walk->failed && add_face(walk, n, m, w);
+    visited_face face = {false, REEL_NONE, REEL_NONE};
+    if (!walk->failed) {
+        face = add_face(walk, n, m, w);
+    }
     int32_t copy = walk->failed ? 0 : allocate_node(walk);
     if (walk->failed) {
         return;
@@ -185,7 +212,7 @@ static void grow_to_node(reel_walk *walk, int32_t n, int32_t m, int32_t w, int32
     link_nodes(walk, nodes[w].prev, copy);
     link_nodes(walk, copy, m);
     link_nodes(walk, n, w);
-    set_behind(walk, n, m, copy, flipped);
+    set_behind(walk, n, m, copy, face);
     nodes[copy].remaining = max_share - (int32_t)result;
     push_node(walk, copy);
     set_remaining(walk, w, (int32_t)result);
@@ -245,15 +272,18 @@ static void fill(reel_walk *walk, int32_t n) {
         walk->failed = true;
         return;
     }
-    bool flipped = add_face(walk, n, next, prev);
+    visited_face face = add_face(walk, n, next, prev);
+    pair_twins(walk, face.last, nodes[prev].behind);
     if (!last) {
         set_half_edge(walk, prev, half_edge_behind(walk, n, true));
         nodes[prev].across = nodes[n].degree;
-        nodes[prev].flipped = flipped;
+        nodes[prev].flipped = face.flipped;
+        nodes[prev].behind = face.opposite;
         link_nodes(walk, prev, next);
         set_remaining(walk, prev, nodes[prev].remaining - 1);
         set_remaining(walk, next, nodes[next].remaining - 1);
     } else {
+        pair_twins(walk, face.opposite, nodes[next].behind);
         free_node(walk, prev);
         free_node(walk, next);
     }
@@ -273,6 +303,7 @@ static void start_part(reel_walk *walk, int32_t side) {
     if (walk->failed) {
         return;
     }
+    walk->starts_part = true;
     link_nodes(walk, a, b);
     link_nodes(walk, b, a);
     set_half_edge(walk, a, side);

@@ -9,18 +9,17 @@
 #define REEL_WALK_H
 
 #include "integers.h"
-#include "mixer.h"
 #include "surface.h"
+#include "symbols.h"
 
 #define REEL_NONE (-1)
 #define REEL_CAP (-1) /* the vertex of a cap */
 /* Stacks of nodes: complete, at a cap, then by remaining edges 1, 2, ... 10 or more. */
 #define REEL_STACKS 12
-#define REEL_DECISIONS 15          /* binary decisions of a degree that have models */
-#define REEL_MAX_MODELED_DEGREE 16 /* largest degree with a decision */
-#define REEL_DEGREE_CONTEXTS 7     /* contexts mixed for a degree */
-#define REEL_DEGREE_MODELS (4 + 3 * 512 + 4096 + 256 + 1024)
-#define REEL_MEET_CONTEXTS 3 /* contexts mixed for whether rings meet */
+#define REEL_FLANK_CLASSES 17   /* of the degrees around a new point, and of the start of a part */
+#define REEL_EDGE_CONTEXTS 513  /* of the edge at which a point is met, and of a start */
+#define REEL_RING_LENGTHS 10    /* lengths of a ring: 2 to 9 or more */
+#define REEL_MEET_CONTEXTS 4096 /* of the edge at which rings may meet */
 
 typedef struct {
     int32_t next; /* next in the ring; the visited region is on the left of the edge to it */
@@ -30,15 +29,13 @@ typedef struct {
     int32_t remaining;    /* remaining edges between the two ring edges */
     int32_t across;       /* degree of the third point of the visited face at the edge to `next` */
     int32_t flipped;      /* is that face flipped? */
+    int32_t behind;       /* its half-edge there, in `faces`; REEL_NONE without one */
     int32_t above, below; /* neighbors in the stack */
 } reel_node;
 
 typedef struct {
-    reel_logit_table odds;
-    reel_model degree[REEL_DEGREE_MODELS * REEL_DECISIONS];
-    reel_weights degree_weights[REEL_DECISIONS];
-    reel_model meets[16 + 512 + 4096];
-    reel_weights meets_weights;
+    reel_symbol_model degree[REEL_FLANK_CLASSES], degree_at[REEL_EDGE_CONTEXTS];
+    reel_model meets[REEL_RING_LENGTHS], meets_at[REEL_MEET_CONTEXTS];
     reel_model is_cap, is_copy, starts_open, is_far, is_behind, flipped[2];
     reel_integer_model more_degree, cap_degree, offset, share, copy, amounts, corner[3];
 } reel_walk_models;
@@ -53,8 +50,9 @@ typedef struct {
     int64_t n_caps;           /* caps still to come */
     bool has_flipped, pinched;
     int32_t last_copied; /* vertex of the last copy */
-    int32_t last[2];     /* degrees of the last two points, latest first */
     int32_t *faces;      /* visited faces */
+    int32_t *twins;      /* of their half-edges, or NULL */
+    bool starts_part;    /* is the next face the first of a part? */
     reel_node *nodes;
     int32_t capacity;  /* capacity of `nodes` */
     int32_t n_nodes;   /* slots used so far */

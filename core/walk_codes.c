@@ -8,6 +8,8 @@
 #define MAX_OFFSET 24     /* ring distance up to which a target is coded as an offset */
 #define MAX_RING_LENGTH 9 /* ring lengths saturate here */
 #define MAX_FLANK 3       /* nodes followed beyond n and m */
+#define MIN_DEGREE 2      /* symbol 0 */
+#define LONG_DEGREE 15    /* symbol of all larger degrees */
 
 /* Context classes: of a degree 0..6, of a node 0..7, of a number of edges 0..7. */
 static uint32_t degree_class(int32_t degree) {
@@ -22,93 +24,41 @@ static uint32_t free_class(const reel_node *node) {
     return node->remaining > 7 ? 7 : (uint32_t)node->remaining;
 }
 
-/* The boundary nodes that are certainly connected to a new point at the edge n, m. */
-typedef struct {
-    int32_t steps;        /* number of such nodes beyond n, or m */
-    const reel_node *end; /* the last one */
-    int32_t excess;       /* sum of degree classes relative to degree 6; caps do not count */
-} boundary_flank;
-
-static boundary_flank flank_of(const reel_walk *walk, int32_t from, bool backward) {
-    boundary_flank flank = {0, &walk->nodes[from], 0};
-    for (;;) {
-        if (flank.end->vertex != REEL_CAP) {
-            flank.excess += (int32_t)degree_class(flank.end->degree) - 3;
+/* Sum the degree classes, relative to degree 6, of the nodes that are certainly connected to a new
+   point beside node `from`; caps do not count. */
+static int32_t flank_excess(const reel_walk *walk, int32_t from, bool backward) {
+    const reel_node *end = &walk->nodes[from];
+    int32_t excess = 0;
+    for (int steps = 0;; steps++) {
+        if (end->vertex != REEL_CAP) {
+            excess += (int32_t)degree_class(end->degree) - 3;
         }
-        if (flank.steps == MAX_FLANK || flank.end->remaining != 1) {
-            return flank;
+        if (steps == MAX_FLANK || end->remaining != 1) {
+            return excess;
         }
-        flank.end = &walk->nodes[backward ? flank.end->prev : flank.end->next];
-        flank.steps++;
+        end = &walk->nodes[backward ? end->prev : end->next];
     }
-}
-
-/* First models of a degree in each context. */
-static void find_contexts(const reel_walk *walk, int32_t n, int32_t m, uint32_t *row) {
-    uint32_t contexts[REEL_DEGREE_CONTEXTS] = {3};
-    if (n != REEL_NONE) {
-        const reel_node *nodes = walk->nodes, *a = &nodes[n], *b = &nodes[m];
-        boundary_flank left = flank_of(walk, n, true), right = flank_of(walk, m, false);
-        int32_t excess = 7 + reel_clamp(left.excess + right.excess, 8);
-        uint32_t sum = excess < 0 ? 0 : (uint32_t)excess;
-        uint32_t da = node_class(a), db = node_class(b), y = degree_class(a->across);
-        uint32_t fl = free_class(left.end);
-        contexts[0] = a->vertex == REEL_CAP ? 1 : b->vertex == REEL_CAP ? 2 : 0;
-        contexts[1] = da << 6 | db << 3 | y;
-        contexts[2] = free_class(a) << 6 | free_class(b) << 3 | fl;
-        contexts[3] = fl << 6 | degree_class(walk->last[0]) << 3 | degree_class(walk->last[1]);
-        contexts[4] =
-            node_class(&nodes[a->prev]) << 9 | da << 6 | db << 3 | node_class(&nodes[b->next]);
-        contexts[5] = (uint32_t)left.steps << 6 | (uint32_t)right.steps << 4 | sum;
-        contexts[6] = sum << 6 | da << 3 | y;
-    }
-    static const uint32_t starts[REEL_DEGREE_CONTEXTS] = {0, 4, 516, 1028, 1540, 5636, 5892};
-    for (int i = 0; i < REEL_DEGREE_CONTEXTS; i++) {
-        row[i] = (starts[i] + contexts[i]) * REEL_DECISIONS;
-    }
-}
-
-static bool decide(reel_walk *walk, const uint32_t *row, int decision, bool bit) {
-    reel_model *models[REEL_DEGREE_CONTEXTS];
-    for (int i = 0; i < REEL_DEGREE_CONTEXTS; i++) {
-        models[i] = &walk->models->degree[row[i] + (uint32_t)decision];
-    }
-    return reel_mixed_bit(&walk->coder, &walk->models->odds,
-                          &walk->models->degree_weights[decision], models, REEL_DEGREE_CONTEXTS,
-                          bit);
-}
-
-/* Code a degree of at least 2: is it 6, is it less, then unary from there. */
-static int32_t code_in_contexts(reel_walk *walk, const uint32_t *row, int32_t degree) {
-    if (decide(walk, row, 0, degree == 6)) {
-        return 6;
-    }
-    if (decide(walk, row, 1, degree < 6)) {
-        int32_t result = 5;
-        while (result > 2 && !decide(walk, row, 7 - result, degree == result)) {
-            result--;
-        }
-        return result;
-    }
-    for (int32_t result = 7; result <= REEL_MAX_MODELED_DEGREE; result++) {
-        if (decide(walk, row, result - 2, degree == result)) {
-            return result;
-        }
-    }
-    uint32_t more = (uint32_t)(degree - REEL_MAX_MODELED_DEGREE - 1);
-    more = reel_code_count(&walk->coder, &walk->models->more_degree, more);
-    walk->failed |= more > 12 * REEL_MAX_ITEMS;
-    return walk->failed ? 6 : REEL_MAX_MODELED_DEGREE + 1 + (int32_t)more;
 }
 
 /* Code the degree of a point first met behind the edge from n to m, or at a start. */
 int32_t reel_code_degree(reel_walk *walk, int32_t n, int32_t m, int32_t degree) {
-    uint32_t row[REEL_DEGREE_CONTEXTS];
-    find_contexts(walk, n, m, row);
-    degree = code_in_contexts(walk, row, degree);
-    walk->last[1] = walk->last[0];
-    walk->last[0] = degree;
-    return degree;
+    uint32_t around = REEL_FLANK_CLASSES - 1, edge = REEL_EDGE_CONTEXTS - 1;
+    if (n != REEL_NONE) {
+        const reel_node *a = &walk->nodes[n];
+        int32_t excess = flank_excess(walk, n, true) + flank_excess(walk, m, false);
+        around = (uint32_t)(excess < -7 ? 0 : excess > 8 ? 15 : excess + 7);
+        edge = node_class(a) << 6 | node_class(&walk->nodes[m]) << 3 | degree_class(a->across);
+    }
+    int symbol = degree - MIN_DEGREE < LONG_DEGREE ? degree - MIN_DEGREE : LONG_DEGREE;
+    symbol = reel_code_symbol_in_context(&walk->coder, &walk->models->degree[around],
+                                         &walk->models->degree_at[edge], symbol);
+    if (symbol < LONG_DEGREE) {
+        return MIN_DEGREE + symbol;
+    }
+    uint32_t more = (uint32_t)(degree - MIN_DEGREE - LONG_DEGREE);
+    more = reel_code_count(&walk->coder, &walk->models->more_degree, more);
+    walk->failed |= more > 12 * REEL_MAX_ITEMS;
+    return walk->failed ? 6 : MIN_DEGREE + LONG_DEGREE + (int32_t)more;
 }
 
 int32_t reel_code_cap_degree(reel_walk *walk, int32_t degree) {
@@ -163,17 +113,10 @@ bool reel_code_meets(reel_walk *walk, int32_t n, int32_t m, bool meets) {
     for (int32_t i = b->next; i != n && length < MAX_RING_LENGTH; i = nodes[i].next) {
         length++;
     }
-    uint32_t fa = free_class(a), fb = free_class(b);
-    uint32_t around =
-        fa << 9 | fb << 6 | free_class(&nodes[a->prev]) << 3 | free_class(&nodes[b->next]);
-    reel_model *meet = walk->models->meets;
-    reel_model *models[REEL_MEET_CONTEXTS] = {
-        &meet[length],
-        &meet[16 + (fa << 6 | fb << 3 | (length - 2))],
-        &meet[528 + around],
-    };
-    return reel_mixed_bit(&walk->coder, &walk->models->odds, &walk->models->meets_weights, models,
-                          REEL_MEET_CONTEXTS, meets);
+    uint32_t at = free_class(a) << 9 | free_class(b) << 6 | free_class(&nodes[a->prev]) << 3 |
+                  free_class(&nodes[b->next]);
+    return reel_bit_in_context(&walk->coder, &walk->models->meets[length],
+                               &walk->models->meets_at[at], meets);
 }
 
 /* Code the node that the face behind the edge from n to m meets: as an offset in the ring, or as
@@ -208,17 +151,11 @@ int32_t reel_code_target(reel_walk *walk, int32_t n, int32_t m, int32_t target) 
 }
 
 void reel_reset_walk_models(reel_walk_models *models) {
-    /* Mixed models start without observations, except for ring lengths. */
-    reel_zero(models, sizeof *models);
-    reel_fill_logits(&models->odds);
-    for (int i = 0; i < REEL_MAX_MIXED; i++) {
-        for (int decision = 0; decision < REEL_DECISIONS; decision++) {
-            models->degree_weights[decision].of[i] = 65536 / 4;
-        }
-        models->meets_weights.of[i] = 65536 / 4;
+    reel_zero(models, sizeof *models); /* models of contexts are copied from shared ones */
+    for (int i = 0; i < REEL_FLANK_CLASSES; i++) {
+        models->degree[i] = reel_new_symbol_model();
     }
-    models->meets_weights.of[0] = 65536 / 2;
-    for (int length = 0; length <= MAX_RING_LENGTH; length++) {
+    for (int length = 0; length < REEL_RING_LENGTHS; length++) {
         models->meets[length] = reel_model_of(512, 6);
     }
     models->is_cap = models->is_copy = models->is_far = reel_model_of(2048, 4);

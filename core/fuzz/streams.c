@@ -379,7 +379,7 @@ static void put_mesh(stream *s) {
     int64_t length =
         reel_connectivity_encode(fuzz_allocate((int64_t)size, 1), size, mesh->faces, mesh->n_faces,
                                  mesh->n_verts, fuzz_one_in(6), fuzz_allocate(3 * mesh->n_faces, 4),
-                                 fuzz_allocate(mesh->n_verts, 4), out, (size_t)capacity);
+                                 NULL, fuzz_allocate(mesh->n_verts, 4), out, (size_t)capacity);
     FUZZ_CHECK(length >= 0);
     size_t payload = s->size;
     put(s, out, (size_t)length);

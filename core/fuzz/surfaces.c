@@ -153,21 +153,36 @@ void fuzz_hierarchy(void) {
 static int64_t decode_faces(fuzz_bytes from, fuzz_mesh *mesh) {
     size_t size = reel_connectivity_decode_memory(mesh->n_verts, mesh->n_faces);
     mesh->faces = fuzz_allocate(3 * mesh->n_faces, sizeof *mesh->faces);
+    mesh->twins = fuzz_allocate(3 * mesh->n_faces, sizeof *mesh->twins);
     int64_t result = reel_connectivity_decode(fuzz_allocate((int64_t)size, 1), size, from.bytes,
-                                              from.size, mesh->n_verts, mesh->n_faces, mesh->faces);
+                                              from.size, mesh->n_verts, mesh->n_faces, mesh->faces,
+                                              mesh->twins);
     fuzz_check_code(result);
     return result;
 }
 
-static fuzz_bytes encode_faces(const fuzz_mesh *mesh, bool listed, int32_t *faces,
+static fuzz_bytes encode_faces(const fuzz_mesh *mesh, bool listed, int32_t *faces, int32_t *twins,
                                int32_t *given) {
     int64_t capacity = 96 * mesh->n_faces + 1024;
     size_t size = reel_connectivity_encode_memory(mesh->n_verts, mesh->n_faces);
     uint8_t *out = fuzz_allocate(capacity, 1);
     int64_t result =
         reel_connectivity_encode(fuzz_allocate((int64_t)size, 1), size, mesh->faces, mesh->n_faces,
-                                 mesh->n_verts, listed, faces, given, out, (size_t)capacity);
+                                 mesh->n_verts, listed, faces, twins, given, out, (size_t)capacity);
     return fuzz_written(out, result);
+}
+
+/* Check that twins join the ends of the same edge. */
+static void check_twins(const fuzz_mesh *mesh) {
+    for (int64_t side = 0; side < 3 * mesh->n_faces; side++) {
+        int64_t twin = mesh->twins[side];
+        FUZZ_CHECK(twin >= 0 && twin < 3 * mesh->n_faces && mesh->twins[twin] == side);
+        int64_t after = side % 3 == 2 ? side - 2 : side + 1;
+        int64_t other = twin % 3 == 2 ? twin - 2 : twin + 1;
+        int32_t a = mesh->faces[side], b = mesh->faces[after];
+        int32_t c = mesh->faces[twin], d = mesh->faces[other];
+        FUZZ_CHECK((a == c && b == d) || (a == d && b == c));
+    }
 }
 
 /* Check that a mesh from damaged bytes is valid, and survives a round trip. */
@@ -175,20 +190,25 @@ static void check_mesh(const fuzz_mesh *mesh) {
     for (int64_t i = 0; i < 3 * mesh->n_faces; i++) {
         FUZZ_CHECK(mesh->faces[i] >= 0 && mesh->faces[i] < mesh->n_verts);
     }
-    int32_t *faces = fuzz_allocate(3 * mesh->n_faces, sizeof *faces);
+    size_t n_sides = 3 * (size_t)mesh->n_faces;
+    int32_t *faces = fuzz_allocate((int64_t)n_sides, sizeof *faces);
+    int32_t *twins = fuzz_allocate((int64_t)n_sides, sizeof *twins);
     int32_t *given = fuzz_allocate(mesh->n_verts, sizeof *given);
-    fuzz_bytes bytes = encode_faces(mesh, fuzz_one_in(4), faces, given);
+    check_twins(mesh);
+    fuzz_bytes bytes = encode_faces(mesh, fuzz_one_in(4), faces, twins, given);
     fuzz_mesh result = *mesh;
     FUZZ_CHECK(decode_faces(bytes, &result) == (int64_t)bytes.size);
-    FUZZ_CHECK(!memcmp(result.faces, faces, 3 * (size_t)mesh->n_faces * sizeof *faces));
+    FUZZ_CHECK(!memcmp(result.faces, faces, n_sides * sizeof *faces));
+    FUZZ_CHECK(!memcmp(result.twins, twins, n_sides * sizeof *twins));
     fuzz_hash(faces, 3 * mesh->n_faces, sizeof *faces);
 }
 
 void fuzz_connectivity(void) {
     fuzz_mesh mesh = fuzz_make_mesh(60);
     int32_t *faces = fuzz_allocate(3 * mesh.n_faces, sizeof *faces);
+    int32_t *twins = fuzz_allocate(3 * mesh.n_faces, sizeof *twins);
     int32_t *given = fuzz_allocate(mesh.n_verts, sizeof *given);
-    fuzz_bytes bytes = encode_faces(&mesh, fuzz_one_in(6), faces, given);
+    fuzz_bytes bytes = encode_faces(&mesh, fuzz_one_in(6), faces, twins, given);
     fuzz_mesh result = mesh;
     FUZZ_CHECK(decode_faces(bytes, &result) == (int64_t)bytes.size);
     FUZZ_CHECK(!memcmp(result.faces, faces, 3 * (size_t)mesh.n_faces * sizeof *faces));

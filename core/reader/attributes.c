@@ -287,37 +287,33 @@ static void find_rows_of_triangles(const reel_faces *faces, const meshreel_attri
     }
 }
 
-/* The triangles of rows, and their twins. */
-typedef struct {
-    int32_t *triangles, *twins;
-} row_faces;
-
+/* Find the row at each corner of a triangle, and the twins of the sides of these triangles. */
 static int find_row_faces(reel_call *call, const reel_faces *faces,
-                          const meshreel_attribute *output, row_faces *result) {
+                          const meshreel_attribute *output, int32_t **triangles, int32_t **twins) {
     uint64_t n_faces = faces->outline->n_faces;
-    result->triangles = reel_scratch(call, 3 * n_faces, sizeof *result->triangles);
-    if (!result->triangles) {
+    *triangles = reel_scratch(call, 3 * n_faces, sizeof **triangles);
+    if (!*triangles) {
         return call->error.code;
     }
-    find_rows_of_triangles(faces, output, result->triangles);
-    return reel_find_twins(call, result->triangles, n_faces, output->n_rows, &result->twins);
+    find_rows_of_triangles(faces, output, *triangles);
+    return reel_find_twins(call, *triangles, n_faces, output->n_rows, twins);
 }
 
 static int predict_along_faces(reel_call *call, const reel_faces *faces,
                                const meshreel_attribute *output, row_order *rows_order) {
     int64_t n_faces = (int64_t)faces->outline->n_faces, n_rows = output->n_rows;
     uint64_t n_sides = 3 * faces->outline->n_faces;
-    row_faces of_rows;
+    int32_t *triangles, *twins;
     int failed = allocate_row_order(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, rows_order);
     const reel_chunk *mark = call->scratch.last;
-    failed = failed ? failed : find_row_faces(call, faces, output, &of_rows);
+    failed = failed ? failed : find_row_faces(call, faces, output, &triangles, &twins);
     size_t memory_size = reel_predictors_memory(n_rows, n_faces);
     void *memory = failed ? NULL : reel_scratch(call, memory_size, 1);
     if (!memory) {
         return call->error.code;
     }
     int64_t result =
-        reel_predictors_find(memory, memory_size, of_rows.triangles, of_rows.twins, n_rows, n_faces,
+        reel_predictors_find(memory, memory_size, triangles, twins, n_rows, n_faces,
                              rows_order->order, rows_order->starts, rows_order->triples);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, REEL_UNKNOWN, "an attribute does not match the faces");
@@ -359,17 +355,17 @@ static int decode_on_surface(reel_call *call, reel_range coded, const reel_faces
     reel_rare();
     int64_t n_rows = output->n_rows, n_faces = (int64_t)faces->outline->n_faces;
     size_t memory_size = reel_surface_integers_memory(n_rows, n_faces, output->width);
-    row_faces of_rows;
+    int32_t *triangles, *twins;
     const uint8_t *bytes;
-    int failed = find_row_faces(call, faces, output, &of_rows);
+    int failed = find_row_faces(call, faces, output, &triangles, &twins);
     failed = failed ? failed : reel_view(call, coded, &bytes);
     void *memory = failed ? NULL : reel_scratch(call, memory_size, 1);
     if (!memory) {
         return call->error.code;
     }
     int64_t result = reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length,
-                                                  n_rows, output->width, of_rows.triangles,
-                                                  of_rows.twins, n_faces, values);
+                                                  n_rows, output->width, triangles, twins, n_faces,
+                                                  values);
     return reel_fail_core(call, result, coded.at, "the values of an attribute are damaged");
 }
 

@@ -594,16 +594,13 @@ static int load_one_frame(reel_call *call, const meshreel_decoder *decoder,
         return call->error.code;
     }
     const uint8_t *bytes;
-    int32_t *twins;
     int failed = reel_view(call, coded, &bytes);
-    failed = failed ? failed
-                    : reel_find_twins(call, faces, outline->n_faces, outline->n_verts, &twins);
     if (failed) {
         return failed;
     }
     int64_t result =
         reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length, n_verts,
-                                     N_AXES, faces, twins, n_faces, positions);
+                                     N_AXES, faces, decoder->file->mesh.twins, n_faces, positions);
     reel_drop_scratch(call, mark);
     state->current.exact = positions;
     return reel_fail_core(call, result, coded.at, "positions on a grid are damaged");
@@ -628,7 +625,16 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
         type = REEL_SIGNED_INTEGERS;
         size = sizeof(int32_t);
     }
-    return decode_exact(call, &state->current.pool, group->values, &state->items.graph,
+    reel_graph *graph = &state->items.graph;
+    if (!graph->starts) { /* of single frames that turn out not to be on a grid */
+        const reel_outline *outline = &decoder->file->outline;
+        int failed = reel_find_neighbors(call, &decoder->pool, decoder->file->mesh.internal_faces,
+                                         outline->n_faces, (uint32_t)outline->n_verts, graph);
+        if (failed) {
+            return failed;
+        }
+    }
+    return decode_exact(call, &state->current.pool, group->values, graph,
                         group->n_frames, definition->n_coded, size, type, &state->current.exact);
 }
 

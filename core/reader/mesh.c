@@ -46,11 +46,15 @@ int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline 
         return failed;
     }
     mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
+    bool is_grid = outline->method == REEL_METHOD_GRID;
+    if (is_grid) {
+        mesh->twins = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
+    }
     const reel_chunk *mark = call->scratch.last;
     size_t memory_size = reel_connectivity_decode_memory(n_verts, n_faces);
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
-    if (!mesh->internal_faces || !memory) {
+    if (!mesh->internal_faces || (is_grid && !mesh->twins) || !memory) {
         return call->error.code;
     }
     failed = reel_view(call, coded, &bytes);
@@ -58,11 +62,14 @@ int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline 
         return failed;
     }
     int64_t result = reel_connectivity_decode(memory, memory_size, bytes, (size_t)coded.length,
-                                              n_verts, n_faces, mesh->internal_faces);
+                                              n_verts, n_faces, mesh->internal_faces, mesh->twins);
     reel_drop_scratch(call, mark);
     failed = reel_fail_core(call, result, coded.at, "the connectivity is damaged");
-    return failed ? failed
-                  : reel_find_neighbors(call, pool, mesh->internal_faces, outline->n_faces,
+    mesh->graph = (reel_graph){.n_items = (uint32_t)outline->n_verts};
+    bool is_needed = !is_grid || outline->longest > 1 || outline->n_tracks > 1;
+    return failed || !is_needed
+               ? failed
+               : reel_find_neighbors(call, pool, mesh->internal_faces, outline->n_faces,
                                         (uint32_t)outline->n_verts, &mesh->graph);
 }
 

@@ -14,13 +14,15 @@ typedef struct {
 
 typedef struct {
     int32_t *internal_faces; /* n_faces x 3 internal vertices */
+    int32_t *twins;          /* of their half-edges; NULL unless the method is grid */
     uint32_t *triangles;     /* n_faces x 3 output vertices */
     int32_t *to_internal;    /* internal number of each output vertex */
     int32_t *to_output;      /* output number of each internal vertex */
-    reel_graph graph;        /* adjacency of internal vertices */
+    reel_graph graph;        /* adjacency of internal vertices; see reel_read_connectivity */
 } reel_mesh_data;
 
-/* Decode the faces in internal order, and find the neighbors of vertices. */
+/* Decode the faces in internal order, and find the neighbors of vertices. Single frames on a grid
+   do not need them: then `starts` is NULL. */
 int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
                            reel_mesh_data *mesh);
 

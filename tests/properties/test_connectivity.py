@@ -73,7 +73,7 @@ def test_any_connectivity_round_trips(mesh, order):
 @given(meshes, st.booleans())
 def test_listed_and_walked_faces_decode_to_the_same_triangles(mesh, listed):
     faces, n_verts = mesh
-    payload, internal_to_given, internal = encode_faces(faces, n_verts, listed=listed)
+    payload, internal_to_given, internal, _ = encode_faces(faces, n_verts, listed=listed)
     np.testing.assert_array_equal(decode_faces(payload, n_verts, len(faces)), internal)
     np.testing.assert_array_equal(
         sorted_triangles(internal_to_given[internal], n_verts), sorted_triangles(faces, n_verts)

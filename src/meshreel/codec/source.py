@@ -62,6 +62,11 @@ class CodedMesh:
         return self._connectivity.internal_faces
 
     @property
+    def twins(self) -> npt.NDArray[np.int32]:
+        """The other side at the edge of each side of internal faces, or the side itself."""
+        return self._connectivity.internal_twins
+
+    @property
     def order(self) -> Integers:
         """Given number of each internal vertex."""
         return self._connectivity.internal_to_given

@@ -1,5 +1,7 @@
 """Coding of face lists, by the core."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,8 +18,28 @@ BYTES_EACH = 96
 MORE_BYTES = 1024
 
 
-def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, Integers, Faces]:
-    """Encode a face list; return the bytes, the input vertex of each internal one, internal faces.
+class EncodedFaces(NamedTuple):
+    """A face list in internal order.
+
+    Attributes
+    ----------
+    data : bytes
+    internal_to_given : int64 array of shape (V,)
+        Input vertex of each internal one.
+    faces : int32 array of shape (M, 3)
+        As the decoder restores them.
+    twins : int32 array of shape (3 M,)
+        The other side at the edge of each internal side, or the side itself.
+    """
+
+    data: bytes
+    internal_to_given: Integers
+    faces: Faces
+    twins: npt.NDArray[np.int32]
+
+
+def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> EncodedFaces:
+    """Encode a face list.
 
     Parameters
     ----------
@@ -33,6 +55,7 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, In
     """
     faces = np.ascontiguousarray(faces, np.int32)
     internal_faces = np.empty_like(faces)
+    twins = np.empty(3 * len(faces), np.int32)
     internal_to_given = np.empty(n_verts, np.int32)
     out = np.empty(BYTES_EACH * len(faces) + MORE_BYTES, np.uint8)
     size = call(
@@ -42,13 +65,15 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> tuple[bytes, In
         n_verts,
         int(listed),
         internal_faces,
+        twins,
         internal_to_given,
         out,
         len(out),
         what="faces",
         memory_of=("reel_connectivity_encode_memory", n_verts, len(faces)),
     )
-    return out[:size].tobytes(), internal_to_given.astype(np.int64), internal_faces
+    order = internal_to_given.astype(np.int64)
+    return EncodedFaces(out[:size].tobytes(), order, internal_faces, twins)
 
 
 def decode_faces(data: bytes, n_verts: int, n_faces: int) -> Faces:
@@ -71,6 +96,7 @@ def decode_faces(data: bytes, n_verts: int, n_faces: int) -> Faces:
         n_verts,
         n_faces,
         faces,
+        None,
         what="faces",
         memory_of=("reel_connectivity_decode_memory", n_verts, n_faces),
     )

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.fields import BYTES_AT_FIRST, BYTES_EACH
 from meshreel.kernel.library import call
 
 Integers = npt.NDArray[np.integer[Any]]
 Table = npt.NDArray[np.int32]
 
 HEAD_BYTES = 12
+BYTES_EACH, MORE_BYTES = 10, 64
 MAX_VALUE, MAX_COLUMNS = 1 << 29, 16
 """As in `core/reel.h`."""
 
@@ -26,7 +26,7 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
     faces : integer array of shape (M, 3)
         Rows, in 0..N-1.
     twins : integer array of shape (3 M,)
-        As in `kernel.patterns.expected_along`.
+        As in `kernel.patterns.expected_along`, or those of `kernel.connectivity.encode_faces`.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
         If a value is too large.
     """
     n_rows, n_columns = values.shape
-    out = np.empty(HEAD_BYTES + BYTES_EACH * values.size + BYTES_AT_FIRST, np.uint8)
+    out = np.empty(HEAD_BYTES + BYTES_EACH * values.size + MORE_BYTES, np.uint8)
     size = call(
         "reel_surface_integers_encode",
         np.ascontiguousarray(values, np.int32),

@@ -8,6 +8,7 @@ connectivity itself.
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import decode_given_order, encode_order
@@ -36,12 +37,15 @@ class CodedConnectivity:
         Vertex i of the internal order is vertex ``internal_to_given[i]`` of the input.
     internal_faces : int32 array of shape (M, 3)
         The faces that `decode_connectivity` returns.
+    internal_twins : int32 array of shape (3 M,)
+        The other side at the edge of each internal side, or the side itself.
     """
 
     payload: bytes
     order_payload: bytes
     internal_to_given: Integers
     internal_faces: Faces
+    internal_twins: npt.NDArray[np.int32]
 
     @property
     def size_bytes(self) -> int:
@@ -120,8 +124,12 @@ def decode_order(
 
 
 def _code(faces: Faces, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:
-    payload, back, internal = encode_faces(faces, n_verts, listed=listed)
-    if listed or order == "drop":
-        return CodedConnectivity(payload, b"", back, internal)
-    order_payload = encode_order(faces, internal, back, keep_faces=order == "keep")
-    return CodedConnectivity(payload, order_payload, back, internal)
+    coded = encode_faces(faces, n_verts, listed=listed)
+    order_payload = b""
+    if not listed and order != "drop":
+        order_payload = encode_order(
+            faces, coded.faces, coded.internal_to_given, keep_faces=order == "keep"
+        )
+    return CodedConnectivity(
+        coded.data, order_payload, coded.internal_to_given, coded.faces, coded.twins
+    )

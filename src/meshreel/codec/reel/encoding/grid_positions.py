@@ -8,16 +8,13 @@ motion; it is predicted along its surface, which is faster than a hierarchy.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.reel.encoding.block_coder import largest_rounding, write_promise
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
 from meshreel.codec.reel.encoding.target_step import promised_bound
@@ -47,11 +44,14 @@ class GridPositionCoder(PositionCoder):
 
     Attributes
     ----------
+    twins : int32 array of shape (3 M,)
+        The other side at the edge of each side, or the side itself.
     grid : PositionGrid
     bound : float or None
         Largest error of a position, in diagonals; None guarantees nothing.
     """
 
+    twins: npt.NDArray[np.int32]
     grid: PositionGrid
     bound: float | None
 
@@ -74,16 +74,12 @@ class GridPositionCoder(PositionCoder):
         coordinates = self.grid.coordinates(vertices)
         meets_bound = self._meets_bound(coordinates, vertices)
         if len(vertices) == 1 and meets_bound and np.abs(coordinates).max() <= MAX_VALUE:
-            return write_grid_frame(coordinates, self.grid.step, self.faces, self._twins)
+            return write_grid_frame(coordinates, self.grid.step, self.faces, self.twins)
         exact = write_grid_positions(vertices, NO_GRID, self.graph)
         if len(vertices) == 1 or not meets_bound:
             return exact
         rounded = write_grid_positions(coordinates, self.grid.step, self.graph)
         return min(exact, rounded, key=lambda sections: len(sections[1][1]))
-
-    @cached_property
-    def _twins(self) -> Integers:
-        return twin_sides(self.faces, self.n_verts)
 
     def _meets_bound(self, coordinates: Coordinates, vertices: Vertices) -> bool:
         if self.bound is None:
@@ -125,7 +121,7 @@ def grid_coder(
 def step_coder(mesh: CodedMesh, frame: BoundingFrame, step: float) -> GridPositionCoder:
     """Return the coder of a mesh with a grid of a step in diagonals, if coordinates allow it."""
     grid = PositionGrid(_allowed(step), frame)
-    return GridPositionCoder(mesh.faces, mesh.n_verts, grid, None)
+    return GridPositionCoder(mesh.faces, mesh.n_verts, mesh.twins, grid, None)
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Integers
+from meshreel.arrays import Floats
 from meshreel.codec.bitstream.container import write_block_counts, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
@@ -79,7 +79,7 @@ def write_grid_positions(
 
 
 def write_grid_frame(
-    values: Numbers, step: float, faces: Faces, twins: Integers
+    values: Numbers, step: float, faces: Faces, twins: npt.NDArray[np.int32]
 ) -> list[tuple[Section, bytes]]:
     """Return the sections of a block of one frame of the method `grid`.
 
@@ -91,8 +91,8 @@ def write_grid_frame(
         Above 0.
     faces : int32 array of shape (M, 3)
         In internal order.
-    twins : int64 array of shape (3 M,)
-        The opposite side of each side, as `twin_sides` returns it.
+    twins : int32 array of shape (3 M,)
+        The other side at the edge of each side, or the side itself.
     """
     return [
         (Section.BLOCK, write_block_counts(1, 0)),
