@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from pathlib import Path
 
 from meshreel.codec.error_bounds import bound_of
@@ -128,15 +128,15 @@ def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
 
 
 def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequence:
+    is_of_files = not isinstance(found.format, SequenceFormat)
+
     def comparing(stage: str, share: float) -> None:
         if stage == COMPARING:  # others count the frames of one segment
-            options.progress(stage, share)
+            options.progress("reading" if is_of_files else stage, share)
 
     several = _find_segments(found, replace(options, progress=comparing))
-    given = []
-    for one in several:
-        given.append(one.open())
-        options.progress("reading", Count(one.stop, several[-1].stop, "frames"))
+    # Files of a segment are read when it is found.
+    given = [one.open() for one in several] if is_of_files else _open_all([*several], options)
     segments = match_segments(given, options.progress) if options.matches_frames else given
     selected = [select_attributes(one, options.attributes, found.paths[0]) for one in segments]
     sequence = SegmentedSequence(selected, start_s=given[0].start_s)
@@ -148,6 +148,14 @@ def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequenc
     if len(segments) < len(given):
         options.notes.append(_describe_match(given, segments))
     return sequence
+
+
+def _open_all(several: Sequence["FoundSegment"], options: ReadOptions) -> list[FrameSource]:
+    opened = []
+    for one in several:
+        opened.append(one.open())
+        options.progress("reading", Count(one.stop, several[-1].stop, "frames"))
+    return opened
 
 
 def _describe_match(given: Sequence[FrameSource], matched: Sequence[FrameSource]) -> str:
@@ -221,9 +229,10 @@ def find_segments(source: Source | SourceFiles, options: ReadOptions) -> list[Fo
     return list(map(selecting, _find_segments(found, options)))
 
 
-def _find_segments(found: SourceFiles, options: ReadOptions) -> list[FoundSegment]:
+def _find_segments(found: SourceFiles, options: ReadOptions) -> Iterable[FoundSegment]:
+    """Find the segments; those of files are found while the caller reads earlier ones."""
     if not isinstance(found.format, SequenceFormat):
-        return list(_of_files(MeshFiles(found.paths, found.format), found, options))
+        return _of_files(MeshFiles(found.paths, found.format), found, options)
     path, form = found.paths[0], found.format
     if form.read_meshes is None:
         segments = segments_of(form.open(path, options))
@@ -234,7 +243,7 @@ def _find_segments(found: SourceFiles, options: ReadOptions) -> list[FoundSegmen
         ]
     mesh = select_mesh(form.read_meshes, path, options)
     with errors_naming(path):
-        runs = _same_faces(mesh.frame, len(mesh.times_s), options)
+        runs = list(_same_faces(mesh.frame, len(mesh.times_s), options))
     return [
         FoundSegment(start, stop, partial(open_mesh, frame_range(mesh, start, stop), path, options))
         for start, stop in runs
@@ -256,13 +265,13 @@ def _of_files(files: MeshFiles, found: SourceFiles, options: ReadOptions) -> Ite
 
 def _same_faces(
     frame: Callable[[int], PolygonMesh], n_frames: int, options: ReadOptions
-) -> list[tuple[int, int]]:
-    """Start and stop of each run of frames with the same vertices and faces."""
-    borders, first = [0], frame(0)
+) -> Iterator[tuple[int, int]]:
+    """Yield start and stop of each run of frames with the same vertices and faces."""
+    start, first = 0, frame(0)
     for index in range(1, n_frames):
         mesh = frame(index)
-        if mesh.difference(first):
-            borders.append(index)
-            first = mesh
         options.progress(COMPARING, Count(index + 1, n_frames, "frames"))
-    return list(pairwise([*borders, n_frames]))
+        if mesh.difference(first):
+            yield start, index
+            start, first = index, mesh
+    yield start, n_frames

@@ -116,7 +116,7 @@ def parse_drc_fields(data: bytes) -> Fields:
     return fields
 
 
-@lru_cache(maxsize=1)  # mesh, surface and fields of a file are read in succession
+@lru_cache(maxsize=3)  # a file is compared with the next before its surface and fields are read
 def _decode(data: bytes) -> DracoFrame:
     """Decode a file, and weld its seams; raises as `parse_drc`."""
     decoded = _decode_points(data)

@@ -97,6 +97,13 @@ def _find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> Ha
         if not is_hard.any():
             continue
         candidate = shared.ends[is_hard].astype(np.int32)
+        errors = weights * best
+        is_split = np.zeros(len(mesh.vertices), bool)
+        is_split[candidate] = True
+        if (
+            errors[~is_split[corners]].sum() > GAIN * errors.sum()
+        ):  # normals there remain as they are
+            continue
         found = angles(candidate)
         if (weights * found).sum() < GAIN * (weights * best).sum():
             best, edges = found, candidate
@@ -201,7 +208,8 @@ def _differences(
     is_forward = corners[sides] < corners[following]
     edges = of_side[sides]
     n_edges = int(edges.max(initial=-1)) + 1
-    _, first = np.unique(edges, return_index=True)
+    first = np.empty(n_edges, np.int64)
+    first[edges[::-1]] = np.arange(len(edges))[::-1]  # all edges have sides
     limit = 2 * np.sin(np.radians(SHARED_DEG) / 2)
     found = []
     for ends in (np.where(is_forward, sides, following), np.where(is_forward, following, sides)):
