@@ -1,93 +1,120 @@
 """Segments of one frame against Draco at the same quantization step.
 
-    python bench/one_frame.py samba.npz cow.npz --frames 0 40
-    python bench/one_frame.py capture/*.drc --bits 11
+    python bench/one_frame.py samba.npz cow.npz capture/ --frames 24 --bits 10 11
 
-Both store connectivity and positions, without the order of vertices and faces. Draco divides the
-longest side of the box into 2^bits - 1 steps; the segment has the same step, so the error is the
-same up to chance. Bytes are those of level 10, seconds those of level 7. Processor seconds are the
-least of several runs, with one thread.
+Each frame is a mesh of its own: those of a capture as they are; of other sequences each frame
+leaves out another 2 % of the faces. Both store connectivity and positions, without the order of
+vertices and faces. Draco divides the longest side of the box of all frames into 2^bits - 1 steps;
+the segments have the same step, so the error is the same up to chance. Bytes and times of Draco are
+those of level 7, one frame after another. Speeds are millions of vertices per second of the whole
+sequence: by wall-clock time with 1 core and with all, and by processor time; medians of several
+runs that take turns.
 """
 
 import argparse
-import os
 import time
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
+from statistics import median
 from typing import Any
-
-os.environ.setdefault("MESHREEL_THREADS", "1")
 
 import DracoPy
 import numpy as np
 
 import meshreel
+from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import MeshSequence
+from meshreel.runtime.threads import limit_cores, n_cores
 
-RUNS = 7
-
-
-def least_seconds(work: Callable[[], Any]) -> float:
-    """Return the least processor seconds of several runs."""
-    seconds = []
-    for _ in range(RUNS):
-        start = time.process_time()
-        work()
-        seconds.append(time.process_time() - start)
-    return min(seconds)
+LEVEL = 7
+LEFT_OUT = 0.02
+"""Share of the faces that each frame of a sequence of constant connectivity leaves out."""
 
 
-def draco(sequence: MeshSequence, bits: int, level: int) -> bytes:
-    """Return the frame, coded by Draco with a number of bits and a compression level."""
-    vertices = sequence.vertices[0].astype(np.float32)
-    side = float((vertices.max(axis=0) - vertices.min(axis=0)).max())
-    coded: bytes = DracoPy.encode(
-        vertices,
-        sequence.faces,
-        quantization_bits=bits,
-        compression_level=level,
-        quantization_range=side,
-        quantization_origin=vertices.min(axis=0).tolist(),
-    )
-    return coded
+def changing_frames(path: Path, n_frames: int) -> list[MeshSequence]:
+    """Return the first frames of a file or a folder, each with its own faces."""
+    files: Any = sorted(path.iterdir())[:n_frames] if path.is_dir() else path
+    segments = meshreel.load_segments(files, attributes="none").segments
+    if len(segments) > 1:
+        places = [(one, t) for one in segments for t in range(one.n_frames)][:n_frames]
+        return [MeshSequence(one.read(t, t + 1), one.faces) for one, t in places]
+    (whole,), rng = segments, np.random.default_rng(1)
+    frames = whole.read(0, min(n_frames, whole.n_frames))
+    return [subset(frame, whole.faces, rng) for frame in frames]
 
 
-def compare(name: str, sequence: MeshSequence, bits: int) -> None:
-    """Print a row: bytes of both, their ratio, and processor milliseconds of both."""
-    vertices = sequence.vertices[0].astype(np.float64)
-    sides = vertices.max(axis=0) - vertices.min(axis=0)
+def subset(vertices: Any, faces: Any, rng: np.random.Generator) -> MeshSequence:
+    """Return a frame without some faces, and without vertices that no face uses."""
+    kept = faces[rng.random(len(faces)) > LEFT_OUT]
+    used, numbers = np.unique(kept, return_inverse=True)
+    return MeshSequence(vertices[None, used], numbers.reshape(-1, 3).astype(np.int32))
+
+
+def compare(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> None:
+    """Print a row: bytes of both, and the ratio of speeds with their values."""
+    meshes = [(one.vertices[0].astype(np.float32), one.faces) for one in frames]
+    low = np.min([vertices.min(axis=0) for vertices, _ in meshes], axis=0)
+    sides = np.max([vertices.max(axis=0) for vertices, _ in meshes], axis=0).astype(float) - low
     step = float(sides.max() / (2**bits - 1) / np.linalg.norm(sides))
+    segmented, n_verts = SegmentedSequence(frames), sum(len(one) for one, _ in meshes)
 
     def encode() -> bytes:
-        return meshreel.encode(sequence, "grid", step=step, order="drop")
+        return meshreel.encode(segmented, "grid", step=step, order="drop")
 
-    own, other, fast = encode(), draco(sequence, bits, 10), draco(sequence, bits, 7)
-    seconds = (
-        least_seconds(encode),
-        least_seconds(lambda: draco(sequence, bits, 7)),
-        least_seconds(lambda: meshreel.decode(own)),
-        least_seconds(lambda: DracoPy.decode(fast)),
-    )
-    times = " ".join(f"{1e3 * one:8.1f}" for one in seconds)
-    ratio = len(own) / len(other)
-    print(f"{name:24} {bits:4} {len(own):9} {len(other):9} {ratio:6.3f} {times}", flush=True)
+    def encode_draco() -> list[bytes]:
+        options = {
+            "quantization_bits": bits,
+            "compression_level": LEVEL,
+            "quantization_range": float(sides.max()),
+            "quantization_origin": low.tolist(),
+        }
+        return [DracoPy.encode(vertices, faces, **options) for vertices, faces in meshes]
+
+    own, other = encode(), encode_draco()
+    size, other_size = len(own), sum(map(len, other))
+    seconds: dict[tuple[str, int], list[tuple[float, float]]] = defaultdict(list)
+
+    def clock(what: str, cores: int, work: Callable[[], Any]) -> None:
+        wall, processor = time.perf_counter(), time.process_time()
+        work()
+        spent = time.perf_counter() - wall, time.process_time() - processor
+        seconds[what, cores].append(spent)
+
+    every = n_cores()
+    for _ in range(n_runs):
+        for cores in (1, every):
+            limit_cores(cores)
+            clock("encode", cores, encode)
+            clock("encode draco", cores, encode_draco)
+            clock("decode", cores, lambda: meshreel.decode_segments(own))
+            clock("decode draco", cores, lambda: [DracoPy.decode(one) for one in other])
+
+    def speed(what: str, cores: int, clock: int) -> float:
+        return n_verts / 1e6 / median(one[clock] for one in seconds[what, cores])
+
+    print(f"{name} {len(frames)} x {n_verts // len(frames)}, {bits} bits: ", end="")
+    print(f"{size} bytes, {size / other_size:.3f} of Draco", flush=True)
+    for label, cores, kind in (("1 core", 1, 0), (f"{every} cores", every, 0), ("processor", 1, 1)):
+        cells = []
+        for what in ("encode", "decode"):
+            mine, draco = speed(what, cores, kind), speed(f"{what} draco", cores, kind)
+            cells.append(f"{what} {mine:6.2f} / {draco:6.2f} = {mine / draco:5.2f}")
+        print(f"    {label:10} {'   '.join(cells)}", flush=True)
 
 
 def main() -> None:
-    """Compare the chosen frames of all files."""
+    """Compare all files."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("inputs", nargs="+", type=Path)
-    parser.add_argument("--frames", nargs="+", type=int, default=[0])
+    parser.add_argument("--frames", type=int, default=24, help="at most this many of each")
     parser.add_argument("--bits", nargs="+", type=int, default=[9, 10, 11, 12])
+    parser.add_argument("--runs", type=int, default=5)
     options = parser.parse_args()
-    columns = f"{'enc. ms':>9}{'Draco':>9}{'dec. ms':>9}{'Draco':>9}"
-    print(f"{'frame':24} {'bits':>4} {'bytes':>9} {'Draco':>9} {'ratio':>6}{columns}")
     for path in options.inputs:
-        sequence = meshreel.load(path, attributes="none")
-        for frame in options.frames:
-            one = MeshSequence(sequence.vertices[frame : frame + 1], sequence.faces)
-            for bits in options.bits:
-                compare(f"{path.stem} {frame}", one, bits)
+        frames = changing_frames(path, options.frames)
+        for bits in options.bits:
+            compare(path.stem, frames, bits, options.runs)
 
 
 if __name__ == "__main__":

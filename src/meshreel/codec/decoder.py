@@ -1,27 +1,33 @@
 """Decode a stream to a mesh sequence."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.memory import memory_limit
+from meshreel.codec.memory import MemoryLimit, memory_limit
 from meshreel.codec.open_stream import OpenStream, whole_file, whole_stream
 from meshreel.codec.reel_track import tracks_of_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.kernel.files import OpenFile
 from meshreel.model.frame_choice import frame_range, start_of
 from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import Faces, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
+from meshreel.runtime.threads import in_threads, runs_of_small
 
 Mesh = tuple[Surface, Faces]
 
 FRAMES_PER_REPORT = 256
 """Most frames between two progress reports."""
+
+SMALL_POSITIONS = 1 << 20
+"""Segments of up to this many positions are decoded in parallel, larger ones one at a time."""
 
 
 def decode(
@@ -92,25 +98,79 @@ def decode_segments(
     requested = frame_range(frames, file.info.n_frames)
     segments: list[MeshSequence] = []
     meshes: dict[Hashable, Mesh] = {}
-    held_bytes = 0
+    held_bytes = n_decoded = 0
+    parts = _parts(file, limit, requested)
+    for several in runs_of_small(parts, lambda part: part.n_positions <= SMALL_POSITIONS):
+        needed_bytes = held_bytes
+        for part in several:
+            needed_bytes += part.opened.frames_size_bytes(part.frames)
+            stop = part.first_frame + part.frames.stop
+            limit.require(
+                needed_bytes, f"frames {requested.start}:{stop} of {part.number + 1} segments"
+            )
+        for segment, is_shared in _decode_together(several, n_modes, meshes):
+            held_bytes += segment.raw_size_bytes
+            if is_shared:
+                held_bytes -= segment.surface.size_bytes + segment.faces.nbytes
+            n_decoded += segment.n_frames
+            segments.append(segment)
+        progress("decoding", Count(n_decoded, len(requested), "frames"))
+    return SegmentedSequence(segments)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Frames of a segment, and the number and first frame of the segment in the stream."""
+
+    opened: OpenStream
+    frames: range
+    number: int
+    first_frame: int
+
+    @property
+    def n_positions(self) -> int:
+        return len(self.frames) * self.opened.n_verts
+
+    def decode(self, n_modes: int | None, mesh: Mesh | None) -> MeshSequence:
+        start_s = start_of(self.frames, self.opened.start_s, self.opened.fps)
+        return _decode_frames(self.opened, self.frames, start_s, n_modes, silent, mesh)
+
+
+def _parts(file: OpenFile, limit: MemoryLimit, requested: range) -> Iterator[_Part]:
+    """Yield the requested frames of each segment."""
     for number, place in enumerate(file.segments):
         first = max(requested.start, place.first_frame)
         stop = min(requested.stop, place.first_frame + place.n_frames)
         if first < stop:
             opened = OpenStream(file, limit, number)
             opened.require_mesh()
-            local = range(first - place.first_frame, stop - place.first_frame)
-            what = f"frames {requested.start}:{stop} of {number + 1} segments"
-            limit.require(held_bytes + opened.frames_size_bytes(local), what)
-            start_s = start_of(local, opened.start_s, opened.fps)
-            mesh = meshes.get(opened.mesh_key)
-            segments.append(_decode_frames(opened, local, start_s, n_modes, silent, mesh))
-            meshes[opened.mesh_key] = segments[-1].surface, segments[-1].faces
-            held_bytes += segments[-1].raw_size_bytes
-            if mesh is not None:  # shared with another segment
-                held_bytes -= mesh[0].size_bytes + mesh[1].nbytes
-            progress("decoding", Count(stop - requested.start, len(requested), "frames"))
-    return SegmentedSequence(segments)
+            frames = range(first - place.first_frame, stop - place.first_frame)
+            yield _Part(opened, frames, number, place.first_frame)
+
+
+def _decode_together(
+    parts: Sequence[_Part], n_modes: int | None, meshes: dict[Hashable, Mesh]
+) -> list[tuple[MeshSequence, bool]]:
+    """Decode several segments in parallel; also return whether another has the same mesh.
+
+    `meshes` are those of earlier segments, and gain those of these.
+    """
+    decoded: dict[int, MeshSequence] = {}
+    is_first = [part.opened.mesh_key not in meshes for part in parts]
+    seen: set[Hashable] = set()
+    for number, part in enumerate(parts):
+        is_first[number] &= part.opened.mesh_key not in seen
+        seen.add(part.opened.mesh_key)
+
+    def decode_one(number: int) -> None:
+        part = parts[number]
+        decoded[number] = part.decode(n_modes, meshes.get(part.opened.mesh_key))
+
+    in_threads(decode_one, [number for number, one in enumerate(is_first) if one])
+    for number, segment in decoded.items():
+        meshes[parts[number].opened.mesh_key] = segment.surface, segment.faces
+    in_threads(decode_one, [number for number, one in enumerate(is_first) if not one])
+    return [(decoded[number], not first) for number, first in enumerate(is_first)]
 
 
 def _decode_frames(

@@ -14,7 +14,7 @@ and stay fast on busy ones.
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import copy_context
@@ -105,6 +105,26 @@ def in_threads(
         for number, _ in enumerate(results, start=1):
             if done:
                 done(number)
+
+
+def runs_of_small(
+    pieces: Iterable[Piece], is_small: Callable[[Piece], bool]
+) -> Iterator[list[Piece]]:
+    """Yield runs of small pieces, each for one call of `in_threads`, and single large ones.
+
+    Large pieces are left to work that itself uses all cores.
+    """
+    run: list[Piece] = []
+    for piece in pieces:
+        if run and (not is_small(piece) or len(run) == 4 * n_cores()):
+            yield run
+            run = []
+        if is_small(piece):
+            run.append(piece)
+        else:
+            yield [piece]
+    if run:
+        yield run
 
 
 def in_background(work: Callable[[], Result]) -> "Future[Result]":

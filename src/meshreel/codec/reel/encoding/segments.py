@@ -17,7 +17,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.runtime.threads import in_threads, n_cores
+from meshreel.runtime.threads import in_threads, runs_of_small
 
 SMALL_POSITIONS = 1 << 20
 """Segments of up to this many positions are coded in parallel, larger ones one at a time."""
@@ -72,18 +72,7 @@ def encode_segments(
 
 def _coded_together(sources: Sequence[Source]) -> Iterator[list[Source]]:
     """Yield runs of small segments, and single large ones."""
-    run: list[Source] = []
-    for source in sources:
-        is_small = _n_positions(source) <= SMALL_POSITIONS
-        if run and (not is_small or len(run) == 4 * n_cores()):
-            yield run
-            run = []
-        if is_small:
-            run.append(source)
-        else:
-            yield [source]
-    if run:
-        yield run
+    return runs_of_small(sources, lambda source: _n_positions(source) <= SMALL_POSITIONS)
 
 
 def _after(progress: Progress, n_done: int, total: int) -> Progress:
