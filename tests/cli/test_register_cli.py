@@ -40,6 +40,13 @@ def test_encode_and_convert_register_while_reading(raw, tmp_path):
     assert "registered 4 frames in 1 segment" in converted.stderr
 
 
+def test_encode_of_a_raw_capture_advises_registration(raw, tmp_path):
+    encoded = run("encode", raw, "-o", tmp_path / "walk.reel")
+    registered = run("register", raw, "-o", tmp_path / "short.reel", "--tolerance", "0.5%")
+    advice = "`meshreel register` can follow the surface"
+    assert (advice in encoded.stderr, advice in registered.stderr) == (True, False)
+
+
 def test_batch_registers_captures_and_leaves_others_alone(raw, tmp_path):
     meshreel.save(meshreel.simulate_flag(3), raw.parent / "flag.npz")
     done = run("batch", raw.parent, tmp_path / "out", "--register", "0.5%", "--workers", "1")

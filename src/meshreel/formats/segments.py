@@ -27,6 +27,9 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count
 
+MANY_SEGMENTS = 0.8
+"""Segments per frame above which notes advise registration."""
+
 COMPARING = "comparing"
 """Stage of progress while the faces of all frames are compared."""
 
@@ -147,6 +150,10 @@ def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequenc
     )
     if len(segments) < len(given):
         options.notes.append(_describe_match(given, segments))
+    if options.matches_frames and len(segments) > MANY_SEGMENTS * sequence.n_frames:
+        options.notes.append(
+            "the faces change in almost every frame; `meshreel register` can follow the surface"
+        )
     return sequence
 
 

@@ -52,7 +52,8 @@ class Distances:
         Means of the frames, and the maximum of all, in percent of the diagonal of the box of all
         frames; in each frame the worse direction.
     psnr_db : float
-        Surface PSNR: 10 log10(3 p^2 / mse), with the longest side p of the box.
+        Surface PSNR: 10 log10(3 p^2 / mse), with the longest side p of the box. All frames count,
+        also the keys, which are exact.
     n_folded : int
         Faces in all frames whose normal opposes that of the raw surface.
     """
