@@ -97,12 +97,14 @@ class WorkerWatch:
     def poll(self, now: float) -> None:
         """Poll the cluster at time `now`, in seconds; warn or abandon calls if due."""
         n_waiting = self._n_waiting()
-        if not n_waiting:
-            self._waiting_since = None
+        if not n_waiting and self._waiting_since is None:
             return
         count = self._count()
         if count.n_threads:
-            self._reset()
+            self._reset()  # also if all calls have finished since the last poll
+            return
+        if not n_waiting:
+            self._waiting_since = None
             return
         start_s = self._waiting_since  # a copy: another thread may call `refusal` meanwhile
         if start_s is None:

@@ -115,3 +115,11 @@ def test_watch_polls_in_its_thread_until_closed(monkeypatch):
     cluster.watch._thread.join(10)
     assert not cluster.watch._thread.is_alive()
     assert cluster.abandoned
+
+
+def test_workers_are_reported_also_if_all_calls_have_finished(messages):
+    cluster = Cluster()
+    cluster.pass_time(0, 90)
+    cluster.n_calls, cluster.count = 0, WorkerCount(1)
+    cluster.pass_time(90, 91)
+    assert f"the Dask cluster at {ADDRESS} has workers again" in messages()
