@@ -7,7 +7,6 @@ from typing import Any
 
 from meshreel import __version__
 from meshreel.codec.achieved import measure_stream
-from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
@@ -157,7 +156,7 @@ def _measured(
     achieved = measure_stream(sequence, data, with_sted=config.sted is not None)
     stream = info(data)
     surfaces = (segment.surface for segment in segments_of(sequence))
-    notes += order_notes(surfaces, Order[stream.order.upper()], is_chosen=config.order is not None)
+    notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
     if state := solver_state_note(stream.tracks, tracks):
         notes.append(state)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)

@@ -79,7 +79,6 @@ def encode_file(
 ) -> EncodedFile:
     """Encode a sequence, write it and measure it; figures show `name` as the output."""
     from meshreel.codec.achieved import measure_stream
-    from meshreel.codec.bitstream.layout import Order
     from meshreel.codec.encoder import encode_with
     from meshreel.codec.inspect import info
     from meshreel.codec.reordering import joined_note, without_reordering
@@ -102,7 +101,7 @@ def encode_file(
     achieved = measure_stream(sequence, data, with_sted=config.sted is not None, progress=progress)
     stream = info(data)
     surfaces = (segment.surface for segment in segments_of(sequence))
-    notes += order_notes(surfaces, Order[stream.order.upper()], is_chosen=config.order is not None)
+    notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
     if state_note := solver_state_note(stream.tracks, tracks):
         notes.append(state_note)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)

@@ -119,19 +119,25 @@ def surface_in_order(
     )
 
 
-def order_notes(surfaces: Iterable[Surface], order: Order, *, is_chosen: bool) -> list[str]:
-    """Describe what a stream that keeps this order omits of the surfaces of its segments.
+def order_notes(surfaces: Iterable[Surface], kept: str, *, is_chosen: bool) -> list[str]:
+    """Describe what a stream omits of the surfaces of its segments, as it keeps these orders.
 
     Parameters
     ----------
+    kept : str
+        The orders that its segments keep, as in `StreamInfo`.
     is_chosen : bool
-        Whether the user has chosen the order.
+        Whether the user has chosen the order, one for all segments.
     """
-    if order is Order.DROP and not is_chosen:
+    orders = [Order[name] for name in kept.upper().split(", ")]
+    if not is_chosen:
+        if Order.DROP not in orders:
+            return []
         return [
             "omitted: the order of vertices and faces, which has no meaning in these files "
             '(order="keep" keeps it)'
         ]
+    (order,) = orders
     notes = dict.fromkeys(order_loss_note(surface, order) for surface in surfaces)
     return [note for note in notes if note]
 

@@ -434,7 +434,8 @@ def test_order_that_tracks_of_faces_need_is_kept():
 
 
 def test_note_on_an_order_that_the_user_has_not_chosen():
-    (note,) = order_notes([unordered(waving_grid(2)).surface], Order.DROP, is_chosen=False)
+    (note,) = order_notes([unordered(waving_grid(2)).surface], "drop", is_chosen=False)
     assert "which has no meaning" in note
-    assert order_notes([PLAIN], Order.KEEP, is_chosen=False) == []
-    assert len(order_notes([two_sheets().surface] * 2, Order.DROP, is_chosen=True)) == 1
+    assert order_notes([PLAIN], "keep", is_chosen=False) == []
+    assert order_notes([PLAIN] * 2, "keep, drop", is_chosen=False) == [note]
+    assert len(order_notes([two_sheets().surface] * 2, "drop", is_chosen=True)) == 1
