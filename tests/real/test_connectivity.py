@@ -35,11 +35,11 @@ LIMITS = {
 SURFACE_LIMITS = {
     "balloons": 0.34,
     "bone": 0.44,
-    "cesium_man": 1.14,
-    "chicken": 2.28,
-    "cow": 1.67,
-    "dance": 0.40,
-    "horse_gallop": 1.74,
+    "cesium_man": 1.19,
+    "chicken": 2.46,
+    "cow": 1.70,
+    "dance": 0.44,
+    "horse_gallop": 1.80,
     "jumping": 2.09,
     "samba": 2.00,
 }
