@@ -24,6 +24,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
+from meshreel.formats.segments import FACES_CHANGE
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of
 from meshreel.model.sequence import FrameSource, MeshSequence
@@ -222,7 +223,7 @@ def register(
     from meshreel.registration.register import register as register_sequence  # imports SciPy
 
     bound = bound_of(tolerance, unit, "tolerance")
-    frames = _source(source, None, matches_frames=False)
+    frames = _source(source, None, matches_frames=False, warns_of_changes=False)
     return register_sequence(frames, bound, progress).sequence
 
 
@@ -332,14 +333,16 @@ def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) 
     )
 
 
-def _source(sequence: Any, memory: Any, *, matches_frames: bool) -> AnySequence:
-    """Frames to encode, which may be read from their files on demand."""
+def _source(
+    sequence: Any, memory: Any, *, matches_frames: bool, warns_of_changes: bool = True
+) -> AnySequence:
+    """Frames to encode or register, which may be read from their files on demand."""
     if _is_path(sequence):
         notes: list[str] = []
         limit = None if memory is None else bytes_of(memory, "memory")
         options = ReadOptions(notes=notes, matches_frames=matches_frames)
         source = open_for_encoding(sequence, limit, options)
-        _warn(notes)
+        _warn([note for note in notes if warns_of_changes or not note.startswith(FACES_CHANGE)])
         return source
     return _sequence(sequence)
 

@@ -7,7 +7,6 @@ from functools import partial
 from itertools import accumulate
 from pathlib import Path
 
-from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.mesh_files import MeshFiles
@@ -29,6 +28,9 @@ from meshreel.runtime.progress import Count
 
 MANY_SEGMENTS = 0.8
 """Segments per frame above which notes advise registration."""
+
+FACES_CHANGE = "the faces change"
+"""Beginning of notes on segments."""
 
 COMPARING = "comparing"
 """Stage of progress while the faces of all frames are compared."""
@@ -69,6 +71,7 @@ def registered(sequence: AnySequence, options: ReadOptions) -> SegmentedSequence
     InvalidInputError
         As `meshreel.register`.
     """
+    from meshreel.codec.error_bounds import bound_of
     from meshreel.registration.register import register  # imports SciPy
 
     tolerance = bound_of(options.register or "", option="register")
@@ -145,14 +148,14 @@ def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequenc
     sequence = SegmentedSequence(selected, start_s=given[0].start_s)
     options.notes[:] = _combined(options.notes)
     options.notes.append(
-        f"the faces change: {counted(sequence.n_frames, 'frame')} in "
+        f"{FACES_CHANGE}: {counted(sequence.n_frames, 'frame')} in "
         f"{counted(len(given), 'segment')} of constant connectivity"
     )
     if len(segments) < len(given):
         options.notes.append(_describe_match(given, segments))
     if options.matches_frames and len(segments) > MANY_SEGMENTS * sequence.n_frames:
         options.notes.append(
-            "the faces change in almost every frame; `meshreel register` can follow the surface"
+            f"{FACES_CHANGE} in almost every frame; `meshreel register` can follow the surface"
         )
     return sequence
 

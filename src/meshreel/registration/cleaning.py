@@ -32,7 +32,7 @@ class CleanMesh:
     n_degenerate : int
         Removed faces without area.
     n_crumbs : int
-        Removed components of less than `MIN_COMPONENT_AREA`.
+        Removed components.
     """
 
     vertices: Floats
@@ -48,11 +48,16 @@ class CleanMesh:
         return not len(self.faces)
 
 
-def clean(frame: MeshFrame) -> CleanMesh:
+def clean(frame: MeshFrame, max_removed_area: float = np.inf) -> CleanMesh:
     """Weld equal positions, and remove faces without area and small components.
 
     Texture seams and quantization leave several vertices at one position; welding them restores
     the connectivity of the surface.
+
+    Parameters
+    ----------
+    max_removed_area : float
+        Largest area of a removed component, if that is less than `MIN_COMPONENT_AREA`.
     """
     _, first, number = np.unique(
         rows_as_bytes(frame.vertices + 0), return_index=True, return_inverse=True
@@ -65,7 +70,7 @@ def clean(frame: MeshFrame) -> CleanMesh:
     component = components(faces[kept], len(vertices))
     labels, of_faces = np.unique(component[faces[kept, 0]], return_inverse=True)
     areas = np.bincount(of_faces, doubled_areas[kept], len(labels))
-    is_large = areas >= MIN_COMPONENT_AREA * areas.sum()
+    is_large = areas >= min(MIN_COMPONENT_AREA * areas.sum(), max_removed_area)
     kept = kept[is_large[of_faces]]
     used, corners = np.unique(faces[kept], return_inverse=True)
     return CleanMesh(

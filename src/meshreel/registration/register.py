@@ -203,7 +203,7 @@ def register(
     scale = float((extent.high - extent.low).max()) or 1.0
     diagonal = float(np.linalg.norm(extent.high - extent.low)) or 1.0
     limit = Tolerance(tolerance.share(diagonal) * diagonal / scale)
-    raw = _RawFrames(sequence)
+    raw = _RawFrames(sequence, limit.patch_area * scale**2)
     topologies, n_removed = [], Counter[str]()
     for number in range(raw.n_frames):
         mesh = raw.cleaned(number)
@@ -232,9 +232,10 @@ def register(
 
 
 class _RawFrames:
-    """The frames of a sequence, one at a time."""
+    """The frames of a sequence, one at a time; cleaned, without components up to an area."""
 
-    def __init__(self, sequence: AnySequence) -> None:
+    def __init__(self, sequence: AnySequence, max_removed_area: float) -> None:
+        self._max_removed_area = max_removed_area
         self._segments = segments_of(sequence)
         counts = [one.n_frames for one in self._segments]
         self.starts = (0, *np.cumsum(counts).tolist())
@@ -249,7 +250,7 @@ class _RawFrames:
 
     def _cleaned(self, number: int) -> CleanMesh:
         frame = self.whole(number)
-        return clean(MeshFrame(frame.vertices[0], frame.faces))
+        return clean(MeshFrame(frame.vertices[0], frame.faces), self._max_removed_area)
 
 
 def _sequences(
@@ -263,7 +264,7 @@ def _sequences(
         first = segment.first + segment.n_frames
         key = raw.whole(segment.key)
         if segment.n_frames == 1:
-            yield key
+            yield replace(key, surface=replace(key.surface, is_ordered=False))
             continue
         positions = segment.positions * frames.scale + frames.low
         surface = _kept_surface(key, raw.cleaned(segment.key))

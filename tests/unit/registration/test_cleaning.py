@@ -35,6 +35,13 @@ def test_small_components_are_removed_and_counted():
     assert len(cleaned.vertices) == len(vertices)
 
 
+def test_components_above_an_area_are_kept():
+    vertices, faces = capsule(12, 12)
+    crumb = 5 + 1e-3 * np.eye(3)
+    both = frame(np.vstack([crumb, vertices]), np.vstack([[[0, 1, 2]], faces + 3]))
+    assert clean(both, max_removed_area=1e-7).n_crumbs == 0
+
+
 def test_signs_of_zero_are_one_position():
     cleaned = clean(frame([[0, 0, 0], [-0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 2, 3], [1, 3, 2]]))
     assert len(cleaned.vertices) == 3
