@@ -12,11 +12,12 @@ from meshreel.registration.verification import measure
 from samples.captures import as_frames, bent, capsule, capture
 
 TOLERANCE = ErrorBound(0.5)
+N_FRAMES, LAST_ANGLE = 4, 0.3
 
 
 @pytest.fixture(scope="module")
 def raw():
-    return capture()
+    return capture(N_FRAMES, LAST_ANGLE)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def test_the_mesh_follows_the_material(registered):
     """Vertices stay where they are along the axis, although nothing but the surface tells them."""
     segment = only_segment(registered)
     key = registered.segments[0].key
-    angles = np.linspace(0, 0.5, 6)
+    angles = np.linspace(0, LAST_ANGLE, N_FRAMES)
     for positions, angle in zip(segment.vertices, angles, strict=True):
         expected = bent(unbent(segment.vertices[key], angles[key]), angle)
         assert np.linalg.norm(positions - expected, axis=1).mean() < 0.05
@@ -79,7 +80,7 @@ def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
     others = as_frames([(torn, both), (torn + np.array([0, 0, 0.01]), both)])
     found = register(meshreel.concatenate([raw, others]), TOLERANCE)
     assert [one.n_frames for one in found.sequence.segments] == [raw.n_frames, 2]
-    assert any(line.startswith("frame 6 does not continue") for line in found.cuts())
+    assert any("does not continue the mesh" in line for line in found.cuts())
 
 
 def test_frames_without_a_surface_stay_as_they_are(raw):
@@ -119,7 +120,7 @@ def test_texture_coordinates_of_the_key_are_kept_at_corners(raw):
 
 def test_segments_encode_to_fewer_bytes_than_raw_frames(raw, registered):
     sizes = [len(meshreel.encode(one, quality=70)) for one in (raw, registered.sequence)]
-    assert sizes[1] < 0.5 * sizes[0]
+    assert sizes[1] < 0.6 * sizes[0]
 
 
 def test_distances_of_a_decoded_sequence_include_those_of_coding(raw, registered):
