@@ -3,8 +3,8 @@
 import inspect
 import os
 import warnings
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar, overload
@@ -52,7 +52,7 @@ def _accept_files(
     def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
         if not kwargs.keys() <= signature.parameters.keys():
             check_names(kwargs, signature.parameters)
-        with local_copy(sequence) if _is_path(sequence) else nullcontext(sequence) as local:
+        with _local(sequence) as local:
             order = kwargs.get("order")
             source = _source(local, kwargs.get("memory"), matches_frames=order in (None, "drop"))
             return encode(source, *args, **kwargs)
@@ -212,7 +212,8 @@ def register(
     -------
     SegmentedSequence
         Frames that cannot be followed are segments of their own, with their raw mesh. Segments of
-        several frames have the texture coordinates, groups and materials of their key frame.
+        several frames have the texture coordinates, groups and materials of their key frame. A
+        warning names what was removed or omitted.
 
     Raises
     ------
@@ -223,8 +224,11 @@ def register(
     from meshreel.registration.register import register as register_sequence  # imports SciPy
 
     bound = bound_of(tolerance, unit, "tolerance")
-    frames = _source(source, None, matches_frames=False, warns_of_changes=False)
-    return register_sequence(frames, bound, progress).sequence
+    with _local(source) as local:
+        frames = _source(local, None, matches_frames=False, warns_of_changes=False)
+        registration = register_sequence(frames, bound, progress)
+    _warn(registration.changes, stacklevel=3)
+    return registration.sequence
 
 
 @overload
@@ -333,6 +337,11 @@ def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) 
     )
 
 
+def _local(source: Any) -> AbstractContextManager[Any]:
+    """Context manager for local copies of remote files; other sources stay as they are."""
+    return local_copy(source) if _is_path(source) else nullcontext(source)
+
+
 def _source(
     sequence: Any, memory: Any, *, matches_frames: bool, warns_of_changes: bool = True
 ) -> AnySequence:
@@ -402,7 +411,7 @@ def _decode_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
     return frames_of(reel, numbers)
 
 
-def _warn(notes: list[str]) -> None:
-    """Warn once of each change or omission that reading noted."""
+def _warn(notes: Iterable[str], stacklevel: int = 4) -> None:
+    """Warn once of each change or omission."""
     for note in dict.fromkeys(notes):
-        warnings.warn(note, stacklevel=4)
+        warnings.warn(note, stacklevel=stacklevel)

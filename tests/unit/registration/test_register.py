@@ -1,5 +1,7 @@
 """Raw captures become few segments, within the tolerance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -137,6 +139,13 @@ def test_notes_state_the_result_and_the_cuts(raw):
     first, *others = found.notes()
     assert first.startswith("registered 3 frames in 2 segments; distance from the raw surface:")
     assert any("does not continue the mesh" in note for note in others)
+
+
+def test_a_warning_names_what_was_removed(raw):
+    *others, last = raw[:2].segments
+    flat = replace(last, faces=np.vstack([last.faces, [[0, 1, 1]]]))
+    with pytest.warns(UserWarning, match="removed 1 face without area"):
+        meshreel.register(meshreel.concatenate([*others, flat]), tolerance="2%")
 
 
 def test_tolerances_are_lengths_or_percent(raw):

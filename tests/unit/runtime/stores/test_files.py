@@ -9,6 +9,7 @@ import pytest
 
 import meshreel
 from meshreel.runtime.stores import transfer
+from samples.captures import capture
 from samples.commands import assert_fails, run, run_json
 from samples.materials import dressed_sheet
 from samples.meshes import waving_grid
@@ -53,6 +54,12 @@ def test_encode_and_compare_accept_addresses(memory, walk):
     data = meshreel.encode("memory://bucket/walk.npz", quality=60)
     assert data == meshreel.encode(walk, quality=60)
     assert meshreel.compare("memory://bucket/walk.npz", walk).max_error_percent == 0
+
+
+def test_register_downloads_addresses(memory):
+    pytest.importorskip("igl", reason="the extra [register] is not installed")
+    meshreel.save(capture(2, 0.1), "memory://capture/frame_%02d.ply")
+    assert meshreel.register("memory://capture/frame_*.ply", tolerance="2%").n_segments == 1
 
 
 def test_existing_output_in_a_store_is_replaced_only_with_overwrite(memory, walk):
