@@ -40,7 +40,7 @@ def as_segments(frames: Sequence[MeshFrame]) -> SegmentedSequence:
 
 
 def remeshed(frames: Sequence[MeshFrame]) -> list[MeshFrame]:
-    """Return each frame with a mesh of its own."""
+    """Return each frame with a new mesh of the same surface."""
     import pymeshlab
 
     first, rng = frames[0], np.random.default_rng(1)
