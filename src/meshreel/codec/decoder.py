@@ -156,10 +156,10 @@ def _decode_together(
     `meshes` are those of earlier segments, and gain those of these.
     """
     decoded: dict[int, MeshSequence] = {}
-    is_first = [part.opened.mesh_key not in meshes for part in parts]
-    seen: set[Hashable] = set()
-    for number, part in enumerate(parts):
-        is_first[number] &= part.opened.mesh_key not in seen
+    is_first: list[bool] = []
+    seen = set(meshes)
+    for part in parts:
+        is_first.append(part.opened.mesh_key not in seen)
         seen.add(part.opened.mesh_key)
 
     def decode_one(number: int) -> None:

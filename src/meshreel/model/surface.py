@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import rows_as_bytes
 from meshreel.errors import InvalidInputError
 from meshreel.model.materials import Image, Material, validated_materials
 
@@ -62,6 +63,11 @@ class Attribute:
     def per_item(self) -> npt.NDArray[Any]:
         """The value of each vertex, face or corner, of shape (n_items, C)."""
         return self.values if self.indices is None else self.values[self.indices]
+
+    def indexed(self, values: npt.NDArray[Any]) -> "Attribute":
+        """Return the attribute with these values of its items; each distinct row is stored once."""
+        _, rows, numbers = np.unique(rows_as_bytes(values), return_index=True, return_inverse=True)
+        return replace(self, values=values[rows], indices=numbers.astype(np.int32))
 
     def __repr__(self) -> str:
         n_rows, width = self.values.shape

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, rows_as_bytes
+from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.geometry.hard_edges import lowest_connected
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.segments import MeshFrame
@@ -67,7 +68,7 @@ def clean(frame: MeshFrame, max_removed_area: float = np.inf) -> CleanMesh:
     doubled_areas = np.linalg.norm(face_normals(vertices, faces), axis=1)
     has_area = doubled_areas > 0
     kept = np.flatnonzero(has_area)
-    component = components(faces[kept], len(vertices))
+    component = lowest_connected(len(vertices), *undirected_edges(faces[kept]).T)
     labels, of_faces = np.unique(component[faces[kept, 0]], return_inverse=True)
     areas = np.bincount(of_faces, doubled_areas[kept], len(labels))
     is_large = areas >= min(MIN_COMPONENT_AREA * areas.sum(), max_removed_area)
@@ -81,9 +82,3 @@ def clean(frame: MeshFrame, max_removed_area: float = np.inf) -> CleanMesh:
         int((~has_area).sum()),
         int((~is_large).sum()),
     )
-
-
-def components(faces: Faces, n_verts: int) -> Indices:
-    """Return the lowest vertex of the component of each vertex."""
-    sides = np.concatenate([faces[:, :2], faces[:, 1:]]).astype(np.int64)
-    return np.asarray(lowest_connected(n_verts, sides[:, 0], sides[:, 1]))

@@ -67,38 +67,35 @@ class TwoSidedFit:
     """
 
     def __init__(self, faces: Faces, n_verts: int) -> None:
-        self._faces = faces
         self._n_verts = n_verts
         self._laplacian = uniform_laplacian(faces, n_verts)
+        squares = self._laplacian.multiply(self._laplacian)
+        self._squared_columns = np.asarray(squares.sum(axis=0)).ravel()
 
     def step(
-        self, positions: Floats, rest: Floats, target: TriangleMesh, smoothness: float
+        self, mesh: TriangleMesh, rest: Floats, target: TriangleMesh, smoothness: float
     ) -> Floats:
         """Return positions of shape (V, 3) that fit a surface better.
 
         Parameters
         ----------
-        positions : float64 array of shape (V, 3)
-            In longest sides of the box of the sequence.
+        mesh : TriangleMesh
+            The mesh before the step, in longest sides of the box of the sequence.
         rest : float64 array of shape (V, 3)
             The positions from which the change is smooth.
         smoothness : float
             Weight of the squared Laplacian of the change, relative to that of one vertex's share
             of the distances.
         """
-        rows = self._rows(positions, target)
-        if not len(rows.offsets):
-            return positions
-        return positions + self._solve(rows, positions - rest, smoothness)
-
-    def _rows(self, positions: Floats, target: TriangleMesh) -> Rows:
-        mesh = TriangleMesh(positions, self._faces)
-        return joined(
+        rows = joined(
             rows_to_surface(mesh, mesh.centroid_samples(), target),
             rows_to_surface(mesh, mesh.vertex_samples(), target),
             rows_from_surface(mesh, target, target.centroid_samples()),
             rows_from_surface(mesh, target, target.vertex_samples()),
         )
+        if not len(rows.offsets):
+            return mesh.vertices
+        return mesh.vertices + self._solve(rows, mesh.vertices - rest, smoothness)
 
     def _solve(self, rows: Rows, change: Floats, smoothness: float) -> Floats:
         """Return the change of the positions that solves the equations, of shape (V, 3)."""
@@ -123,7 +120,7 @@ class TwoSidedFit:
 
         right = transposed @ (scale * rows.offsets) - smoothed(change).ravel()
         squares = np.bincount(columns.ravel(), values.ravel() ** 2, size)
-        diagonal = squares + np.repeat(weight * self._squared_columns(), 3) + DAMPING
+        diagonal = squares + np.repeat(weight * self._squared_columns, 3) + DAMPING
         solution, _ = linalg.cg(
             linalg.LinearOperator((size, size), product),
             right,
@@ -132,9 +129,6 @@ class TwoSidedFit:
             M=sparse.diags(1.0 / diagonal),
         )
         return np.asarray(solution).reshape(-1, 3)
-
-    def _squared_columns(self) -> Floats:
-        return np.asarray(self._laplacian.multiply(self._laplacian).sum(axis=0)).ravel()
 
 
 def rows_to_surface(mesh: TriangleMesh, samples: Samples, target: TriangleMesh) -> Rows:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.arrays import Floats
+from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces
 from meshreel.registration.triangle_mesh import Indices
 from meshreel.runtime.extras import REGISTER_SCIPY
@@ -138,8 +139,7 @@ def rotations_of(vectors: Floats) -> Floats:
 def edge_lengths(vertices: Floats, faces: Faces) -> Any:
     """Return the symmetric sparse matrix of the lengths of the edges, above 0."""
     sparse = REGISTER_SCIPY.load("sparse")
-    ends = np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]])
-    ends = np.unique(np.sort(ends, axis=1), axis=0)
+    ends = undirected_edges(faces)
     lengths = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) + 1e-12
     upper = sparse.csr_matrix((lengths, (ends[:, 0], ends[:, 1])), (len(vertices),) * 2)
     return (upper + upper.T).tocsr()

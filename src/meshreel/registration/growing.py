@@ -59,9 +59,8 @@ class Frames:
         return np.asarray((vertices.astype(np.float64) - self.low) / self.scale)
 
 
-@dataclass(frozen=True)
-class Topology:
-    """What decides whether a frame is a good key.
+class Topology(NamedTuple):
+    """What decides whether a frame is a good key; the greatest is the best.
 
     A deformation can bring parts of a surface together but not separate what touches: the best key
     has the most components, and of those the fewest handles.
@@ -75,11 +74,6 @@ class Topology:
         """Return the topology of a cleaned frame."""
         n_edges = len(undirected_edges(mesh.faces))
         return cls(mesh.n_components, len(mesh.vertices) - n_edges + len(mesh.faces))
-
-    @property
-    def rank(self) -> tuple[int, int]:
-        """Higher is better."""
-        return self.n_components, self.euler_number
 
 
 class Followed(NamedTuple):
@@ -155,15 +149,11 @@ def grow_segments(
         run = max(_runs(sorted(free)), key=len)
         key = _choose_key(run, topologies)
         n_done = frames.n_frames - len(free)
-        segment = _grow(frames, key, run, tolerance, partial(_add, report, n_done))
+        segment = _grow(frames, key, run, tolerance, n_done, report)
         free -= set(range(segment.first, segment.first + segment.n_frames))
         segments.append(segment)
     report(frames.n_frames - n_empty)
     return sorted(segments, key=lambda one: one.first)
-
-
-def _add(report: Callable[[int], None], n_before: int, n_more: int) -> None:
-    report(n_before + n_more)
 
 
 def _runs(numbers: list[int]) -> list[range]:
@@ -176,26 +166,27 @@ def _choose_key(run: range, topologies: list[Topology | None]) -> int:
     """Return the frame of the best topology near the middle of a run."""
     margin = len(run) // MARGIN
     inner = run[margin : len(run) - margin]
-    ranks = {number: one.rank for number in inner if (one := topologies[number])}
-    best = max(ranks.values())
+    found = {number: one for number in inner if (one := topologies[number])}
+    best = max(found.values())
     middle = (run[0] + run[-1]) / 2
-    return min((n for n, rank in ranks.items() if rank == best), key=lambda n: abs(n - middle))
+    return min((n for n, one in found.items() if one == best), key=lambda n: abs(n - middle))
 
 
 def _grow(
-    frames: Frames, key: int, run: range, tolerance: Tolerance, report: Callable[[int], None]
+    frames: Frames,
+    key: int,
+    run: range,
+    tolerance: Tolerance,
+    n_done: int,
+    report: Callable[[int], None],
 ) -> Segment:
-    """Return the segment of a key within a run of frames."""
+    """Return the segment of a key within a run of frames, after `n_done` other frames."""
     mesh = frames.mesh(key)
     found = {key: Followed(mesh.vertices.astype(np.float32), EXACT)}
-    ways = [range(key + 1, run.stop), range(key - 1, run.start - 1, -1)]
-    follower = Follower(mesh, tolerance) if len(run) > 1 else None
     ends: list[tuple[int, str]] = []
 
-    def follow(numbers: range) -> None:
+    def follow(follower: Follower, numbers: range) -> None:
         """Follow frames in order, up to the first that cannot be followed."""
-        if follower is None:
-            return
         state = follower.tracker.start()
         for number in numbers:
             outcome = follower.follow(state, frames.mesh(number))
@@ -203,9 +194,11 @@ def _grow(
                 ends.append((number, outcome))
                 return
             state, found[number] = outcome
-            report(len(found))
+            report(n_done + len(found))
 
-    in_threads(follow, ways)
+    if len(run) > 1:
+        ways = [range(key + 1, run.stop), range(key - 1, run.start - 1, -1)]
+        in_threads(partial(follow, Follower(mesh, tolerance)), ways)
     numbers = sorted(found)
     return Segment(
         numbers[0],
@@ -231,9 +224,9 @@ class Follower:
         reason = ""
         for attempt in ATTEMPTS:
             pose, posed = self.tracker.track(state, target, attempt)
-            positions = posed.positions
+            mesh = TriangleMesh(posed.positions, self._faces)
             for smoothness in SMOOTHNESS:
-                positions = self._fit.step(positions, posed.positions, target, smoothness)
+                positions = self._fit.step(mesh, posed.positions, target, smoothness)
                 mesh = TriangleMesh(positions, self._faces)
                 errors = measure(mesh, target, self._tolerance)
                 exceeded = errors.exceeds(self._tolerance)

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from meshreel.arrays import Integers, rows_as_bytes
+from meshreel.arrays import Integers
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.polygons import fan_corners
@@ -18,8 +18,7 @@ from meshreel.model.segments import (
     SegmentedSequence,
     frame_at,
     frames_of,
-    segment_containing,
-    segments_of,
+    tracks_of_all,
 )
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Surface
@@ -234,19 +233,16 @@ def register(
 class _RawFrames:
     """The frames of a sequence, one at a time; cleaned, without components up to an area."""
 
-    def __init__(self, sequence: AnySequence, max_removed_area: float) -> None:
-        self._max_removed_area = max_removed_area
-        self._segments = segments_of(sequence)
-        counts = [one.n_frames for one in self._segments]
-        self.starts = (0, *np.cumsum(counts).tolist())
-        self.n_frames = self.starts[-1]
+    def __init__(self, sequence: SegmentedSequence, max_removed_area: float) -> None:
+        self._sequence, self._max_removed_area = sequence, max_removed_area
+        self.n_frames = sequence.n_frames
         self.cleaned = lru_cache(CACHED_FRAMES)(self._cleaned)
 
     def whole(self, number: int) -> MeshSequence:
         """Return a frame with its surface."""
-        segment = segment_containing(self.starts, number)
-        local = number - self.starts[segment]
-        return frames_of(self._segments[segment], range(local, local + 1))
+        segment = self._sequence.segment_of(number)
+        local = number - self._sequence.starts[segment]
+        return frames_of(self._sequence.segment(segment), range(local, local + 1))
 
     def _cleaned(self, number: int) -> CleanMesh:
         frame = self.whole(number)
@@ -301,13 +297,11 @@ def _kept_surface(key: MeshSequence, cleaned: CleanMesh) -> Surface:
 def _kept_attribute(attribute: Attribute, items: Integers) -> Attribute:
     """Return the values of an attribute at these items: those of vertices become of corners."""
     domain = Domain.FACE if attribute.domain is Domain.FACE else Domain.CORNER
-    values = attribute.per_item()[items]
-    _, first, indices = np.unique(rows_as_bytes(values), return_index=True, return_inverse=True)
-    return replace(attribute, domain=domain, values=values[first], indices=indices.astype(np.int32))
+    return replace(attribute, domain=domain).indexed(attribute.per_item()[items])
 
 
 def _changes(
-    n_removed: Mapping[str, int], topologies: Sequence[Topology | None], sequence: AnySequence
+    n_removed: Mapping[str, int], topologies: Sequence[Topology | None], raw: SegmentedSequence
 ) -> Iterator[str]:
     if n_removed["face"]:
         yield f"removed {counted(n_removed['face'], 'face')} without area"
@@ -318,8 +312,7 @@ def _changes(
         )
     if None in topologies:
         yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"
-    several = segments_of(sequence)
-    if names := sorted({name for one in several for name in one.tracks}):
+    if names := sorted(tracks_of_all(raw)):
         yield f"left out tracks of registered frames: {', '.join(names)}"
-    if any(one.surface.hard_edges is not None for one in several):
+    if any(one.surface.hard_edges is not None for one in raw.segments):
         yield "left out hard edges of registered frames"

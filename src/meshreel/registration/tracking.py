@@ -18,9 +18,6 @@ from meshreel.runtime.extras import REGISTER_SCIPY
 NODE_SPACING = 0.05
 """Distance of the nodes along the surface, in longest sides of the box of all frames."""
 
-BEND = 0.04
-"""The distance that counts as much as two normals that differ by one radian."""
-
 N_POINTS = 3000
 """Vertices of the key whose correspondences a Gauss-Newton step uses; half as many of the frame."""
 
@@ -116,14 +113,13 @@ class Tracker:
         self, state: State, target: TriangleMesh, attempt: Attempt = ATTEMPTS[0]
     ) -> tuple[Pose, Posed]:
         """Return the pose in the next frame, and the mesh in it with the details of the last."""
-        tree = target.oriented_tree(BEND)
         rng = np.random.default_rng(len(target.vertices))
-        pose = self._predicted(state, tree) if attempt.predicts else state.pose
+        pose = self._predicted(state, target) if attempt.predicts else state.pose
         for stage in attempt.stages:
             for _ in range(stage.n_steps):
                 posed = self._graph.posed(pose, state.details)
                 others = rng.integers(0, len(target.vertices), len(self._points) // 2)
-                step = self._step(pose, posed, target, tree, others, stage)
+                step = self._step(pose, posed, target, others, stage)
                 pose = pose.moved(step)
                 if np.abs(step[:, 3:]).max() < CONVERGED:
                     break
@@ -134,7 +130,7 @@ class Tracker:
         change = np.einsum("vji,vj->vi", posed.turns, positions - posed.positions)
         return State(pose, DETAIL_KEPT * (state.details + change), state.pose)
 
-    def _predicted(self, state: State, tree: Any) -> Pose:
+    def _predicted(self, state: State, target: TriangleMesh) -> Pose:
         """Return the pose of the last frame or one of constant velocity, whichever is nearer."""
         if state.before is None:
             return state.pose
@@ -142,22 +138,16 @@ class Tracker:
         distances = []
         for pose in candidates:
             mesh = TriangleMesh(self._graph.posed(pose, state.details).positions, self._faces)
-            found, _ = tree.query(mesh.oriented(BEND)[self._points[::4]])
+            found, _ = target.oriented_tree.query(mesh.oriented[self._points[::4]])
             distances.append(np.minimum(found, 0.1).mean())
         return candidates[int(np.argmin(distances))]
 
     def _step(
-        self,
-        pose: Pose,
-        posed: Posed,
-        target: TriangleMesh,
-        tree: Any,
-        others: Indices,
-        stage: Stage,
+        self, pose: Pose, posed: Posed, target: TriangleMesh, others: Indices, stage: Stage
     ) -> Floats:
         """Return rotation vectors and translations of all nodes, of shape (N, 6)."""
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
-        pairs = self._correspondences(posed, target, tree, others, stage.spread)
+        pairs = self._correspondences(posed, target, others, stage.spread)
         parts = [
             self._distance_rows(posed, target, *pairs),
             self._rigidity_rows(pose, stage.rigidity),
@@ -176,7 +166,7 @@ class Tracker:
         return np.asarray(solution).reshape(-1, 6)
 
     def _correspondences(
-        self, posed: Posed, target: TriangleMesh, tree: Any, others: Indices, spread: float
+        self, posed: Posed, target: TriangleMesh, others: Indices, spread: float
     ) -> tuple[Indices, Indices, Floats, Floats]:
         """Return vertices of the mesh and of the target that correspond, and two weights.
 
@@ -184,10 +174,9 @@ class Tracker:
         part along the normal.
         """
         mesh = TriangleMesh(posed.positions, self._faces)
-        oriented = mesh.oriented(BEND)
         own = self._points
-        _, there = tree.query(oriented[own])
-        _, back = mesh.oriented_tree(BEND).query(target.oriented(BEND)[others])
+        _, there = target.oriented_tree.query(mesh.oriented[own])
+        _, back = mesh.oriented_tree.query(target.oriented[others])
         own, there = np.concatenate([own, back]), np.concatenate([there, others])
         distances = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
         cosines = np.einsum("nc,nc->n", mesh.vertex_normals[own], target.vertex_normals[there])

@@ -16,6 +16,10 @@ from meshreel.runtime.extras import REGISTER
 
 Indices = npt.NDArray[np.int64]
 
+BEND = 0.04
+"""The distance that counts as much as two normals that differ by one radian, in longest sides of
+the box of all frames."""
+
 
 class Samples(NamedTuple):
     """Points of a surface.
@@ -134,13 +138,15 @@ class TriangleMesh:
         t = np.clip(_dots(np.cross(first, offset), normal) / squared, 0.0, 1.0 - s)
         return np.stack([1.0 - s - t, s, t], axis=1)
 
-    def oriented_tree(self, bend: float) -> Any:
-        """Return a k-d tree of the vertices and their normals times a length."""
-        return k_d_tree(self.oriented(bend))
+    @cached_property
+    def oriented(self) -> Floats:
+        """The vertices, and their normals times `BEND`, of shape (V, 6)."""
+        return np.hstack([self.vertices, BEND * self.vertex_normals])
 
-    def oriented(self, bend: float) -> Floats:
-        """Return the vertices and their normals times a length, of shape (V, 6)."""
-        return np.hstack([self.vertices, bend * self.vertex_normals])
+    @cached_property
+    def oriented_tree(self) -> Any:
+        """A k-d tree of `oriented`, which finds vertices that are near in place and direction."""
+        return k_d_tree(self.oriented)
 
 
 def unit(vectors: Floats) -> Floats:

@@ -4,11 +4,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files, streams
+from meshreel.app.cli.completing import input_files
 from meshreel.app.cli.encode_options import Encoding, encode_options
 from meshreel.app.cli.parameters import argument, option
 from meshreel.app.cli.read_options import MESHES, reading_options, split_option
 from meshreel.app.cli.track_options import track_option, track_targets
+from meshreel.app.cli.write_options import stream_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,13 +35,7 @@ OTHER_OUTPUTS = (
     "quoted glob of frames, or the frame files (.obj, .ply, .off, .stl), in natural order. Or "
     "addresses (s3://, gs://, https://), which are downloaded.",
 )
-@option(
-    "--output",
-    "-o",
-    completion=streams,
-    help="The .reel to write, or its address (s3://...). Default: named after the input, in the "
-    "current folder.",
-)
+@stream_option
 @encode_options()
 @reading_options("fps", *MESHES, "topology", "dataset", "attributes", "register")
 @track_option

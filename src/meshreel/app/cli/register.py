@@ -4,10 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files, streams
+from meshreel.app.cli.completing import input_files
 from meshreel.app.cli.encode_options import Encoding, encode_options
 from meshreel.app.cli.parameters import argument, option
 from meshreel.app.cli.read_options import MESHES, reading_options
+from meshreel.app.cli.write_options import stream_option
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
@@ -25,13 +26,7 @@ if TYPE_CHECKING:
     "frame files (.drc, .obj, .ply, ...), or an animation file (.abc, .usd, .vtkhdf, ...). Or "
     "addresses (s3://, gs://, https://), which are downloaded.",
 )
-@option(
-    "--output",
-    "-o",
-    completion=streams,
-    help="The .reel to write, or its address (s3://...). Default: named after the input, in the "
-    "current folder.",
-)
+@stream_option
 @option(
     "--tolerance",
     default="0.2%",

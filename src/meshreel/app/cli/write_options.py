@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from meshreel.app.cli.completing import layout_names, output_files, texture_kinds
+from meshreel.app.cli.completing import layout_names, output_files, streams, texture_kinds
 from meshreel.app.cli.parameters import option
 from meshreel.codec.targets import DIAGONAL_OF_ALL, GROUP
 
@@ -27,6 +27,13 @@ output_option = option(
     help="A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`); a pattern "
     "such as out/frame_%04d.obj for one file per frame, in a folder that is created if missing; or "
     "a folder such as walk.vat/ for vertex animation textures. Or such an address (s3://, gs://).",
+)
+stream_option = option(
+    "--output",
+    "-o",
+    completion=streams,
+    help="The .reel to write, or its address (s3://...). Default: named after the input, in the "
+    "current folder.",
 )
 frames_option = option("--frames", metavar="A:B", help="Only frames A to B - 1. Default: all.")
 start_number_option = option(

@@ -14,7 +14,6 @@ from typing import TypeGuard
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import rows_as_bytes
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.matching.corners import (
     MISSING_SHARE,
@@ -198,8 +197,7 @@ def _surface(
             values = values[first_corners if first.domain is Domain.VERTEX else slice(0, None, 3)]
         if first.indices is None:
             return replace(first, values=values)
-        _, rows, numbers = np.unique(rows_as_bytes(values), return_index=True, return_inverse=True)
-        return replace(first, values=values[rows], indices=numbers.astype(np.int32))
+        return first.indexed(values)
 
     def regrouped(number: int) -> FaceGroups:
         groups = [one.surface.groups[number] for one in segments]
