@@ -14,9 +14,14 @@ from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream
-from meshreel.codec.reel_track import ReelTrack, tracks_of_stream
+from meshreel.codec.reel_track import (
+    ReelTrack,
+    decode_frames,
+    modes_of_block,
+    tracks_of_stream,
+)
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.files import OpenFile
+from meshreel.kernel.files import FileModes, OpenFile
 from meshreel.model.frame_choice import FrameChoice, chosen_frames, frame_range
 from meshreel.model.sequence import Faces
 from meshreel.model.showing import notebook_html, show
@@ -186,13 +191,66 @@ class ReelFile:
             return np.asarray(self.read(numbers, numbers + 1)[0])
         if isinstance(numbers, range) and numbers.step == 1:
             return self.read(numbers.start, max(numbers.start, numbers.stop))
-        # In the order of the file, so that no block is decoded twice.
-        in_order, places = np.unique(np.asarray(numbers, np.int64), return_inverse=True)
-        self._opened.require_frames(range(len(in_order)))
-        frames = np.empty((len(in_order), self.n_verts, 3), self.dtype)
-        for place, number in enumerate(in_order.tolist()):
-            frames[place] = self.read(number, number + 1)[0]
-        return frames[places]
+        return self.frames(np.asarray(numbers, np.int64))
+
+    def frames(self, numbers: npt.ArrayLike, out: Vertices | None = None) -> Vertices:
+        """Decode positions of several frames, such as the windows of a batch.
+
+        Each block is decoded once. Runs of consecutive numbers are computed together, so windows
+        are faster than single frames.
+
+        Parameters
+        ----------
+        numbers : integers of any shape
+            Negative numbers count from the end; numbers may be repeated.
+        out : contiguous array, optional
+            Array to fill and return: of the shape of the result, and of the type of the file.
+
+        Returns
+        -------
+        array of shape (..., V, 3)
+            With the shape of `numbers` in front.
+
+        Raises
+        ------
+        IndexError
+            If a frame does not exist.
+        InvalidInputError
+            If `out` has another shape or type, or is not contiguous.
+        CorruptStreamError
+            If a block is damaged.
+        MemoryLimitError
+            If the result, or a block, takes more memory than allowed.
+        """
+        return decode_frames(self._opened, self._frames, 0, numbers, out)
+
+    def modes(self, block: int) -> FileModes | None:
+        """Return the fields and basis vectors of a block, to compute its frames elsewhere.
+
+        Parameters
+        ----------
+        block : int
+            In 0..len(starts) - 2.
+
+        Returns
+        -------
+        FileModes or None
+            None if positions are not a sum of modes: those of lossless and `grid` streams, and of
+            the paper's methods.
+
+        Raises
+        ------
+        CorruptStreamError
+            If the block is damaged.
+        MemoryLimitError
+            If it takes more memory than allowed.
+        """
+        return modes_of_block(self._frames, block, 0)
+
+    @property
+    def cached_bytes(self) -> int:
+        """Memory of the mesh and of decoded blocks, except for the paper's methods."""
+        return self._opened.file.held_bytes
 
     def __iter__(self) -> Iterator[Vertices]:
         for _, frames in self.pieces():

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.codec.methods import FrameReader
@@ -10,7 +11,8 @@ from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.errors import InvalidInputError
-from meshreel.model.frame_choice import FrameChoice, chosen_frames
+from meshreel.kernel.files import FileModes, FrameDecoder
+from meshreel.model.frame_choice import FrameChoice, chosen_frames, consecutive_runs
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, describe_track
 from meshreel.runtime.counting import counted
@@ -101,11 +103,21 @@ class ReelTrack:
             return np.asarray(self.read(numbers, numbers + 1)[0])
         if isinstance(numbers, range) and numbers.step == 1:
             return self.read(numbers.start, max(numbers.start, numbers.stop))
-        # In the order of the file, so that no block is decoded twice.
-        in_order, places = np.unique(np.asarray(numbers, np.int64), return_inverse=True)
-        frames = [self.read(number, number + 1) for number in in_order.tolist()]
-        values = np.concatenate(frames) if frames else np.empty((0, *self.shape[1:]), self.dtype)
-        return values[places]
+        return self.frames(np.asarray(numbers, np.int64))
+
+    def frames(self, numbers: npt.ArrayLike, out: Values | None = None) -> Values:
+        """Decode values of several frames; `ReelFile.frames` describes parameters and errors.
+
+        Returns
+        -------
+        array of shape (..., N, C)
+            With the shape of `numbers` in front.
+        """
+        return decode_frames(self._opened, self._frames, self._number, numbers, out)
+
+    def modes(self, block: int) -> FileModes | None:
+        """Return the modes of a block, as `ReelFile.modes`."""
+        return modes_of_block(self._frames, block, self._number)
 
     def __iter__(self) -> Iterator[Values]:
         for number in range(len(self)):
@@ -113,6 +125,36 @@ class ReelTrack:
 
     def __repr__(self) -> str:
         return f"<ReelTrack {self.name!r}: {describe_track(self)}, {counted(len(self), 'frame')}>"
+
+
+def decode_frames(
+    opened: OpenStream,
+    reader: FrameReader,
+    track: int,
+    numbers: npt.ArrayLike,
+    out: Values | None = None,
+) -> Values:
+    """Decode frames of a track; see `ReelFile.frames`."""
+    flat = np.asarray(chosen_frames(np.ravel(numbers), opened.n_frames), np.int64)
+    stored = opened.file.tracks[track]
+    shape = (*np.shape(numbers), stored.n_items, stored.n_columns)
+    if out is None:
+        opened.limit.require(len(flat) * stored.frame_bytes, counted(len(flat), "frame"))
+        out = np.empty(shape, stored.dtype)
+    elif out.shape != shape or out.dtype != stored.dtype or not out.flags.c_contiguous:
+        raise InvalidInputError(
+            f"out must be a contiguous {stored.dtype} array of shape {shape}; got {out.dtype} "
+            f"of shape {out.shape}"
+        )
+    frames = out.reshape(len(flat), *shape[-2:])
+    for place, run in consecutive_runs(flat):  # in the order of the file: no block is loaded twice
+        reader.fill(frames[place : place + len(run)], run.start, track)
+    return out
+
+
+def modes_of_block(reader: FrameReader, block: int, track: int) -> FileModes | None:
+    """Return the modes of a track in a block; see `ReelFile.modes`."""
+    return reader.modes(block, track) if isinstance(reader, FrameDecoder) else None
 
 
 def tracks_of_stream(opened: OpenStream, frames: FrameReader) -> dict[str, ReelTrack]:

@@ -43,6 +43,9 @@ from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
 """Codes of `meshreel_code`."""
 
 UNKNOWN_BYTE = 2**64 - 1
+NORMAL = 3
+"""Of `meshreel_track_kind`."""
+
 NUMBER_TYPES: dict[int, np.dtype[Any]] = {
     dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in map(np.dtype, TYPES)
 }
@@ -154,6 +157,17 @@ class _Track(ctypes.Structure):
         ("unit", Text),
         *fields_of(_U32, "kind domain type n_columns n_items coding is_exact reserved"),
         ("bound", _DOUBLE),
+    ]
+
+
+class _Modes(ctypes.Structure):
+    _fields_ = [
+        *fields_of(_U32, "n_frames n_modes n_columns n_items has_missing reserved"),
+        *fields_of(_DOUBLE, "step scale"),
+        *fields_of(
+            _POINTER,
+            "origin values rows basis shared correction_starts corrected corrections",
+        ),
     ]
 
 
@@ -286,11 +300,42 @@ class FileTrack:
         return self.n_items * self.n_columns * self.dtype.itemsize
 
 
+@dataclass(frozen=True)
+class FileModes:
+    """A track in a block as a sum of modes.
+
+    The values of frame t of the block, of shape (N, C), are ``origin + fields @ basis[t]`` plus
+    corrections of single values. Computed in any order and precision, they differ from decoded
+    values by rounding errors only.
+
+    Attributes
+    ----------
+    fields : float array of shape (N, K)
+        In quantization steps; vertices in output order.
+    basis : float array of shape (T_b, K, C)
+        Includes step and scale.
+    origin : float array of shape (C,)
+    correction_starts : int array of shape (T_b + 1,)
+        Frame t has the corrections correction_starts[t]..correction_starts[t + 1] - 1.
+    corrected : int array of shape (n,)
+        Corrected vertex of each.
+    corrections : float array of shape (n, C)
+    """
+
+    fields: npt.NDArray[np.float64]
+    basis: npt.NDArray[np.float64]
+    origin: npt.NDArray[np.float64]
+    correction_starts: npt.NDArray[np.int64]
+    corrected: npt.NDArray[np.int32]
+    corrections: npt.NDArray[np.float64]
+
+
 class _Memory:
     """Memory that the core holds, by its address."""
 
     def __init__(self) -> None:
         self._held: dict[int, npt.NDArray[np.uint8]] = {}
+        self.n_bytes = 0
 
     def allocate(self, _: int | None, size: int) -> int | None:
         try:
@@ -300,10 +345,12 @@ class _Memory:
         address: int = block.ctypes.data
         address += -address % ALIGNMENT
         self._held[address] = block
+        self.n_bytes += size
         return address
 
-    def release(self, _: int | None, address: int, __: int) -> None:
+    def release(self, _: int | None, address: int, size: int) -> None:
         del self._held[address]
+        self.n_bytes -= size
 
 
 def _run_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
@@ -418,6 +465,29 @@ class FrameDecoder:
             numbers = _U32(track), _U32(first), _U32(len(out)), _U32(n_modes)
             address = _POINTER(out.ctypes.data)
             self._file.call("decode", self._handle, *numbers, None, address)
+
+    def modes(self, block: int, track: int = 0) -> FileModes | None:
+        """Return the modes of a track in a block.
+
+        None if values need more than a sum: lossless values, values predicted from positions,
+        normals, and tracks with missing values or with corrections of values that corners share.
+
+        Raises
+        ------
+        CorruptStreamError, TruncatedStreamError
+            If the block is damaged.
+        MemoryLimitError
+            If it takes more memory than allowed.
+        """
+        with self._lock:
+            self._begin()
+            found = _Modes()
+            number, stored = (_U32(track), _U32(block)), self._file.tracks[track]
+            self._file.call("modes_of", self._handle, *number, ctypes.byref(found))
+            is_sum = found.n_modes and not found.has_missing and stored.kind != NORMAL
+            if not is_sum or (found.shared and found.correction_starts):
+                return None
+            return _file_modes(found, stored.n_items)
 
     def close(self) -> None:
         """Release all that is held."""
@@ -716,11 +786,38 @@ class OpenFile:
         assert isinstance(self._source, bytes)
         return self._source[offset : offset + size]
 
+    @property
+    def held_bytes(self) -> int:
+        """Memory that the file, its segments and its decoders hold."""
+        return self._memory.n_bytes
+
     def close(self) -> None:
         """Release what the file holds, after its decoders."""
         if self.is_open:
             self.is_open = False
             self._close()
+
+
+def _file_modes(found: _Modes, n_values: int) -> FileModes:
+    n_frames, n_modes, n_columns = found.n_frames, found.n_modes, found.n_columns
+    rows = array_at(found.rows, found.n_items, np.int32)
+    if found.shared:
+        rows = rows[array_at(found.shared, n_values, np.int32)]
+    fields = array_at(found.values, (rows.max(initial=-1) + 1) * n_modes, np.float64)
+    basis = array_at(found.basis, n_columns * n_frames * n_modes, np.float64)
+    basis = basis.reshape(n_columns, n_frames, n_modes).transpose(1, 2, 0)
+    n_starts = n_frames + 1 if found.correction_starts else 0
+    starts = array_at(found.correction_starts, n_starts, np.int64)
+    n_corrections = int(starts[-1]) if n_starts else 0
+    corrections = array_at(found.corrections, n_corrections * n_columns, np.float64)
+    return FileModes(
+        fields.reshape(-1, n_modes)[rows],
+        np.ascontiguousarray(basis) * (found.step * found.scale),
+        array_at(found.origin, n_columns, np.float64),
+        starts if n_starts else np.zeros(n_frames + 1, np.int64),
+        array_at(found.corrected, n_corrections, np.int32),
+        corrections.reshape(-1, n_columns) * found.scale,
+    )
 
 
 def _file_section(found: _Section) -> FileSection:

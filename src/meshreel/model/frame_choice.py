@@ -1,6 +1,7 @@
 """Selection of frames by number, slice or list."""
 
 import operator
+from collections.abc import Iterator
 from typing import Any, SupportsIndex
 
 import numpy as np
@@ -47,6 +48,15 @@ def chosen_frames(choice: FrameChoice, n_frames: int) -> int | range | npt.NDArr
     if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
         raise _type_error(choice)
     return _from_start(numbers, n_frames)
+
+
+def consecutive_runs(numbers: npt.NDArray[np.int64]) -> Iterator[tuple[int, range]]:
+    """Yield the runs of consecutive numbers: index of the first, and the run; smallest first."""
+    cuts = np.flatnonzero(np.diff(numbers) != 1) + 1
+    places = np.concatenate(([0], cuts, [len(numbers)]))
+    for run in np.argsort(numbers[places[:-1]], kind="stable") if len(numbers) else ():
+        place, first = int(places[run]), int(numbers[places[run]])
+        yield place, range(first, first + int(places[run + 1]) - place)
 
 
 def frame_range(frames: slice | None, n_frames: int) -> range:

@@ -3,16 +3,24 @@
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 
 import meshreel
+from conformance.make import FOLDER as CONFORMANCE
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.errors import (
+    CorruptStreamError,
+    InvalidInputError,
+    MemoryLimitError,
+    TruncatedStreamError,
+)
 from samples.meshes import irregular_sequence, waving_grid
 from samples.streams import Stream
 
@@ -57,6 +65,90 @@ def test_ranges_across_blocks_equal_decode(reel, method, part):
 
 def test_iteration_yields_all_frames_in_order(reel, method):
     assert_nearly_equal(np.stack(list(reel)), WHOLE[method].vertices)
+
+
+@pytest.mark.parametrize("shape", [(), (9,), (3, 4), (2, 0, 5)])
+def test_frames_have_the_shape_of_their_numbers(reel, method, shape):
+    numbers = np.random.default_rng(4).integers(-23, 23, shape)
+    found = reel.frames(numbers)
+    assert found.shape == (*shape, reel.n_verts, 3)
+    assert_nearly_equal(found, WHOLE[method].vertices[numbers])
+
+
+def test_frames_fill_an_array(reel, method):
+    windows = np.array([[5, 6, 7, 8], [21, 22, 0, 1]])
+    out = np.empty((2, 4, reel.n_verts, 3), reel.dtype)
+    assert reel.frames(windows, out=out) is out
+    assert_nearly_equal(out, WHOLE[method].vertices[windows])
+
+
+def test_frames_need_an_array_that_fits(reel):
+    with pytest.raises(InvalidInputError, match=r"out must be a contiguous float64 array of shape"):
+        reel.frames([1, 2], out=np.empty((2, reel.n_verts, 3), np.float32))
+    with pytest.raises(InvalidInputError, match=r"got float64 of shape \(3, "):
+        reel.frames([1, 2], out=np.empty((3, reel.n_verts, 3)))
+    with pytest.raises(IndexError, match="no frame 23; there are 23"):
+        reel.frames([[0, 23]])
+
+
+def test_frames_load_each_block_once(monkeypatch):
+    with ReelFile(BytesIO(STREAMS["reel"])) as reel:
+        filled = []
+        monkeypatch.setattr(reel._frames, "fill", lambda out, first, track=0: filled.append(first))
+        reel.frames([[20, 21], [2, 3], [12, 13], [3, 9]])
+        assert filled == [2, 3, 9, 12, 20]
+
+
+def test_frames_respect_the_memory_limit():
+    with (
+        ReelFile(BytesIO(STREAMS["reel"]), memory="1MB") as reel,
+        pytest.raises(MemoryLimitError, match="2000 frames"),
+    ):
+        reel.frames(np.zeros(2000, int))
+
+
+def test_cached_bytes_grow_with_decoded_blocks():
+    with ReelFile(BytesIO(STREAMS["reel"])) as reel:
+        opened = reel.cached_bytes
+        _ = reel[0]
+        assert reel.cached_bytes > opened
+
+
+def values_of(modes, n_frames):
+    """Compute the frames of a block from its modes."""
+    found = modes.origin + np.einsum("nk,tkc->tnc", modes.fields, modes.basis)
+    frames = np.repeat(np.arange(n_frames), np.diff(modes.correction_starts))
+    np.add.at(found, (frames, modes.corrected), modes.corrections)
+    return found
+
+
+def test_modes_reproduce_all_frames_and_tracks():
+    n_checked = 0
+    for path in sorted(CONFORMANCE.glob("*.reel")):
+        file = meshreel.open_segments(path)
+        for reel in map(file.segment, range(file.n_segments)):
+            for block, (start, stop) in enumerate(pairwise(reel.starts)):
+                quantities: list[Any] = [reel, *reel.tracks.values()]
+                for values in quantities:
+                    if modes := values.modes(block):
+                        expected = values.read(start, stop)
+                        found = values_of(modes, stop - start)
+                        tolerance = 1e-6 * np.abs(expected).max(initial=0.0)
+                        tolerance += np.finfo(expected.dtype).smallest_subnormal
+                        assert np.abs(found - expected).max() <= tolerance, path.name
+                        n_checked += 1
+        file.close()
+    assert n_checked > 100
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"lossless": True}, {"method": "pca"}, {"method": "grid", "step": 0.01}],
+    ids=["lossless", "pca", "grid"],
+)
+def test_frames_that_are_no_sum_have_no_modes(options):
+    with ReelFile(BytesIO(encode(waving_grid(), **options))) as reel:
+        assert reel.modes(0) is None
 
 
 def test_opening_decodes_nothing(reel, method, monkeypatch):

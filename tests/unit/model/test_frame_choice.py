@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
-from meshreel.model.frame_choice import chosen_frames
+from meshreel.model.frame_choice import chosen_frames, consecutive_runs
 from samples.meshes import waving_grid
 
 DATA = encode(waving_grid(9), block_frames=4)
@@ -114,3 +114,10 @@ def test_blocks_are_decoded_once_when_frames_are_selected_in_any_order():
 
 def test_chosen_frames_of_a_slice_is_a_range():
     assert chosen_frames(slice(None, None, -2), 5) == range(4, -1, -2)
+
+
+def test_consecutive_runs_are_sorted_by_their_first_number():
+    numbers = np.array([7, 8, 9, 2, 3, 3, 0])
+    runs = [(6, range(1)), (3, range(2, 4)), (5, range(3, 4)), (0, range(7, 10))]
+    assert list(consecutive_runs(numbers)) == runs
+    assert list(consecutive_runs(numbers[:0])) == []
