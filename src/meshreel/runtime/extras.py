@@ -64,3 +64,4 @@ REGISTER = Extra("register", "libigl", "igl", InvalidInputError)
 REGISTER_SCIPY = Extra("register", "SciPy", "scipy", InvalidInputError)
 SURFACES = Extra("surfaces", "SciPy", "scipy", InvalidInputError)  # to compare changing faces
 PEERS = Extra("peers", "SciPy", "scipy", InvalidInputError)  # to compare curves
+TORCH = Extra("torch", "PyTorch", "torch", InvalidInputError)

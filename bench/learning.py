@@ -1,0 +1,417 @@
+"""Random windows of many sequences, as training reads them: meshreel against arrays in files.
+
+    python bench/learning.py samba.npz cow.npz dance.npz --work /tmp/learning
+    python bench/learning.py reels/*.reel --work /tmp/learning --device cuda --workers 0 8
+
+Makes `--sequences` sequences, each a range of frames of one of the inputs (without inputs: of
+simulated flags), and stores them in float32 as `.reel` files (default options, and within 0.1 % of
+the diagonal), NPZ (compressed), HDF5 and Zarr (chunks of a window; gzip 4 with and without shuffle;
+zstd), and as plain NPY. Prints for each:
+
+- bytes, and how many times NPZ takes them;
+- milliseconds from opening the folder to the first batch, in a new process that has imported all;
+- windows per second in one process with all cores, and per processor second, after one pass over
+  all sequences: median of `--rounds` rounds, in which the formats alternate, lowest and highest;
+- the same through a `DataLoader` of PyTorch, for each number of workers;
+- with `--device`: on the device, from decoded windows in pinned memory, and computed there.
+
+Formats whose library is missing are omitted with a note. Windows are checked: those of arrays must
+be equal to the input, those of `.reel` files within 2 % of the diagonal.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from itertools import islice
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import meshreel
+
+Vertices = npt.NDArray[np.float32]
+MIN_FRAMES = 48
+MAX_ERROR = 0.02
+"""Of the largest error of a window of a `.reel` file, in diagonals."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A way to store positions: how it writes a file, and opens it for reading of windows."""
+
+    name: str
+    suffix: str
+    module: str
+    write: Callable[[Path, meshreel.MeshSequence, int], None]
+    open: Callable[[Path], Callable[[int, int], Vertices]]
+
+    def folder(self, work: Path) -> Path:
+        """Return the folder of its files."""
+        return work / self.name.replace(" ", "-")
+
+    def files(self, work: Path) -> list[Path]:
+        """Return its files, in the order of the sequences."""
+        return sorted(self.folder(work).glob(f"*{self.suffix}"))
+
+
+def write_reel(**options: Any) -> Callable[[Path, meshreel.MeshSequence, int], None]:
+    """Return a function that encodes with these options."""
+
+    def write(path: Path, one: meshreel.MeshSequence, _: int) -> None:
+        path.write_bytes(meshreel.encode(one, **options))
+
+    return write
+
+
+def open_reel(path: Path) -> Callable[[int, int], Vertices]:
+    """Open a `.reel` file."""
+    return meshreel.open(path).read
+
+
+def write_npz(path: Path, one: meshreel.MeshSequence, _: int) -> None:
+    """Write compressed NPZ."""
+    np.savez_compressed(path, vertices=one.vertices, faces=one.faces)
+
+
+def open_npz(path: Path) -> Callable[[int, int], Vertices]:
+    """Read and decompress the whole array for each window."""
+
+    def read(start: int, stop: int) -> Vertices:
+        with np.load(path) as arrays:
+            return np.ascontiguousarray(arrays["vertices"][start:stop])
+
+    return read
+
+
+def write_npy(path: Path, one: meshreel.MeshSequence, _: int) -> None:
+    """Write plain NPY."""
+    np.save(path, one.vertices)
+
+
+def open_npy(path: Path) -> Callable[[int, int], Vertices]:
+    """Map a file to memory."""
+    mapped = np.load(path, mmap_mode="r")
+    return lambda start, stop: np.array(mapped[start:stop])
+
+
+def write_hdf5(**options: Any) -> Callable[[Path, meshreel.MeshSequence, int], None]:
+    """Return a function that writes chunks of a window with these filters."""
+
+    def write(path: Path, one: meshreel.MeshSequence, window: int) -> None:
+        import h5py
+
+        chunks = (min(window, len(one)), *one.vertices.shape[1:])
+        with h5py.File(path, "w") as file:
+            file.create_dataset("vertices", data=one.vertices, chunks=chunks, **options)
+            file.create_dataset("faces", data=one.faces, compression="gzip")
+
+    return write
+
+
+def open_hdf5(path: Path) -> Callable[[int, int], Vertices]:
+    """Open an HDF5 file."""
+    import h5py
+
+    values = h5py.File(path)["vertices"]
+    return lambda start, stop: values[start:stop]
+
+
+def write_zarr(path: Path, one: meshreel.MeshSequence, window: int) -> None:
+    """Write chunks of a window with Zarr's default compression."""
+    import zarr
+
+    group = zarr.create_group(path)
+    chunks = (min(window, len(one)), *one.vertices.shape[1:])
+    group.create_array("vertices", data=one.vertices, chunks=chunks)
+    group.create_array("faces", data=one.faces)
+
+
+def open_zarr(path: Path) -> Callable[[int, int], Vertices]:
+    """Open a Zarr group."""
+    import zarr
+
+    values: Any = zarr.open_group(path, mode="r")["vertices"]
+    return lambda start, stop: np.asarray(values[start:stop])
+
+
+FORMATS = (
+    Format("reel", ".reel", "meshreel", write_reel(), open_reel),
+    Format("reel 0.1 %", ".reel", "meshreel", write_reel(max_error=0.1), open_reel),
+    Format("npz", ".npz", "numpy", write_npz, open_npz),
+    Format("hdf5 gzip", ".h5", "h5py", write_hdf5(compression="gzip"), open_hdf5),
+    Format(
+        "hdf5 gzip shuffle", ".h5", "h5py", write_hdf5(compression="gzip", shuffle=True), open_hdf5
+    ),
+    Format("zarr zstd", ".zarr", "zarr", write_zarr, open_zarr),
+    Format("npy", ".npy", "numpy", write_npy, open_npy),
+)
+
+
+def cut_sequences(inputs: Sequence[Path], count: int) -> Iterator[meshreel.MeshSequence]:
+    """Yield ranges of frames of the inputs, of random position and length; deterministic."""
+    rng = np.random.default_rng(1)
+    sources: list[Any] = list(inputs)
+    if not sources:
+        sizes = ((52, 52), (40, 70), (80, 60), (30, 30))
+        sources = [
+            meshreel.simulate_flag(150, n_rows=rows, n_columns=columns) for rows, columns in sizes
+        ]
+    sources = [
+        one if isinstance(one, meshreel.MeshSequence) else meshreel.load(one) for one in sources
+    ]
+    for number in range(count):
+        source = sources[number % len(sources)]
+        n_frames = int(rng.integers(min(MIN_FRAMES, len(source)), len(source) + 1))
+        start = int(rng.integers(len(source) - n_frames + 1))
+        vertices = source.vertices[start : start + n_frames].astype(np.float32)
+        yield meshreel.MeshSequence(vertices, source.faces, source.fps or 30.0)
+
+
+def store(formats: Sequence[Format], inputs: Sequence[Path], count: int, options: Any) -> None:
+    """Write all sequences in all formats, unless that was done."""
+    if all(len(one.files(options.work)) == count for one in formats):
+        return
+    for one in formats:
+        one.folder(options.work).mkdir(parents=True, exist_ok=True)
+    for number, sequence in enumerate(cut_sequences(inputs, count)):
+        for one in formats:
+            path = one.folder(options.work) / f"{number:03d}{one.suffix}"
+            if not path.exists():
+                one.write(path, sequence, options.window)
+
+
+def size_of(path: Path) -> int:
+    """Return the bytes of a file or a folder."""
+    return sum(file.stat().st_size for file in (path, *path.rglob("*")) if file.is_file())
+
+
+class Windows:
+    """Windows of the files of a format by number; the dataset of a `DataLoader`."""
+
+    def __init__(self, one: Format, options: Any, lengths: Sequence[int]) -> None:
+        self._format, self._files = FORMATS.index(one), one.files(options.work)
+        self._window = options.window
+        self._ends = np.cumsum([length - options.window + 1 for length in lengths])
+        self._open: dict[int, Callable[[int, int], Vertices]] = {}
+
+    def __len__(self) -> int:
+        return int(self._ends[-1])
+
+    def __getitem__(self, index: int) -> Vertices:
+        number = int(np.searchsorted(self._ends, index, side="right"))
+        start = index - (int(self._ends[number - 1]) if number else 0)
+        if number not in self._open:
+            self._open[number] = FORMATS[self._format].open(self._files[number])
+        return self._open[number](start, start + self._window)
+
+
+def check(one: Format, windows: Windows, truth: Windows, rng: np.random.Generator) -> None:
+    """Raise an error if windows differ from those of the plain arrays."""
+    for index in rng.integers(len(windows), size=20).tolist():
+        expected = truth[index]
+        error = np.abs(windows[index] - expected).max()
+        diagonal = np.linalg.norm(np.ptp(expected.reshape(-1, 3), axis=0))
+        if error > (MAX_ERROR * diagonal if one.suffix == ".reel" else 0):
+            raise SystemExit(f"{one.name}: window {index} is off by {error}")
+
+
+def lengths_of(options: Any) -> list[int]:
+    """Return the number of frames of each sequence."""
+    plain = next(one for one in FORMATS if one.name == "npy")
+    return [len(np.load(path, mmap_mode="r")) for path in plain.files(options.work)]
+
+
+def first_batch(one: Format, options: Any) -> float:
+    """Return the milliseconds from opening a folder to the first batch."""
+    lengths = lengths_of(options)
+    rng = np.random.default_rng(2)
+    started = time.perf_counter()
+    windows = Windows(one, options, lengths)
+    for index in rng.integers(len(windows), size=options.batch).tolist():
+        _ = windows[index]
+    return 1e3 * (time.perf_counter() - started)
+
+
+def first_batch_in_process(one: Format, options: Any) -> float:
+    """Return the median of `first_batch` in several new processes."""
+    command = [sys.executable, __file__, "--work", str(options.work), "--first", one.name]
+    command += ["--window", str(options.window), "--batch", str(options.batch)]
+    runs = (subprocess.run(command, check=True, stdout=subprocess.PIPE) for _ in range(3))
+    return float(median(json.loads(run.stdout) for run in runs))
+
+
+def per_second(windows: Windows, options: Any) -> tuple[float, float]:
+    """Return windows per second, and per processor second, of random batches."""
+    rng, count = np.random.default_rng(time.perf_counter_ns()), 0
+    started, processor = time.perf_counter(), time.process_time()
+    while time.perf_counter() < started + options.seconds:
+        _ = [windows[index] for index in rng.integers(len(windows), size=options.batch).tolist()]
+        count += options.batch
+    return count / (time.perf_counter() - started), count / (time.process_time() - processor)
+
+
+def text_of(speeds: Sequence[float]) -> str:
+    """Return the median, and the range."""
+    return f"{median(speeds):.0f} ({min(speeds):.0f}..{max(speeds):.0f})"
+
+
+def compare(formats: Sequence[Format], options: Any) -> None:
+    """Print bytes, latency and speed in one process."""
+    lengths = lengths_of(options)
+    datasets = {one.name: Windows(one, options, lengths) for one in formats}
+    truth = datasets["npy"]
+    speeds: dict[str, list[tuple[float, float]]] = {one.name: [] for one in formats}
+    for one in formats:
+        check(one, datasets[one.name], truth, np.random.default_rng(3))
+        first_of_each = np.concatenate(([0], truth._ends[:-1]))
+        for index in first_of_each.tolist() if one.name != "npz" else ():
+            _ = datasets[one.name][index]
+    for _ in range(options.rounds):
+        for name, windows in datasets.items():
+            speeds[name].append(per_second(windows, options))
+    sizes = {one.name: sum(map(size_of, one.files(options.work))) for one in formats}
+    print(f"{len(lengths)} sequences, {sum(lengths)} frames, {len(truth)} windows")
+    print(f"{'format':18} {'MB':>8} {'npz/it':>7} {'first batch, ms':>16}", end=" ")
+    print("windows per second       per processor second")
+    for one in formats:
+        size, latency = sizes[one.name], first_batch_in_process(one, options)
+        print(f"{one.name:18} {size / 1e6:8.2f} {sizes['npz'] / size:7.1f}", end=" ")
+        wall, processor = zip(*speeds[one.name], strict=True)
+        print(f"{latency:16.1f} {text_of(wall):>24} {text_of(processor):>24}", flush=True)
+
+
+def epochs(loader: Any) -> Iterator[Any]:
+    """Yield batches forever."""
+    while True:
+        yield from loader
+
+
+def loaded_per_second(loader: Any, place: Callable[[Any], Any], options: Any) -> list[float]:
+    """Return windows per second of a loader, of several rounds after a first pass."""
+    import torch
+
+    batches, speeds = epochs(loader), []
+    n_warm = 4 * max(1, loader.num_workers) + options.sequences
+    for batch in islice(batches, n_warm):
+        place(batch)
+    for _ in range(options.rounds):
+        count, started = 0, time.perf_counter()
+        while time.perf_counter() < started + options.seconds:
+            placed = place(next(batches))
+            count += len(placed[0])
+        if placed[0].is_cuda:
+            torch.cuda.synchronize()
+        speeds.append(count / (time.perf_counter() - started))
+    return speeds
+
+
+def compare_loaders(formats: Sequence[Format], options: Any) -> None:
+    """Print the speed of loaders, to memory or to the device."""
+    import torch
+    from torch.utils.data import DataLoader, RandomSampler
+
+    from meshreel.torch import Batch, ReelDataset, ReelStream, collate
+
+    device = options.device
+    lengths = lengths_of(options)
+
+    def stacked(windows: Sequence[Vertices]) -> tuple[Any, ...]:
+        n_verts = max(one.shape[1] for one in windows)
+        result = torch.zeros((len(windows), options.window, n_verts, 3))
+        for row, one in zip(result, windows, strict=True):
+            row[:, : one.shape[1]] = torch.from_numpy(one)
+        return (result,)
+
+    def place(batch: Any) -> tuple[Any, ...]:
+        return (batch[0].to(device or "cpu", non_blocking=True),)
+
+    def report(name: str, dataset: Any, n_workers: int, collate_fn: Any, *, pin: bool) -> None:
+        is_stream = isinstance(dataset, ReelStream)
+        sampler = None if is_stream else RandomSampler(dataset, replacement=True, num_samples=10**6)
+        loader: DataLoader[Any] = DataLoader(
+            dataset,
+            options.batch,
+            sampler=sampler,
+            num_workers=n_workers,
+            collate_fn=collate_fn,
+            pin_memory=pin,
+            persistent_workers=n_workers > 0,
+        )
+        speeds = loaded_per_second(loader, place, options)
+        print(f"{name:34} {n_workers:2} workers {text_of(speeds)} windows per second", flush=True)
+
+    pin = device is not None and device.startswith("cuda")
+    print(f"DataLoader, batches of {options.batch}, to {device or 'memory'}")
+    reels = [one for one in formats if one.suffix == ".reel"]
+    for n_workers in options.workers:
+        for one in reels:
+            dataset = ReelDataset(one.folder(options.work), options.window)
+            report(one.name, dataset, n_workers, collate, pin=pin)
+        dataset = ReelDataset(reels[0].folder(options.work), options.window)
+        report("reel, stream", ReelStream(dataset), n_workers, collate, pin=pin)
+        half = ReelDataset(
+            reels[0].folder(options.work), options.window, dtype=torch.float16, normalize=True
+        )
+        report("reel, float16", half, n_workers, collate, pin=pin)
+        for one in formats:
+            if one.suffix != ".reel" and (one.name != "npz" or n_workers):
+                report(one.name, Windows(one, options, lengths), n_workers, stacked, pin=pin)
+    if device is None:
+        return
+    for dtype in (torch.float32, torch.float16):
+        dataset = ReelDataset(
+            reels[0].folder(options.work),
+            options.window,
+            dtype=dtype,
+            normalize=True,
+            device=device,
+        )
+        name = f"reel, computed on {device}, {str(dtype).removeprefix('torch.')}"
+        report(name, dataset, 0, collate, pin=False)
+        decoded = ReelDataset(reels[0].folder(options.work), options.window, normalize=True)
+        difference = max(
+            float((dataset[index].vertices.cpu().float() - decoded[index].vertices).abs().max())
+            for index in range(0, len(decoded), max(1, len(decoded) // 40))
+        )
+        print(f"    largest difference to decoded positions: {difference:.2g} diagonals")
+    assert Batch._fields[0] == "vertices"
+
+
+def main() -> None:
+    """Compare all formats."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("inputs", nargs="*", type=Path)
+    parser.add_argument("--work", type=Path, required=True, help="folder of the stored sequences")
+    parser.add_argument("--sequences", type=int, default=50)
+    parser.add_argument("--window", type=int, default=16)
+    parser.add_argument("--batch", type=int, default=16)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--seconds", type=float, default=1.0, help="of each round")
+    parser.add_argument("--workers", nargs="*", type=int, default=[], help="those of PyTorch")
+    parser.add_argument("--device", help="such as cuda")
+    parser.add_argument("--first", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.first:
+        one = next(one for one in FORMATS if one.name == options.first)
+        __import__(one.module)
+        print(json.dumps(first_batch(one, options)))
+        return
+    formats = [one for one in FORMATS if find_spec(one.module)]
+    for one in set(FORMATS) - set(formats):
+        print(f"{one.name} is left out: {one.module} is not installed")
+    store(formats, options.inputs, options.sequences, options)
+    compare(formats, options)
+    if options.workers or options.device:
+        compare_loaders(formats, options)
+
+
+if __name__ == "__main__":
+    main()

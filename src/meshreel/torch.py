@@ -1,0 +1,531 @@
+"""Datasets of `.reel` files for PyTorch: extra ``[torch]``.
+
+    from meshreel.torch import ReelDataset, collate
+
+    dataset = ReelDataset("captures/", window=16, normalize=True)
+    loader = DataLoader(dataset, batch_size=8, shuffle=True, num_workers=4, collate_fn=collate)
+
+ReelDataset    windows of frames by number, in any order
+ReelStream     all windows of a dataset, block by block: for folders that exceed the memory
+Window, Batch  what they yield, alone and collated
+"""
+
+import os
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, cast
+from weakref import finalize
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.memory import bytes_of
+from meshreel.codec.reel_file import ReelFile
+from meshreel.errors import InvalidInputError
+from meshreel.formats.reel import open as open_reel
+from meshreel.formats.reel import open_segments
+from meshreel.kernel.files import FileModes
+from meshreel.runtime.extras import TORCH
+from meshreel.runtime.stores.address import is_remote
+from meshreel.runtime.threads import limit_cores
+
+if TYPE_CHECKING:
+    import torch
+    from torch.utils.data import Dataset, IterableDataset, get_worker_info
+else:
+    torch = TORCH.load()
+    from torch.utils.data import Dataset, IterableDataset, get_worker_info
+
+MAX_OPEN = 256
+"""Files that a process keeps open, below the limits of operating systems."""
+
+Integers = npt.NDArray[np.int64]
+
+
+class Window(NamedTuple):
+    """Some frames of a sequence.
+
+    Attributes
+    ----------
+    vertices : tensor of shape (W, V, 3)
+    tracks : dict of str to tensor of shape (W, N, C)
+        Requested tracks, in their own number types if these are integers.
+    sequence : int
+        Index of the sequence in ``dataset.sequences``.
+    frames : int64 tensor of shape (W,)
+        Numbers of the frames in their sequence.
+    """
+
+    vertices: "torch.Tensor"
+    tracks: "dict[str, torch.Tensor]"
+    sequence: int
+    frames: "torch.Tensor"
+
+
+class Batch(NamedTuple):
+    """Windows, collated; zeros fill vertices and items that a sequence does not have.
+
+    Attributes
+    ----------
+    vertices : tensor of shape (B, W, V, 3)
+    tracks : dict of str to tensor of shape (B, W, N, C)
+    sequence : int64 tensor of shape (B,)
+    frames : int64 tensor of shape (B, W)
+    n_verts : int64 tensor of shape (B,)
+        Number of vertices of each window.
+    """
+
+    vertices: "torch.Tensor"
+    tracks: "dict[str, torch.Tensor]"
+    sequence: "torch.Tensor"
+    frames: "torch.Tensor"
+    n_verts: "torch.Tensor"
+
+
+@dataclass(frozen=True)
+class SequenceEntry:
+    """A sequence of a dataset: a file, or a segment of a file with several.
+
+    Attributes
+    ----------
+    path : str
+    segment : int
+        Number of the segment in the file.
+    n_frames, n_verts, n_faces : int
+    fps : float
+        0 = unknown.
+    starts : tuple of int
+        First frame of each block, and the number of all frames.
+    """
+
+    path: str
+    segment: int
+    n_frames: int
+    n_verts: int
+    n_faces: int
+    fps: float
+    starts: tuple[int, ...]
+
+
+class ReelDataset(Dataset[Window]):
+    """Windows of consecutive frames of `.reel` files, decoded on demand.
+
+    ``len(dataset)`` is the number of windows: one starts at every frame that enough frames follow.
+    Sequences that are shorter than a window have none. Workers of a `DataLoader` may be forked or
+    spawned; each opens the files that it needs and decodes on one core. Not for several threads.
+
+    Parameters
+    ----------
+    paths : path, or iterable of paths
+        `.reel` files, addresses such as ``s3://bucket/walk.reel``, or folders, which are searched
+        with their subfolders. A file with several segments is one sequence for each.
+    window : int, default 1
+        Frames of a window, W.
+    step : int, default 1
+        Distance of its frames: 2 = every other frame.
+    tracks : iterable of str, default none
+        Names of tracks to return; each sequence must have them.
+    dtype : torch dtype, default torch.float32
+        Type of positions and of real tracks, such as torch.float16. Halves have three digits:
+        normalize positions.
+    normalize : bool, default False
+        Return positions relative to the center of the sequence's bounding box, in diagonals of it.
+    device : str or torch device, optional
+        Compute frames there, as products of fields and basis vectors that stay on the device.
+        Values then differ from decoded ones by rounding errors of float32 and are not the same bits
+        on every machine. Only in the process that trains (``num_workers=0``).
+    memory : float or str, default "2GiB"
+        Memory for decoded blocks, in bytes or such as "500MB"; on the device, if one is given.
+        Each worker has as much.
+
+    Attributes
+    ----------
+    sequences : tuple of SequenceEntry
+
+    Raises
+    ------
+    InvalidInputError
+        If there are no files or no windows, a sequence lacks a track, or an option is invalid.
+    MeshReelError
+        If a file cannot be opened; as `meshreel.open`.
+    """
+
+    def __init__(
+        self,
+        paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+        window: int = 1,
+        *,
+        step: int = 1,
+        tracks: Iterable[str] = (),
+        dtype: "torch.dtype" = torch.float32,
+        normalize: bool = False,
+        device: "str | torch.device | None" = None,
+        memory: float | str = "2GiB",
+    ) -> None:
+        if window < 1 or step < 1:
+            raise InvalidInputError(f"window and step must be at least 1; got {window} and {step}")
+        if not dtype.is_floating_point:
+            raise InvalidInputError(
+                f"dtype must be a real type, such as torch.float16; got {dtype}"
+            )
+        self.window, self.step, self.tracks = window, step, tuple(tracks)
+        self.dtype, self.normalize = dtype, normalize
+        self.device = None if device is None else torch.device(device)
+        self._memory, self._cache = bytes_of(memory, "memory"), cast("_Cache | None", None)
+        self.sequences = tuple(_sequences(paths, self.tracks))
+        self._ends = np.cumsum([self.n_windows(one) for one in self.sequences])
+        if not len(self):
+            raise InvalidInputError(
+                f"no sequence has the {self.span} frames of a window; the longest has "
+                f"{max(one.n_frames for one in self.sequences)}"
+            )
+
+    @property
+    def span(self) -> int:
+        """Number of frames from the first of a window to the last."""
+        return (self.window - 1) * self.step + 1
+
+    def n_windows(self, sequence: SequenceEntry) -> int:
+        """Return the number of windows of a sequence."""
+        return max(0, sequence.n_frames - self.span + 1)
+
+    def __len__(self) -> int:
+        return int(self._ends[-1])
+
+    def __getitem__(self, index: int) -> Window:
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"there is no window {index}; there are {len(self)}")
+        index %= len(self)
+        sequence = int(np.searchsorted(self._ends, index, side="right"))
+        first = index - (int(self._ends[sequence - 1]) if sequence else 0)
+        return self.at(sequence, first)
+
+    def __getitems__(self, indices: Sequence[int]) -> list[Window]:
+        """Return several windows, as a `DataLoader` fetches them; in the order of the files."""
+        found = {index: self[index] for index in sorted(set(indices))}
+        return [found[index] for index in indices]
+
+    def at(self, sequence: int, first: int) -> Window:
+        """Return the window of a sequence that starts with frame `first`.
+
+        Raises
+        ------
+        IndexError
+            If the sequence or a frame does not exist.
+        CorruptStreamError
+            If a block is damaged.
+        MemoryLimitError
+            If decoding takes more than 8 GiB.
+        """
+        frames = first + self.step * np.arange(self.window)
+        vertices, *values = (self._values(sequence, name, frames) for name in ("", *self.tracks))
+        tracks = dict(zip(self.tracks, values, strict=True))
+        return Window(vertices, tracks, sequence, torch.from_numpy(frames))
+
+    def faces(self, sequence: int) -> "torch.Tensor":
+        """Return the vertices of each triangle of a sequence, of shape (M, 3), as int64."""
+        reel = self._open().get(sequence, partial(self._reel, sequence))
+        return torch.from_numpy(reel.faces.astype(np.int64)).to(self.device or "cpu")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_cache": None}
+
+    def _values(self, sequence: int, name: str, frames: Integers) -> "torch.Tensor":
+        """Return positions (name "") or values of a track at some frames, of shape (W, N, C)."""
+        if self.device is None:
+            return self._decoded(sequence, name, frames)
+        starts = self.sequences[sequence].starts
+        blocks = np.searchsorted(starts, frames, side="right") - 1
+        parts = []
+        for number in np.unique(blocks).tolist():
+            selected = frames[blocks == number]
+            key = sequence, name, number
+            block = self._open().get(key, partial(self._modes, *key))
+            if block.is_sum:
+                parts.append(block.values(selected - starts[number]).to(self.dtype))
+            else:
+                parts.append(self._decoded(sequence, name, selected).to(self.device))
+        return parts[0] if len(parts) == 1 else torch.cat(parts)
+
+    def _decoded(self, sequence: int, name: str, frames: Integers) -> "torch.Tensor":
+        reel = self._open().get(sequence, partial(self._reel, sequence))
+        if name:
+            values = reel.track(name).frames(frames)
+        else:
+            values = reel.frames(frames)
+            if self.normalize:
+                values -= np.asarray(reel.frame.origin, values.dtype)
+                values /= values.dtype.type(reel.frame.scale)
+        found = torch.from_numpy(values)
+        return found.to(self.dtype) if found.is_floating_point() else found
+
+    def _modes(self, sequence: int, name: str, number: int) -> "_DeviceBlock":
+        """Load the modes of a block to the device; the file does not stay open."""
+        assert self.device is not None
+        with self._reel(sequence) as reel:
+            modes = (reel.track(name) if name else reel).modes(number)
+            is_moved = self.normalize and not name
+            center, scale = (reel.frame.origin, reel.frame.scale) if is_moved else (0.0, 1.0)
+            return _DeviceBlock(modes, self.device, np.asarray(center), scale)
+
+    def _reel(self, sequence: int) -> ReelFile:
+        one = self.sequences[sequence]
+        return open_reel(one.path, segment=one.segment)
+
+    def _open(self) -> "_Cache":
+        """Return the cache of this process."""
+        if self._cache is None or self._cache.process != os.getpid():
+            if get_worker_info() is not None:
+                if self.device is not None:
+                    raise InvalidInputError(
+                        "a dataset with a device computes frames in the process that trains; "
+                        "set num_workers=0, or give no device"
+                    )
+                limit_cores(torch.get_num_threads())
+            self._cache = _Cache(self._memory)
+        return self._cache
+
+
+class ReelStream(IterableDataset[Window]):
+    """All windows of a dataset in random order, each once; each block is decoded once.
+
+    Windows of some blocks are mixed: a window is drawn from a random one of `open_blocks` blocks,
+    and a block without further windows is replaced by the next of a random order. Workers of a
+    `DataLoader` share the work; those of several ranks get equally many windows, so that a few
+    (fewer than `world_size`) are left out.
+
+    Parameters
+    ----------
+    dataset : ReelDataset
+        Its memory should hold `open_blocks` decoded blocks.
+    open_blocks : int, default 16
+    seed : int, optional
+        Of the order, together with the epoch; default: random, from the generator of PyTorch.
+    rank, world_size : int, default 0 and 1
+        Number of this process and of all processes of distributed training, which need a `seed`.
+
+    Raises
+    ------
+    InvalidInputError
+        If an option is invalid.
+    """
+
+    def __init__(
+        self,
+        dataset: ReelDataset,
+        *,
+        open_blocks: int = 16,
+        seed: int | None = None,
+        rank: int = 0,
+        world_size: int = 1,
+    ) -> None:
+        if open_blocks < 1:
+            raise InvalidInputError(f"open_blocks must be at least 1; got {open_blocks}")
+        if not 0 <= rank < world_size:
+            raise InvalidInputError(f"rank must be in 0..{world_size - 1}; got {rank}")
+        if seed is None and world_size > 1:
+            raise InvalidInputError("several ranks need the same order: set seed")
+        self.dataset, self.open_blocks, self.seed = dataset, open_blocks, seed
+        self.rank, self.world_size = rank, world_size
+        self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # with workers
+        self._blocks = [
+            (number, range(start, min(stop, dataset.n_windows(one))))
+            for number, one in enumerate(dataset.sequences)
+            for start, stop in pairwise(one.starts)
+            if start < dataset.n_windows(one)
+        ]
+
+    def set_epoch(self, epoch: int) -> None:
+        """Set the number of the epoch, which changes the order if there is a `seed`."""
+        self._epoch.fill_(epoch)
+
+    def __len__(self) -> int:
+        return len(self.dataset) // self.world_size
+
+    def __iter__(self) -> Iterator[Window]:
+        worker = get_worker_info()
+        number, n_workers = (worker.id, worker.num_workers) if worker else (0, 1)
+        seed = self.seed
+        if seed is None:  # equal in all workers
+            seed = (
+                worker.seed - worker.id
+                if worker
+                else int(torch.empty((), dtype=torch.int64).random_())
+            )
+        rng = np.random.default_rng([seed, int(self._epoch)])
+        blocks = [self._blocks[i] for i in rng.permutation(len(self._blocks))]
+        first = self.rank * len(self)
+        start, stop = (first + len(self) * i // n_workers for i in (number, number + 1))
+        return self._mixed(_part(blocks, start, stop), rng)
+
+    def _mixed(
+        self, blocks: Iterator[tuple[int, range]], rng: np.random.Generator
+    ) -> Iterator[Window]:
+        opened: list[tuple[int, list[int]]] = []
+        while True:
+            for sequence, windows in islice(blocks, self.open_blocks - len(opened)):
+                opened.append((sequence, rng.permutation(windows).tolist()))
+            if not opened:
+                return
+            chosen = int(rng.integers(len(opened)))
+            sequence, firsts = opened[chosen]
+            yield self.dataset.at(sequence, firsts.pop())
+            if not firsts:
+                del opened[chosen]
+
+
+def _part(
+    blocks: Iterable[tuple[int, range]], start: int, stop: int
+) -> Iterator[tuple[int, range]]:
+    """Yield windows start..stop - 1 of all windows of the blocks in order."""
+    for sequence, windows in blocks:
+        part = windows[max(start, 0) : max(stop, 0)]
+        if part:
+            yield sequence, part
+        start, stop = start - len(windows), stop - len(windows)
+
+
+def collate(windows: Sequence[Window]) -> Batch:
+    """Stack windows; zeros fill vertices and items that smaller meshes do not have."""
+    names = windows[0].tracks
+    return Batch(
+        _stacked([one.vertices for one in windows]),
+        {name: _stacked([one.tracks[name] for one in windows]) for name in names},
+        torch.tensor([one.sequence for one in windows]),
+        torch.stack([one.frames for one in windows]),
+        torch.tensor([one.vertices.shape[1] for one in windows]),
+    )
+
+
+def _stacked(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
+    n_items = max(one.shape[1] for one in values)
+    if all(one.shape[1] == n_items for one in values):
+        return torch.stack(list(values))
+    n_frames, _, n_columns = values[0].shape
+    result = values[0].new_zeros((len(values), n_frames, n_items, n_columns))
+    for row, one in zip(result, values, strict=True):
+        row[:, : one.shape[1]] = one
+    return result
+
+
+class _DeviceBlock:
+    """The modes of a track in a block, on a device; `is_sum` is False if it has none."""
+
+    def __init__(
+        self,
+        modes: FileModes | None,
+        device: "torch.device",
+        center: npt.NDArray[np.float64],
+        scale: float,
+    ) -> None:
+        self.is_sum = modes is not None
+        self.cached_bytes = 0
+        if modes is None:
+            return
+
+        def upload(values: npt.NDArray[Any]) -> "torch.Tensor":
+            is_real = values.dtype.kind == "f"
+            found = torch.from_numpy(np.ascontiguousarray(values, np.float32 if is_real else None))
+            self.cached_bytes += found.nbytes
+            return found.to(device)
+
+        self._fields = upload(modes.fields.T)  # (K, N)
+        self._basis = upload(modes.basis.transpose(0, 2, 1) / scale)  # (T, C, K)
+        self._origin = upload((modes.origin - center) / scale)
+        self._starts = modes.correction_starts
+        self._corrected = upload(modes.corrected.astype(np.int64))
+        self._corrections = upload(modes.corrections / scale)
+
+    def values(self, frames: Integers) -> "torch.Tensor":
+        """Return values of some frames of the block, of shape (W, N, C)."""
+        rows = self._basis[torch.from_numpy(frames).to(self._basis.device)]
+        n_frames, n_columns, n_modes = rows.shape
+        origin = self._origin.repeat(n_frames)[:, None]
+        values = torch.addmm(origin, rows.reshape(-1, n_modes), self._fields)
+        result = values.view(n_frames, n_columns, -1).transpose(1, 2)
+        for frame, number in zip(result, frames.tolist(), strict=True):
+            part = slice(*self._starts[number : number + 2].tolist())
+            if part.start < part.stop:
+                frame.index_add_(0, self._corrected[part], self._corrections[part])
+        return result
+
+    def close(self) -> None:
+        """Do nothing: the device releases tensors that nothing refers to."""
+
+
+class _Cached(Protocol):
+    @property
+    def cached_bytes(self) -> int: ...
+
+    def close(self) -> None: ...
+
+
+Entry = TypeVar("Entry", bound=_Cached)
+
+
+class _Cache:
+    """Open files and blocks on a device of one process: those used last, up to a limit."""
+
+    def __init__(self, limit_bytes: float) -> None:
+        self.process = os.getpid()
+        self._limit = limit_bytes
+        self._entries: OrderedDict[Hashable, _Cached] = OrderedDict()
+        self._sizes: dict[Hashable, int] = {}
+        self._total = 0
+        finalize(self, _close_all, self._entries)
+
+    def get(self, key: Hashable, make: Callable[[], Entry]) -> Entry:
+        """Return the entry of this key, made if it is new; older ones are closed for it."""
+        if self._entries:  # the last one may have decoded something since
+            self._count(next(reversed(self._entries)))
+        if key not in self._entries:
+            self._entries[key] = make()
+        self._entries.move_to_end(key)
+        self._count(key)
+        while len(self._entries) > 1 and (
+            self._total > self._limit or len(self._entries) > MAX_OPEN
+        ):
+            oldest, entry = self._entries.popitem(last=False)
+            self._total -= self._sizes.pop(oldest)
+            entry.close()
+        return cast("Entry", self._entries[key])
+
+    def _count(self, key: Hashable) -> None:
+        size = self._entries[key].cached_bytes
+        self._total += size - self._sizes.get(key, 0)
+        self._sizes[key] = size
+
+
+def _close_all(entries: OrderedDict[Hashable, _Cached]) -> None:
+    for entry in entries.values():
+        entry.close()
+
+
+def _sequences(
+    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], tracks: Sequence[str]
+) -> Iterator[SequenceEntry]:
+    """Yield the segments of all files; raises InvalidInputError if there are none."""
+    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    files = [file for path in given for file in _files(path)]
+    if not files:
+        raise InvalidInputError(f"there is no .reel file in {', '.join(map(str, given))!r}")
+    for path in files:
+        with open_segments(path) as file:
+            for number in range(file.n_segments):
+                reel = file.segment(number)
+                for name in tracks:
+                    reel.track(name)
+                yield SequenceEntry(
+                    path, number, reel.n_frames, reel.n_verts, reel.n_faces, reel.fps, reel.starts
+                )
+
+
+def _files(path: str | os.PathLike[str]) -> list[str]:
+    """Return the files of a folder, sorted, or the path."""
+    if is_remote(path) or not Path(path).is_dir():
+        return [str(path)]
+    return sorted(str(file) for file in Path(path).rglob("*.reel"))

@@ -1,0 +1,296 @@
+"""Datasets for PyTorch: windows, orders, workers, devices. Needs the extra [torch]."""
+
+import pickle
+import sys
+from collections import Counter
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from samples.meshes import quad_sheet, waving_grid
+from samples.pages import ROOT, snippets
+from samples.tracks import tracked_sheet
+
+torch = pytest.importorskip("torch", reason="the extra [torch] is not installed")
+
+from torch.utils.data import DataLoader  # noqa: E402
+
+from meshreel.model.segments import SegmentedSequence  # noqa: E402
+from meshreel.torch import ReelDataset, ReelStream, collate  # noqa: E402
+
+STARTS = ["spawn", *(["fork"] if sys.platform == "linux" else [])]
+
+
+def shifted(sequence, distance):
+    """Return a sequence far from the origin, of the same motion."""
+    vertices = sequence.vertices + np.array(distance, sequence.vertices.dtype)
+    return meshreel.MeshSequence(vertices, sequence.faces, sequence.fps)
+
+
+def with_spikes(sequence):
+    """Return a sequence in which two vertices jump in one frame, which takes corrections."""
+    vertices = sequence.vertices.copy()
+    vertices[1, [5, 70]] += 0.1
+    return meshreel.MeshSequence(vertices, sequence.faces, sequence.fps)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Three files of 12, 20 (in blocks of 8) and 30 frames; the last has corrections."""
+    folder = tmp_path_factory.mktemp("reels")
+    (folder / "deeper").mkdir()
+    files = {
+        "a": meshreel.encode(waving_grid(12)),
+        "b": meshreel.encode(shifted(waving_grid(20, 6, 7), (3, 0, -2)), block_frames=8),
+        "deeper/c": meshreel.encode(with_spikes(waving_grid(30, 12, 14)), max_error=1),
+    }
+    for name, data in files.items():
+        (folder / f"{name}.reel").write_bytes(data)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wholes(folder):
+    return [meshreel.decode(folder / f"{name}.reel").vertices for name in ("a", "b", "deeper/c")]
+
+
+def place_of(window):
+    return int(window.sequence), int(window.frames[0])
+
+
+def test_windows_equal_decoded_frames(folder, wholes):
+    dataset = ReelDataset(folder, 4)
+    assert [one.n_frames for one in dataset.sequences] == [12, 20, 30]
+    assert len(dataset) == 9 + 17 + 27
+    places = []
+    for window in (dataset[index] for index in range(len(dataset))):
+        sequence, first = place_of(window)
+        places.append((sequence, first))
+        assert window.frames.tolist() == list(range(first, first + 4))
+        np.testing.assert_allclose(window.vertices, wholes[sequence][first : first + 4], atol=1e-6)
+    assert len(set(places)) == len(dataset)
+    assert place_of(dataset[-1]) == (2, 26)
+
+
+def test_step_spaces_the_frames(folder, wholes):
+    dataset = ReelDataset([folder / "b.reel"], 3, step=5)
+    assert len(dataset) == 20 - 10
+    window = dataset[9]
+    assert window.frames.tolist() == [9, 14, 19]
+    np.testing.assert_allclose(window.vertices, wholes[1][[9, 14, 19]], atol=1e-6)
+
+
+def test_faces_are_those_of_the_sequence(folder):
+    faces = ReelDataset(folder).faces(1)
+    assert faces.dtype == torch.int64
+    np.testing.assert_array_equal(faces, waving_grid(2, 6, 7).faces)
+
+
+@pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
+def test_normalized_positions_of_every_type(folder, wholes, device, dtype):
+    dtype = getattr(torch, dtype)
+    window = ReelDataset(folder, 3, dtype=dtype, normalize=True, device=device).at(1, 7)
+    assert window.vertices.dtype == dtype
+    with meshreel.open(folder / "b.reel") as reel:
+        expected = (wholes[1][7:10] - reel.frame.origin) / reel.frame.scale
+    tolerance = 1e-3 if dtype == torch.float16 else 1e-6
+    np.testing.assert_allclose(window.vertices, expected, atol=tolerance)
+
+
+def test_frames_computed_on_a_device_equal_decoded_ones(folder):
+    decoded, computed = ReelDataset(folder, 5), ReelDataset(folder, 5, device="cpu")
+    for index in range(len(decoded)):
+        found = computed[index].vertices
+        np.testing.assert_allclose(found, decoded[index].vertices, rtol=0, atol=1e-5)
+    with meshreel.open(folder / "deeper" / "c.reel") as reel:
+        assert len(reel.modes(0).corrected)
+
+
+@pytest.mark.parametrize("device", [None, "cpu"])
+def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
+    sheet = tracked_sheet()
+    tracks = {
+        name: meshreel.Track(np.where(np.isinf(one.values), 0, one.values), one.domain, one.kind)
+        for name, one in sheet.tracks.items()
+    }
+    sheet = replace(sheet, tracks=tracks)
+    bounds = {name: "1%" for name, one in sheet.tracks.items() if one.values.dtype.kind == "f"}
+    (tmp_path / "lossy.reel").write_bytes(meshreel.encode(sheet, tracks=bounds))
+    (tmp_path / "exact.reel").write_bytes(meshreel.encode(sheet, lossless=True))
+    dataset = ReelDataset(tmp_path, 3, tracks=sheet.tracks, device=device)
+    for sequence, one in enumerate(dataset.sequences):
+        whole = meshreel.decode(one.path)
+        window = dataset.at(sequence, 2)
+        np.testing.assert_allclose(window.vertices, whole.vertices[2:5], rtol=0, atol=1e-5)
+        assert list(window.tracks) == list(sheet.tracks)
+        for name, values in window.tracks.items():
+            expected = whole.tracks[name].values[2:5]
+            largest = np.abs(expected[np.isfinite(expected)]).max()
+            np.testing.assert_allclose(values, expected, rtol=0, atol=1e-5 * largest)
+            assert values.is_floating_point() == (expected.dtype.kind == "f")
+
+
+def test_each_segment_is_a_sequence(tmp_path):
+    whole = SegmentedSequence([waving_grid(6), replace(quad_sheet(4), fps=25.0)])
+    path = tmp_path / "two.reel"
+    path.write_bytes(meshreel.encode(whole))
+    dataset = ReelDataset(path, 2)
+    assert [(one.segment, one.n_frames) for one in dataset.sequences] == [(0, 6), (1, 4)]
+    assert dataset[5].vertices.shape == (2, 30, 3)
+
+
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("kind", ["map", "stream"])
+def test_workers_yield_every_window_once(folder, start, kind):
+    dataset = ReelDataset(folder, 4)
+    data = dataset if kind == "map" else ReelStream(dataset)
+    _ = dataset[0]  # decoded here: forked workers start over
+    loader = DataLoader(data, 4, num_workers=2, multiprocessing_context=start, collate_fn=collate)
+    places = []
+    for batch in loader:
+        for row, sequence in enumerate(batch.sequence.tolist()):
+            first = int(batch.frames[row, 0])
+            expected = dataset.at(sequence, first).vertices
+            n_verts = int(batch.n_verts[row])
+            torch.testing.assert_close(batch.vertices[row, :, :n_verts], expected)
+            assert not batch.vertices[row, :, n_verts:].any()
+            places.append((sequence, first))
+    assert len(places) == len(set(places)) == len(dataset)
+
+
+def test_device_is_refused_in_workers(folder):
+    loader = DataLoader(ReelDataset(folder, 4, device="cpu"), 4, num_workers=1, collate_fn=collate)
+    with pytest.raises(InvalidInputError, match="num_workers=0"):
+        next(iter(loader))
+
+
+def test_default_collation_stacks_windows_of_one_mesh(folder):
+    batch = next(iter(DataLoader(ReelDataset(folder / "a.reel", 3), 5)))
+    assert batch.vertices.shape == (5, 3, 99, 3)
+    assert batch.frames.shape == (5, 3)
+
+
+def test_stream_decodes_each_block_once(folder, monkeypatch):
+    stream = ReelStream(ReelDataset(folder, 3), open_blocks=2)
+    loaded = Counter()
+    read = meshreel.codec.reel_file.ReelFile.frames
+
+    def counting(reel, numbers, out=None):
+        before = reel.cached_bytes
+        found = read(reel, numbers, out)
+        loaded[reel.n_verts] += reel.cached_bytes > before
+        return found
+
+    monkeypatch.setattr(meshreel.codec.reel_file.ReelFile, "frames", counting)
+    assert len({place_of(window) for window in stream}) == len(stream) == 10 + 18 + 28
+    assert loaded[99] == 1
+
+
+def test_order_of_a_stream_follows_seed_and_epoch(folder):
+    dataset = ReelDataset(folder, 2)
+
+    def order(seed, epoch=0):
+        stream = ReelStream(dataset, seed=seed)
+        stream.set_epoch(epoch)
+        return [place_of(window) for window in stream]
+
+    assert order(1) == order(1)
+    assert order(1) != order(2)
+    assert order(1) != order(1, epoch=1)
+    assert order(None) != order(None)
+    torch.manual_seed(5)
+    first = order(None)
+    torch.manual_seed(5)
+    assert order(None) == first
+
+
+@pytest.mark.parametrize("world_size", [2, 3, 7])
+def test_ranks_share_the_windows_equally(folder, world_size):
+    dataset = ReelDataset(folder, 4)
+    ranks = [
+        [place_of(one) for one in ReelStream(dataset, seed=3, rank=rank, world_size=world_size)]
+        for rank in range(world_size)
+    ]
+    assert {len(one) for one in ranks} == {len(dataset) // world_size}
+    assert max(Counter(chain(*ranks)).values()) == 1
+
+
+def test_epoch_reaches_persistent_workers(folder):
+    stream = ReelStream(ReelDataset(folder, 2), seed=0)
+    loader = DataLoader(stream, None, num_workers=1, persistent_workers=True)
+    orders = []
+    for epoch in (0, 1, 0):
+        stream.set_epoch(epoch)
+        orders.append([place_of(window) for window in loader])
+    assert orders[0] == orders[2] != orders[1]
+
+
+def test_little_memory_keeps_the_last_file_only(folder):
+    dataset = ReelDataset(folder, 2, memory=1)
+    for index in (0, 20, 0, -1):
+        _ = dataset[index]
+        assert len(dataset._cache._entries) == 1
+    whole = ReelDataset(folder, 2)
+    for index in (0, 20, 0, -1):
+        _ = whole[index]
+    assert len(whole._cache._entries) == 3
+
+
+def test_pickled_dataset_opens_its_own_files(folder):
+    dataset = ReelDataset(folder, 2)
+    expected = dataset[3].vertices
+    copied = pickle.loads(pickle.dumps(dataset))
+    torch.testing.assert_close(copied[3].vertices, expected)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"window": 0}, "at least 1"),
+        ({"window": 31}, "no sequence has the 31 frames of a window; the longest has 30"),
+        ({"step": 0}, "at least 1"),
+        ({"dtype": torch.int32}, "real type"),
+        ({"tracks": ["heat"]}, "no track 'heat'"),
+        ({"memory": "much"}, "memory= takes a size"),
+    ],
+)
+def test_invalid_options_are_refused(folder, options, message):
+    with pytest.raises(InvalidInputError, match=message):
+        ReelDataset(folder, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"open_blocks": 0}, "at least 1"),
+        ({"rank": 2, "world_size": 2, "seed": 1}, r"in 0\.\.1"),
+        ({"world_size": 2}, "set seed"),
+    ],
+)
+def test_invalid_options_of_a_stream_are_refused(folder, options, message):
+    with pytest.raises(InvalidInputError, match=message):
+        ReelStream(ReelDataset(folder), **options)
+
+
+def test_empty_folder_and_missing_window_are_refused(folder, tmp_path):
+    with pytest.raises(InvalidInputError, match=r"no \.reel file"):
+        ReelDataset(tmp_path)
+    with pytest.raises(IndexError, match="no window 53; there are 53"):
+        ReelDataset(folder, 4)[53]
+
+
+def test_snippets_of_the_guide_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "meshreel-demo").mkdir()
+    meshreel.save(waving_grid(40), tmp_path / "meshreel-demo" / "flag.reel")
+    for snippet in snippets(ROOT / "docs" / "guides" / "learning.md"):
+        exec(compile(snippet.text, "snippet", "exec"), {"__name__": "__main__"})
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[0] == "(8, 16, 99, 3)"
+    assert printed[1].startswith("torch.Size([8, 16, 99, 3]) torch.float16")
+    assert printed[2] == "25 windows"
