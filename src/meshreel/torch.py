@@ -11,6 +11,7 @@ Window, Batch  what they yield, alone and collated
 """
 
 import os
+from bisect import bisect, bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -42,8 +43,6 @@ else:
 
 MAX_OPEN = 256
 """Files that a process keeps open, below the limits of operating systems."""
-
-Integers = npt.NDArray[np.int64]
 
 
 class Window(NamedTuple):
@@ -221,10 +220,13 @@ class ReelDataset(Dataset[Window]):
         MemoryLimitError
             If decoding takes more than 8 GiB.
         """
-        frames = first + self.step * np.arange(self.window)
+        n_windows = self.n_windows(self.sequences[sequence])
+        if not 0 <= first < n_windows:
+            raise IndexError(f"no window starts with frame {first}; the sequence has {n_windows}")
+        frames = range(first, first + self.span, self.step)
         vertices, *values = (self._values(sequence, name, frames) for name in ("", *self.tracks))
         tracks = dict(zip(self.tracks, values, strict=True))
-        return Window(vertices, tracks, sequence, torch.from_numpy(frames))
+        return Window(vertices, tracks, sequence, torch.tensor(frames))
 
     def faces(self, sequence: int) -> "torch.Tensor":
         """Return the vertices of each triangle of a sequence, of shape (M, 3), as int64."""
@@ -234,24 +236,25 @@ class ReelDataset(Dataset[Window]):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_cache": None}
 
-    def _values(self, sequence: int, name: str, frames: Integers) -> "torch.Tensor":
+    def _values(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
         """Return positions (name "") or values of a track at some frames, of shape (W, N, C)."""
         if self.device is None:
             return self._decoded(sequence, name, frames)
-        starts = self.sequences[sequence].starts
-        blocks = np.searchsorted(starts, frames, side="right") - 1
-        parts = []
-        for number in np.unique(blocks).tolist():
-            selected = frames[blocks == number]
+        starts, parts = self.sequences[sequence].starts, []
+        for number in range(bisect(starts, frames[0]) - 1, bisect(starts, frames[-1])):
+            start, stop = starts[number : number + 2]
+            if not (part := frames[bisect_left(frames, start) : bisect_left(frames, stop)]):
+                continue
             key = sequence, name, number
             block = self._open().get(key, partial(self._modes, *key))
             if block.is_sum:
-                parts.append(block.values(selected - starts[number]).to(self.dtype))
+                within = slice(part[0] - start, part[-1] - start + 1, self.step)
+                parts.append(block.values(within).to(self.dtype))
             else:
-                parts.append(self._decoded(sequence, name, selected).to(self.device))
+                parts.append(self._decoded(sequence, name, part).to(self.device))
         return parts[0] if len(parts) == 1 else torch.cat(parts)
 
-    def _decoded(self, sequence: int, name: str, frames: Integers) -> "torch.Tensor":
+    def _decoded(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
         reel = self._open().get(sequence, partial(self._reel, sequence))
         if name:
             values = reel.track(name).frames(frames)
@@ -436,21 +439,22 @@ class _DeviceBlock:
         self._fields = upload(modes.fields.T)  # (K, N)
         self._basis = upload(modes.basis.transpose(0, 2, 1) / scale)  # (T, C, K)
         self._origin = upload((modes.origin - center) / scale)
-        self._starts = modes.correction_starts
+        self._corrections_of = list(pairwise(modes.correction_starts.tolist()))
         self._corrected = upload(modes.corrected.astype(np.int64))
         self._corrections = upload(modes.corrections / scale)
 
-    def values(self, frames: Integers) -> "torch.Tensor":
+    def values(self, frames: slice) -> "torch.Tensor":
         """Return values of some frames of the block, of shape (W, N, C)."""
-        rows = self._basis[torch.from_numpy(frames).to(self._basis.device)]
+        rows = self._basis[frames]
         n_frames, n_columns, n_modes = rows.shape
         origin = self._origin.repeat(n_frames)[:, None]
         values = torch.addmm(origin, rows.reshape(-1, n_modes), self._fields)
         result = values.view(n_frames, n_columns, -1).transpose(1, 2)
-        for frame, number in zip(result, frames.tolist(), strict=True):
-            part = slice(*self._starts[number : number + 2].tolist())
-            if part.start < part.stop:
-                frame.index_add_(0, self._corrected[part], self._corrections[part])
+        for frame, (start, stop) in enumerate(self._corrections_of[frames]):
+            if start < stop:
+                result[frame].index_add_(
+                    0, self._corrected[start:stop], self._corrections[start:stop]
+                )
         return result
 
     def close(self) -> None:

@@ -76,12 +76,14 @@ def test_windows_equal_decoded_frames(folder, wholes):
     assert place_of(dataset[-1]) == (2, 26)
 
 
-def test_step_spaces_the_frames(folder, wholes):
-    dataset = ReelDataset([folder / "b.reel"], 3, step=5)
-    assert len(dataset) == 20 - 10
-    window = dataset[9]
-    assert window.frames.tolist() == [9, 14, 19]
-    np.testing.assert_allclose(window.vertices, wholes[1][[9, 14, 19]], atol=1e-6)
+@pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.parametrize(("window", "step", "frames"), [(3, 5, [9, 14, 19]), (2, 9, [7, 16])])
+def test_step_spaces_the_frames(folder, wholes, window, step, frames, device):
+    dataset = ReelDataset([folder / "b.reel"], window, step=step, device=device)
+    assert len(dataset) == 20 - (window - 1) * step
+    found = dataset[frames[0]]
+    assert found.frames.tolist() == frames
+    np.testing.assert_allclose(found.vertices, wholes[1][frames], atol=1e-5)
 
 
 def test_faces_are_those_of_the_sequence(folder):
@@ -282,6 +284,9 @@ def test_empty_folder_and_missing_window_are_refused(folder, tmp_path):
         ReelDataset(tmp_path)
     with pytest.raises(IndexError, match="no window 53; there are 53"):
         ReelDataset(folder, 4)[53]
+    for first in (-1, 17):
+        with pytest.raises(IndexError, match=f"no window starts with frame {first}"):
+            ReelDataset(folder, 4).at(1, first)
 
 
 def test_snippets_of_the_guide_run(tmp_path, monkeypatch, capsys):
