@@ -34,8 +34,8 @@ def read_by_core(data, segment=None):
     blocks, anchors = [block_of(opened, number) for number in range(opened.n_blocks)], []
     if not has_tracks:
         blocks, anchors = paper_blocks(opened)
-    starts, promises = (leading(opened, section) for section in (Section.START, Section.PROMISE))
-    numbers = [np.frombuffer(p[0], "<f8").item() if p else None for p in (starts, promises)]
+    starts, bounds = (leading(opened, section) for section in (Section.START, Section.ERROR_BOUND))
+    numbers = [np.frombuffer(p[0], "<f8").item() if p else None for p in (starts, bounds)]
     return Reel(
         container=Container(header_of(opened), [], []),
         internal_faces=opened.internal_faces.tolist(),
@@ -44,7 +44,7 @@ def read_by_core(data, segment=None):
         blocks=blocks,
         surface=surface_of(sequence.surface),
         start=numbers[0],
-        promise=numbers[1],
+        error_bound=numbers[1],
         anchors=anchors,
         shape=shape_of(opened),
         positions=Floats(sequence.vertices) if has_tracks else None,

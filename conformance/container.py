@@ -28,7 +28,7 @@ NAMES = {
     24: "VALUES",
     25: "MISSING",
     26: "ANCHOR_RESIDUALS",
-    129: "PROMISE",
+    129: "ERROR_BOUND",
     130: "INDEX",
     131: "POLYGONS",
     132: "ATTRIBUTE",

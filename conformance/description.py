@@ -30,7 +30,7 @@ def describe(reel):
         "scale": header.scale.hex(),
         "name": header.name,
         "start": reel.start,
-        "promise": reel.promise,
+        "error bound": reel.error_bound,
         "hash of internal faces": hash_of(rows(reel.internal_faces)),
         "hash of faces": hash_of(rows(reel.faces)),
         "hash of order": hash_of(reel.order),

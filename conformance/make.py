@@ -978,11 +978,11 @@ def no_more_rows():
     return by_hand(faces, 32, [random_block(rng, Layout(np.float32(0.01), 6, 2), 32, 3)])
 
 
-def with_promise(payload):
-    """Return the worked example with this payload of PROMISE."""
+def with_error_bound(payload):
+    """Return the worked example with this payload of ERROR_BOUND."""
     layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
     block = (layout, basis, np.array([[4, -1, 2]]), None)
-    return by_hand([[0, 1, 2]], 3, [block], more=[(Section.PROMISE, payload)])
+    return by_hand([[0, 1, 2]], 3, [block], more=[(Section.ERROR_BOUND, payload)])
 
 
 def with_long_name():
@@ -1028,7 +1028,7 @@ for reason, payload in {
     "infinite": np.float64(np.inf).tobytes(),
     "no_number": np.float64(np.nan).tobytes(),
 }.items():
-    REFUSED[f"promise_{reason}"] = partial(with_promise, payload)
+    REFUSED[f"error_bound_{reason}"] = partial(with_error_bound, payload)
 for reason, numbers in {
     "first_time": [0, 1, 0, 1],
     "no_time": [0, 1, 1, 0],

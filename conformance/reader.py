@@ -53,7 +53,7 @@ class Reel:
     blocks : list of dict
         Integers of each block by section, as lists or lists of rows.
     surface : dict
-    start, promise : float, or None if absent
+    start, error_bound : float, or None if absent
     anchors : list of int
     shape : tuple of list and list, or None
         Steps and integers of the shape of cotangent weights.
@@ -71,7 +71,7 @@ class Reel:
     blocks: list
     surface: dict
     start: float | None
-    promise: float | None
+    error_bound: float | None
     anchors: list
     shape: tuple | None
     positions: object
@@ -174,7 +174,7 @@ def read_segment(container, memory):
         anchors=anchors,
         shape=shape,
         start=number_of(container, "START"),
-        promise=number_of(container, "PROMISE"),
+        error_bound=number_of(container, "ERROR_BOUND"),
         positions=positions,
         tracks=tracks,
     )
@@ -200,7 +200,7 @@ def number_of(container, section):
         number = Payload(payload)
         value = number.number("d")
         number.end()
-        need(math.isfinite(value) and (section != "PROMISE" or value > 0))
+        need(math.isfinite(value) and (section != "ERROR_BOUND" or value > 0))
         return value
     return None
 

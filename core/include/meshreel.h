@@ -106,15 +106,15 @@ typedef struct meshreel_text {
     size_t size;
 } meshreel_text;
 
-/* Properties of a file, or of an open segment. For a file with several segments `promise_percent`
-   and all counts but `n_frames` are 0, and `center`, `diagonal` and the codes from `number_bytes`
-   to `order` are those of the first segment. */
+/* Properties of a file, or of an open segment. For a file with several segments
+   `error_bound_percent` and all counts but `n_frames` are 0, and `center`, `diagonal` and the codes
+   from `number_bytes` to `order` are those of the first segment. */
 typedef struct meshreel_info {
     meshreel_text name;
     double fps;     /* frames per second; 0: unknown */
     double start_s; /* time of the first frame, in seconds */
     /* Guaranteed bound of the displacement of any vertex, in percent of `diagonal`; 0: none. */
-    double promise_percent;
+    double error_bound_percent;
     /* Center of the bounding box of all frames, in model units; segments may share the box of all
        of them. */
     double center[3];

@@ -145,12 +145,12 @@ static int read_double(reel_call *call, const reel_section *section, double *res
     reel_range left = section->payload;
     if (left.length != sizeof *result) {
         return reel_corrupt(call, section->at,
-                            "the start or the promised error does not have 8 bytes");
+                            "the start or the error bound does not have 8 bytes");
     }
     int failed = reel_read_bytes(call, &left, result, sizeof *result);
     if (!failed && !reel_is_finite(*result)) {
         return reel_corrupt(call, section->payload.at,
-                            "the start or the promised error is not finite");
+                            "the start or the error bound is not finite");
     }
     return failed;
 }
@@ -188,11 +188,11 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     if (section->id == REEL_START) {
         return read_double(call, section, &outline->start_s);
     }
-    if (section->id == REEL_PROMISE) {
-        failed = read_double(call, section, &outline->promise);
-        return failed || outline->promise > 0.0
+    if (section->id == REEL_ERROR_BOUND) {
+        failed = read_double(call, section, &outline->error_bound_percent);
+        return failed || outline->error_bound_percent > 0.0
                    ? failed
-                   : reel_corrupt(call, section->payload.at, "the promised error is not positive");
+                   : reel_corrupt(call, section->payload.at, "the error bound is not positive");
     }
     return section->id == REEL_POLYGONS ? read_polygons(call, section, outline) : MESHREEL_OK;
 }
@@ -201,7 +201,7 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
 static void reset_outline(reel_outline *outline) {
     outline->n_leading = outline->leading_capacity = 0;
     outline->n_tracks = 1;
-    outline->start_s = outline->promise = 0.0;
+    outline->start_s = outline->error_bound_percent = 0.0;
     outline->n_polygons = outline->n_faces;
     outline->n_corners = 3 * outline->n_faces;
     outline->n_blocks = outline->n_frames = 0;

@@ -39,7 +39,7 @@ typedef struct {
     meshreel_text name;
     uint64_t announced; /* number of frames in the header; 0: not known */
     uint64_t n_verts, n_faces;
-    double fps, start_s, promise;
+    double fps, start_s, error_bound_percent;
     double placement[4]; /* scale, and origin of x, y and z */
     uint32_t number_bytes, method, laplacian, order;
     uint64_t begin;                /* offset of its first section */

@@ -37,7 +37,7 @@ static void fill_info(meshreel_file *file) {
 static void fill_info_of_mesh(meshreel_file *file) {
     const reel_outline *outline = &file->outline;
     meshreel_info *info = &file->info;
-    info->promise_percent = outline->promise;
+    info->error_bound_percent = outline->error_bound_percent;
     info->n_verts = (uint32_t)outline->n_verts;
     info->n_triangles = (uint32_t)outline->n_faces;
     info->n_faces = (uint32_t)outline->n_polygons;

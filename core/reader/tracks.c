@@ -137,6 +137,7 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
 static int read_positions(reel_call *call, reel_pool *pool, const reel_outline *outline,
                           reel_track *track) {
     bool has_modes = outline->method == REEL_METHOD_REEL;
+    double bound = outline->error_bound_percent / 100.0 * outline->placement[0];
     track->info = (meshreel_track){.name = {"", 0},
                                    .unit = {"", 0},
                                    .kind = MESHREEL_TRACK_VECTOR,
@@ -146,7 +147,7 @@ static int read_positions(reel_call *call, reel_pool *pool, const reel_outline *
                                    .n_items = (uint32_t)outline->n_verts,
                                    .coding = has_modes ? REEL_MODES : REEL_EXACT,
                                    .is_exact = outline->method == REEL_METHOD_LOSSLESS,
-                                   .bound = outline->promise / 100.0 * outline->placement[0]};
+                                   .bound = bound};
     track->n_coded = 3;
     track->size = outline->number_bytes;
     track->is_float = true;

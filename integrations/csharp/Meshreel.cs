@@ -94,7 +94,7 @@ namespace Meshreel
         public double Fps => c.fps;
         public double StartSeconds => c.start_s;
         /// <summary>Error bound of any vertex, in percent of `Diagonal`; 0 if none.</summary>
-        public double PromisePercent => c.promise_percent;
+        public double ErrorBoundPercent => c.error_bound_percent;
         /// <summary>x, y and z of the center of the bounding box of all frames.</summary>
         public double[] Center => new[] { c.center.x, c.center.y, c.center.z };
         public double Diagonal => c.diagonal;

@@ -62,7 +62,7 @@ namespace Meshreel
         internal struct info
         {
             public text name;
-            public double fps, start_s, promise_percent;
+            public double fps, start_s, error_bound_percent;
             public triple center;
             public double diagonal;
             public ulong size;

@@ -117,7 +117,7 @@ export interface TrackInfo {
    * difference, in the unit of the track; for normals the angle in degrees; for colors the difference
    * of each number.
    */
-  readonly promisedError: number | null;
+  readonly errorBound: number | null;
   /** Compressed size in all blocks. */
   readonly sizeBytes: number;
 }

@@ -129,9 +129,9 @@ test("percentiles of opposite sign become symmetric; explicit ends are kept", as
 });
 
 test("values beyond 0 by less than the error bound do not count as the other sign", async () => {
-  const of = (values, promisedError, kind = "scalar", ends = FULL) => {
+  const of = (values, errorBound, kind = "scalar", ends = FULL) => {
     const track = trackOf(Array(30).fill(values));
-    Object.assign(track.info, { promisedError, kind });
+    Object.assign(track.info, { errorBound, kind });
     return rangeOf(track, ends);
   };
   assert.deepEqual(await of([-0.01, 0.005, 7], 0.02), [0, 7]);

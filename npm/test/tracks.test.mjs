@@ -96,7 +96,7 @@ test("metadata of a track matches the shape and type of its values", async () =>
       nItems: 42,
       numberType: "float64",
       isExact: false,
-      promisedError: null,
+      errorBound: null,
       sizeBytes: groupsOf(streamBytes("tracks")).reduce((sum, [, , [start, end]]) => sum + end - start, 0),
     });
   });

@@ -291,7 +291,7 @@ def test_exported_page_shows_errors_of_tracks_within_the_precision_of_its_origin
     assert labels[-3:] == ["error of stress", "error of velocity", "error of heat"]
     page.evaluate("player.seek(9)")
     with meshreel.open(folder / "flag.reel") as reel:
-        bounds = [reel.track(name).promised_error for name in ("stress", "velocity")]
+        bounds = [reel.track(name).error_bound for name in ("stress", "velocity")]
     for number, (name, bound) in enumerate(zip(("stress", "velocity"), bounds, strict=True)):
         page.evaluate(f"player.setHeat('track {number}')")
         differences = original[name].values.astype(float)[9] - decoded[name][9]

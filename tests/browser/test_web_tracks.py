@@ -157,7 +157,7 @@ def test_values_and_descriptions_match_python(page, decoded):
         found = np.array(answer["frames"], values.dtype).reshape(values.shape)
         assert found.tobytes() == values.tobytes()
         assert answer["info"]["nItems"] == values.shape[1]
-        assert (answer["info"]["promisedError"] > 0) is not answer["info"]["isExact"]
+        assert (answer["info"]["errorBound"] > 0) is not answer["info"]["isExact"]
     assert answer["info"]["kind"] == "vector"
     assert answer["info"]["unit"] == "m/s"
 

@@ -133,7 +133,7 @@ def test_a_missing_section_is_detected():
     for name in ("irregular", "reel irregular", "lossless irregular", "on a grid irregular"):
         stream = Stream(STREAMS[name])
         for number, (section, _) in enumerate(parts_of(stream)):
-            if section is Section.PROMISE:  # optional
+            if section is Section.ERROR_BOUND:  # optional
                 continue
             with pytest.raises(CorruptStreamError):
                 decode(without(stream, number))
@@ -196,11 +196,11 @@ def test_the_corrected_stream_contains_corrections():
     assert min(sizes) > 12
 
 
-def test_corrections_and_promise_are_optional():
+def test_corrections_and_error_bound_are_optional():
     """An attacker may remove them without breaking anything else."""
     stream = Stream(STREAMS["reel corrected"])
     for number, (section, _) in enumerate(parts_of(stream)):
-        if section in (Section.CORRECTIONS, Section.PROMISE):
+        if section in (Section.CORRECTIONS, Section.ERROR_BOUND):
             decoded = decode(without(stream, number))
             np.testing.assert_array_equal(decoded.faces, irregular_sequence(4).faces)
 
@@ -237,10 +237,10 @@ def test_damaged_corrections_with_valid_checksums_raise_our_errors_or_decode():
 
 
 @pytest.mark.parametrize("payload", [b"", b"\0" * 8, b"\xff" * 8, b"\0" * 9])
-def test_info_refuses_invalid_promises(payload):
+def test_info_refuses_invalid_error_bounds(payload):
     stream = Stream(STREAMS["reel corrected"])
-    data = raw_stream(stream.header, replaced(stream, Section.PROMISE, payload))
-    with pytest.raises(CorruptStreamError, match="promised error"):
+    data = raw_stream(stream.header, replaced(stream, Section.ERROR_BOUND, payload))
+    with pytest.raises(CorruptStreamError, match="error bound"):
         info(data)
 
 

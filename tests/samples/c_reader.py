@@ -84,8 +84,9 @@ class Info(ctypes.Structure):
     """`meshreel_info`."""
 
     _fields_ = fields(
-        name=Text, fps__start_s__promise_percent=c_double, center=c_double * 3, diagonal=c_double,
-        size=c_uint64, n_frames__n_verts__n_triangles__n_faces__n_corners=c_uint32,
+        name=Text, fps__start_s__error_bound_percent=c_double, center=c_double * 3,
+        diagonal=c_double, size=c_uint64,
+        n_frames__n_verts__n_triangles__n_faces__n_corners=c_uint32,
         n_blocks__longest_block__n_tracks__number_bytes__method__laplacian__order=c_uint32,
         is_whole__n_segments=c_uint32, damage=CError,
     )  # fmt: skip

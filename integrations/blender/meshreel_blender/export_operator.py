@@ -19,7 +19,7 @@ SURFACES = frozenset({"MESH", "CURVE", "SURFACE", "FONT", "META"})
 TICK_S = 0.01
 TARGET_ITEMS = (
     ("QUALITY", "Quality", "As good as can be seen, for models of any size"),
-    ("MAX_ERROR", "Maximum Error", "No vertex of any frame farther off than promised"),
+    ("MAX_ERROR", "Maximum Error", "No vertex of any frame is off by more than this bound"),
 )
 
 

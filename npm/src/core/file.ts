@@ -132,7 +132,7 @@ function readTrack(library: Library, file: number, track: number, sizeBytes: num
         ...{ name, unit, kind: KINDS[kind], domain: DOMAINS[domain], nColumns, nItems },
         numberType: NUMBER_TYPES[type][0],
         isExact: isExact !== 0,
-        promisedError: isExact ? 0 : bound || null,
+        errorBound: isExact ? 0 : bound || null,
         sizeBytes,
       },
     };

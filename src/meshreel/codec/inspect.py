@@ -19,7 +19,7 @@ from meshreel.model.surface_description import (
 from meshreel.model.tracks import TrackKind
 
 CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.REFERENCE)
-POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.PROMISE)
+POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.ERROR_BOUND)
 """Sections of the positions, except their blocks."""
 
 
@@ -257,7 +257,7 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
     ending = size_bytes - sum(one.size_bytes for one in segments)  # index and end marker
     budget["framing"] += ending
     parts["container"] += ending
-    promised = [one.max_error_percent for one in segments if one.max_error_percent is not None]
+    bounds = [one.max_error_percent for one in segments if one.max_error_percent is not None]
     return replace(
         segments[0],
         n_frames=file.info.n_frames,
@@ -270,7 +270,7 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
         raw_size_bytes=sum(one.raw_size_bytes for one in segments),
         budget_bytes=dict(budget),
         part_bytes=dict(parts),
-        max_error_percent=max(promised) if len(promised) == len(segments) else None,
+        max_error_percent=max(bounds) if len(bounds) == len(segments) else None,
         is_lossless=all(one.is_lossless for one in segments),
         is_whole=file.info.is_whole,
         segments=joined("segments"),
@@ -373,7 +373,7 @@ def stream_info(
         budget_bytes=_budget(sizes, opened.size_bytes),
         part_bytes=_parts(opened, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
-        max_error_percent=opened.promise_percent,
+        max_error_percent=opened.error_bound_percent,
         is_lossless=opened.method.is_lossless,
         is_whole=opened.is_whole,
         start_s=opened.start_s,

@@ -75,7 +75,7 @@ class OpenStream:
         Laplacian of the deltas, if the method has deltas.
     order_kept : Order
         The kept order of vertices and faces.
-    promise_percent : float or None
+    error_bound_percent : float or None
         Guaranteed error bound, in percent of the diagonal: 0 if positions are lossless, None if
         the stream guarantees none.
     starts : list of int
@@ -117,7 +117,7 @@ class OpenStream:
         self.method = method_of_code(info.method)
         self.laplacian = _choice_of_code(Laplacian, info.laplacian)
         self.order_kept = _choice_of_code(Order, info.order)
-        self.promise_percent = 0.0 if self.method.is_lossless else info.promise_percent
+        self.error_bound_percent = 0.0 if self.method.is_lossless else info.error_bound_percent
         self.n_frames, self.n_verts, self.n_faces = info.n_frames, info.n_verts, info.n_triangles
         self.fps, self.name, self.start_s = info.fps, info.name, info.start_s
         self.is_whole, self.size_bytes = info.is_whole, info.size_bytes - self.offset

@@ -74,7 +74,7 @@ class ReelFile:
         the first block.
     starts : tuple of int
         First frame of each block, and the number of all frames.
-    promised_error : float or None
+    error_bound : float or None
         Guaranteed largest distance of vertices from the original, in model units, 0 if positions
         are lossless; None if the stream guarantees none, or only some modes are decoded.
     tracks : dict of str to ReelTrack
@@ -104,8 +104,8 @@ class ReelFile:
         self.fps, self.name, self.is_whole = stream.fps, stream.name, stream.is_whole
         self.dtype = stream.dtype
         self.start_s, self.frame = stream.start_s, stream.frame
-        promised = stream.promise_percent if n_modes is None else None
-        self.promised_error = None if promised is None else promised / 100 * self.frame.scale
+        percent = stream.error_bound_percent if n_modes is None else None
+        self.error_bound = None if percent is None else percent / 100 * self.frame.scale
         self.starts = tuple(stream.starts)
         self.method = stream.method.name
         self.order = stream.order_kept.name.lower()

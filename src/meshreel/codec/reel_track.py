@@ -40,7 +40,7 @@ class ReelTrack:
     dtype : numpy dtype
     is_exact : bool
         Whether its numbers are lossless.
-    promised_error : float or None
+    error_bound : float or None
         Guaranteed largest error of a value: the length of the difference, in the unit of the track;
         for normals the angle in degrees; for colors the difference of each number. None if the
         stream guarantees none.
@@ -54,7 +54,7 @@ class ReelTrack:
         self.kind: TrackKind = KINDS[track.kind]
         self.domain: Domain = DOMAINS[track.domain]
         self.is_exact = track.is_exact
-        self.promised_error = 0.0 if track.is_exact else track.bound or None
+        self.error_bound = 0.0 if track.is_exact else track.bound or None
 
     @property
     def shape(self) -> tuple[int, int, int]:

@@ -96,10 +96,10 @@ def origin_of(sequence: "AnySource") -> Origin | None:
     """Return the origin of frames decoded from a stream; None for original frames."""
     error = diagonal = 0.0
     for segment in each_segment(sequence):
-        if not hasattr(segment, "promised_error"):
+        if not hasattr(segment, "error_bound"):
             return None
         reel = cast("ReelFile", segment)
-        error = max(error, math.inf if reel.promised_error is None else reel.promised_error)
+        error = max(error, math.inf if reel.error_bound is None else reel.error_bound)
         diagonal = max(diagonal, reel.frame.scale)
     return Origin(error, diagonal)
 

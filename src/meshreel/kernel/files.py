@@ -112,7 +112,7 @@ class _Host(ctypes.Structure):
 class _Info(ctypes.Structure):
     _fields_ = [
         ("name", Text),
-        *fields_of(_DOUBLE, "fps start_s promise_percent"),
+        *fields_of(_DOUBLE, "fps start_s error_bound_percent"),
         ("center", _DOUBLE * 3),
         ("diagonal", _DOUBLE),
         ("size", _U64),
@@ -177,8 +177,8 @@ class FileInfo:
 
     Attributes
     ----------
-    promise_percent : float or None
-        Bound of the displacement of vertices, in percent of the diagonal; None: none is promised.
+    error_bound_percent : float or None
+        Guaranteed bound of the displacement of vertices, in percent of the diagonal, or None.
     center : tuple of 3 floats
     diagonal : float
         Of the bounding box of all frames, in model units.
@@ -189,7 +189,7 @@ class FileInfo:
     number_bytes, method, laplacian, order : int
         As in the header.
     n_segments : int
-        Of a file of several, `promise_percent` is None and all counts but `n_frames` are 0.
+        Of a file of several, `error_bound_percent` is None and all counts but `n_frames` are 0.
     damage : Exception or None
         Why it is not whole.
     """
@@ -197,7 +197,7 @@ class FileInfo:
     name: str
     fps: float
     start_s: float
-    promise_percent: float | None
+    error_bound_percent: float | None
     center: tuple[float, float, float]
     diagonal: float
     size_bytes: int
@@ -640,7 +640,7 @@ class OpenFile:
         codes = "n_tracks number_bytes method laplacian order n_segments"
         return FileInfo(
             name=str(found.name),
-            promise_percent=found.promise_percent or None,
+            error_bound_percent=found.error_bound_percent or None,
             center=tuple(found.center),
             size_bytes=found.size,
             is_whole=bool(found.is_whole),

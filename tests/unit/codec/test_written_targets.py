@@ -35,8 +35,8 @@ def test_every_vertex_is_within_a_bound_in_length_units(max_error, unit, in_unit
     farthest = distances(sequence, meshreel.decode(data)).max()
     assert in_units / 20 < farthest <= in_units
     stream = meshreel.info(data)
-    promised = stream.max_error_percent / 100 * stream.diagonal
-    assert promised == pytest.approx(in_units, rel=1e-12)
+    bound = stream.max_error_percent / 100 * stream.diagonal
+    assert bound == pytest.approx(in_units, rel=1e-12)
 
 
 def test_every_vertex_of_live_frames_is_within_a_bound_in_length_units():

@@ -103,7 +103,7 @@ def mesh_lines(file):
     info = file.info
     counts = info.n_verts, info.n_triangles, info.n_faces, info.n_corners
     yield f"mesh '{info.name}' " + " ".join(map(str, counts))
-    yield f"box {hashed(np.array([*info.center, info.diagonal, info.promise_percent]))}"
+    yield f"box {hashed(np.array([*info.center, info.diagonal, info.error_bound_percent]))}"
     file.read_mesh()
     yield f"triangles {hashed(file.triangles)}"
 
@@ -229,10 +229,10 @@ def test_error_names_the_byte_of_the_damage(describe, tmp_path):
 
 def test_csharp_program_passes_its_own_checks(tmp_path):
     """Threads, failing streams, memory, invalid arguments; the program prints failed checks."""
-    program = compiled(tmp_path, "promises", TESTED / "Promises.cs")
+    program = compiled(tmp_path, "checks", TESTED / "Checks.cs")
     two_meshes = ROOT / "conformance" / "segments" / "two_meshes.reel"
     integers = EVERYTHING.with_name("exact_i2.reel")
-    assert run("mono", program, EVERYTHING, two_meshes, integers) == "kept\n"
+    assert run("mono", program, EVERYTHING, two_meshes, integers) == "passed\n"
 
 
 def test_csharp_code_of_the_guide_runs(tmp_path):

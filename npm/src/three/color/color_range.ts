@@ -126,7 +126,7 @@ export async function resolveRange(
   const bounds = ends.map(({ amount, isPercent }) =>
     isPercent ? quantile(sorted, amount / 100) : amount,
   );
-  const [low, high] = snapToZero(bounds, ends, errorBound(track.info));
+  const [low, high] = snapToZero(bounds, ends, valueErrorBound(track.info));
   if (ends.every(({ isPercent }) => isPercent) && low < 0 && high > 0) {
     const maxAbs = Math.max(-low, high);
     return [-maxAbs, maxAbs];
@@ -140,8 +140,8 @@ export async function resolveRange(
 }
 
 /** Error bound of a value, in its unit; 0 if unknown. */
-function errorBound({ kind, promisedError }: Pick<TrackInfo, "kind" | "promisedError">): number {
-  return kind === "normal" ? 0 : (promisedError ?? 0); // the bound of normals is an angle
+function valueErrorBound({ kind, errorBound }: Pick<TrackInfo, "kind" | "errorBound">): number {
+  return kind === "normal" ? 0 : (errorBound ?? 0); // the bound of normals is an angle
 }
 
 /**

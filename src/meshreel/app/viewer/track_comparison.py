@@ -74,7 +74,7 @@ class TrackComparison:
     def _described(self, number: int, name: str) -> dict[str, Any]:
         track = self._reel.tracks[name]
         unit = "\N{DEGREE SIGN}" if track.kind is TrackKind.NORMAL else track.unit
-        largest = track.promised_error  # the page shortens labels at ", up to"
+        largest = track.error_bound  # the page shortens labels at ", up to"
         bound = "" if largest is None else f", up to {float(f'{largest:.4g}'):g} {unit}".rstrip()
         if largest is None:
             largest = self._largest_sampled_error(name)

@@ -199,7 +199,7 @@ def test_facts_contain_tracks_of_the_original_when_there_is_one():
     grid = with_tracks(waving_grid(4))
     with opened_api(grid, grid, encoding={"tracks": {"height": "5%", "heat": "3%"}}) as api:
         facts = get_json(api, "api/facts")["original"]
-        bound = api.reel.track("height").promised_error
+        bound = api.reel.track("height").error_bound
         values = [
             np.frombuffer(api.answer(f"api/original_track/{i}/2").body, "<f8" if i == 2 else "<f4")
             for i in range(3)
@@ -223,7 +223,7 @@ def test_tracks_of_the_original_have_the_decoded_vertex_order_when_the_order_is_
     with opened_api(grid, grid, encoding={"order": "drop"}) as api:
         original = np.frombuffer(api.answer("api/original_track/0/3").body, "<f4")
         errors = np.abs(original - api.reel.track("height")[3].ravel())
-        bound = api.reel.track("height").promised_error
+        bound = api.reel.track("height").error_bound
     assert 0 < errors.max() <= bound
 
 

@@ -169,7 +169,7 @@ def test_errors_of_tracks_without_a_bound_are_sampled_up_to_both_ends(opened, pl
     values = np.zeros((12, 99))
     sequence = replace(grid, tracks={"heat": Track(values, unit="K")})
     reel = opened(encode(sequence, tracks={"heat": "1%"}))
-    reel.tracks["heat"].promised_error = None  # as of a live recording
+    reel.tracks["heat"].error_bound = None  # as of a live recording
     values[place] = 7.0
     original = Original(replace(grid, tracks={"heat": Track(values, unit="K")}), reel)
     [heat] = TrackComparison(reel, original).described()

@@ -126,7 +126,7 @@ def test_single_track_is_read_from_a_file():
     with ReelFile(BytesIO(data)) as reel:
         heat = reel.track("heat")
         assert (len(heat), heat.shape, heat.unit) == (12, (12, n_verts, 1), "K")
-        assert heat.promised_error == 1
+        assert heat.error_bound == 1
         np.testing.assert_array_equal(heat[7], whole.tracks["heat"][7])
         np.testing.assert_array_equal(heat[-1], whole.tracks["heat"][11])
         np.testing.assert_array_equal(heat[3:9], whole.tracks["heat"][3:9])

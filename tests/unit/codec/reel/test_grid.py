@@ -64,7 +64,7 @@ def test_bound_may_be_a_length():
     sequence = waving_grid(5)
     data = meshreel.encode(sequence, "grid", max_error="0.5mm", unit="m")
     assert np.abs(meshreel.decode(data).vertices - sequence.vertices).max() <= 0.0005
-    assert meshreel.ReelFile(BytesIO(data)).promised_error == pytest.approx(0.0005)
+    assert meshreel.ReelFile(BytesIO(data)).error_bound == pytest.approx(0.0005)
 
 
 def test_positions_are_lossless_when_the_grid_is_too_fine():
@@ -126,9 +126,9 @@ def test_live_frames_anywhere_are_within_the_bound():
     ) as encoder:
         for frame in vertices:
             encoder.push(frame)
-    promised = meshreel.ReelFile(BytesIO(file.getvalue())).promised_error
+    bound = meshreel.ReelFile(BytesIO(file.getvalue())).error_bound
     found = meshreel.decode(file.getvalue()).vertices.astype(DOUBLE)
-    assert np.linalg.norm(found - vertices, axis=2).max() <= promised
+    assert np.linalg.norm(found - vertices, axis=2).max() <= bound
 
 
 def test_grid_requires_a_bound_or_a_step():

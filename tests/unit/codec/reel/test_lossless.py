@@ -171,7 +171,7 @@ def test_single_frames_are_decoded_from_their_blocks(tmp_path):
     path = tmp_path / "walk.reel"
     meshreel.save(sequence, path, options=WriteOptions(lossless=True))
     with meshreel.open(path) as reel:
-        assert (reel.method, reel.promised_error) == ("lossless", 0)
+        assert (reel.method, reel.error_bound) == ("lossless", 0)
         for chosen in (7, slice(3, 9), [8, 1, 10]):
             assert_same_bits(reel[chosen], sequence.vertices[chosen])
         assert "bit for bit" in reel._repr_html_()

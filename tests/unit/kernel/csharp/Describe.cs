@@ -73,7 +73,7 @@ internal static class Describe
         ReelInfo info = file.Info;
         Console.WriteLine("mesh '{0}' {1} {2} {3} {4}", info.Name, info.VertexCount, info.TriangleCount, info.FaceCount,
             info.CornerCount);
-        Console.WriteLine("box {0}", Hash(info.Center.Concat(new[] { info.Diagonal, info.PromisePercent }).ToArray()));
+        Console.WriteLine("box {0}", Hash(info.Center.Concat(new[] { info.Diagonal, info.ErrorBoundPercent }).ToArray()));
         Console.WriteLine("triangles {0}", Hash(file.Triangles));
         using (var decoder = new ReelDecoder(file))
         {

@@ -19,7 +19,7 @@ from meshreel.codec.reel.encoding.analysis import (
     analyze_fields,
 )
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
-from meshreel.codec.reel.encoding.corrections import check_promise, corrections_of_block
+from meshreel.codec.reel.encoding.corrections import check_error_bound, corrections_of_block
 from meshreel.codec.reel.encoding.effort import choices_of
 from meshreel.codec.reel.normative.blocks import layout_of, read_field_block, write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
@@ -76,7 +76,7 @@ class FieldBlockCoder:
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """Yield the sections before the first block, after the connectivity."""
         if self.bound is not None:
-            yield Section.PROMISE, write_promise(100.0 * self.bound)
+            yield Section.ERROR_BOUND, write_error_bound(100.0 * self.bound)
 
     def frames(self, vertices: Vertices, order: Integers | None = None) -> "FieldFrames":
         """Wrap a block of positions of shape (T_b, V, 3), or of values of shape (T_b, N, C).
@@ -311,10 +311,10 @@ def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
     """
     frames = coder.frames(vertices)
     if coder.bound is not None:
-        check_promise(coder.bound, frames.rounding, vertices.dtype)
+        check_error_bound(coder.bound, frames.rounding, vertices.dtype)
     return frames
 
 
-def write_promise(max_error_percent: float) -> bytes:
-    """Return the payload of the section PROMISE: the error bound that the encoder guarantees."""
-    return struct.pack("<d", max_error_percent)
+def write_error_bound(percent: float) -> bytes:
+    """Return the payload of the section ERROR_BOUND."""
+    return struct.pack("<d", percent)

@@ -37,7 +37,7 @@ def least_bound(rounding: float) -> float:
     return rounding + FLOOR
 
 
-def check_promise(bound: float, rounding: float, dtype: np.dtype[np.floating]) -> None:
+def check_error_bound(bound: float, rounding: float, dtype: np.dtype[np.floating]) -> None:
     """Check that an error bound exceeds the rounding of positions.
 
     Raises

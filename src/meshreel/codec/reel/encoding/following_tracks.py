@@ -67,8 +67,8 @@ class FollowingTracks:
         if tracks != source.tracks:
             source = replace(source, tracks=tracks)
             opened = whole_stream(data, UNLIMITED)
-            promises = (one for one in opened.leading if one.id == Section.PROMISE)
-            leading = [(Section.PROMISE, opened.payload(one)) for one in promises]
+            bounds = (one for one in opened.leading if one.id == Section.ERROR_BOUND)
+            leading = [(Section.ERROR_BOUND, opened.payload(one)) for one in bounds]
             blocks = (
                 (opened.file.block(number).n_frames, opened.group(number))
                 for number in range(opened.n_blocks)

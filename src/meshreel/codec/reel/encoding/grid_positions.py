@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.reel.encoding.block_coder import largest_rounding, write_promise
+from meshreel.codec.reel.encoding.block_coder import largest_rounding, write_error_bound
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
-from meshreel.codec.reel.encoding.target_step import promised_bound
+from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_frame, write_grid_positions
 from meshreel.codec.reel.normative.grid import MAX_COORDINATE, NO_GRID, Coordinates, PositionGrid
@@ -63,7 +63,7 @@ class GridPositionCoder(PositionCoder):
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """Yield the sections before the first block."""
         if self.bound is not None:
-            yield Section.PROMISE, write_promise(100.0 * self.bound)
+            yield Section.ERROR_BOUND, write_error_bound(100.0 * self.bound)
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
         """Encode a contiguous block of shape (T_b, V, 3), in internal order.
@@ -112,7 +112,7 @@ def grid_coder(
     if target.kind is TargetKind.STEP:
         return step_coder(mesh, frame, target.value)
     rounding = largest_rounding(extent.low.min(), extent.high.max(), dtype, frame)
-    bound = promised_bound(target, frame.scale, rounding, dtype)
+    bound = checked_bound(target, frame.scale, rounding, dtype)
     # The error is at most half the diagonal of a cube, plus half of the rounding.
     step = (bound * (1.0 - SLACK) - 0.5 * rounding) * 2.0 / math.sqrt(3.0)
     return replace(step_coder(mesh, frame, step), bound=bound)

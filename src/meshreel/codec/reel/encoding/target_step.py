@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.reel.encoding.corrections import check_promise
+from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step, quality_step
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
 from meshreel.codec.targets import Target, TargetKind
@@ -79,14 +79,14 @@ def step_for_target(
         step = quality_step(target.value) * model.own_diagonal * model.step_share
         return max(model.finest_step, step), None
     if target.kind is TargetKind.MAX_ERROR:
-        bound = promised_bound(target, model.diagonal, model.rounding, model.dtype)
+        bound = checked_bound(target, model.diagonal, model.rounding, model.dtype)
         step = least_cost(partial(model.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
         return max(model.finest_step, step), bound
     start = quality_step(FIRST_QUALITY) * model.own_diagonal
     return step_within_limit(config, model.measured, start, has_tracks=has_tracks), None
 
 
-def promised_bound(
+def checked_bound(
     target: Target, diagonal: float, rounding: float, dtype: np.dtype[np.floating]
 ) -> float:
     """Return the bound of a largest error, in diagonals, if the number type allows it.
@@ -108,7 +108,7 @@ def promised_bound(
     """
     percent = target.bound.percent(diagonal)
     try:
-        check_promise(percent / 100.0, rounding, dtype)
+        check_error_bound(percent / 100.0, rounding, dtype)
     except InvalidInputError as error:
         if not target.is_length:
             raise

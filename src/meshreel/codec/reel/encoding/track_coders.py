@@ -17,7 +17,7 @@ from meshreel.codec.reel.encoding.block_coder import (
     KeyedBlocks,
     largest_rounding,
 )
-from meshreel.codec.reel.encoding.corrections import check_promise
+from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import choices_for, finest_step
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack
 from meshreel.codec.reel.encoding.track_residuals import (
@@ -274,7 +274,7 @@ def track_coder(
     graph, order = _graph_of(name, track, mesh)
     rounding = largest_rounding(float(low.min()), float(high.max()), track.dtype, frame)
     try:
-        check_promise(share, rounding, track.dtype)
+        check_error_bound(share, rounding, track.dtype)
     except InvalidInputError:
         least = 1.01 * rounding * frame.scale
         raise InvalidInputError(

@@ -1,4 +1,4 @@
-// What bindings promise beside values: `Promises FILE SEGMENTS INTEGERS` prints "kept", or ends with what is broken.
+// Checks of the binding beside decoded values: `Checks FILE SEGMENTS INTEGERS` prints "passed" or fails with the reason.
 
 using System;
 using System.IO;
@@ -6,7 +6,7 @@ using System.Linq;
 using System.Threading.Tasks;
 using Meshreel;
 
-internal static class Promises
+internal static class Checks
 {
     private struct WithReference
     {
@@ -42,7 +42,7 @@ internal static class Promises
         TheCollectorReleasesWhatIsForgotten(bytes);
         SegmentsMustBeOpened(words[1]);
         FramesNeedNoManagedMemory(bytes);
-        Console.WriteLine("kept");
+        Console.WriteLine("passed");
         return 0;
     }
 
