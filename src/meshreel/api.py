@@ -196,7 +196,8 @@ def register(
     Parameters
     ----------
     source : SegmentedSequence, path, bytes, or ReelFile
-        Raw frames, as `encode` accepts them. Frames that stay in their files are read three times.
+        Raw frames, as `encode` accepts them. Frames that stay in their files are read three or four
+        times.
     tolerance : float or str, default "0.2%"
         Largest distance between a registered surface and the raw one, in the syntax of
         `max_error`: percent of the diagonal of the box of all frames ("0.2%"), model units
@@ -212,8 +213,9 @@ def register(
     -------
     SegmentedSequence
         Frames that cannot be followed are segments of their own, with their raw mesh. Segments of
-        several frames have the texture coordinates, groups and materials of their key frame. A
-        warning names what was removed or omitted.
+        several frames have the texture coordinates, groups and materials of their key frame, and
+        the other values of vertices, such as colors, as tracks. A warning names what was removed or
+        omitted.
 
     Raises
     ------

@@ -7,10 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from meshreel.arrays import Integers
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.segments import (
     AnySequence,
     HasSegments,
@@ -21,9 +19,11 @@ from meshreel.model.segments import (
     tracks_of_all,
 )
 from meshreel.model.sequence import MeshSequence
-from meshreel.model.surface import Attribute, Domain, Surface
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import Track
 from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
+from meshreel.registration.transfer import RawFrame, items_at_corners, transferred_tracks
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.counting import counted
@@ -177,7 +177,7 @@ def register(
     Parameters
     ----------
     sequence : MeshSequence, SegmentedSequence or other FrameSource
-        Raw frames, at least one. Frames may stay in their files; each is read three times.
+        Raw frames, at least one. Frames may stay in their files; each is read three or four times.
     tolerance : ErrorBound
         99 % of both surfaces, of each frame, are within it, and no connected patch beyond it is
         larger than a square whose side is ten times the tolerance. Percent refer to the diagonal
@@ -219,14 +219,15 @@ def register(
             limit,
             lambda n_done: progress("registering", Count(n_done, raw.n_frames, "frames")),
         )
+    registered = SegmentedSequence(_sequences(raw, segments, frames), sequence.name)
     return Registration(
-        SegmentedSequence(_sequences(raw, segments, frames), sequence.name),
+        registered,
         sequence,
         tuple(segments),
         frames,
         limit,
         diagonal / scale,
-        tuple(_changes(n_removed, topologies, sequence)),
+        tuple(_changes(n_removed, topologies, sequence, registered)),
     )
 
 
@@ -263,30 +264,33 @@ def _sequences(
             yield replace(key, surface=replace(key.surface, is_ordered=False))
             continue
         positions = segment.positions * frames.scale + frames.low
-        surface = _kept_surface(key, raw.cleaned(segment.key))
+        numbers = range(segment.first, first)
+        given = (RawFrame(raw.whole(n), raw.cleaned(n), frames.mesh(n)) for n in numbers)
+        tracks = transferred_tracks(given, segment.positions)
         yield replace(
             key,
             vertices=positions.astype(key.dtype),
             faces=segment.faces,
-            surface=surface,
-            tracks={},
+            surface=_kept_surface(key, raw.cleaned(segment.key), tracks),
+            tracks=tracks,
         )
     for number in range(first, raw.n_frames):
         yield raw.whole(number)
 
 
-def _kept_surface(key: MeshSequence, cleaned: CleanMesh) -> Surface:
-    """Return attributes and groups of the cleaned mesh of a key, attributes at its corners."""
-    surface, kept = key.surface, cleaned.kept_faces
-    sizes = surface.sizes(len(key.faces))
-    polygons = np.repeat(np.arange(len(sizes)), sizes - 2)[kept]
-    items: dict[Domain, Integers] = {
-        Domain.VERTEX: key.faces[kept].ravel().astype(np.int64),
-        Domain.CORNER: fan_corners(sizes)[kept].ravel().astype(np.int64),
-        Domain.FACE: polygons,
-    }
+def _kept_surface(key: MeshSequence, cleaned: CleanMesh, tracks: Mapping[str, Track]) -> Surface:
+    """Return what the cleaned mesh of a key keeps of its surface, except values that are tracks.
+
+    Attributes of vertices become attributes of corners.
+    """
+    surface = key.surface
+    polygons = items_at_corners(key, Domain.FACE)[cleaned.kept_faces, 0]
     return Surface(
-        attributes=tuple(_kept_attribute(one, items[one.domain]) for one in surface.attributes),
+        attributes=tuple(
+            _kept_attribute(one, key, cleaned)
+            for one in surface.attributes
+            if one.kind is Kind.UV or one.name not in tracks
+        ),
         groups=tuple(replace(one, numbers=one.numbers[polygons]) for one in surface.groups),
         materials=surface.materials,
         images=surface.images,
@@ -294,14 +298,18 @@ def _kept_surface(key: MeshSequence, cleaned: CleanMesh) -> Surface:
     )
 
 
-def _kept_attribute(attribute: Attribute, items: Integers) -> Attribute:
-    """Return the values of an attribute at these items: those of vertices become of corners."""
-    domain = Domain.FACE if attribute.domain is Domain.FACE else Domain.CORNER
-    return replace(attribute, domain=domain).indexed(attribute.per_item()[items])
+def _kept_attribute(attribute: Attribute, key: MeshSequence, cleaned: CleanMesh) -> Attribute:
+    items = items_at_corners(key, attribute.domain)[cleaned.kept_faces]
+    if attribute.domain is Domain.FACE:
+        return attribute.indexed(attribute.per_item()[items[:, 0]])
+    return replace(attribute, domain=Domain.CORNER).indexed(attribute.per_item()[items.ravel()])
 
 
 def _changes(
-    n_removed: Mapping[str, int], topologies: Sequence[Topology | None], raw: SegmentedSequence
+    n_removed: Mapping[str, int],
+    topologies: Sequence[Topology | None],
+    raw: SegmentedSequence,
+    registered: SegmentedSequence,
 ) -> Iterator[str]:
     if n_removed["face"]:
         yield f"removed {counted(n_removed['face'], 'face')} without area"
@@ -312,7 +320,8 @@ def _changes(
         )
     if None in topologies:
         yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"
-    if names := sorted(tracks_of_all(raw)):
-        yield f"left out tracks of registered frames: {', '.join(names)}"
+    kept = set.intersection(*(set(one.tracks) for one in registered.segments))
+    if names := sorted(set(tracks_of_all(raw)) - kept):
+        yield f"left out tracks that are not on the vertices of all frames: {', '.join(names)}"
     if any(one.surface.hard_edges is not None for one in raw.segments):
         yield "left out hard edges of registered frames"

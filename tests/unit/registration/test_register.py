@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel import Attribute, Domain, InvalidInputError, Kind, MeshSequence, Surface
+from meshreel import Attribute, Domain, InvalidInputError, Kind, MeshSequence, Surface, Track
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
@@ -162,3 +162,51 @@ def test_progress_counts_cleaned_and_registered_frames(raw):
     register(raw, TOLERANCE, lambda stage, share: calls.append((stage, float(share))))
     assert calls[raw.n_frames - 1] == ("cleaning", 1.0)
     assert calls[-1] == ("registering", 1.0)
+
+
+def with_values(segment):
+    """A raw frame with a height of each vertex, a label and a color of the height."""
+    height = segment.vertices[0][:, 2].copy()
+    color = np.repeat(np.clip(127.5 * (height + 1), 0, 255)[:, None], 3, axis=1).astype(np.uint8)
+    surface = Surface(attributes=(Attribute("color", Kind.COLOR, Domain.VERTEX, color),))
+    tracks = {
+        "height": Track(height[None], unit="m"),
+        "above": (height > 0).astype(np.int32)[None],
+        "of faces": Track(np.zeros((1, len(segment.faces))), "face"),
+    }
+    return MeshSequence(
+        segment.vertices, segment.faces, segment.fps, surface=surface, tracks=tracks
+    )
+
+
+def test_values_of_raw_vertices_become_tracks(raw):
+    found = register(meshreel.concatenate([with_values(one) for one in raw.segments]), TOLERANCE)
+    segment = only_segment(found)
+    height, above, color = (segment.tracks[name] for name in ("height", "above", "color"))
+    z = segment.vertices[..., 2]
+    np.testing.assert_allclose(height.values[..., 0], z, atol=0.01)
+    is_clear = np.abs(z) > 0.05
+    assert np.array_equal(above.values[is_clear][:, 0], z[is_clear] > 0)
+    np.testing.assert_allclose(color.values[..., 1], np.clip(127.5 * (z + 1), 0, 255), atol=3)
+    assert (height.unit, color.kind, color.dtype) == ("m", "color", np.uint8)
+    assert segment.surface.attributes == ()
+    (change,) = found.changes
+    assert change == "left out tracks that are not on the vertices of all frames: of faces"
+
+
+def test_values_of_frame_files_become_tracks(raw, tmp_path):
+    frames = [with_values(one) for one in raw.segments]
+    meshreel.save(meshreel.concatenate(frames), tmp_path / "frame_%d.ply")
+    (segment,) = meshreel.register(tmp_path, tolerance=0.5).segments
+    assert {*segment.tracks} == {"color", "height", "above"}
+    assert [one.name for one in segment.surface.attributes] == ["of_faces"]
+
+
+def test_colors_that_differ_in_type_stay_those_of_the_key(raw):
+    first, *others = (with_values(one) for one in raw.segments)
+    (color,) = first.surface.attributes
+    floats = replace(color, values=(color.values / 255).astype(np.float32))
+    first = replace(first, surface=Surface(attributes=(floats,)), tracks={})
+    segment = only_segment(register(meshreel.concatenate([first, *others]), TOLERANCE))
+    assert segment.tracks == {}
+    assert [one.name for one in segment.surface.attributes] == ["color"]

@@ -1,0 +1,154 @@
+"""Values of raw frames at points of registered surfaces: tracks, colors, texture coordinates."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from meshreel.arrays import Floats, Integers, Singles, Values
+from meshreel.model.geometry.polygons import fan_corners
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.surface import Attribute, Domain, Kind
+from meshreel.model.tracks import (
+    COLUMNS_OF,
+    Track,
+    TrackKind,
+    concatenate_tracks,
+    default_kind,
+)
+from meshreel.registration.cleaning import CleanMesh
+from meshreel.registration.triangle_mesh import TriangleMesh, unit
+
+
+class Places(NamedTuple):
+    """Places of N points on the triangles of a raw frame.
+
+    Attributes
+    ----------
+    triangles : int64 array of shape (N,)
+    weights : float64 array of shape (N, 3)
+        Barycentric coordinates.
+    """
+
+    triangles: Integers
+    weights: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class RawFrame:
+    """A raw frame, whose values are interpolated at the closest points of its cleaned surface.
+
+    Attributes
+    ----------
+    frame : MeshSequence
+        One frame.
+    cleaned : CleanMesh
+    mesh : TriangleMesh
+        The cleaned surface, in longest sides of the box.
+    """
+
+    frame: MeshSequence
+    cleaned: CleanMesh
+    mesh: TriangleMesh
+
+    def closest(self, points: Floats) -> Places:
+        """Return the closest places for points of shape (N, 3), in longest sides of the box."""
+        found = self.mesh.closest(points)
+        return Places(self.cleaned.kept_faces[found.faces], self.mesh.barycentric(found))
+
+
+def items_at_corners(frame: MeshSequence, domain: Domain) -> Integers:
+    """Return the vertex, corner or polygon at each corner of each triangle, of shape (M, 3)."""
+    if domain is Domain.VERTEX:
+        return frame.faces.astype(np.int64)
+    sizes = frame.surface.sizes(len(frame.faces))
+    if domain is Domain.CORNER:
+        return fan_corners(sizes).astype(np.int64)
+    polygons = np.repeat(np.arange(len(sizes)), sizes - 2)
+    return np.repeat(polygons[:, None], 3, axis=1)
+
+
+def interpolated(values: Values, items: Integers, places: Places) -> Values:
+    """Return values at places, in the number type of the values.
+
+    Floats and bytes are interpolated; of wider integers, such as labels, the one of the nearest
+    corner is taken.
+
+    Parameters
+    ----------
+    values : array of shape (n_items, C)
+    items : int64 array of shape (M, 3)
+        As `items_at_corners`.
+    places : Places
+    """
+    corners = items[places.triangles]
+    if values.dtype.kind != "f" and values.dtype != np.uint8:
+        nearest = places.weights.argmax(axis=1)
+        return np.asarray(values[corners[np.arange(len(corners)), nearest]])
+    mixed = np.einsum("nk,nkc->nc", places.weights, values[corners].astype(np.float64))
+    return np.asarray((mixed if values.dtype.kind == "f" else np.rint(mixed)).astype(values.dtype))
+
+
+def transferred_tracks(
+    frames: Iterable[RawFrame], positions: Iterable[Singles]
+) -> dict[str, Track]:
+    """Return tracks and colors of the raw frames of a segment as tracks of its vertices.
+
+    A value is taken that all frames have, with the same kind, unit, and number type.
+
+    Parameters
+    ----------
+    frames : iterable of RawFrame
+    positions : iterable of float32 arrays of shape (V, 3)
+        The registered vertices of each frame, in longest sides of the box.
+    """
+    found: list[dict[str, Track]] = []
+    for frame, points in zip(frames, positions, strict=True):
+        given = transferable(frame.frame)
+        if found:
+            given = {
+                name: given[name] for name, one in found[-1].items() if _fits(one, given.get(name))
+            }
+        if not given:
+            return {}
+        places = frame.closest(points.astype(np.float64))
+        found.append({name: _at_places(frame.frame, one, places) for name, one in given.items()})
+    return concatenate_tracks([{name: frame[name] for name in found[-1]} for frame in found])
+
+
+def transferable(frame: MeshSequence) -> dict[str, Track]:
+    """Return the values of the vertices of a frame, other than texture coordinates, as tracks.
+
+    Formats give a value of the vertices of a single frame as an attribute. Colors of corners count
+    as colors of vertices.
+    """
+    attributes = {
+        one.name: Track(one.per_item()[None], one.domain, _kind(one))
+        for one in frame.surface.attributes
+        if one.domain is Domain.VERTEX or (one.domain, one.kind) == (Domain.CORNER, Kind.COLOR)
+        if one.kind is not Kind.UV
+    }
+    return attributes | {
+        name: track
+        for name, track in frame.tracks.items()
+        if track.domain is Domain.VERTEX and track.kind is not TrackKind.UV
+    }
+
+
+def _kind(attribute: Attribute) -> TrackKind:
+    width = attribute.values.shape[1]
+    is_color = attribute.kind is Kind.COLOR and width in COLUMNS_OF[TrackKind.COLOR]
+    return TrackKind.COLOR if is_color else default_kind(width)
+
+
+def _fits(before: Track, track: Track | None) -> bool:
+    """Whether the values of the next frame have the number type and columns of those before."""
+    return track is not None and (track.dtype, track.shape[2]) == (before.dtype, before.shape[2])
+
+
+def _at_places(frame: MeshSequence, track: Track, places: Places) -> Track:
+    values = interpolated(track[0], items_at_corners(frame, track.domain), places)
+    if track.kind is TrackKind.NORMAL:
+        values = unit(values)
+    return Track(values[None], Domain.VERTEX, track.kind, track.unit)
