@@ -14,6 +14,7 @@ from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.fitting import TwoSidedFit
+from meshreel.registration.folds import Folds
 from meshreel.registration.tracking import ATTEMPTS, State, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
@@ -84,13 +85,16 @@ class Followed(NamedTuple):
     positions : float32 array of shape (V, 3)
         Those of the key mesh, in longest sides of the box.
     errors : FrameErrors
+    n_folded : int
+        Faces that fold over.
     """
 
     positions: Singles
     errors: FrameErrors
+    n_folded: int
 
 
-EXACT = FrameErrors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+EXACT = FrameErrors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +112,8 @@ class Segment:
     faces : int32 array of shape (M, 3)
     errors : tuple of FrameErrors
         Of each frame; zero at the key.
+    n_folded : int
+        Faces that fold over, in all frames.
     reasons : tuple of (int, str)
         The frames at which it ended, and why each could not be followed.
     """
@@ -117,6 +123,7 @@ class Segment:
     positions: Singles
     faces: Faces
     errors: tuple[FrameErrors, ...]
+    n_folded: int
     reasons: tuple[tuple[int, str], ...]
 
     @property
@@ -182,7 +189,7 @@ def _grow(
 ) -> Segment:
     """Return the segment of a key within a run of frames, after `n_done` other frames."""
     mesh = frames.mesh(key)
-    found = {key: Followed(mesh.vertices.astype(np.float32), EXACT)}
+    found = {key: Followed(mesh.vertices.astype(np.float32), EXACT, 0)}
     ends: list[tuple[int, str]] = []
 
     def follow(follower: Follower, numbers: range) -> None:
@@ -206,6 +213,7 @@ def _grow(
         np.stack([found[number].positions for number in numbers]),
         mesh.faces,
         tuple(found[number].errors for number in numbers),
+        sum(one.n_folded for one in found.values()),
         tuple(sorted(ends)),
     )
 
@@ -216,6 +224,7 @@ class Follower:
     def __init__(self, key: TriangleMesh, tolerance: Tolerance) -> None:
         self.tracker = Tracker(key)
         self._fit = TwoSidedFit(key.faces, len(key.vertices))
+        self._folds = Folds(key)
         self._faces = key.faces
         self._tolerance = tolerance
 
@@ -231,9 +240,22 @@ class Follower:
                 errors = measure(mesh, target, self._tolerance)
                 exceeded = errors.exceeds(self._tolerance)
                 if not exceeded:
-                    following = self.tracker.arrive(state, pose, posed, positions)
-                    return following, Followed(positions.astype(np.float32), errors)
+                    mesh, errors = self._without_folds(mesh, target, errors)
+                    following = self.tracker.arrive(state, pose, posed, mesh.vertices)
+                    n_folded = len(self._folds.find(mesh, target))
+                    return following, Followed(mesh.vertices.astype(np.float32), errors, n_folded)
                 reason = reason or exceeded
                 if errors.p99 > LOST * self._tolerance.length:
                     break
         return reason
+
+    def _without_folds(
+        self, mesh: TriangleMesh, target: TriangleMesh, errors: FrameErrors
+    ) -> tuple[TriangleMesh, FrameErrors]:
+        """Return the mesh with its folds flattened and its errors, if these meet the tolerance."""
+        flattened = self._folds.flattened(mesh, target)
+        if flattened is not mesh:
+            errors_of_flattened = measure(flattened, target, self._tolerance)
+            if not errors_of_flattened.exceeds(self._tolerance):
+                return flattened, errors_of_flattened
+        return mesh, errors

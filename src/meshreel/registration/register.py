@@ -22,6 +22,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
 from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
+from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
 from meshreel.registration.transfer import RawFrame, items_at_corners, transferred_tracks
 from meshreel.registration.triangle_mesh import TriangleMesh
@@ -54,7 +55,8 @@ class Distances:
         Surface PSNR: 10 log10(3 p^2 / mse), with the longest side p of the box. All frames count,
         also the keys, which are exact.
     n_folded : int
-        Faces in all frames whose normal opposes that of the raw surface.
+        Faces in all frames that fold over: they oppose the raw surface and a neighbor, which they
+        do not in the key.
     """
 
     mean_percent: float
@@ -65,7 +67,7 @@ class Distances:
     n_folded: int
 
     @classmethod
-    def of_frames(cls, errors: Sequence[FrameErrors], scale: float) -> "Distances":
+    def of_frames(cls, errors: Sequence[FrameErrors], scale: float, n_folded: int) -> "Distances":
         """Summarize errors in longest sides of the box, of which `scale` make a diagonal."""
         rows = np.array([[one.mean, one.p95, one.p99, one.mean_square] for one in errors])
         mean, p95, p99, mean_square = rows.mean(axis=0).tolist()
@@ -75,7 +77,7 @@ class Distances:
             100 * p99 / scale,
             100 * max(one.largest for one in errors) / scale,
             float(10 * np.log10(3 / mean_square)) if mean_square else float("inf"),
-            sum(one.n_folded for one in errors),
+            n_folded,
         )
 
     def __str__(self) -> str:
@@ -120,21 +122,28 @@ class Registration:
     def distances(self) -> Distances:
         """Distances from the raw frames."""
         errors = [one for segment in self.segments for one in segment.errors]
-        return Distances.of_frames(errors, self.diagonal)
+        n_folded = sum(segment.n_folded for segment in self.segments)
+        return Distances.of_frames(errors, self.diagonal, n_folded)
 
     def distances_of(self, sequence: HasSegments, progress: Progress = silent) -> Distances:
         """Return the distances of a sequence or a file, such as the encoded one.
 
         Frames without a surface do not count.
         """
-        errors = []
-        numbers = [n for one in self.segments for n in range(one.first, one.first + one.n_frames)]
-        for number in numbers:
-            frame = frame_at(sequence, number)
-            own = TriangleMesh(self.frames.normalized(frame.vertices), frame.faces)
-            errors.append(measure(own, self.frames.mesh(number), self.tolerance))
-            progress("measuring", Count(len(errors), len(numbers), "frames"))
-        return Distances.of_frames(errors, self.diagonal)
+        errors: list[FrameErrors] = []
+        n_folded, n_frames = 0, sum(segment.n_frames for segment in self.segments)
+        for segment in self.segments:
+            folds = Folds(self._mesh(sequence, segment.key))
+            for number in range(segment.first, segment.first + segment.n_frames):
+                mesh, target = self._mesh(sequence, number), self.frames.mesh(number)
+                errors.append(measure(mesh, target, self.tolerance))
+                n_folded += len(folds.find(mesh, target))
+                progress("measuring", Count(len(errors), n_frames, "frames"))
+        return Distances.of_frames(errors, self.diagonal, n_folded)
+
+    def _mesh(self, sequence: HasSegments, number: int) -> TriangleMesh:
+        frame = frame_at(sequence, number)
+        return TriangleMesh(self.frames.normalized(frame.vertices), frame.faces)
 
     def cuts(self) -> Iterator[str]:
         """Yield a line about each frame at which a segment ended."""

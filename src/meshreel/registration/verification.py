@@ -50,8 +50,6 @@ class FrameErrors:
         Mean of the squared distances.
     patch_area : float
         Area of the largest connected patch of faces whose centroids are beyond the tolerance.
-    n_folded : int
-        Faces of the registered mesh whose normal opposes that of the closest point.
     """
 
     mean: float
@@ -60,7 +58,6 @@ class FrameErrors:
     largest: float
     mean_square: float
     patch_area: float
-    n_folded: int
 
     def exceeds(self, tolerance: Tolerance) -> str:
         """Return why the tolerance is not met; empty if it is."""
@@ -76,29 +73,26 @@ class FrameErrors:
 
 def measure(mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance) -> FrameErrors:
     """Measure a registered mesh against the surface of its frame."""
-    ways = [_one_way(mesh, target, tolerance), _one_way(target, mesh, tolerance)]
-    mean, p95, p99, largest, mean_square, patch_area = map(max, ways[0][0], ways[1][0])
-    return FrameErrors(mean, p95, p99, largest, mean_square, patch_area, ways[0][1])
+    ways = _one_way(mesh, target, tolerance), _one_way(target, mesh, tolerance)
+    return FrameErrors(*map(max, *ways))
 
 
 def _one_way(
     mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance
-) -> tuple[tuple[float, float, float, float, float, float], int]:
-    """Return the figures of `FrameErrors` in one direction, and the number of folded faces."""
-    centroids = mesh.centroid_samples()
-    of_faces, of_vertices = target.closest(centroids.points), target.closest(mesh.vertices)
+) -> tuple[float, float, float, float, float, float]:
+    """Return the figures of `FrameErrors` in one direction."""
+    of_faces = target.closest(mesh.vertices[mesh.faces].mean(axis=1))
+    of_vertices = target.closest(mesh.vertices)
     distances = np.concatenate([of_faces.distances, of_vertices.distances])
     # These weights integrate polynomials of degree 2 over each face exactly.
     areas = np.concatenate([0.75 * mesh.areas, 0.25 * mesh.vertex_areas])
-    cosines = np.einsum("nc,nc->n", centroids.normals, target.face_normals[of_faces.faces])
-    figures = (
+    return (
         float(np.average(distances, weights=areas)),
         *_quantiles(distances, areas, (0.95, WITHIN)),
         float(distances.max()),
         float(np.average(distances**2, weights=areas)),
         largest_patch(mesh, of_faces.distances > tolerance.length),
     )
-    return figures, int((cosines < 0).sum())
 
 
 def _quantiles(values: Floats, weights: Floats, shares: tuple[float, float]) -> tuple[float, float]:
