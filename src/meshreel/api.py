@@ -185,6 +185,7 @@ def register(
     *,
     tolerance: float | str = "0.2%",
     unit: str | None = None,
+    folder: str | os.PathLike[str] | None = None,
     progress: Progress = silent,
 ) -> SegmentedSequence:
     """Replace the meshes of a raw capture by few meshes that follow its surface.
@@ -206,6 +207,10 @@ def register(
         the tolerance.
     unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
         Length unit of the model, for a `tolerance` that is a length.
+    folder : path, optional
+        Stores the registered frames: memory stays small, and after an interruption the same call
+        continues. The result reads its frames from the folder; remove it when they are not needed
+        any more. Default: frames stay in memory.
     progress : callable, optional
         Called with the stage and the completed fraction, 0..1.
 
@@ -220,15 +225,17 @@ def register(
     Raises
     ------
     InvalidInputError
-        If the tolerance is not valid, no frame has a face with an area, or the extra [register] is
-        not installed.
+        If the tolerance is not valid, no frame has a face with an area, `folder` contains
+        something else, or the extra [register] is not installed.
     """
     from meshreel.registration.register import register as register_sequence  # imports SciPy
 
     bound = bound_of(tolerance, unit, "tolerance")
     with _local(source) as local:
         frames = _source(local, None, matches_frames=False, warns_of_changes=False)
-        registration = register_sequence(frames, bound, progress)
+        registration = register_sequence(
+            frames, bound, progress, None if folder is None else Path(folder)
+        )
     _warn(registration.changes, stacklevel=3)
     return registration.sequence
 

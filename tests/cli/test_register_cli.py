@@ -24,6 +24,17 @@ def test_register_writes_one_segment_and_prints_both_distances(raw, tmp_path):
     assert 0 < registered["mean_percent"] < decoded["mean_percent"] < 0.1
     assert (registered["n_folded"], figures["cuts"]) == (0, [])
     assert figures["tolerance_percent"] == pytest.approx(0.5)
+    assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
+
+
+def test_register_continues_after_a_failure(raw, tmp_path):
+    output = tmp_path / "walk.reel"
+    failing = ("register", raw, "-o", output, "--tolerance", "0.5%", "--size", "10B")
+    assert_fails(run(*failing), "10")
+    assert (tmp_path / "walk.registration").is_dir()
+    done = run("register", raw, "-o", output, "--tolerance", "0.5%")
+    assert "continued after 3 frames of an earlier run" in done.stderr
+    assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
 
 
 def test_register_prints_a_table(raw, tmp_path):

@@ -11,7 +11,7 @@ MAX_ROUNDS = 20
 """Largest number of repairs of a mesh."""
 
 WIDER = 6, 13
-"""Rounds from which on the neighbors of folded faces move too, and the neighbors of those."""
+"""First rounds in which the neighbors of folded faces move too, and the neighbors of those."""
 
 N_SMOOTHINGS = 2
 RELAXATION = 0.7

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Singles
+from meshreel.arrays import Floats
 from meshreel.model.geometry.connectivity import undirected_edges
-from meshreel.model.sequence import Faces
+from meshreel.model.sequence import Faces, Vertices
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
+from meshreel.registration.stores import Course, MemoryStore
 from meshreel.registration.tracking import ATTEMPTS, State, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
@@ -43,12 +44,15 @@ class Frames:
         Lowest corner of the box of all frames, in the unit of the sequence.
     scale : float
         Longest side of the box, above 0.
+    dtype : dtype
+        Number type of the positions of the sequence.
     """
 
     n_frames: int
     cleaned: Callable[[int], CleanMesh]
     low: Floats
     scale: float
+    dtype: np.dtype[np.floating]
 
     def mesh(self, number: int) -> TriangleMesh:
         """Return the cleaned surface of a frame."""
@@ -58,6 +62,10 @@ class Frames:
     def normalized(self, vertices: npt.NDArray[np.floating]) -> Floats:
         """Return positions in longest sides of the box, from its lowest corner."""
         return np.asarray((vertices.astype(np.float64) - self.low) / self.scale)
+
+    def restored(self, positions: Floats) -> Vertices:
+        """Return positions in the unit and the number type of the sequence."""
+        return np.asarray((positions * self.scale + self.low).astype(self.dtype))
 
 
 class Topology(NamedTuple):
@@ -82,14 +90,17 @@ class Followed(NamedTuple):
 
     Attributes
     ----------
-    positions : float32 array of shape (V, 3)
+    state : State
+        Of the tracker at this frame.
+    positions : float64 array of shape (V, 3)
         Those of the key mesh, in longest sides of the box.
     errors : FrameErrors
     n_folded : int
         Faces that fold over.
     """
 
-    positions: Singles
+    state: State
+    positions: Floats
     errors: FrameErrors
     n_folded: int
 
@@ -107,8 +118,8 @@ class Segment:
         The first frame.
     key : int
         The frame whose mesh this is.
-    positions : float32 array of shape (T, V, 3)
-        In longest sides of the box.
+    positions : array of shape (T, V, 3)
+        In the unit and the number type of the sequence.
     faces : int32 array of shape (M, 3)
     errors : tuple of FrameErrors
         Of each frame; zero at the key.
@@ -120,7 +131,7 @@ class Segment:
 
     first: int
     key: int
-    positions: Singles
+    positions: Vertices
     faces: Faces
     errors: tuple[FrameErrors, ...]
     n_folded: int
@@ -136,6 +147,7 @@ def grow_segments(
     frames: Frames,
     topologies: list[Topology | None],
     tolerance: Tolerance,
+    store: MemoryStore,
     report: Callable[[int], None],
 ) -> list[Segment]:
     """Divide all frames into segments.
@@ -146,6 +158,8 @@ def grow_segments(
         Frames without a surface belong to no segment.
     tolerance : Tolerance
         In longest sides of the box.
+    store : MemoryStore
+        Holds the registered frames; a `FolderStore` may contain some already.
     report : callable
         Called with the number of finished frames.
     """
@@ -156,7 +170,7 @@ def grow_segments(
         run = max(_runs(sorted(free)), key=len)
         key = _choose_key(run, topologies)
         n_done = frames.n_frames - len(free)
-        segment = _grow(frames, key, run, tolerance, n_done, report)
+        segment = _grow(frames, key, run, tolerance, store, n_done, report)
         free -= set(range(segment.first, segment.first + segment.n_frames))
         segments.append(segment)
     report(frames.n_frames - n_empty)
@@ -184,36 +198,49 @@ def _grow(
     key: int,
     run: range,
     tolerance: Tolerance,
+    store: MemoryStore,
     n_done: int,
     report: Callable[[int], None],
 ) -> Segment:
     """Return the segment of a key within a run of frames, after `n_done` other frames."""
     mesh = frames.mesh(key)
-    found = {key: Followed(mesh.vertices.astype(np.float32), EXACT, 0)}
-    ends: list[tuple[int, str]] = []
+    store.put(key, frames.restored(mesh.vertices))
+    before, after = range(key - 1, run.start - 1, -1), range(key + 1, run.stop)
+    courses: dict[range, Course] = {}
 
     def follow(follower: Follower, numbers: range) -> None:
         """Follow frames in order, up to the first that cannot be followed."""
-        state = follower.tracker.start()
-        for number in numbers:
-            outcome = follower.follow(state, frames.mesh(number))
+        name = f"{key}_{'before' if numbers is before else 'after'}"
+        course = store.load(name) or Course(follower.tracker.start())
+        courses[numbers] = course
+        for number in numbers[len(course.errors) :]:
+            if course.reason:
+                break
+            outcome = follower.follow(course.state, frames.mesh(number))
             if isinstance(outcome, str):
-                ends.append((number, outcome))
-                return
-            state, found[number] = outcome
-            report(n_done + len(found))
+                course.reason = outcome
+            else:
+                course.state = outcome.state
+                course.errors.append(outcome.errors)
+                course.n_folded += outcome.n_folded
+                store.put(number, frames.restored(outcome.positions))
+            store.save(name, course)
+            report(n_done + 1 + sum(len(one.errors) for one in list(courses.values())))
 
-    if len(run) > 1:
-        ways = [range(key + 1, run.stop), range(key - 1, run.start - 1, -1)]
+    ways = [numbers for numbers in (before, after) if numbers]
+    if ways:
         in_threads(partial(follow, Follower(mesh, tolerance)), ways)
-    numbers = sorted(found)
+    earlier = courses[before].errors if before else []
+    later = courses[after].errors if after else []
+    kept = range(key - len(earlier), key + len(later) + 1)
+    ends = [(way[len(one.errors)], one.reason) for way, one in courses.items() if one.reason]
     return Segment(
-        numbers[0],
+        kept.start,
         key,
-        np.stack([found[number].positions for number in numbers]),
+        store.stacked(key, kept),
         mesh.faces,
-        tuple(found[number].errors for number in numbers),
-        sum(one.n_folded for one in found.values()),
+        (*reversed(earlier), EXACT, *later),
+        sum(one.n_folded for one in courses.values()),
         tuple(sorted(ends)),
     )
 
@@ -228,7 +255,7 @@ class Follower:
         self._faces = key.faces
         self._tolerance = tolerance
 
-    def follow(self, state: State, target: TriangleMesh) -> tuple[State, Followed] | str:
+    def follow(self, state: State, target: TriangleMesh) -> Followed | str:
         """Return the next frame, or why no attempt meets the tolerance."""
         reason = ""
         for attempt in ATTEMPTS:
@@ -243,7 +270,7 @@ class Follower:
                     mesh, errors = self._without_folds(mesh, target, errors)
                     following = self.tracker.arrive(state, pose, posed, mesh.vertices)
                     n_folded = len(self._folds.find(mesh, target))
-                    return following, Followed(mesh.vertices.astype(np.float32), errors, n_folded)
+                    return Followed(following, mesh.vertices, errors, n_folded)
                 reason = reason or exceeded
                 if errors.p99 > LOST * self._tolerance.length:
                     break

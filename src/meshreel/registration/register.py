@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from hashlib import blake2b
+from pathlib import Path
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from meshreel.model.tracks import Track
 from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
+from meshreel.registration.stores import FolderStore, MemoryStore
 from meshreel.registration.transfer import RawFrame, items_at_corners, transferred_tracks
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
@@ -99,7 +102,7 @@ class Registration:
     raw : SegmentedSequence
         The given sequence.
     segments : tuple of Segment
-        The registered segments, in longest sides of the box.
+        The registered segments.
     frames : Frames
         The raw frames.
     tolerance : Tolerance
@@ -180,6 +183,7 @@ def register(
     sequence: AnySequence,
     tolerance: ErrorBound = DEFAULT_TOLERANCE,
     progress: Progress = silent,
+    folder: Path | None = None,
 ) -> Registration:
     """Replace the meshes of raw frames by meshes that follow the surface over many frames.
 
@@ -193,12 +197,15 @@ def register(
         of the box of all frames.
     progress : callable, optional
         Called with the stage and the number of frames.
+    folder : Path, optional
+        Stores the registered frames, which the result reads from it; after an interruption, the
+        same call continues. Default: they stay in memory.
 
     Raises
     ------
     InvalidInputError
-        If the faces do not change, no frame has a face with an area, or the extra [register] is
-        not installed.
+        If the faces do not change, no frame has a face with an area, `folder` contains something
+        else, or the extra [register] is not installed.
     """
     if not isinstance(sequence, SegmentedSequence) or sequence.n_segments == 1:
         raise InvalidInputError(
@@ -212,20 +219,24 @@ def register(
     diagonal = float(np.linalg.norm(extent.high - extent.low)) or 1.0
     limit = Tolerance(tolerance.share(diagonal) * diagonal / scale)
     raw = _RawFrames(sequence, limit.patch_area * scale**2)
-    topologies, n_removed = [], Counter[str]()
+    topologies, n_removed, digest = [], Counter[str](), blake2b(repr(tolerance).encode())
     for number in range(raw.n_frames):
         mesh = raw.cleaned(number)
+        digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
         topologies.append(None if mesh.is_empty else Topology.of_mesh(mesh))
         n_removed.update({"face": mesh.n_degenerate, "component": mesh.n_crumbs})
         progress("cleaning", Count(number + 1, raw.n_frames, "frames"))
     if not any(topologies):
         raise InvalidInputError("no frame has a face with an area; there is nothing to register")
-    frames = Frames(raw.n_frames, raw.cleaned, np.asarray(extent.low, np.float64), scale)
+    low = np.asarray(extent.low, np.float64)
+    frames = Frames(raw.n_frames, raw.cleaned, low, scale, sequence.dtype)
+    store = MemoryStore() if folder is None else FolderStore(folder, digest.hexdigest())
     with one_blas_thread():
         segments = grow_segments(
             frames,
             topologies,
             limit,
+            store,
             lambda n_done: progress("registering", Count(n_done, raw.n_frames, "frames")),
         )
     registered = SegmentedSequence(_sequences(raw, segments, frames), sequence.name)
@@ -236,7 +247,7 @@ def register(
         frames,
         limit,
         diagonal / scale,
-        tuple(_changes(n_removed, topologies, sequence, registered)),
+        tuple(_changes(n_removed, topologies, sequence, registered, store.n_resumed)),
     )
 
 
@@ -262,7 +273,7 @@ class _RawFrames:
 def _sequences(
     raw: _RawFrames, segments: Sequence[Segment], frames: Frames
 ) -> Iterator[MeshSequence]:
-    """Yield the segments in the unit of the sequence, and single frames as they are."""
+    """Yield the segments, and single frames as they are."""
     first = 0
     for segment in segments:
         for number in range(first, segment.first):  # frames without a surface
@@ -272,13 +283,12 @@ def _sequences(
         if segment.n_frames == 1:
             yield replace(key, surface=replace(key.surface, is_ordered=False))
             continue
-        positions = segment.positions * frames.scale + frames.low
         numbers = range(segment.first, first)
         given = (RawFrame(raw.whole(n), raw.cleaned(n), frames.mesh(n)) for n in numbers)
-        tracks = transferred_tracks(given, segment.positions)
+        tracks = transferred_tracks(given, map(frames.normalized, segment.positions))
         yield replace(
             key,
-            vertices=positions.astype(key.dtype),
+            vertices=segment.positions,
             faces=segment.faces,
             surface=_kept_surface(key, raw.cleaned(segment.key), tracks),
             tracks=tracks,
@@ -319,7 +329,10 @@ def _changes(
     topologies: Sequence[Topology | None],
     raw: SegmentedSequence,
     registered: SegmentedSequence,
+    n_resumed: int,
 ) -> Iterator[str]:
+    if n_resumed:
+        yield f"continued after {counted(n_resumed, 'frame')} of an earlier run"
     if n_removed["face"]:
         yield f"removed {counted(n_removed['face'], 'face')} without area"
     if n_removed["component"]:

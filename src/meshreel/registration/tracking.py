@@ -5,6 +5,7 @@ and in direction, found from both sides. Rotations of neighboring nodes should a
 Alexa, "As-Rigid-As-Possible Surface Modeling", 2007).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -87,6 +88,23 @@ class State:
     pose: Pose
     details: Floats
     before: Pose | None
+
+    def arrays(self) -> dict[str, Floats]:
+        """Return the arrays that make up the state, by name."""
+        found = {"details": self.details}
+        for name, pose in {"pose": self.pose, "before": self.before}.items():
+            if pose is not None:
+                found |= {f"{name}_{key}": value for key, value in vars(pose).items()}
+        return found
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, Floats]) -> "State":
+        """Return the state of these arrays; the inverse of `arrays`."""
+        pose = Pose(arrays["pose_rotations"], arrays["pose_translations"])
+        if "before_rotations" not in arrays:
+            return cls(pose, arrays["details"], None)
+        before = Pose(arrays["before_rotations"], arrays["before_translations"])
+        return cls(pose, arrays["details"], before)
 
 
 class Tracker:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from meshreel.arrays import Floats, Integers, Singles, Values
+from meshreel.arrays import Floats, Integers, Values
 from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
@@ -90,9 +90,7 @@ def interpolated(values: Values, items: Integers, places: Places) -> Values:
     return np.asarray((mixed if values.dtype.kind == "f" else np.rint(mixed)).astype(values.dtype))
 
 
-def transferred_tracks(
-    frames: Iterable[RawFrame], positions: Iterable[Singles]
-) -> dict[str, Track]:
+def transferred_tracks(frames: Iterable[RawFrame], positions: Iterable[Floats]) -> dict[str, Track]:
     """Return tracks and colors of the raw frames of a segment as tracks of its vertices.
 
     A value is taken that all frames have, with the same kind, unit, and number type.
@@ -100,7 +98,7 @@ def transferred_tracks(
     Parameters
     ----------
     frames : iterable of RawFrame
-    positions : iterable of float32 arrays of shape (V, 3)
+    positions : iterable of float64 arrays of shape (V, 3)
         The registered vertices of each frame, in longest sides of the box.
     """
     found: list[dict[str, Track]] = []
@@ -112,7 +110,7 @@ def transferred_tracks(
             }
         if not given:
             return {}
-        places = frame.closest(points.astype(np.float64))
+        places = frame.closest(points)
         found.append({name: _at_places(frame.frame, one, places) for name, one in given.items()})
     return concatenate_tracks([{name: frame[name] for name in found[-1]} for frame in found])
 

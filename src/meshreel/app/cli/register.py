@@ -57,6 +57,10 @@ def register_command(
     surface from the raw one, and that of the decoded surface, are measured and printed. Frames that
     cannot be followed keep their raw mesh. Texture coordinates and materials are those of the keys.
 
+    Registered frames are stored in a folder beside the output, such as walk.registration, until the
+    file is complete. If the command is stopped, start it again: it continues after these frames,
+    also with other encoding options.
+
     Examples:
 
     - `meshreel register capture/`
@@ -67,6 +71,7 @@ def register_command(
 
     - `meshreel register capture/ --size 2MB`
     """
+    import shutil
     from contextlib import ExitStack
     from dataclasses import replace
 
@@ -98,7 +103,8 @@ def register_command(
         progress = stack.enter_context(progress_bar())
         reading = replace(reading, progress=progress, matches_frames=False)
         raw = open_for_encoding(source, config.memory_bytes, reading)
-        registration = register(raw, bound, progress)
+        folder = path.with_suffix(".registration")
+        registration = register(raw, bound, progress, folder)
         notes += [*registration.changes, *registration.listed_cuts()]
         encoded = encode_file(
             registration.sequence,
@@ -111,6 +117,7 @@ def register_command(
         )
         with open_segments(path) as reel:
             coded = registration.distances_of(reel, progress)
+        shutil.rmtree(folder)
     print_notes(notes)
     if as_json:
         figures = encoded.figures() | _figures(registration, coded)

@@ -1,0 +1,160 @@
+"""Where registered frames are while others are registered: in memory, or in a folder.
+
+In a folder they need little memory, and an interrupted registration continues.
+"""
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel import __version__
+from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import Vertices
+from meshreel.registration.tracking import State
+from meshreel.registration.verification import FrameErrors
+
+IDENTITY = "registration.json"
+"""The file that states what a folder belongs to."""
+
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+@dataclass
+class Course:
+    """The frames that were followed from a key in one direction.
+
+    Attributes
+    ----------
+    state : State
+        At the last of them.
+    errors : list of FrameErrors
+    n_folded : int
+        Faces that fold over, in all of them.
+    reason : str
+        Why the next frame could not be followed; empty if it was not tried.
+    """
+
+    state: State
+    errors: list[FrameErrors] = field(default_factory=list)
+    n_folded: int = 0
+    reason: str = ""
+
+
+class MemoryStore:
+    """Registered frames in memory."""
+
+    n_resumed = 0
+    """Frames that an earlier run registered."""
+
+    def __init__(self) -> None:
+        self._frames: dict[int, Vertices] = {}
+
+    def put(self, number: int, positions: Vertices) -> None:
+        """Store a registered frame."""
+        self._frames[number] = positions
+
+    def stacked(self, key: int, numbers: Sequence[int]) -> Vertices:
+        """Return frames of a key as one array of shape (T, V, 3), and remove them one by one."""
+        return np.asarray(np.stack([self._frames.pop(number) for number in numbers]))
+
+    def save(self, name: str, course: Course) -> None:
+        """Store how far a direction was followed, after its last frame."""
+
+    def load(self, name: str) -> Course | None:
+        """Return what an earlier run saved."""
+        return None
+
+
+class FolderStore(MemoryStore):
+    """Registered frames in a folder, which is created.
+
+    Parameters
+    ----------
+    folder : Path
+    digest : str
+        Of the raw frames and the options. The folder is reused if it has the same one.
+
+    Raises
+    ------
+    InvalidInputError
+        If the folder contains something else, or another registration.
+    """
+
+    def __init__(self, folder: Path, digest: str) -> None:
+        self._folder = folder
+        identity = {"version": __version__, "digest": digest}
+        stated = folder / IDENTITY
+        if not stated.exists():
+            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+                raise InvalidInputError(
+                    f"{str(folder)!r} exists and is no folder of a registration; move it, or use "
+                    "another name"
+                )
+            folder.mkdir(parents=True, exist_ok=True)
+            _replace(stated, json.dumps(identity).encode())
+        elif json.loads(stated.read_bytes()) != identity:
+            raise InvalidInputError(
+                f"{str(folder)!r} contains an unfinished registration of other frames, with "
+                "another tolerance, or by another version; remove it, or use another name"
+            )
+
+    def put(self, number: int, positions: Vertices) -> None:
+        """Store a registered frame."""
+        path = self._folder / f"frame_{number}.npy"
+        with path.open("wb") as file:
+            np.save(file, positions)
+
+    def stacked(self, key: int, numbers: Sequence[int]) -> Vertices:
+        """Return frames of a key as one array in a file, and remove their files."""
+        path = self._folder / f"segment_{key}.npy"
+        frames = [self._folder / f"frame_{number}.npy" for number in numbers]
+        if not path.exists():
+            first = np.load(frames[0])
+            shape, partial = (len(frames), *first.shape), path.with_suffix(".partial")
+            array = np.lib.format.open_memmap(partial, "w+", first.dtype, shape)
+            for place, frame in enumerate(frames):
+                array[place] = np.load(frame)
+            array.flush()
+            del array
+            partial.replace(path)
+        for frame in frames:
+            frame.unlink(missing_ok=True)
+        return np.asarray(np.load(path, mmap_mode="r"))
+
+    def save(self, name: str, course: Course) -> None:
+        """Store how far a direction was followed, after its last frame."""
+        path = self._folder / f"{name}.npz"
+        partial = path.with_suffix(".partial")
+        arrays: Arrays = {
+            "errors": np.array([astuple(one) for one in course.errors]).reshape(-1, 6),
+            "n_folded": np.array(course.n_folded),
+            "reason": np.array(course.reason),
+            **course.state.arrays(),
+        }
+        with partial.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
+        partial.replace(path)
+
+    def load(self, name: str) -> Course | None:
+        """Return what an earlier run saved."""
+        path = self._folder / f"{name}.npz"
+        if not path.exists():
+            return None
+        with np.load(path, allow_pickle=False) as stored:
+            arrays: Arrays = dict(stored)
+        errors = [FrameErrors(*row) for row in arrays.pop("errors").tolist()]
+        n_folded, reason = int(arrays.pop("n_folded")), str(arrays.pop("reason"))
+        self.n_resumed += len(errors)
+        return Course(State.of_arrays(arrays), errors, n_folded, reason)
+
+
+def _replace(path: Path, data: bytes) -> None:
+    partial = path.with_suffix(".partial")
+    partial.write_bytes(data)
+    os.replace(partial, path)

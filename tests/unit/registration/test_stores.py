@@ -1,0 +1,71 @@
+"""Registration in a folder continues after an interruption."""
+
+import mmap
+
+import numpy as np
+import pytest
+
+from meshreel import InvalidInputError
+from meshreel.codec.error_bounds import ErrorBound
+from meshreel.registration.register import register
+from samples.captures import capture
+
+TOLERANCE = ErrorBound(0.5)
+
+
+class InterruptionError(Exception):
+    """Raised by the progress callback in place of a signal."""
+
+
+@pytest.fixture(scope="module")
+def raw():
+    return capture(5, 0.3)
+
+
+def interrupt_after(n_frames):
+    def progress(stage, share):
+        if stage == "registering" and share.done == n_frames:
+            raise InterruptionError
+
+    return progress
+
+
+def memory_of(array):
+    """The object that owns the memory of an array."""
+    while isinstance(array, np.ndarray) and array.base is not None:
+        array = array.base
+    return array
+
+
+def test_an_interrupted_registration_continues_with_equal_results(raw, tmp_path):
+    with pytest.raises(InterruptionError):
+        register(raw, TOLERANCE, interrupt_after(4), tmp_path)
+    found = register(raw, TOLERANCE, folder=tmp_path)
+    expected = register(raw, TOLERANCE)
+    assert found.distances == expected.distances
+    for frame, other in zip(found.sequence, expected.sequence, strict=True):
+        assert np.array_equal(frame.vertices, other.vertices)
+    (note,) = (one for one in found.changes if "earlier run" in one)
+    assert note == "continued after 3 frames of an earlier run"
+
+
+def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
+    first = register(raw, TOLERANCE, folder=tmp_path)
+    again = register(raw, TOLERANCE, folder=tmp_path)
+    (segment,), (other,) = first.sequence.segments, again.sequence.segments
+    assert isinstance(memory_of(segment.read(0, 5)), mmap.mmap)
+    assert np.array_equal(segment.read(0, 5), other.read(0, 5))
+    assert not list(tmp_path.glob("frame_*"))
+
+
+def test_the_folder_of_another_tolerance_is_refused(raw, tmp_path):
+    register(raw[:2], TOLERANCE, folder=tmp_path)
+    with pytest.raises(InvalidInputError, match="with another tolerance"):
+        register(raw[:2], ErrorBound(0.6), folder=tmp_path)
+
+
+def test_a_folder_with_other_files_is_refused(raw, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InvalidInputError, match="is no folder of a registration"):
+        register(raw, TOLERANCE, folder=tmp_path)
+    assert [one.name for one in tmp_path.iterdir()] == ["notes.txt"]
