@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from meshreel.model.segments import MeshFrame, SegmentedSequence, concatenate
     from meshreel.model.sequence import MeshSequence
     from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+    from meshreel.model.tracks import Track, TrackKind
 
 __version__ = "0.1.0"
 
@@ -146,14 +147,16 @@ _MODULES = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import a public name on first use, so that the command line starts fast."""
-    if name == "paper":
-        return import_module("meshreel.paper")
-    if name not in __all__:
-        raise AttributeError(f"module 'meshreel' has no attribute {name!r}")
-    module = import_module(f"meshreel.{_MODULES.get(name, 'errors')}")
-    return globals().setdefault(name, getattr(module, name))
+if not TYPE_CHECKING:  # type checkers would accept any name
+
+    def __getattr__(name: str) -> Any:
+        """Import a public name on first use, so that the command line starts fast."""
+        if name == "paper":
+            return import_module("meshreel.paper")
+        if name not in __all__:
+            raise AttributeError(f"module 'meshreel' has no attribute {name!r}")
+        module = import_module(f"meshreel.{_MODULES.get(name, 'errors')}")
+        return globals().setdefault(name, getattr(module, name))
 
 
 def __dir__() -> list[str]:

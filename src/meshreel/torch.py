@@ -171,11 +171,14 @@ class ReelDataset(Dataset[Window]):
             raise InvalidInputError(
                 f"dtype must be a real type, such as torch.float16; got {dtype}"
             )
-        self.window, self.step, self.tracks = window, step, tuple(tracks)
-        self.dtype, self.normalize = dtype, normalize
-        self.device = None if device is None else torch.device(device)
+        self.window: int = window
+        self.step: int = step
+        self.tracks: tuple[str, ...] = tuple(tracks)
+        self.dtype: torch.dtype = dtype
+        self.normalize: bool = normalize
+        self.device: torch.device | None = None if device is None else torch.device(device)
         self._memory, self._cache = bytes_of(memory, "memory"), cast("_Cache | None", None)
-        self.sequences = tuple(_sequences(paths, self.tracks))
+        self.sequences: tuple[SequenceEntry, ...] = tuple(_sequences(paths, self.tracks))
         self._ends = np.cumsum([self.n_windows(one) for one in self.sequences])
         if not len(self):
             raise InvalidInputError(
@@ -332,8 +335,11 @@ class ReelStream(IterableDataset[Window]):
             raise InvalidInputError(f"rank must be in 0..{world_size - 1}; got {rank}")
         if seed is None and world_size > 1:
             raise InvalidInputError("several ranks need the same order: set seed")
-        self.dataset, self.open_blocks, self.seed = dataset, open_blocks, seed
-        self.rank, self.world_size = rank, world_size
+        self.dataset: ReelDataset = dataset
+        self.open_blocks: int = open_blocks
+        self.seed: int | None = seed
+        self.rank: int = rank
+        self.world_size: int = world_size
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # with workers
         self._blocks = [
             (number, range(start, min(stop, dataset.n_windows(one))))

@@ -1,5 +1,6 @@
 """Functions of the package with sequences, paths, bytes and open files."""
 
+import ast
 import inspect
 import pickle
 import pydoc
@@ -186,3 +187,13 @@ def test_help_contains_docstrings_of_functions_and_classes():
     text = pydoc.plain(pydoc.render_doc(meshreel))
     assert "Encode a sequence to the bytes of a `.reel` stream." in text
     assert "class MeshSequence" in text
+
+
+@pytest.mark.parametrize("package", [meshreel, meshreel.paper], ids=lambda one: one.__name__)
+def test_type_checkers_see_every_name(package):
+    tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
+    conditions = (node for node in tree.body if isinstance(node, ast.If))
+    [block] = (node for node in conditions if ast.unparse(node.test) == "TYPE_CHECKING")
+    imports = (node for node in block.body if isinstance(node, ast.ImportFrom))
+    names = {one.asname or one.name for node in imports for one in node.names}
+    assert names - {"paper"} == set(package.__all__)

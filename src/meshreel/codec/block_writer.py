@@ -5,7 +5,8 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.container import Sections, StreamWriter
+from meshreel.codec.bitstream.container import Header, Sections, StreamWriter
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import TrackTargets
@@ -50,8 +51,11 @@ class LiveSegment:
         self._mesh = mesh
         internal = first.take(mesh.order, axis=1)
         self._coder = mesh.config.method_row.live_coder(mesh, frame, internal, tracks, targets)
-        self.header = mesh.header(frame, first.dtype, n_frames=0, fps=fps, name=name)
-        self.leading = [*mesh.leading_sections(), *self._coder.leading_sections()]
+        self.header: Header = mesh.header(frame, first.dtype, n_frames=0, fps=fps, name=name)
+        self.leading: list[tuple[Section, bytes]] = [
+            *mesh.leading_sections(),
+            *self._coder.leading_sections(),
+        ]
 
     def code(self, vertices: Vertices, tracks: dict[str, Track]) -> Sections:
         """Encode a block of shape (T_b, V, 3), in the given order of vertices.

@@ -18,11 +18,11 @@ from meshreel.codec.bitstream.layout import (
     Section,
 )
 from meshreel.codec.memory import DEFAULT_LIMIT, UNLIMITED, MemoryLimit
-from meshreel.codec.methods import method_of_code
+from meshreel.codec.methods import Method, method_of_code
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.surface.decoded import decoded_surface
 from meshreel.errors import CorruptStreamError, InvalidInputError, UnsupportedVersionError
-from meshreel.kernel.files import FileSection, OpenFile
+from meshreel.kernel.files import FileSection, FileTrack, OpenFile
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
 
@@ -102,7 +102,7 @@ class OpenStream:
         segment: int | None = None,
     ) -> None:
         file = source if isinstance(source, OpenFile) else OpenFile(source, limit.limit_bytes)
-        self.file = file if segment is None else file.segment(segment)
+        self.file: OpenFile = file if segment is None else file.segment(segment)
         if self.file is not file is not source:
             file.close()
         self.limit = limit
@@ -112,17 +112,25 @@ class OpenStream:
                 f"there are {n_segments} segments with different meshes, 0 to {n_segments - 1}; "
                 "decode one with segment="
             )
-        self.offset = self.file.offset
-        self.starts, self.tracks = self.file.starts, self.file.tracks[1:]
-        self.method = method_of_code(info.method)
-        self.laplacian = _choice_of_code(Laplacian, info.laplacian)
-        self.order_kept = _choice_of_code(Order, info.order)
-        self.error_bound_percent = 0.0 if self.method.is_lossless else info.error_bound_percent
-        self.n_frames, self.n_verts, self.n_faces = info.n_frames, info.n_verts, info.n_triangles
-        self.fps, self.name, self.start_s = info.fps, info.name, info.start_s
-        self.is_whole, self.size_bytes = info.is_whole, info.size_bytes - self.offset
+        self.offset: int = self.file.offset
+        self.starts: list[int] = self.file.starts
+        self.tracks: tuple[FileTrack, ...] = self.file.tracks[1:]
+        self.method: Method = method_of_code(info.method)
+        self.laplacian: Laplacian = _choice_of_code(Laplacian, info.laplacian)
+        self.order_kept: Order = _choice_of_code(Order, info.order)
+        self.error_bound_percent: float | None = (
+            0.0 if self.method.is_lossless else info.error_bound_percent
+        )
+        self.n_frames: int = info.n_frames
+        self.n_verts: int = info.n_verts
+        self.n_faces: int = info.n_triangles
+        self.fps: float = info.fps
+        self.name: str = info.name
+        self.start_s: float = info.start_s
+        self.is_whole: bool = info.is_whole
+        self.size_bytes: int = info.size_bytes - self.offset
         self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")
-        self.frame = BoundingFrame(info.center, info.diagonal)
+        self.frame: BoundingFrame = BoundingFrame(info.center, info.diagonal)
 
     @property
     def n_blocks(self) -> int:

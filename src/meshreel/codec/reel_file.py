@@ -20,6 +20,7 @@ from meshreel.codec.reel_track import (
     modes_of_block,
     tracks_of_stream,
 )
+from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.files import FileModes, OpenFile
 from meshreel.model.frame_choice import FrameChoice, chosen_frames, frame_range
@@ -100,14 +101,21 @@ class ReelFile:
         self._n_modes = n_modes
         if n_modes is not None:  # raise now if the stream does not support it
             _ = self._frames
-        self.n_frames, self.n_verts, self.n_faces = stream.n_frames, stream.n_verts, stream.n_faces
-        self.fps, self.name, self.is_whole = stream.fps, stream.name, stream.is_whole
-        self.dtype = stream.dtype
-        self.start_s, self.frame = stream.start_s, stream.frame
+        self.n_frames: int = stream.n_frames
+        self.n_verts: int = stream.n_verts
+        self.n_faces: int = stream.n_faces
+        self.fps: float = stream.fps
+        self.name: str = stream.name
+        self.is_whole: bool = stream.is_whole
+        self.dtype: np.dtype[np.floating] = stream.dtype
+        self.start_s: float = stream.start_s
+        self.frame: BoundingFrame = stream.frame
         percent = stream.error_bound_percent if n_modes is None else None
-        self.error_bound = None if percent is None else percent / 100 * self.frame.scale
-        self.starts = tuple(stream.starts)
-        self.method = stream.method.name
+        self.error_bound: float | None = (
+            None if percent is None else percent / 100 * self.frame.scale
+        )
+        self.starts: tuple[int, ...] = tuple(stream.starts)
+        self.method: str = stream.method.name
         self.order = stream.order_kept.name.lower()
 
     @cached_property

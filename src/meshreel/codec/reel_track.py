@@ -1,6 +1,7 @@
 """A track of a `.reel` file whose values are decoded on demand."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -50,11 +51,13 @@ class ReelTrack:
         self._opened, self._frames = opened, frames
         self._number = number
         track = opened.file.tracks[number]
-        self.name, self.unit, self.dtype = track.name, track.unit, track.dtype
+        self.name: str = track.name
+        self.unit: str = track.unit
+        self.dtype: np.dtype[Any] = track.dtype
         self.kind: TrackKind = KINDS[track.kind]
         self.domain: Domain = DOMAINS[track.domain]
-        self.is_exact = track.is_exact
-        self.error_bound = 0.0 if track.is_exact else track.bound or None
+        self.is_exact: bool = track.is_exact
+        self.error_bound: float | None = 0.0 if track.is_exact else track.bound or None
 
     @property
     def shape(self) -> tuple[int, int, int]:

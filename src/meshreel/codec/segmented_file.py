@@ -62,10 +62,14 @@ class SegmentedReelFile:
         self._segments: OrderedDict[int, ReelFile] = OrderedDict()
         self._lock = fork_safe_lock()
         info = self._opened.info
-        self.n_frames, self.n_segments, self.fps = info.n_frames, info.n_segments, info.fps
-        self.name, self.start_s, self.is_whole = info.name, info.start_s, info.is_whole
+        self.n_frames: int = info.n_frames
+        self.n_segments: int = info.n_segments
+        self.fps: float = info.fps
+        self.name: str = info.name
+        self.start_s: float = info.start_s
+        self.is_whole: bool = info.is_whole
         first_frames = (segment.first_frame for segment in self._opened.segments)
-        self.starts = (*first_frames, info.n_frames)
+        self.starts: tuple[int, ...] = (*first_frames, info.n_frames)
         self.segment(0)  # raises now if n_modes is not supported or the mesh is too large
 
     def segment(self, number: int) -> ReelFile:

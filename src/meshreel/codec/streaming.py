@@ -149,8 +149,9 @@ class Encoder:
     ) -> None:
         if not max_latency_s > 0:
             raise InvalidInputError(f"max_latency_s must be above 0; got {max_latency_s}")
-        self.n_frames = self.n_segments = 0
-        self.latency_s = 0.0
+        self.n_frames: int = 0
+        self.n_segments: int = 0
+        self.latency_s: float = 0.0
         self._fps, self._name = validate_fps(fps), name
         self._start_s, self._surface = validate_start(start_s), surface
         self._max_latency_s = max_latency_s

@@ -569,8 +569,9 @@ class OpenFile:
             0,
             int(min(limit_bytes, 2.0**62)),
         )
-        self.handle = _POINTER()
-        self.is_open = self._has_mesh = False
+        self.handle: ctypes.c_void_p = _POINTER()
+        self.is_open: bool = False
+        self._has_mesh = False
         self.call(
             "open",
             ctypes.byref(self._core_source()),
@@ -579,7 +580,8 @@ class OpenFile:
         )
         self.is_open = True
         self._close = _closer(self)
-        self.info = self.whole = self._info()
+        self.info: FileInfo = self._info()
+        self.whole: FileInfo = self.info
         self.offset = self.first_frame = 0
 
     def segment(self, number: int) -> "OpenFile":

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import blake2b
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, SupportsIndex, overload, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
-from meshreel.model.frame_choice import FrameChoice, chosen_frames, start_of
+from meshreel.model.frame_choice import chosen_frames, start_of
 from meshreel.model.sequence import (
     Extent,
     Faces,
@@ -151,7 +151,13 @@ class SegmentedSequence:
     def __len__(self) -> int:
         return self.n_frames
 
-    def __getitem__(self, chosen: FrameChoice) -> "MeshFrame | SegmentedSequence":
+    @overload
+    def __getitem__(self, chosen: SupportsIndex) -> MeshFrame: ...
+
+    @overload
+    def __getitem__(self, chosen: slice) -> "SegmentedSequence": ...
+
+    def __getitem__(self, chosen: SupportsIndex | slice) -> "MeshFrame | SegmentedSequence":
         """Return a frame, or the frames of a slice without a step as a `SegmentedSequence`."""
         if not isinstance(chosen, slice):
             numbers = chosen_frames(chosen, self.n_frames)

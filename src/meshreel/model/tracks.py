@@ -110,7 +110,7 @@ class Track:
         kind: str | TrackKind | None = None,
         unit: str = "",
     ) -> None:
-        self.values = _validated_values(values)
+        self.values: Values = _validated_values(values)
         self.domain: Domain = _member(Domain, "domain", domain)
         self.kind: TrackKind = _member(
             TrackKind, "kind", kind or default_kind(self.values.shape[2])

@@ -114,13 +114,15 @@ _MODULES = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    """Import public names lazily, because every start of the program imports this package."""
-    if name not in _MODULES:
-        raise AttributeError(f"module 'meshreel.paper' has no attribute {name!r}")
-    PAPER.load()
-    module = import_module(f"meshreel.{_MODULES[name]}")
-    return globals().setdefault(name, getattr(module, name))
+if not TYPE_CHECKING:  # type checkers would accept any name
+
+    def __getattr__(name: str) -> Any:
+        """Import public names lazily, because every start of the program imports this package."""
+        if name not in _MODULES:
+            raise AttributeError(f"module 'meshreel.paper' has no attribute {name!r}")
+        PAPER.load()
+        module = import_module(f"meshreel.{_MODULES[name]}")
+        return globals().setdefault(name, getattr(module, name))
 
 
 def __dir__() -> list[str]:

@@ -249,7 +249,7 @@ class Follower:
     """Follows frames with the mesh of a key, with as little detail as the tolerance allows."""
 
     def __init__(self, key: TriangleMesh, tolerance: Tolerance) -> None:
-        self.tracker = Tracker(key)
+        self.tracker: Tracker = Tracker(key)
         self._fit = TwoSidedFit(key.faces, len(key.vertices))
         self._folds = Folds(key)
         self._faces = key.faces

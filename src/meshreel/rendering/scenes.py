@@ -160,8 +160,10 @@ class Scene:
             raise InvalidInputError(f"heat must be one of {', '.join(HEAT_NAMES)}; got {heat!r}")
         if heat == TRACK_HEAT and track is None:
             raise InvalidInputError("a heat map of a track needs its name: add --track")
-        self.sequence, self.original = sequence, original
-        self.heat, self.background = heat, background
+        self.sequence: AnySequence = sequence
+        self.original: AnySequence | None = original
+        self.heat: str | None = heat
+        self.background: Color = background
         several = [sequence] if original is None else [original, sequence]
         self._sources = [SegmentedSequence(segments_of(source)) for source in several]
         self._difference = _mesh_difference(self._sources)

@@ -9,6 +9,7 @@ import numpy as np
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.track_errors import error_unit, value_errors
+from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
 from meshreel.rendering.colormap import (
     NOT_A_NUMBER,
@@ -87,12 +88,16 @@ class TrackColors:
     """
 
     def __init__(self, look: TrackLook, track: TrackSource) -> None:
-        self.name, self.kind, self.unit = look.name, track.kind, track.unit
-        self.domain, self.error_unit = track.domain, error_unit(track)
-        self.n_columns = track.shape[2]
+        self.name: str = look.name
+        self.kind: TrackKind = track.kind
+        self.unit: str = track.unit
+        self.domain: Domain = track.domain
+        self.error_unit: str = error_unit(track)
+        self.n_columns: int = track.shape[2]
+        self.component: str
         self._columns, self.component = _select_columns(look, track)
-        self.shows_colors = self.component == "color"
-        self.colormap = look.colormap
+        self.shows_colors: bool = self.component == "color"
+        self.colormap: str | None = look.colormap
         if look.colormap is not None:
             check_colormap(look.colormap)
         options = {"--range": look.range, "--colormap": look.colormap}
@@ -191,7 +196,9 @@ class FrameNumbers:
     """Accumulator of extremes and quantiles of numbers over frames."""
 
     def __init__(self) -> None:
-        self.smallest, self.largest, self.has_missing = np.nan, np.nan, False
+        self.smallest: float = np.nan
+        self.largest: float = np.nan
+        self.has_missing: bool = False
         self._quantiles: list[Floats] = []
 
     def add(self, numbers: Floats) -> None:

@@ -29,7 +29,7 @@ def test_slices_cut_segments_and_keep_time_and_tracks():
     sequence = concatenate([replace(GRID, tracks={"heat": heat}), SHEET])
     part = sequence[2:5]
     assert (part.starts, part.start_s) == ((0, 1, 3), 2 / 25)
-    np.testing.assert_array_equal(part.segments[0].tracks["heat"].values, heat.values[2:3])
+    np.testing.assert_array_equal(part.segments[0].tracks["heat"].read(0, 1), heat.values[2:3])
     assert part[:1].segments[0].n_frames == 1
 
 

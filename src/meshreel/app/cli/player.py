@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshreel.app.cli.completing import input_files, reel_files
-from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.parameters import Decorator, argument, option
 from meshreel.app.cli.read_options import MESHES
 from meshreel.app.cli.track_options import COLORS
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
     from meshreel.rendering.track_colors import TrackLook
 
-source_argument = argument(
+source_argument: Decorator = argument(
     "source", type=Path, metavar="FILE.reel", completion=reel_files, help="The stream to play."
 )
-original_option = option(
+original_option: Decorator = option(
     "--original",
     metavar="INPUT",
     completion=input_files,
     help="The original (any input of `encode`), shown alongside with heat maps of the error.",
 )
 
-shown_track_option = option(
+shown_track_option: Decorator = option(
     "--track",
     metavar="NAME",
     help="Color the mesh initially by a track, such as stress; color tracks are shown directly.",

@@ -12,21 +12,21 @@ from meshreel.runtime.stores.address import is_remote, name_of, without_query
 
 READING = "Input"
 
-memory_option = option(
+memory_option: Decorator = option(
     "--memory",
     metavar="SIZE",
     help="Memory limit for decoding a .reel (its mesh, a block, or the frames needed at once), "
     "such as 500MB or 20GiB; a larger file is rejected before decoding. [default: 8GiB]",
     panel=READING,
 )
-segment_option = option(
+segment_option: Decorator = option(
     "--segment",
     type=int,
     metavar="NUMBER",
     help="One segment of a .reel with several, from 0 (`meshreel info` lists them).",
     panel=READING,
 )
-split_option = option(
+split_option: Decorator = option(
     "--split",
     is_flag=True,
     help="If the faces change, write one file per segment: consecutive frames with the same faces.",

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import click
 
 from meshreel.app.cli.completing import names_of
-from meshreel.app.cli.parameters import option
+from meshreel.app.cli.parameters import Decorator, option
 
-track_option = option(
+track_option: Decorator = option(
     "--track",
     multiple=True,
     metavar="NAME=BOUND",
@@ -18,7 +18,7 @@ track_option = option(
 )
 
 COLORS = "Coloring by a track"
-component_option = option(
+component_option: Decorator = option(
     "--component",
     metavar="x|y|z|magnitude|INDEX",
     completion=names_of(["x", "y", "z", "magnitude"]),
@@ -26,7 +26,7 @@ component_option = option(
     "normals.",
     panel=COLORS,
 )
-range_option = option(
+range_option: Decorator = option(
     "--range",
     metavar="LOW:HIGH",
     help="Ends of the color range, numbers or percentiles of the frames shown, such as 0:500 or "
@@ -34,7 +34,7 @@ range_option = option(
     "normals -1:1.",
     panel=COLORS,
 )
-colormap_option = option(
+colormap_option: Decorator = option(
     "--colormap",
     metavar="sequential|diverging",
     completion=names_of(["sequential", "diverging"]),

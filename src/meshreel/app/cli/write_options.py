@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from meshreel.app.cli.completing import layout_names, output_files, streams, texture_kinds
-from meshreel.app.cli.parameters import option
+from meshreel.app.cli.parameters import Decorator, option
 from meshreel.codec.targets import DIAGONAL_OF_ALL, GROUP
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ GLTF = "glTF output"
 GLTF_AND_TEXTURES = "glTF and .vat output"
 TEXTURES = "Vertex animation textures (.vat output)"
 
-output_option = option(
+output_option: Decorator = option(
     "--output",
     "-o",
     required=True,
@@ -28,27 +28,29 @@ output_option = option(
     "such as out/frame_%04d.obj for one file per frame, in a folder that is created if missing; or "
     "a folder such as walk.vat/ for vertex animation textures. Or such an address (s3://, gs://).",
 )
-stream_option = option(
+stream_option: Decorator = option(
     "--output",
     "-o",
     completion=streams,
     help="The .reel to write, or its address (s3://...). Default: named after the input, in the "
     "current folder.",
 )
-frames_option = option("--frames", metavar="A:B", help="Only frames A to B - 1. Default: all.")
-start_number_option = option(
+frames_option: Decorator = option(
+    "--frames", metavar="A:B", help="Only frames A to B - 1. Default: all."
+)
+start_number_option: Decorator = option(
     "--start-number",
     type=int,
     metavar="N",
     help="Number of the first file of a pattern. Default: number of its frame.",
 )
-targets_option = option(
+targets_option: Decorator = option(
     "--targets",
     type=int,
     help="Number of morph targets. Default: as many as the error bound needs.",
     panel=GLTF,
 )
-gltf_error_option = option(
+gltf_error_option: Decorator = option(
     "--max-error",
     metavar="BOUND",
     help="Error bound relative to the original if the .reel has an error bound itself; else bound "
@@ -56,7 +58,7 @@ gltf_error_option = option(
     "0.5u: model units; 0.5mm: a length, see --unit.",
     panel=GLTF_AND_TEXTURES,
 )
-output_error_option = option(
+output_error_option: Decorator = option(
     "--max-error",
     metavar="BOUND",
     help="Error bound of every vertex in every frame of a .reel. For glTF and .vat: bound of the "
@@ -64,7 +66,7 @@ output_error_option = option(
     "0.5u: model units; 0.5mm: a length, see --unit.",
     panel=GROUP,
 )
-normals_option = option(
+normals_option: Decorator = option(
     "--normals/--no-normals",
     default=None,
     help="glTF: write normals of all meshes, changed by all targets; or none, so that viewers "
@@ -73,14 +75,14 @@ normals_option = option(
     "pca: as for glTF.",
     panel=GLTF_AND_TEXTURES,
 )
-visibility_option = option(
+visibility_option: Decorator = option(
     "--visibility",
     is_flag=True,
     help="Where faces change, show meshes by the extensions KHR_node_visibility and "
     "KHR_animation_pointer, which the viewer must support. Default: by keys of their scale.",
     panel=GLTF,
 )
-layout_option = option(
+layout_option: Decorator = option(
     "--layout",
     metavar="NAME",
     completion=layout_names,
@@ -89,7 +91,7 @@ layout_option = option(
     "Default: openvat.",
     panel=TEXTURES,
 )
-textures_option = option(
+textures_option: Decorator = option(
     "--textures",
     metavar="KIND",
     completion=texture_kinds,
@@ -97,7 +99,7 @@ textures_option = option(
     "exr, which engines read directly. Not for layout pca.",
     panel=TEXTURES,
 )
-force_option = option("--force", "-f", is_flag=True, help="Replace existing outputs.")
+force_option: Decorator = option("--force", "-f", is_flag=True, help="Replace existing outputs.")
 
 
 def checked_bound(text: str | None, unit: str | None) -> float | str | None:

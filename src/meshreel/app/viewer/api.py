@@ -109,23 +109,29 @@ class Api:
         if look is not None:
             TrackColors(look, reel.track(look.name))  # raises if the track cannot be shown
         self._look = look
-        self.tracks = TrackComparison(reel, comparison.original) if comparison else None
+        self.tracks: TrackComparison | None = (
+            TrackComparison(reel, comparison.original) if comparison else None
+        )
         diagonal = reel.frame.scale
         if not SMALLEST_DIAGONAL <= diagonal <= LARGEST_DIAGONAL:
             raise InvalidInputError(
                 f"the diagonal of the model is {diagonal:.3g} units; the player draws from "
                 f"{SMALLEST_DIAGONAL:g} to {LARGEST_DIAGONAL:g}: scale the model before encoding"
             )
-        self.method = reel.method
+        self.method: str = reel.method
         self.comparison = comparison
-        self.reel = reel if isinstance(file, SegmentedReelFile) else playable(reel, progress)
-        self.file = file if isinstance(file, SegmentedReelFile) else self.reel
+        self.reel: ReelFile = (
+            reel if isinstance(file, SegmentedReelFile) else playable(reel, progress)
+        )
+        self.file: ReelFile | SegmentedReelFile = (
+            file if isinstance(file, SegmentedReelFile) else self.reel
+        )
         self._name, self._measured_rows = name, measured_rows
         self._rows, self._budget = _figures(file, rows_of)
         if self.is_reencoded:
             self._rows["shown"] = reencoding_text(self.method)
         self._swept = swept_points(self.reel, is_part=self.file is not self.reel)
-        self.measuring = None if comparison is None else Measuring(comparison)
+        self.measuring: Measuring | None = None if comparison is None else Measuring(comparison)
 
     @property
     def is_reencoded(self) -> bool:

@@ -11,10 +11,10 @@ from meshreel.arrays import Floats
 from meshreel.codec.reel_file import ReelFile
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.nmsve import FrameNmsve
-from meshreel.metrics.reference import paired_frames, reference_of_box
+from meshreel.metrics.reference import Reference, paired_frames, reference_of_box
 from meshreel.metrics.streamed import ErrorSums, StreamedErrors
 from meshreel.model.geometry.connectivity import isolated_vertices
-from meshreel.model.sequence import Vertices
+from meshreel.model.sequence import Faces, Vertices
 from meshreel.runtime.progress import Progress, silent
 
 Heats = dict[str, Floats]
@@ -36,9 +36,10 @@ class Comparison:
     """
 
     def __init__(self, reel: ReelFile, original: Original) -> None:
-        self.reel, self.original = reel, original
-        self.faces = reel.faces
-        self.reference = reference_of_box(original.extent.low, original.extent.high)
+        self.reel: ReelFile = reel
+        self.original: Original = original
+        self.faces: Faces = reel.faces
+        self.reference: Reference = reference_of_box(original.extent.low, original.extent.high)
         diagonal = self.reference.diagonal
         self._fields = {
             kind: heat_field(kind, self.faces, reel.n_verts, diagonal) for kind in HEATS
@@ -155,9 +156,10 @@ class Measuring:
     """
 
     def __init__(self, comparison: Comparison) -> None:
-        self.figures = Figures(comparison)
+        self.figures: Figures = Figures(comparison)
         self.figures.widen_ranges(comparison.heats(comparison.pair(0)))
-        self.error, self.share = "", 0.0
+        self.error: str = ""
+        self.share: float = 0.0
         self._comparison = comparison
         self._is_closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="meshreel-measuring", daemon=True)

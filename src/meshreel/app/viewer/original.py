@@ -10,7 +10,7 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_same_triangles
-from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.sequence import Extent, FrameSource, Vertices
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
 
@@ -41,7 +41,8 @@ class Original:
         self._source = source
         self._lock = threading.Lock()
         self._order = _original_vertices(source, reel)
-        self.name, self.extent = source.name, source.extent
+        self.name: str = source.name
+        self.extent: Extent = source.extent
 
     def frame(self, number: int) -> Vertices:
         """Positions of one frame, of shape (V, 3), in model units."""

@@ -36,12 +36,12 @@ class TrackComparison:
 
     def __init__(self, reel: ReelFile, original: Original) -> None:
         self._reel, self._original = reel, original
-        self.names = [
+        self.names: list[str] = [
             name
             for name, track in reel.tracks.items()
             if name in original.tracks and _is_comparable(original.tracks[name], track)
         ]
-        self.compared = [name for name in self.names if not reel.tracks[name].is_exact]
+        self.compared: list[str] = [name for name in self.names if not reel.tracks[name].is_exact]
 
     def original_values(self, name: str, number: int) -> Values:
         """Values of the original at a frame, of shape (N, C): float32, or float64 if needed."""

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.alembic.headers import (
+    Metadata,
     ObjectHeader,
     PropertyHeader,
     read_object_headers,
@@ -42,15 +43,15 @@ class Archive:
     """
 
     def __init__(self, path: Path) -> None:
-        self.file = OgawaFile(path)
+        self.file: OgawaFile = OgawaFile(path)
         root = [int(reference) for reference in self.file.group(self.file.root)]
         if len(root) < N_SECTIONS:
             raise damage_error(
                 f"the root group has {len(root)} entries; an Alembic file has {N_SECTIONS}"
             )
-        self.samplings = read_samplings(self.file.data(root[SAMPLINGS]))
-        self.metadata = read_shared_metadata(self.file.data(root[METADATA]))
-        self.top = AbcObject(ObjectHeader("", "", False), self, root[OBJECTS])
+        self.samplings: list[TimeSampling] = read_samplings(self.file.data(root[SAMPLINGS]))
+        self.metadata: list[Metadata] = read_shared_metadata(self.file.data(root[METADATA]))
+        self.top: AbcObject = AbcObject(ObjectHeader("", "", False), self, root[OBJECTS])
 
     def properties(self, reference: int) -> dict[str, "Property"]:
         """Return the properties in a group, by name."""

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import (
+    Faces,
     MeshSequence,
     Vertices,
     validate_faces,
@@ -86,15 +87,18 @@ class FrameStream:
         if (first := next(filled, None)) is None:
             raise InvalidInputError("a sequence needs at least one frame; got none")
         self.n_frames = n_frames
-        self.n_verts, self.dtype = validate_vertices(first).shape[1], first.dtype
-        self.faces = validate_faces(faces, self.n_verts)
-        self.fps, self.name, self.start_s = validate_fps(fps), name, validate_start(start_s)
-        self.surface = surface.validated(self.n_verts, len(self.faces))
-        self.tracks = dict(tracks or {})
+        self.n_verts: int = validate_vertices(first).shape[1]
+        self.dtype: np.dtype[np.floating] = first.dtype
+        self.faces: Faces = validate_faces(faces, self.n_verts)
+        self.fps: float = validate_fps(fps)
+        self.name: str = name
+        self.start_s: float = validate_start(start_s)
+        self.surface: Surface = surface.validated(self.n_verts, len(self.faces))
+        self.tracks: dict[str, TrackSource] = dict(tracks or {})
         check_tracks(self.tracks, n_frames, self.n_verts, len(self.faces), self.surface)
         self.first: Vertices = first[0]
-        self.wants_notes = notes is not None
-        self.notes = notes if notes is not None else []
+        self.wants_notes: bool = notes is not None
+        self.notes: list[str] = notes if notes is not None else []
         self._blocks: Iterator[Vertices] = chain([first], filled)
         self.progress = progress
         self.image_folder = ""

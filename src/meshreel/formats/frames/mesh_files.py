@@ -39,7 +39,7 @@ class MeshFiles:
     """
 
     def __init__(self, paths: Sequence[Path], format: FrameFormat) -> None:
-        self.paths = tuple(paths)
+        self.paths: tuple[Path, ...] = tuple(paths)
         self.format = format
         self._checksums: dict[int, int] = {}
         self._last_fields: tuple[int, Fields] | None = None

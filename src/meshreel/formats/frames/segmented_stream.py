@@ -129,12 +129,15 @@ class SegmentedStream:
         supported_tracks: Callable[[Tracks, list[str]], Tracks] = _all_tracks,
     ) -> None:
         self._segments = tuple(segments)
-        self.fps, self.name, self.start_s = fps, name, start_s
-        self.starts = (0, *accumulate(len(one.frames) for one in self._segments))
-        self.n_segments, self.n_frames = len(self._segments), self.starts[-1]
+        self.fps: float = fps
+        self.name: str = name
+        self.start_s: float = start_s
+        self.starts: tuple[int, ...] = (0, *accumulate(len(one.frames) for one in self._segments))
+        self.n_segments: int = len(self._segments)
+        self.n_frames: int = self.starts[-1]
         self.progress = progress
-        self.wants_notes = notes is not None
-        self.notes = notes if notes is not None else []
+        self.wants_notes: bool = notes is not None
+        self.notes: list[str] = notes if notes is not None else []
         self.image_folder = ""
         self.data_files: list[tuple[str, Path]] = []
         self._supported_tracks = supported_tracks

@@ -47,7 +47,7 @@ class Accessors:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.buffers = Buffers(document)
+        self.buffers: Buffers = Buffers(document)
         self._reserved = 0
 
     def count(self, parent: JsonObject, key: str) -> int:

@@ -49,7 +49,7 @@ class BufferWriter:
 
     def __init__(self) -> None:
         self.pieces: list[bytes] = []
-        self.size_bytes = 0
+        self.size_bytes: int = 0
         self.views: list[Json] = []
         self.accessors: list[Json] = []
 

@@ -55,7 +55,7 @@ class Clips:
         self._nodes, self._accessors, self._moves_mesh = nodes, accessors, moves_mesh
         self._animations = accessors.document.lists["animations"]
         stored = [one.values.get("name") for one in self._animations]
-        self.names = unique_names(
+        self.names: list[str] = unique_names(
             [
                 name if isinstance(name, str) and name else f"animation_{number}"
                 for number, name in enumerate(stored)

@@ -19,7 +19,11 @@ from meshreel.formats.notes import listed, note_left_out
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.surface import Attribute, Domain, Surface
 
-DEFAULTS = {"TRANSLATION": (0, 0, 0), "ROTATION": (0, 0, 0, 1), "SCALE": (1, 1, 1)}
+DEFAULTS: dict[str, tuple[int, ...]] = {
+    "TRANSLATION": (0, 0, 0),
+    "ROTATION": (0, 0, 0, 1),
+    "SCALE": (1, 1, 1),
+}
 """Attributes that transform instances, and their defaults."""
 
 TRANSFORM_BYTES = 512

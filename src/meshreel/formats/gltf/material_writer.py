@@ -45,7 +45,7 @@ class Materials:
 
     def __init__(self, surface: Surface, buffer: BufferWriter, notes: list[str]) -> None:
         self.listed: list[Json] = []
-        self.textures = Textures(surface, buffer, notes)
+        self.textures: Textures = Textures(surface, buffer, notes)
         self._looks = {one.name: one for one in surface.materials}
         self._notes = notes
         self._indices: dict[str | None, int] = {}

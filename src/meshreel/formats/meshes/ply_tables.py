@@ -49,7 +49,7 @@ class BinaryCells:
     """
 
     def __init__(self, body: bytes, byte_order: str) -> None:
-        self.n_cells = len(body)
+        self.n_cells: int = len(body)
         self._body = body
         self._codes = np.frombuffer(body, dtype=np.uint8)
         self.byte_order = byte_order
@@ -95,7 +95,7 @@ class WordCells:
     """
 
     def __init__(self, values: npt.NDArray[np.float64], place: Callable[[int], str]) -> None:
-        self.n_cells = len(values)
+        self.n_cells: int = len(values)
         self._values = values
         self._place = place
 

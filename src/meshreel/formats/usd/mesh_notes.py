@@ -30,9 +30,9 @@ class MeshNotes:
 
     def __init__(self, plain: list[str]) -> None:
         self.plain = plain
-        self.sampled = GatheredNote(plain, _describe_sampled)
-        self.final = GatheredNote(plain, _describe_final)
-        self.normals = NormalNotes(plain)
+        self.sampled: GatheredNote = GatheredNote(plain, _describe_sampled)
+        self.final: GatheredNote = GatheredNote(plain, _describe_final)
+        self.normals: NormalNotes = NormalNotes(plain)
         self._cages = GatheredNote(plain, describe_cages)
         self._holes = GatheredNote(plain, _describe_holes)
         self._flat = GatheredNote(plain, _describe_flat)

@@ -22,7 +22,7 @@ WRAPS = {
 UV_READER = "UsdPrimvarReader_float2"
 CHANNELS = ("rgb", "r", "g", "b", "a")
 
-INPUTS = {
+INPUTS: dict[str, tuple[str, tuple[float, ...]]] = {
     "base_color": ("diffuseColor", (0.18, 0.18, 0.18)),
     "metallic": ("metallic", (0.0,)),
     "roughness": ("roughness", (0.5,)),
@@ -32,7 +32,7 @@ INPUTS = {
 }
 """Shader inputs that may have textures, and their defaults, by texture slot."""
 
-UNSUPPORTED = {
+UNSUPPORTED: dict[str, tuple[float, ...]] = {
     "useSpecularWorkflow": (0.0,),
     "specularColor": (0.0, 0.0, 0.0),
     "clearcoat": (0.0,),

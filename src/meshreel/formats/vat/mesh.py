@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
@@ -51,9 +52,9 @@ class RestMesh:
         self._whole_faces, self._surface = faces, replace(surface, parts=(), hard_edges=None)
         is_used = np.zeros(n_verts, bool)
         is_used[faces] = True
-        self.used = np.flatnonzero(is_used)
+        self.used: npt.NDArray[np.intp] = np.flatnonzero(is_used)
         self._compact_indices = np.cumsum(is_used) - 1
-        self.faces = self._compact_indices[faces].astype(np.int32)
+        self.faces: npt.NDArray[np.int32] = self._compact_indices[faces].astype(np.int32)
 
     def write(
         self,

@@ -34,7 +34,9 @@ class TexelType(Enum):
     FLOAT = ("float EXR", "f4", ".exr")
 
     def __init__(self, title: str, dtype: str, extension: str) -> None:
-        self.title, self.dtype, self.extension = title, np.dtype(dtype), extension
+        self.title: str = title
+        self.dtype: np.dtype[Any] = np.dtype(dtype)
+        self.extension: str = extension
 
     @property
     def is_integer(self) -> bool:

@@ -17,7 +17,7 @@ from meshreel.runtime.counting import counted
 POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7
 POINTS_AND_LINES = (0, 1, 2, 3, 4, 21, 35, 68, 75)
 
-FLAT_CELL_CORNERS = {
+FLAT_CELL_CORNERS: dict[int, tuple[int, ...]] = {
     5: (0, 1, 2), 22: (0, 1, 2), 34: (0, 1, 2), 69: (0, 1, 2), 76: (0, 1, 2),
     8: (0, 1, 3, 2), 9: (0, 1, 2, 3), 23: (0, 1, 2, 3), 28: (0, 1, 2, 3), 30: (0, 1, 2, 3),
     70: (0, 1, 2, 3), 77: (0, 1, 2, 3),

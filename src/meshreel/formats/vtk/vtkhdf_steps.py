@@ -85,7 +85,7 @@ class VtkSteps:
             raise FormatError(f"Points must be float32 or float64; got {self._points.dtype}")
         self._kinds = POLY_DATA_GROUPS if is_poly_data else {"": None}
         self._n_points = read_integers(require_dataset(group, "NumberOfPoints"))
-        self.times_s = self._read_times()
+        self.times_s: npt.NDArray[np.float64] = self._read_times()
         self._first_part = self._per_step("PartOffsets")
         all_parts = len(self._n_points) if self._steps is None else 1
         self._n_parts = self._per_step("NumberOfParts", default=all_parts)

@@ -237,7 +237,7 @@ class RowNormals:
     def __init__(
         self, counts: Integers, corners: Integers, hard_edges: Int32s | None, n_verts: int
     ) -> None:
-        self.rows = normal_rows(counts, corners, hard_edges, n_verts)
+        self.rows: NormalRows = normal_rows(counts, corners, hard_edges, n_verts)
         self.triangles: Int32s = triangulate_fans(counts, self.rows.of_corner)
 
     @classmethod

@@ -38,13 +38,14 @@ class RangedFile(io.RawIOBase):
     def __init__(self, address: str) -> None:
         super().__init__()
         self.address = address
-        self.n_requests = self.fetched_bytes = 0
+        self.n_requests: int = 0
+        self.fetched_bytes: int = 0
         self._cache: OrderedDict[tuple[int, int], bytes] = OrderedDict()
         self._position = 0
         self._file: Any = None
         with errors_in_words(address):
             self._connect()
-            self.size_bytes = self._size()
+            self.size_bytes: int = self._size()
         self.fetch(0, END_BYTES)
         self.fetch(self.size_bytes - END_BYTES, self.size_bytes)
 

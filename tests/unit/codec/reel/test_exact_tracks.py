@@ -37,9 +37,9 @@ def test_exact_tracks_are_lossless(dtype, domain):
     track = meshreel.Track(values, domain, "other")
     data = meshreel.encode(sheet(x=track), tracks={"x": "exact"}, block_frames=5)
     assert_same_bits(meshreel.decode(data).tracks["x"].values, values)
-    [track] = meshreel.info(data).tracks
-    assert (track.is_exact, track.bound) == (True, 0)
-    assert "exact" in str(track)
+    [stored] = meshreel.info(data).tracks
+    assert (stored.is_exact, stored.bound) == (True, 0)
+    assert "exact" in str(stored)
 
 
 @pytest.mark.parametrize("order", ["vertices", "drop"])

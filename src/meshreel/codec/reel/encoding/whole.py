@@ -118,14 +118,15 @@ class RateSearch:
 
     def __init__(self, source: Source, progress: Progress, engine: Engine | None) -> None:
         self._source = source
-        self._n_frames, self.dtype = source.n_frames, source.dtype
+        self._n_frames = source.n_frames
+        self.dtype: np.dtype[np.floating] = source.dtype
         self._target = source.config.target
         self._progress = progress
         self._engine = engine
         self._streams: dict[float, bytes] = {}
         self._errors: dict[float, float] = {}
         self._best: tuple[float, list[tuple[int, Sections]]] | None = None
-        self.finest_step = finest_step()
+        self.finest_step: float = finest_step()
 
     @cached_property
     def _coder(self) -> FieldBlockCoder:

@@ -1,0 +1,45 @@
+"""Snippets of the documentation have no errors for users of `mypy --strict`."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import meshreel
+from samples.pages import PAGES, name_of, snippets
+
+pytest.importorskip("mypy", reason="mypy is not installed")
+pytestmark = pytest.mark.slow
+
+SETTINGS = """[mypy]
+strict = true
+[mypy-torch.*]
+ignore_missing_imports = true
+"""
+
+
+def test_snippets_have_no_type_errors(tmp_path):
+    for page in PAGES:
+        name = name_of(page).removesuffix(".md").replace("/", "_").replace("-", "_")
+        for number, snippet in enumerate(snippets(page)):
+            needs = snippet.needs or ""
+            if snippet.language == "python" and not needs.startswith("Blender"):
+                (tmp_path / f"{name}_{number}.py").write_text(snippet.text, encoding="utf-8")
+    files = sorted(file.name for file in tmp_path.iterdir())
+    (tmp_path / "mypy.ini").write_text(SETTINGS, encoding="utf-8")
+    assert len(files) > 20
+    command = [sys.executable, "-m", "mypy", "--config-file", "mypy.ini", *files]
+    package = Path(meshreel.__file__).parents[1]
+    run = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env={**os.environ, "MYPYPATH": str(package)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    errors = [line for line in run.stdout.splitlines() if line.partition(":")[0] in files]
+    assert errors == []
+    assert "Found" in run.stdout or "Success" in run.stdout, run.stdout + run.stderr
