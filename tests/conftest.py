@@ -123,3 +123,11 @@ def _quick(items):
     if len(cases) < 3 or cases[0].get_closest_marker("every_case"):
         return cases
     return [cases[0], cases[-1]]
+
+
+@pytest.fixture
+def few_grid_lines(monkeypatch):
+    """Sample surfaces on 64 lines along the longest side; 1024 take a second per frame."""
+    from meshreel.metrics import surface_distance
+
+    monkeypatch.setattr(surface_distance, "GRID_LINES", 64)

@@ -9,14 +9,12 @@ from click.testing import CliRunner
 import meshreel
 from meshreel.app.cli.app import app
 from meshreel.app.cli.messages import with_option_names
-from meshreel.metrics import surface_distance
 from samples.meshes import waving_grid
 
 
 @pytest.fixture
-def files(tmp_path, monkeypatch):
+def files(tmp_path, monkeypatch, few_grid_lines):
     """Files of a sheet, of one with half as many rows, and of one with fewer frames."""
-    monkeypatch.setattr(surface_distance, "GRID_LINES", 64)
     monkeypatch.setenv("COLUMNS", "100")
     sheets = waving_grid(3, 9, 11), waving_grid(3, 5, 11), waving_grid(2, 5, 11)
     paths = [tmp_path / f"{name}.npz" for name in ("fine", "coarse", "short")]
@@ -39,7 +37,7 @@ def test_compare_shows_surface_distances_and_why(files):
 
 
 def test_compare_says_that_equal_surfaces_have_no_psnr(files):
-    text = run(files[0], files[0], "--surface").stdout
+    text = run(files[0], files[0], "--surface", "--samples", 400).stdout
     assert "surfaces: requested" in text
     assert text.count("infinite: no difference") == 3
 

@@ -8,6 +8,7 @@ import pytest
 
 import meshreel
 from meshreel.evaluation.codecs.results import COLUMNS
+from meshreel.evaluation.surfaces import measure
 from meshreel.model.flag import simulate_flag
 from samples import commands
 from samples.commands import assert_fails
@@ -127,7 +128,8 @@ def test_evaluate_fails_with_one_line_when_a_track_cannot_be_measured(
     assert not (tmp_path / "r").exists()
 
 
-def test_evaluate_measures_surfaces_if_faces_change(tmp_path):
+def test_evaluate_measures_surfaces_if_faces_change(tmp_path, monkeypatch, few_grid_lines):
+    monkeypatch.setattr(measure, "N_SAMPLES", 300)
     for name, rows in (("a", 6), ("b", 5)):
         flag = simulate_flag(2, n_rows=rows, n_columns=7)
         meshreel.save(flag, tmp_path / "frames" / f"{name}_%d.ply")

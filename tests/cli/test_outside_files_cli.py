@@ -6,7 +6,11 @@ import meshreel
 from samples.commands import assert_fails, run
 from samples.meshes import waving_grid
 
-OUTPUTS = {"batch": ["out"], "encode": ["-o", "out.reel"], "render": ["-o", "out.png"]}
+OUTPUTS = {
+    "batch": ["out"],
+    "encode": ["-o", "out.reel"],
+    "render": ["-o", "out.png", "--size", "320x180"],
+}
 
 
 @pytest.fixture

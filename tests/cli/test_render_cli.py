@@ -274,7 +274,7 @@ def test_render_films_frames_whose_faces_change(capture, tmp_path):
 
 @pytest.mark.parametrize("source", ["keep.reel", "drop.reel"])
 def test_render_shows_distances_of_frames_whose_faces_change(capture, tmp_path, source):
-    options = ["--original", capture / "frames", "--heatmap", "distance"]
+    options = ["--original", capture / "frames", "--heatmap", "distance", *SMALL]
     made = run_json("render", capture / source, "-o", tmp_path / "a.png", *options)
     assert made["frames"] == [2, 3, 5]
     with Image.open(tmp_path / "a.png") as image:

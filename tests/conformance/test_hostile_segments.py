@@ -27,8 +27,9 @@ from meshreel.errors import (
     UnsupportedVersionError,
 )
 from samples.c_reader import Code, File, Host, by_calls, refusal
+from samples.costs import draws
 
-MANY = 20_000
+MANY = draws(20_000)
 END = write_sections([(Section.END, b"")])[0]
 LARGEST = 2**63 - 1
 """Largest integer of 9 bytes."""
@@ -224,10 +225,11 @@ def test_an_index_is_read_by_few_calls_however_long_it_is():
 
 
 def test_references_to_many_sections_are_read():
-    data = scanned(references(1000))
+    n = draws(1000)
+    data = scanned(references(n))
     info = meshreel.info(data)
-    assert (len(info.segments), len(info.images)) == (1002, 255)
-    assert info.raw_size_bytes == 1002 * 4 * 3 * (4 + 4)
+    assert (len(info.segments), len(info.images)) == (n + 2, 255)
+    assert info.raw_size_bytes == (n + 2) * 4 * 3 * (4 + 4)
     decoded = meshreel.decode_segments(data)
     one, other = decoded.segments[2], decoded.segments[-1]
     assert one.surface.images[5] is other.surface.images[5]
@@ -235,8 +237,8 @@ def test_references_to_many_sections_are_read():
 
 
 def test_shared_meshes_count_once_against_the_memory_limit():
-    frames = [moving(grid(20, 20), 1, seed=number) for number in range(200)]
-    data = join_streams([meshreel.encode(one, lossless=True) for one in frames])
+    frames = [moving(grid(20, 20), 1, seed=number) for number in range(10)]
+    data = join_streams(20 * [meshreel.encode(one, lossless=True) for one in frames])
     mesh, positions = frames[0].faces.nbytes, frames[0].vertices.nbytes
     needed = mesh + 200 * positions
     assert meshreel.info(data).raw_size_bytes == 200 * (mesh + positions)
@@ -248,7 +250,7 @@ def test_shared_meshes_count_once_against_the_memory_limit():
 def test_a_sequence_of_many_tiny_meshes_is_encoded_and_decoded():
     rng = np.random.default_rng(4)
     meshes = [np.array(TETRAHEDRON), np.array(TETRAHEDRON)[:, [0, 2, 1]]]
-    vertices = rng.random((2000, 4, 3)).astype(np.float32)
+    vertices = rng.random((draws(2000), 4, 3)).astype(np.float32)
     sequence = meshreel.SegmentedSequence(
         [meshreel.MeshSequence(one[None], meshes[i % 2]) for i, one in enumerate(vertices)]
     )
@@ -256,8 +258,8 @@ def test_a_sequence_of_many_tiny_meshes_is_encoded_and_decoded():
     info = meshreel.info(data)
     assert len(info.segments) == len(vertices)
     assert info.part_bytes["container"] < 60 * len(vertices)
-    for (decoded, faces), given, i in zip(
-        meshreel.decode_segments(data), vertices, range(2000), strict=True
+    for i, ((decoded, faces), given) in enumerate(
+        zip(meshreel.decode_segments(data), vertices, strict=True)
     ):
         np.testing.assert_array_equal(decoded, given)
         np.testing.assert_array_equal(faces, meshes[i % 2])

@@ -36,13 +36,16 @@ def test_results_state_their_commit(name):
     assert int(commit, 16)
 
 
+@pytest.fixture(scope="module")
+def flag():
+    return meshreel.simulate_flag(results("checks")["n_frames"])
+
+
 @pytest.mark.every_case
 @pytest.mark.parametrize("method", ["reel", "pca-qp", "v2v", "blocks"])
-def test_stored_figures_still_hold(method):
+def test_stored_figures_still_hold(method, flag):
     """A change of the codec that changes them requires measuring all pages again."""
-    checks = results("checks")
-    stored = checks["methods"][method]
-    flag = meshreel.simulate_flag(checks["n_frames"])
+    stored = results("checks")["methods"][method]
     data = meshreel.encode(flag, method, **stored["options"])
     quality = meshreel.compare(flag, meshreel.decode(data))
     assert meshreel.info(data).rate_bpvf == pytest.approx(stored["rate_bpvf"], rel=TOLERANCE)

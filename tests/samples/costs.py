@@ -12,7 +12,7 @@ def do_everything():
 
 
 def draws(n):
-    """Return the number of random cases of a test: n, or a tenth in quick runs."""
+    """Return the number of random cases, or of repeated elements: n, or a tenth in quick runs."""
     return n if _does_everything else max(1, n // 10)
 
 

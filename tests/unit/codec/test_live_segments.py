@@ -199,9 +199,9 @@ def test_memory_is_bounded_by_a_block_while_faces_change(monkeypatch):
             encoder._wait_for_all()
             if number:  # a segment is encoded when the next one begins
                 alive.add(encoder._segment)
-            gc.collect()
-            assert len(alive) <= 2
-        assert alive
+            if number % 12 == 11:
+                gc.collect()
+                assert 0 < len(alive) <= 2
     assert encoder.n_segments > 30
 
 

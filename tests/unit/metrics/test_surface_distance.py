@@ -9,10 +9,7 @@ from meshreel.metrics.surface_distance import compare_surfaces
 from meshreel.metrics.surface_samples import sample_uniformly, triangle_set
 from samples.shapes import closest_by_brute_force, cube, split_at_centroids, square, torus
 
-
-@pytest.fixture(autouse=True)
-def few_grid_lines(monkeypatch):
-    monkeypatch.setattr(surface_distance, "GRID_LINES", 64)
+pytestmark = pytest.mark.usefixtures("few_grid_lines")
 
 
 class Frames(list):

@@ -7,14 +7,10 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.metrics import surface_distance
 from samples.meshes import waving_grid
 from samples.shapes import split_at_centroids
 
-
-@pytest.fixture(autouse=True)
-def few_grid_lines(monkeypatch):
-    monkeypatch.setattr(surface_distance, "GRID_LINES", 64)
+pytestmark = pytest.mark.usefixtures("few_grid_lines")
 
 
 @pytest.fixture
@@ -39,13 +35,13 @@ def test_vertices_are_compared_if_only_the_order_of_faces_differs(sheet):
 
 
 def test_surfaces_are_compared_if_vertex_counts_differ(sheet):
-    quality = meshreel.compare(sheet, split(sheet))
+    quality = meshreel.compare(sheet, split(sheet), n_samples=2000)
     assert quality.reason == "the vertex counts differ (99 and 259)"
     assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
 
 
 def test_surfaces_are_compared_if_face_counts_differ(sheet):
-    quality = meshreel.compare(sheet, with_faces(sheet, sheet.faces[1:]))
+    quality = meshreel.compare(sheet, with_faces(sheet, sheet.faces[1:]), n_samples=2000)
     assert quality.reason == "the face counts differ (160 and 159)"
     assert quality.to_decoded.max_percent > 1
     assert quality.to_original.max_percent == 0
@@ -78,7 +74,8 @@ def test_samples_option_is_rejected_for_vertices(sheet):
 
 def test_surfaces_of_segments_are_compared_frame_by_frame(sheet):
     segments = meshreel.SegmentedSequence([split(sheet), sheet])
-    quality = meshreel.compare(segments, meshreel.SegmentedSequence([sheet, split(sheet)]))
+    others = meshreel.SegmentedSequence([sheet, split(sheet)])
+    quality = meshreel.compare(segments, others, n_samples=2000)
     assert (quality.reason, quality.n_frames) == ("the faces change over time", 6)
     assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
 
@@ -130,7 +127,7 @@ def test_vertices_of_a_stream_without_its_order_are_matched(sheet):
 
 
 def test_a_mesh_with_another_order_of_vertices_is_compared_by_its_surface(sheet):
-    quality = meshreel.compare(shuffled(sheet, 3), shuffled(sheet, 4))
+    quality = meshreel.compare(shuffled(sheet, 3), shuffled(sheet, 4), n_samples=2000)
     assert quality.reason == "the faces differ"
     assert quality.vertex_errors is None
     assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32

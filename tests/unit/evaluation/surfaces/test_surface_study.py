@@ -8,7 +8,6 @@ from meshreel.evaluation.codecs.peers.protocol import peers_named
 from meshreel.evaluation.pipeline import evaluate
 from meshreel.evaluation.surfaces import measure
 from meshreel.evaluation.surfaces.study import SurfaceStudy
-from meshreel.metrics import surface_distance
 from meshreel.model.segments import MeshFrame
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import silent
@@ -16,8 +15,7 @@ from samples.meshes import waving_grid
 
 
 @pytest.fixture(autouse=True)
-def few_samples(monkeypatch):
-    monkeypatch.setattr(surface_distance, "GRID_LINES", 64)
+def few_samples(few_grid_lines, monkeypatch):
     monkeypatch.setattr(measure, "N_SAMPLES", 300)
 
 
