@@ -150,7 +150,7 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
     if fields:
         first = start_number or 0
         numbers = range(first, first + (1 if n_frames is None else n_frames))
-        return [path.with_name(_numbered(path.name, fields[0], number)) for number in numbers]
+        return numbered_paths(path, fields[0], numbers)
     if n_frames is not None and n_frames > 1:
         pattern = path.with_name(f"{path.stem}_%04d{path.suffix}")
         raise InvalidInputError(
@@ -174,6 +174,8 @@ def _check_start_number(path: Path, start_number: int | None) -> None:
         )
 
 
-def _numbered(name: str, field: re.Match[str], number: int) -> str:
+def numbered_paths(path: Path, field: re.Match[str], numbers: Iterable[int]) -> list[Path]:
+    """Return a path for each number, in place of the number field of its name."""
     fill, width = field.groups()
-    return f"{name[: field.start()]}{number:{fill}{width}d}{name[field.end() :]}"
+    before, after = path.name[: field.start()], path.name[field.end() :]
+    return [path.with_name(f"{before}{number:{fill}{width}d}{after}") for number in numbers]

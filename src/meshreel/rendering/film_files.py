@@ -1,6 +1,6 @@
 """Write films to .mp4 (extra [video]) and .gif (Pillow), picture by picture."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -28,7 +28,7 @@ _NEAR_BACKGROUND = 8
 _QUALITY = "18"  # of x264: visually nearly lossless
 
 
-def require_ffmpeg() -> Any:
+def require_ffmpeg(purpose: str = "writing .mp4") -> Any:
     """Return imageio_ffmpeg; call it before long work to fail early.
 
     Raises
@@ -40,8 +40,7 @@ def require_ffmpeg() -> Any:
         return import_module("imageio_ffmpeg")
     except ImportError as error:
         raise FormatError(
-            "writing .mp4 needs imageio-ffmpeg: pip install 'meshreel[video]'; "
-            ".gif and .png work without it"
+            f"{purpose} needs imageio-ffmpeg: pip install 'meshreel[video]'; images work without it"
         ) from error
 
 
@@ -81,34 +80,45 @@ def save_mp4(
     FormatError
         If imageio_ffmpeg is not installed.
     """
+    pictures = _pictures(film, 1, progress)
+    write_mp4(pictures, path, film.size, film.fps, overwrite=overwrite)
+
+
+def write_mp4(
+    pictures: Iterable[PillowImage.Image],
+    path: Path,
+    size: tuple[int, int],
+    fps: float,
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Write RGB pictures of one size as H.264, atomically; errors as `save_mp4`."""
     ffmpeg = require_ffmpeg()
-    if film.size[0] % 2 or film.size[1] % 2:
-        raise InvalidInputError(
-            f"an .mp4 needs an even width and height; got {film.size[0]} x {film.size[1]}"
-        )
-    width, height = film.size
+    width, height = size
+    if width % 2 or height % 2:
+        raise InvalidInputError(f"an .mp4 needs an even width and height; got {width} x {height}")
     with replace_when_done(path, overwrite=overwrite) as temporary, TemporaryFile() as log:
         command = [
             ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error",
-            "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{film.fps:g}",
+            "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}",
             "-i", "-", *_MP4_OPTIONS, str(temporary),
         ]  # fmt: skip
         with (
             Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=log) as encoder,
             suppress(BrokenPipeError),  # ffmpeg ended early; its exit code is checked below
         ):
-            _feed(encoder.stdin, film, progress)
+            _feed(encoder.stdin, pictures)
         if encoder.returncode:
             log.seek(0)
             reason = log.read().decode(errors="replace").strip() or f"code {encoder.returncode}"
             raise OSError(f"ffmpeg could not write {path}: {reason}")
 
 
-def _feed(pipe: IO[bytes] | None, film: Film, progress: Progress) -> None:
+def _feed(pipe: IO[bytes] | None, pictures: Iterable[PillowImage.Image]) -> None:
     if pipe is None:
         raise OSError("ffmpeg has no standard input")
     with pipe:
-        for picture in _pictures(film, 1, progress):
+        for picture in pictures:
             pipe.write(picture.tobytes())
 
 

@@ -79,7 +79,8 @@ def render(
     paint = _checked_colors(colors, len(positions), len(faces))
     points, depths = fine.project(positions)
     near = nearness(depths)
-    visible = visible_faces(points, near, faces, fine).reshape(fine.height, fine.width)
+    size = fine.width, fine.height
+    visible = visible_faces(points, near, faces, size).reshape(fine.height, fine.width)
     surface = project_surface(positions, points, near, faces, fine, paint, smooth, glow, shading)
     picture = np.empty((camera.height, camera.width, 3), np.uint8)
     picture[:] = np.asarray(background, np.uint8)

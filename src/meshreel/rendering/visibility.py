@@ -10,7 +10,6 @@ import numpy as np
 
 from meshreel.arrays import Floats, Integers
 from meshreel.model.sequence import Faces
-from meshreel.rendering.camera import Camera
 
 _CHUNK_SIZE = 1 << 18
 """Rows or pixels per chunk; bounds the working memory to about 50 MB."""
@@ -33,7 +32,7 @@ def signed_areas(points: Floats, faces: Faces) -> Floats:
     return areas
 
 
-def visible_faces(points: Floats, near: Floats, faces: Faces, camera: Camera) -> Integers:
+def visible_faces(points: Floats, near: Floats, faces: Faces, size: tuple[int, int]) -> Integers:
     """The face visible at the center of each pixel, or -1.
 
     Parameters
@@ -43,8 +42,8 @@ def visible_faces(points: Floats, near: Floats, faces: Faces, camera: Camera) ->
     near : float array of shape (V,)
         From `nearness`; faces with a vertex behind the eye are skipped.
     faces : integer array of shape (M, 3)
-    camera : Camera
-        Defines the size of the picture.
+    size : tuple of 2 ints
+        Width and height of the picture.
 
     Returns
     -------
@@ -53,25 +52,26 @@ def visible_faces(points: Floats, near: Floats, faces: Faces, camera: Camera) ->
     Faces that share an edge cover each pixel along it exactly once. Of faces at the same depth the
     last one is visible.
     """
+    width, height = size
     ids = np.flatnonzero((near[faces] > 0).all(axis=1) & (signed_areas(points, faces) != 0))
     corners = np.concatenate([points, near[:, None]], axis=1)[faces[ids]]
     order = np.argsort(corners[:, :, 1], axis=1)
     corners = np.take_along_axis(corners, order[:, :, None], axis=1)
     # Keys contain nearness in the high and the face number in the low bits: positive floats sort
     # like their bits, so the maximum is the nearest face, in any order of evaluation.
-    buffer = np.full(camera.width * camera.height, -1, np.int64)
-    top, n_rows = _pixel_span(corners[:, 0, 1], corners[:, 2, 1], camera.height)
+    buffer = np.full(width * height, -1, np.int64)
+    top, n_rows = _pixel_span(corners[:, 0, 1], corners[:, 2, 1], height)
     for group in _chunks(n_rows):
         owner, row = _expand(top[group], n_rows[group])
         x_left, x_right, near_left, slope = _row_ends(corners[group][owner], row)
-        first, n_columns = _pixel_span(x_left, x_right, camera.width)
+        first, n_columns = _pixel_span(x_left, x_right, width)
         for rows in _chunks(n_columns):
             line, column = _expand(first[rows], n_columns[rows])
             offset = column + 0.5 - x_left[rows][line]
             pixel_near = (near_left[rows][line] + slope[rows][line] * offset).astype(np.float32)
             key = pixel_near.view(np.int32).astype(np.int64) << 32
             key |= ids[group][owner[rows]][line]
-            np.maximum.at(buffer, row[rows][line] * camera.width + column, key)
+            np.maximum.at(buffer, row[rows][line] * width + column, key)
     return np.where(buffer < 0, -1, buffer & 0xFFFFFFFF)
 
 

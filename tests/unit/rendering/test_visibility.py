@@ -12,7 +12,8 @@ def flat_camera(width, height):
 def seen(points, faces, *, depths=None, size=(100, 80)):
     depths = np.ones(len(points)) if depths is None else np.asarray(depths, float)
     camera = flat_camera(*size)
-    return visible_faces(np.asarray(points, float), nearness(depths), np.asarray(faces), camera)
+    size = camera.width, camera.height
+    return visible_faces(np.asarray(points, float), nearness(depths), np.asarray(faces), size)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [0, 2, 1], [2, 0, 1]])

@@ -150,7 +150,7 @@ def detail_corner(
     area of the mesh.
     """
     points, depths = camera.project(original)
-    visible = visible_faces(points, nearness(depths), faces, camera)
+    visible = visible_faces(points, nearness(depths), faces, (camera.width, camera.height))
     deviation = np.std([np.zeros(len(original)), *angles], axis=0)[faces].mean(axis=1)
     weights = np.zeros(len(visible))
     weights[visible >= 0] = deviation[visible[visible >= 0]]
