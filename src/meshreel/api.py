@@ -186,6 +186,9 @@ def register(
     tolerance: float | str = "0.2%",
     unit: str | None = None,
     folder: str | os.PathLike[str] | None = None,
+    texture: Source | None = None,
+    texture_output: AnyPath | None = None,
+    overwrite: bool = False,
     progress: Progress = silent,
 ) -> SegmentedSequence:
     """Replace the meshes of a raw capture by few meshes that follow its surface.
@@ -211,6 +214,15 @@ def register(
         Stores the registered frames: memory stays small, and after an interruption the same call
         continues. The result reads its frames from the folder; remove it when they are not needed
         any more. Default: frames stay in memory.
+    texture : path, or list of paths, optional
+        Textures of the raw frames: a folder or a pattern of images in frame order, a list of them,
+        or a video. They are baked into the texture coordinates of the segments: every texel gets
+        the color at the closest point of the raw surface. Their size is that of the first image.
+    texture_output : path, optional
+        Where to write the baked textures: a video (``walk.mp4``; needs the extra [video]), or a
+        pattern of images (``walk_%04d.png``). Required with `texture`.
+    overwrite : bool, default False
+        Whether existing textures may be replaced.
     progress : callable, optional
         Called with the stage and the completed fraction, 0..1.
 
@@ -226,17 +238,29 @@ def register(
     ------
     InvalidInputError
         If the tolerance is not valid, no frame has a face with an area, `folder` contains
-        something else, or the extra [register] is not installed.
+        something else, the textures do not fit the frames, or the extra [register] is not
+        installed.
+    FormatError
+        If a texture cannot be read, or its output has another format.
     """
+    from meshreel.formats.baked_textures import TextureJob
     from meshreel.registration.register import register as register_sequence  # imports SciPy
 
+    if (texture is None) != (texture_output is None):
+        raise InvalidInputError("texture= and texture_output= belong together; give both or none")
     bound = bound_of(tolerance, unit, "tolerance")
     with _local(source) as local:
         frames = _source(local, None, matches_frames=False, warns_of_changes=False)
+        job = None
+        if texture is not None and texture_output is not None:
+            job = TextureJob.checked(texture, texture_output, frames, overwrite=overwrite)
         registration = register_sequence(
             frames, bound, progress, None if folder is None else Path(folder)
         )
-    _warn(registration.changes, stacklevel=3)
+        notes = list(registration.changes)
+        if job is not None:
+            registration = job.run(registration, notes, progress)
+    _warn(notes, stacklevel=3)
     return registration.sequence
 
 

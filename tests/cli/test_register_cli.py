@@ -5,7 +5,7 @@ import json
 import pytest
 
 import meshreel
-from samples.captures import capture
+from samples.captures import capture, textured_capture
 from samples.commands import assert_fails, run, run_json
 
 pytestmark = pytest.mark.usefixtures("few_grid_lines")
@@ -69,12 +69,30 @@ def test_batch_registers_captures_and_leaves_others_alone(raw, tmp_path):
     assert "not registered: all frames have the same faces" in notes["flag.npz"]
 
 
+def test_register_bakes_textures(tmp_path):
+    frames, images = textured_capture(3)
+    meshreel.save(frames, tmp_path / "raw" / "frame_%03d.obj")
+    for number, image in enumerate(images):
+        image.save(tmp_path / "raw" / f"frame_{number:03d}.png")
+    given = ["register", "raw", "--tolerance", "0.5%", "--texture", "raw/*.png"]
+    figures = run_json(*given, "-o", "walk.reel", "--texture-output", "out/%d.png", cwd=tmp_path)
+    assert figures["texture"] == {"output": "out/%d.png", "size_px": [128, 128]}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"0.png", "1.png", "2.png"}
+    assert [one.kind for one in meshreel.load(tmp_path / "walk.reel").surface.attributes] == ["uv"]
+    pytest.importorskip("imageio_ffmpeg")
+    done = run(*given, "-o", "film.reel", cwd=tmp_path)
+    assert "film.mp4, 128 x 128 texels" in done.stdout
+    assert (tmp_path / "film.mp4").stat().st_size > 1000
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["register", "RAW", "--tolerance", "5mm"], "tolerance 5mm is a length"),
         (["register", "RAW", "--tolerance", "0"], "tolerance must be above 0"),
         (["encode", "RAW", "--register", "0.5%", "--split"], "cannot be combined with"),
+        (["register", "RAW", "--texture-output", "a.mp4"], "give both"),
+        (["register", "RAW", "--texture", "*.png"], "no texture images"),
         (["register", "flag.npz"], "all 3 frames have the same faces"),
     ],
 )

@@ -1,8 +1,9 @@
 """Raw captures: surfaces that move, with another mesh in every frame."""
 
 import numpy as np
+from PIL import Image as PillowImage
 
-from meshreel import MeshSequence, SegmentedSequence
+from meshreel import Attribute, Domain, Kind, MeshSequence, SegmentedSequence, Surface
 
 
 def capsule(n_rings, n_around, phase=0.0):
@@ -61,3 +62,54 @@ def as_frames(frames, fps=25.0):
         MeshSequence(vertices[None].astype(np.float32), faces, fps=fps)
         for vertices, faces in frames
     )
+
+
+def unbent(points, angle):
+    """Undo `bent` by fixed-point iteration."""
+    found = points.astype(float)
+    for _ in range(50):
+        found = found + points - bent(found, angle)
+    return found
+
+
+def textured_capture(n_frames=4, last_angle=0.3, side=128):
+    """A bending capsule with a texture, as raw frames and an image of each.
+
+    The texture coordinates of each frame are the angle around the axis and the height, placed at
+    another position of the image. The colors, `color_at`, move with the surface.
+    """
+    rng, frames, images = np.random.default_rng(0), [], []
+    for number, angle in enumerate(np.linspace(0, last_angle, n_frames)):
+        mesh, faces = capsule(int(rng.integers(30, 34)), int(rng.integers(26, 30)), rng.random())
+        scale, offset = np.array([0.6, 0.7]), np.array([0.05, 0.2]) * number / n_frames + 0.02
+        uv = np.float32(_chart(mesh, faces) * scale + offset)
+        surface = Surface(attributes=(Attribute("uv", Kind.UV, Domain.CORNER, uv),))
+        vertices = bent(mesh, angle)[None].astype(np.float32)
+        frames.append(MeshSequence(vertices, faces, 25.0, surface=surface))
+        across = (np.arange(side) + 0.5) / side
+        u, v = np.meshgrid(across, 1 - across)
+        u, v = (u - offset[0]) / scale[0], (v - offset[1]) / scale[1]
+        images.append(PillowImage.fromarray(_color(2 * np.pi * u, 2 * v - 1)))
+    return SegmentedSequence(frames), images
+
+
+def _chart(mesh, faces):
+    """Angle and height of each corner, 0..1 but for faces across the seam, of shape (3 M, 2)."""
+    corners = mesh[faces]
+    angles = np.arctan2(corners[..., 1], corners[..., 0]) / (2 * np.pi) % 1
+    on_axis = np.hypot(corners[..., 0], corners[..., 1]) < 1e-6
+    angles[(np.ptp(np.where(on_axis, 0.5, angles), axis=1) > 0.5)[:, None] & (angles < 0.5)] += 1
+    others = np.where(on_axis, 0, angles).sum(axis=1) / np.maximum((~on_axis).sum(axis=1), 1)
+    angles = np.where(on_axis, others[:, None], angles)
+    return np.stack([angles, (corners[..., 2] + 1) / 2], axis=-1).reshape(-1, 2)
+
+
+def color_at(points, angle):
+    """The color of points of the capsule, bent by an angle; uint8 of shape (N, 3)."""
+    x, y, z = unbent(points, angle).T
+    return _color(np.arctan2(y, x), z)
+
+
+def _color(around, height):
+    channels = [np.sin(around), np.cos(around), np.sin(4 * height)]
+    return np.rint(128 + 100 * np.stack(channels, axis=-1)).astype(np.uint8)

@@ -128,6 +128,11 @@ class Registration:
         n_folded = sum(segment.n_folded for segment in self.segments)
         return Distances.of_frames(errors, self.diagonal, n_folded)
 
+    def raw_frame(self, number: int) -> RawFrame:
+        """Return a raw frame with its cleaned surface."""
+        frame = _frame(self.raw, number)
+        return RawFrame(frame, self.frames.cleaned(number), self.frames.mesh(number))
+
     def distances_of(self, sequence: HasSegments, progress: Progress = silent) -> Distances:
         """Return the distances of a sequence or a file, such as the encoded one.
 
@@ -251,6 +256,13 @@ def register(
     )
 
 
+def _frame(sequence: SegmentedSequence, number: int) -> MeshSequence:
+    """Return a frame with its surface and tracks."""
+    segment = sequence.segment_of(number)
+    local = number - sequence.starts[segment]
+    return frames_of(sequence.segment(segment), range(local, local + 1))
+
+
 class _RawFrames:
     """The frames of a sequence, one at a time; cleaned, without components up to an area."""
 
@@ -260,10 +272,8 @@ class _RawFrames:
         self.cleaned = lru_cache(CACHED_FRAMES)(self._cleaned)
 
     def whole(self, number: int) -> MeshSequence:
-        """Return a frame with its surface."""
-        segment = self._sequence.segment_of(number)
-        local = number - self._sequence.starts[segment]
-        return frames_of(self._sequence.segment(segment), range(local, local + 1))
+        """Return a frame with its surface and tracks."""
+        return _frame(self._sequence, number)
 
     def _cleaned(self, number: int) -> CleanMesh:
         frame = self.whole(number)

@@ -62,6 +62,7 @@ OPEN_EXR = Extra("textures", "OpenEXR", "OpenEXR")
 PAPER = Extra("paper", "SciPy", "scipy", InvalidInputError)
 REGISTER = Extra("register", "libigl", "igl", InvalidInputError)
 REGISTER_SCIPY = Extra("register", "SciPy", "scipy", InvalidInputError)
+REGISTER_XATLAS = Extra("register", "xatlas", "xatlas", InvalidInputError)
 SURFACES = Extra("surfaces", "SciPy", "scipy", InvalidInputError)  # to compare changing faces
 PEERS = Extra("peers", "SciPy", "scipy", InvalidInputError)  # to compare curves
 TORCH = Extra("torch", "PyTorch", "torch", InvalidInputError)

@@ -11,7 +11,7 @@ from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import measure
-from samples.captures import as_frames, bent, capsule, capture
+from samples.captures import as_frames, bent, capsule, capture, unbent
 
 TOLERANCE = ErrorBound(0.5)
 N_FRAMES, LAST_ANGLE = 4, 0.3
@@ -59,14 +59,6 @@ def test_the_mesh_follows_the_material(registered):
     for positions, angle in zip(segment.vertices, angles, strict=True):
         expected = bent(unbent(segment.vertices[key], angles[key]), angle)
         assert np.linalg.norm(positions - expected, axis=1).mean() < 0.05
-
-
-def unbent(points, angle):
-    """Undo `bent` by fixed-point iteration."""
-    found = points.astype(float)
-    for _ in range(50):
-        found = found + points - bent(found, angle)
-    return found
 
 
 def test_registration_is_deterministic(raw, registered):

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.completing import input_files
 from meshreel.app.cli.encode_options import Encoding, encode_options
@@ -37,6 +39,19 @@ if TYPE_CHECKING:
     "frame, 99 % of both surfaces are within it, and no connected patch beyond it is larger than a "
     "square of ten tolerances.",
 )
+@option(
+    "--texture",
+    metavar="IMAGES",
+    help="Textures of the raw frames: a folder or a quoted glob of images in frame order, or a "
+    "video. They are baked into the texture coordinates of the segments.",
+)
+@option(
+    "--texture-output",
+    type=Path,
+    metavar="FILE",
+    help="The video (walk.mp4, needs [video]) or the images (walk_%04d.png) to write with "
+    "--texture. Default: a video named after the output.",
+)
 @reading_options("fps", *MESHES, "dataset", "attributes")
 @encode_options()
 @option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
@@ -45,6 +60,8 @@ def register_command(
     inputs: tuple[str, ...],
     output: str | None,
     tolerance: str,
+    texture: str | None,
+    texture_output: Path | None,
     reading: "ReadOptions",
     encoding: Encoding,
     force: bool,
@@ -55,7 +72,8 @@ def register_command(
     The mesh of a key frame is deformed to fit the frames before and after it, as far as the
     tolerance is met; where it is not, another key begins a segment. The distance of the registered
     surface from the raw one, and that of the decoded surface, are measured and printed. Frames that
-    cannot be followed keep their raw mesh. Texture coordinates and materials are those of the keys.
+    cannot be followed keep their raw mesh. Texture coordinates and materials are those of the keys;
+    --texture bakes the texture of every frame for them.
 
     Registered frames are stored in a folder beside the output, such as walk.registration, until the
     file is complete. If the command is stopped, start it again: it continues after these frames,
@@ -70,6 +88,8 @@ def register_command(
     - `meshreel register capture/ --tolerance 1mm --unit m`
 
     - `meshreel register capture/ --size 2MB`
+
+    - `meshreel register capture/ -o walk.reel --texture 'capture/*.png' --texture-output walk.mp4`
     """
     import shutil
     from contextlib import ExitStack
@@ -81,6 +101,7 @@ def register_command(
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.config import EncoderConfig
     from meshreel.codec.error_bounds import METERS, bound_of
+    from meshreel.formats.baked_textures import TextureJob
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.reel import open_segments
     from meshreel.formats.remote import local_copy, uploaded
@@ -88,6 +109,8 @@ def register_command(
     from meshreel.registration.register import register
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
+    if texture_output is not None and texture is None:
+        raise click.UsageError("--texture-output names the textures of --texture; give both")
     output = output or f"{output_stem(inputs[0])}.reel"
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
     is_length = tolerance.strip().lower().endswith(tuple(METERS))
@@ -103,8 +126,13 @@ def register_command(
         progress = stack.enter_context(progress_bar())
         reading = replace(reading, progress=progress, matches_frames=False)
         raw = open_for_encoding(source, config.memory_bytes, reading)
-        folder = path.with_suffix(".registration")
+        folder, job = path.with_suffix(".registration"), None
+        if texture is not None:
+            baked = texture_output or path.with_suffix(".mp4")
+            job = TextureJob.checked(texture, baked, raw, overwrite=force)
         registration = register(raw, bound, progress, folder)
+        if job is not None:
+            registration = job.run(registration, notes, progress)
         notes += [*registration.changes, *registration.listed_cuts()]
         encoded = encode_file(
             registration.sequence,
@@ -121,12 +149,16 @@ def register_command(
     print_notes(notes)
     if as_json:
         figures = encoded.figures() | _figures(registration, coded)
+        if job is not None:
+            figures["texture"] = {"output": target.name(job.output), "size_px": list(job.size)}
         print_json({**figures, "notes": notes})
         return
     encoded.show()
-    print_table(
-        "relative to the raw capture", _rows(registration, encoded.stream.size_bytes, coded)
-    )
+    rows = _rows(registration, encoded.stream.size_bytes, coded)
+    if job is not None:
+        width, height = job.size
+        rows["textures"] = f"{target.name(job.output)}, {width} x {height} texels"
+    print_table("relative to the raw capture", rows)
 
 
 def _figures(registration: "Registration", coded: "Distances") -> dict[str, Any]:

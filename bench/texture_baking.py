@@ -1,0 +1,262 @@
+"""Bake a known texture of a raw capture; compare renderings with those of the raw frames.
+
+    python bench/texture_baking.py samba.npz --remesh --frames 24
+    python bench/texture_baking.py liam/ --frames 40
+
+Every raw frame gets texture coordinates of its own by xatlas (a capture keeps its own), and an
+image with a checkerboard, gradients and stripes: of positions in the first frame with `--remesh`,
+which bench/registration.py describes, else of positions in space. Prints the time of baking, the
+bytes of the video, and the PSNR of unlit renderings from eight views: of the images on the
+registered mesh, and of the video on the decoded one; of the pixels that show the model in either
+picture, and of whole pictures.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator
+from itertools import repeat
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+import meshreel
+from meshreel import Attribute, Domain, Kind, MeshFrame, MeshSequence, SegmentedSequence, Surface
+from meshreel.arrays import Bytes, Floats
+from meshreel.codec.error_bounds import bound_of
+from meshreel.formats.baked_textures import TextureJob, open_textures
+from meshreel.formats.load import load_any
+from meshreel.formats.options import ReadOptions
+from meshreel.model.segments import frames_of, segments_of
+from meshreel.registration.baking import Atlas, barycentric, made_uv, sampled
+from meshreel.registration.register import register
+from meshreel.registration.transfer import items_at_corners
+from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.rendering.camera import Camera, fit_camera
+from meshreel.rendering.visibility import nearness, visible_faces
+from registration import remeshed
+
+N_VIEWS = 8
+PICTURE_PX = 600
+SUPERSAMPLE = 2
+BACKGROUND = 255.0
+
+
+Picture = tuple[Floats, npt.NDArray[np.bool_]]
+Box = tuple[Floats, Floats]
+
+
+def pattern(points: Floats, low: Floats, high: Floats) -> Bytes:
+    """Colors of points: a checkerboard of 24 cells per longest side, gradients, and stripes."""
+    unit = (points - low) / (high - low).max()
+    checker = np.floor(unit * 24).astype(int).sum(axis=1) % 2
+    stripes = 0.5 + 0.5 * np.sin(2 * np.pi * 40 * unit[:, 1])
+    colors = np.clip(np.column_stack([unit[:, 1], 1 - unit[:, 1], unit[:, 0] + 0.3]), 0, 1)
+    colors *= 0.45 + 0.55 * checker[:, None]
+    colors[:, 2] *= 0.7 + 0.3 * stripes
+    return np.asarray(np.rint(255 * colors), np.uint8)
+
+
+def with_uv(frame: MeshFrame, surface: Surface, side: int) -> MeshSequence:
+    """Return a raw frame with texture coordinates; its own if it has some."""
+    uvs = surface.of_kind(Kind.UV)
+    if not uvs:
+        made = made_uv(frame.vertices.astype(np.float32), frame.faces, (side, side))
+        uvs = (Attribute("uv", Kind.UV, Domain.CORNER, made),)
+    surface = Surface(attributes=uvs[:1])
+    return MeshSequence(frame.vertices[None], frame.faces, 30.0, surface=surface)
+
+
+def corners_of(frame: MeshSequence) -> Floats:
+    """Return the texture coordinates at corners, of shape (M, 3, 2)."""
+    (uv,) = frame.surface.of_kind(Kind.UV)
+    items = items_at_corners(frame, uv.domain)
+    return uv.per_item()[items].astype(np.float64)
+
+
+def raw_texture(
+    frame: MeshSequence, truth: MeshFrame, rest: Floats, box: Box, side: int
+) -> Image.Image:
+    """Return the image of a raw frame.
+
+    Parameters
+    ----------
+    truth : MeshFrame
+        The surface of the frame whose vertices are known in the first frame.
+    rest : float array of shape (V, 3)
+        Those positions.
+    """
+    atlas = Atlas.of_corners(corners_of(frame), (side, side))
+    corners = frame.vertices[0][frame.faces[atlas.faces]].astype(np.float64)
+    points = np.einsum("nk,nkc->nc", atlas.weights, corners)
+    surface = TriangleMesh(truth.vertices.astype(np.float64), truth.faces)
+    found = surface.closest(points)
+    weights = surface.barycentric(found)
+    origins = np.einsum("nk,nkc->nc", weights, rest[truth.faces[found.faces]])
+    return Image.fromarray(pattern(origins, *box)[atlas.nearest])
+
+
+def rendered(frame: MeshFrame, corners: Floats, image: Image.Image, camera: Camera) -> Picture:
+    """Return an unlit picture and the pixels that show the model."""
+    side = camera.width
+    vertices = frame.vertices.astype(np.float64)
+    points, depths = camera.project(vertices)
+    near = nearness(depths)
+    faces = visible_faces(points, near, frame.faces, (side, side))
+    pixels = np.flatnonzero(faces >= 0)
+    owners = faces[pixels]
+    centers = np.stack([pixels % side, pixels // side], axis=1).astype(np.float64) + 0.5
+    weights = barycentric(points[frame.faces[owners]], centers) * near[frame.faces[owners]]
+    weights /= weights.sum(axis=1, keepdims=True)
+    uv = np.einsum("nk,nkc->nc", weights, corners[owners])
+    colors = np.full((side * side, 3), BACKGROUND)
+    colors[pixels] = sampled(np.asarray(image), uv)
+    n = side // SUPERSAMPLE
+    picture = colors.reshape(n, SUPERSAMPLE, n, SUPERSAMPLE, 3).mean(axis=(1, 3))
+    n_shown = (faces >= 0).reshape(n, SUPERSAMPLE, n, SUPERSAMPLE).sum(axis=(1, 3))
+    return picture, n_shown > 0
+
+
+def views(
+    raw: MeshFrame,
+    raw_corners: Floats,
+    raw_image: Image.Image,
+    other: MeshFrame,
+    corners: Floats,
+    image: Image.Image,
+) -> Iterator[tuple[Picture, Picture]]:
+    """Yield renderings of both from each view."""
+    for number in range(N_VIEWS):
+        side = PICTURE_PX * SUPERSAMPLE
+        camera = fit_camera(
+            raw.vertices, azimuth_deg=360 * number / N_VIEWS, width=side, height=side
+        )
+        yield (
+            rendered(raw, raw_corners, raw_image, camera),
+            rendered(other, corners, image, camera),
+        )
+
+
+class Errors:
+    """Squared errors of pairs of pictures."""
+
+    def __init__(self) -> None:
+        self._sums = np.zeros(2)  # of pixels that show the model; of all
+        self._counts = np.zeros(2)
+        self.worst = np.inf
+
+    def add(self, first: Picture, second: Picture) -> None:
+        """Add a raw picture and another one."""
+        squares = (first[0] - second[0]) ** 2
+        shown = squares[first[1] | second[1]]
+        self._sums += shown.sum(), squares.sum()
+        self._counts += shown.size, squares.size
+        self.worst = min(self.worst, psnr(float(shown.mean())))
+
+    def __str__(self) -> str:
+        model, whole = map(psnr, self._sums / self._counts)
+        return (
+            f"{model:.2f} dB of the model, worst picture {self.worst:.2f} dB; {whole:.2f} dB of "
+            "whole pictures"
+        )
+
+
+def main() -> None:
+    """Measure, and print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("source", help="a capture with texture coordinates, or a sequence")
+    parser.add_argument("--frames", type=int, default=24)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--every", type=int, default=6, help="distance of rendered frames")
+    parser.add_argument("--tolerance", default="0.2%")
+    parser.add_argument("--remesh", action="store_true")
+    parser.add_argument("--side", type=int, default=1024, help="of the images, in texels")
+    parser.add_argument("--pictures", type=Path, help="folder for renderings")
+    arguments = parser.parse_args()
+    given = load_any(arguments.source, ReadOptions(matches_frames=False))
+    numbers = range(arguments.first, arguments.first + arguments.frames)
+    sequence = SegmentedSequence(segments_of(given)).part(numbers)
+    truth = list(sequence)
+    surfaces = [sequence.segment(sequence.segment_of(n)).surface for n in range(len(truth))]
+    if arguments.remesh:
+        meshes = remeshed(truth)
+        surfaces = [Surface()] * len(truth)
+    else:
+        meshes = truth
+    raw = SegmentedSequence(map(with_uv, meshes, surfaces, repeat(arguments.side)))
+    box = sequence.extent.low, sequence.extent.high
+    with TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        for number, known in enumerate(truth):
+            rest = (truth[0] if arguments.remesh else known).vertices.astype(np.float64)
+            image = raw_texture(frame_of(raw, number), known, rest, box, arguments.side)
+            image.save(folder / f"raw_{number:04d}.png")
+        measure(raw, folder, arguments)
+
+
+def measure(raw: SegmentedSequence, folder: Path, arguments: argparse.Namespace) -> None:
+    """Register raw frames, bake their images, and print the figures."""
+    registration = register(raw, bound_of(arguments.tolerance))
+    textures = [folder / f"raw_{number:04d}.png" for number in range(raw.n_frames)]
+    notes: list[str] = []
+    for name in ("baked_%04d.png", "baked.mp4"):
+        job = TextureJob.checked(textures, folder / name, raw, overwrite=True)
+        begin = time.process_time()
+        textured = job.run(registration, notes)
+        seconds = (time.process_time() - begin) / raw.n_frames
+        n_bytes = sum(path.stat().st_size for path in job.paths)
+        print(f"{name}: {seconds:.2f} processor seconds per frame, without the video encoder; "
+              f"{8e-3 * n_bytes / raw.n_frames:.0f} kbit per frame", flush=True)  # fmt: skip
+    data = meshreel.encode(textured.sequence, quality=70, order="drop")
+    lengths = [one.n_frames for one in textured.sequence.segments]
+    print(f"{raw.n_frames} frames; segments of {lengths} frames; {textured.distances}; {notes}; "
+          f"mesh {8e-3 * len(data) / raw.n_frames:.1f} kbit per frame")  # fmt: skip
+    video = list(open_textures(folder / "baked.mp4").images())
+    opened = [Image.open(folder / f"baked_{number:04d}.png") for number in range(raw.n_frames)]
+    cases: dict[str, tuple[SegmentedSequence, list[Any]]] = {
+        "images on the registered mesh": (textured.sequence, opened),
+        "video on the registered mesh": (textured.sequence, video),
+        "video on the decoded mesh": (meshreel.decode_segments(data), video),
+    }
+    for name, (shown, images) in cases.items():
+        errors = Errors()
+        for number in range(0, raw.n_frames, arguments.every):
+            pairs = views(
+                raw.frame(number),
+                corners_of(frame_of(raw, number)),
+                Image.open(textures[number]),
+                shown.frame(number),
+                corners_of(frame_of(shown, number)),
+                images[number],
+            )
+            for view, pair in enumerate(pairs):
+                errors.add(*pair)
+                if arguments.pictures:
+                    file_name = f"{name.replace(' ', '_')}_{number:03d}_{view}.png"
+                    save(arguments.pictures / file_name, pair)
+        print(f"{name}: {errors}", flush=True)
+
+
+def frame_of(sequence: SegmentedSequence, number: int) -> MeshSequence:
+    """Return the mesh of a frame with its surface."""
+    return frames_of(sequence.segment(sequence.segment_of(number)), range(1))
+
+
+def save(path: Path, pair: tuple[Picture, Picture]) -> None:
+    """Save both pictures, and their difference times 4."""
+    path.parent.mkdir(exist_ok=True)
+    (first, _), (second, _) = pair
+    row = [first, second, np.minimum(4 * np.abs(first - second), 255)]
+    Image.fromarray(np.concatenate(row, axis=1).astype(np.uint8)).save(path)
+
+
+def psnr(mean_square: float) -> float:
+    """Return the PSNR of 8-bit colors."""
+    return float(10 * np.log10(255**2 / mean_square))
+
+
+if __name__ == "__main__":
+    main()

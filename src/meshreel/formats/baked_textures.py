@@ -1,0 +1,219 @@
+"""Textures of raw frames: read from images or a video, baked for registered segments, written."""
+
+import glob
+import os
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from subprocess import DEVNULL, PIPE, Popen
+
+from PIL import Image as PillowImage
+from PIL import UnidentifiedImageError
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
+from meshreel.formats.sources import AnyPath, Source, natural_order
+from meshreel.model.segments import AnySequence
+from meshreel.registration.baking import Size, bake, check_textured, with_atlases
+from meshreel.registration.register import Registration
+from meshreel.rendering.film_files import require_ffmpeg, write_mp4
+from meshreel.rendering.films import UNKNOWN_FPS
+from meshreel.runtime.counting import counted
+from meshreel.runtime.outputs.atomic import replace_all_when_done
+from meshreel.runtime.outputs.checks import check_extension, check_output_paths
+from meshreel.runtime.progress import Progress, silent
+
+READING = "reading a video"
+VIDEOS = (".mp4", ".mov", ".webm", ".mkv", ".avi")
+WRITTEN = (".mp4", ".png")
+
+
+@dataclass(frozen=True)
+class TextureFrames:
+    """The texture of each frame, in image files or a video.
+
+    Parameters
+    ----------
+    paths : tuple of Path
+        A video, or an image of each frame.
+    n_frames : int
+    size : tuple of 2 ints
+        Width and height of the first image.
+    """
+
+    paths: tuple[Path, ...]
+    n_frames: int
+    size: Size
+
+    def images(self) -> Iterator[PillowImage.Image]:
+        """Yield the image of each frame, in RGB."""
+        is_video = self.paths[0].suffix.lower() in VIDEOS
+        return _decoded(self.paths[0]) if is_video else map(_opened, self.paths)
+
+
+def open_textures(source: Source) -> TextureFrames:
+    """Return the textures of a folder, pattern or list of images, or of a video.
+
+    Images of folders and patterns are in natural order; a list keeps its order.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are no images.
+    FormatError
+        If a file is neither an image nor a video, or reading the video needs an extra.
+    """
+    paths = _texture_files(source)
+    if not paths:
+        raise InvalidInputError(f"{source} contains no texture images; check it")
+    if paths[0].suffix.lower() in VIDEOS:
+        if len(paths) > 1:
+            raise InvalidInputError(f"{source} contains {len(paths)} videos; choose one")
+        with closing(_decoded(paths[0])) as pictures:
+            return TextureFrames(paths, _n_pictures(paths[0]), next(pictures).size)
+    return TextureFrames(paths, len(paths), _opened(paths[0]).size)
+
+
+@dataclass(frozen=True)
+class TextureJob:
+    """Textures to bake once their frames are registered, and where to write them.
+
+    Parameters
+    ----------
+    textures : TextureFrames
+    output : Path
+        A video (.mp4), or a pattern of images (``%04d.png``).
+    overwrite : bool
+        Whether existing files may be replaced.
+    """
+
+    textures: TextureFrames
+    output: Path
+    overwrite: bool
+
+    @classmethod
+    def checked(
+        cls, source: Source, output: AnyPath, raw: AnySequence, *, overwrite: bool
+    ) -> "TextureJob":
+        """Return a job for raw frames; call it before registration to fail early.
+
+        Raises
+        ------
+        InvalidInputError
+            If the number of textures is not that of the frames, a frame has no texture
+            coordinates, or the output cannot or must not be written.
+        FormatError
+            As `open_textures`; also if writing a video needs an extra.
+        """
+        textures, path = open_textures(source), Path(output)
+        if textures.n_frames != raw.n_frames:
+            raise InvalidInputError(
+                f"there are {counted(textures.n_frames, 'texture')} for "
+                f"{counted(raw.n_frames, 'frame')}; each frame needs one"
+            )
+        check_textured(raw)
+        job = cls(textures, path, overwrite)
+        check_extension(path, WRITTEN)
+        if job.is_video:
+            require_ffmpeg()
+        check_output_paths(
+            job.paths, overwrite=overwrite, inputs=textures.paths, makes_folder=not job.is_video
+        )
+        return job
+
+    @property
+    def is_video(self) -> bool:
+        """Whether one file contains all textures."""
+        return self.output.suffix.lower() == ".mp4"
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files that the job writes."""
+        field = NUMBER_FIELD.search(self.output.name)
+        if self.is_video == (field is not None):
+            raise InvalidInputError(
+                f"{self.output}: name a video (walk.mp4), or images by a pattern (walk_%04d.png)"
+            )
+        if field is None:
+            return [self.output]
+        return numbered_paths(self.output, field, range(self.textures.n_frames))
+
+    @property
+    def size(self) -> Size:
+        """Width and height of the textures: those of the first image, even for a video."""
+        width, height = self.textures.size
+        return (width + width % 2, height + height % 2) if self.is_video else (width, height)
+
+    def run(
+        self, registration: Registration, notes: list[str], progress: Progress = silent
+    ) -> Registration:
+        """Write the textures; return the registration with texture coordinates that fit them."""
+        registration, n_made = with_atlases(registration, self.size)
+        if n_made:
+            notes.append(
+                f"made new texture coordinates for {counted(n_made, 'segment')}, because "
+                "triangles of the key share texels or have none; omitted materials of the key"
+            )
+        pictures = bake(registration, self.textures.images(), self.size, progress)
+        if self.is_video:
+            fps = registration.sequence.fps or UNKNOWN_FPS
+            write_mp4(pictures, self.output, self.size, fps, overwrite=self.overwrite)
+        else:
+            with replace_all_when_done(
+                self.paths, overwrite=self.overwrite, makes_folder=True
+            ) as temporaries:
+                for path, picture in zip(temporaries, pictures, strict=True):
+                    picture.save(path)
+        return registration
+
+
+def _texture_files(source: Source) -> tuple[Path, ...]:
+    if not isinstance(source, str | os.PathLike):
+        return tuple(Path(one) for one in source)
+    path = Path(source)
+    if path.is_dir():
+        found: Iterable[Path] = (one for one in path.iterdir() if one.name[0] != ".")
+    elif path.exists() or not glob.has_magic(str(source)):
+        return (path,)
+    else:
+        found = map(Path, glob.glob(str(source), recursive=True))
+    return tuple(natural_order(one for one in found if one.is_file()))
+
+
+def _n_pictures(path: Path) -> int:
+    try:
+        n_frames, _ = require_ffmpeg(READING).count_frames_and_secs(str(path))
+    except (OSError, RuntimeError) as error:
+        raise FormatError(f"{path} is not a video that ffmpeg reads") from error
+    return int(n_frames)
+
+
+def _decoded(path: Path) -> Generator[PillowImage.Image, None, None]:
+    """Yield every stored picture of a video."""
+    command = [
+        require_ffmpeg(READING).get_ffmpeg_exe(), "-v", "quiet", "-i", str(path),
+        "-fps_mode", "passthrough", "-f", "image2pipe", "-c:v", "ppm", "-",
+    ]  # fmt: skip
+    with Popen(command, stdin=DEVNULL, stdout=PIPE) as decoder:
+        assert decoder.stdout is not None
+        try:
+            while decoder.stdout.readline():  # each picture begins with three lines
+                width, height = map(int, decoder.stdout.readline().split())
+                decoder.stdout.readline()
+                data = decoder.stdout.read(3 * width * height)
+                yield PillowImage.frombytes("RGB", (width, height), data)
+        finally:
+            decoder.kill()
+
+
+def _opened(path: Path) -> PillowImage.Image:
+    try:
+        with PillowImage.open(path) as image:
+            return image.convert("RGB")
+    except FileNotFoundError:
+        raise InvalidInputError(f"there is no texture {str(path)!r}; check it") from None
+    except UnidentifiedImageError:
+        raise FormatError(f"{path} is neither an image (.png, .jpg, ...) nor a video") from None
+    except OSError as error:
+        raise FormatError(f"{path} is damaged: {error}") from error

@@ -1,0 +1,253 @@
+"""Baking of the textures of raw frames into the texture coordinates of their segments."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from PIL import Image as PillowImage
+
+from meshreel.arrays import Bytes, Floats, Integers, Singles
+from meshreel.errors import InvalidInputError
+from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of, segments_of
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.registration.growing import Segment
+from meshreel.registration.register import Registration
+from meshreel.registration.transfer import RawFrame, interpolated, items_at_corners
+from meshreel.rendering.visibility import visible_faces
+from meshreel.runtime.extras import REGISTER_SCIPY, REGISTER_XATLAS
+from meshreel.runtime.progress import Count, Progress, silent
+from meshreel.runtime.threads import chunks
+
+MAX_OVERLAP = 0.02
+"""Largest share of the area of texture coordinates that may be outside the image, or covered by
+another triangle."""
+
+PADDING = 4
+"""Texels between charts of made texture coordinates."""
+
+CHUNK_TEXELS = 1 << 18
+"""Texels that are baked at once; bounds the working memory to about 100 MB."""
+
+Size = tuple[int, int]
+"""Width and height in texels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """Where the texels of an image are on a mesh.
+
+    Attributes
+    ----------
+    size : tuple of 2 ints
+    faces : int64 array of shape (N,)
+        The triangle of each texel whose center is on one, in ascending order.
+    weights : float32 array of shape (N, 3)
+        Its barycentric coordinates.
+    nearest : int32 array of shape (height, width)
+        The nearest of these texels, for every texel of the image.
+    """
+
+    size: Size
+    faces: Integers
+    weights: Singles
+    nearest: Integers
+
+    @classmethod
+    def of_corners(cls, corners: Floats, size: Size) -> "Atlas":
+        """Return the atlas of texture coordinates at corners, of shape (M, 3, 2)."""
+        width, height = size
+        points = _in_texels(corners, size)
+        faces = _faces_of_texels(points, size)
+        texels = np.flatnonzero(faces >= 0)
+        order = np.argsort(faces[texels], kind="stable")  # neighbors share nodes of search trees
+        texels = texels[order]
+        distances = REGISTER_SCIPY.load("ndimage").distance_transform_edt
+        ranks = np.zeros(width * height, np.int32)
+        ranks[texels] = np.arange(len(texels), dtype=np.int32)
+        is_free = (faces < 0).reshape(height, width)
+        rows, columns = distances(is_free, return_distances=False, return_indices=True)
+        owners = faces[texels]
+        centers = np.stack([texels % width, texels // width], axis=1).astype(np.float64) + 0.5
+        weights = barycentric(points[owners], centers).astype(np.float32)
+        return cls(size, owners, weights, ranks.reshape(height, width)[rows, columns])
+
+
+def _in_texels(corners: Floats, size: Size) -> Floats:
+    """Texture coordinates in texels from the upper left corner of the image."""
+    return np.asarray((corners * [1, -1] + [0, 1]) * size, np.float64)
+
+
+def _faces_of_texels(points: Floats, size: Size) -> Integers:
+    """The triangle at the center of each texel, or -1; of shape (height * width,)."""
+    faces = np.arange(3 * len(points), dtype=np.int32).reshape(-1, 3)
+    return visible_faces(points.reshape(-1, 2), np.ones(3 * len(points)), faces, size)
+
+
+def barycentric(corners: Floats, points: Floats) -> Floats:
+    """Barycentric coordinates of points of shape (N, 2) in triangles of shape (N, 3, 2)."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    offset = points - corners[:, 0]
+    area = _cross(first, second)
+    s, t = _cross(offset, second) / area, _cross(first, offset) / area
+    return np.clip(np.stack([1 - s - t, s, t], axis=1), 0.0, 1.0)
+
+
+def _cross(first: Floats, second: Floats) -> Floats:
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+
+
+def check_textured(raw: AnySequence) -> None:
+    """Raise `InvalidInputError` with the first frame that lacks texture coordinates."""
+    first = 0
+    for segment in segments_of(raw):
+        if not segment.surface.of_kind(Kind.UV):
+            raise InvalidInputError(
+                f"frame {first} has no texture coordinates, so its texture cannot be baked"
+            )
+        first += segment.n_frames
+
+
+def with_atlases(registration: Registration, size: Size) -> tuple[Registration, int]:
+    """Return a registration whose segments have texture coordinates that can be baked into.
+
+    Those of the key are kept, unless texels belong to several triangles or to none; then new ones
+    replace them, and the materials of the key, whose images do not fit them.
+
+    Returns
+    -------
+    registration : Registration
+    n_made : int
+        Number of segments with new texture coordinates.
+    """
+    segments, n_made = list(registration.sequence.segments), 0
+    for registered in registered_segments(registration):
+        number = registration.sequence.segment_of(registered.first)
+        segment = segments[number]
+        uvs = segment.surface.of_kind(Kind.UV)
+        if uvs and _is_atlas(_corners(uvs[0]), size):
+            continue
+        key = registration.frames.mesh(registered.key)
+        made = made_uv(key.vertices.astype(np.float32), segment.faces, size)
+        whole = frames_of(segment, range(segment.n_frames))
+        segments[number] = replace(whole, surface=_with_uv(segment.surface, made))
+        n_made += 1
+    with_uvs = SegmentedSequence(segments, registration.sequence.name)
+    return replace(registration, sequence=with_uvs), n_made
+
+
+def registered_segments(registration: Registration) -> Iterator[Segment]:
+    """Yield the segments of several frames; others keep the mesh of their raw frame."""
+    return (segment for segment in registration.segments if segment.n_frames > 1)
+
+
+def bake(
+    registration: Registration,
+    images: Iterable[PillowImage.Image],
+    size: Size,
+    progress: Progress = silent,
+) -> Iterator[PillowImage.Image]:
+    """Yield the texture of each frame for the texture coordinates of its segment.
+
+    Every texel has the color of the raw frame at the closest point of its surface. Texels outside
+    of triangles have the color of the nearest texel inside. Frames that keep their raw mesh keep
+    their image.
+
+    Parameters
+    ----------
+    registration : Registration
+        From `with_atlases`.
+    images : iterable of Pillow images
+        The texture of each raw frame, in RGB.
+    size : tuple of 2 ints
+        Width and height of the textures.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are fewer images than frames.
+    """
+    starts = {one.first for one in registered_segments(registration)}
+    given, n_frames = iter(images), registration.sequence.n_frames
+    sequence = registration.sequence
+    for first, segment in zip(sequence.starts[:-1], sequence.segments, strict=True):
+        atlas = None
+        if first in starts:
+            atlas = Atlas.of_corners(_corners(segment.surface.of_kind(Kind.UV)[0]), size)
+        for local in range(segment.n_frames):
+            number = first + local
+            image = next(given, None)
+            if image is None:
+                raise InvalidInputError(f"there is no texture image for frame {number}")
+            if atlas is None:
+                yield image.resize(size)
+            else:
+                positions = registration.frames.normalized(segment.read(local, local + 1)[0])
+                raw = registration.raw_frame(number)
+                colors = _baked(atlas, positions[segment.faces], raw, image)
+                yield PillowImage.fromarray(colors[atlas.nearest])
+            progress("baking", Count(number + 1, n_frames, "frames"))
+
+
+def _baked(atlas: Atlas, corners: Floats, raw: RawFrame, image: PillowImage.Image) -> Bytes:
+    """Return the colors of the texels of an atlas that belong to triangles, of shape (N, 3)."""
+    pixels = np.asarray(image)
+    (uv, *_) = raw.frame.surface.of_kind(Kind.UV)
+    items = items_at_corners(raw.frame, uv.domain)
+    values = uv.per_item()
+    colors = np.empty((len(atlas.faces), 3), np.uint8)
+    for chunk in chunks(len(colors), CHUNK_TEXELS):
+        weights = atlas.weights[chunk]
+        points = np.einsum("nk,nkc->nc", weights, corners[atlas.faces[chunk]])
+        places = raw.closest(points)
+        colors[chunk] = sampled(pixels, interpolated(values, items, places))
+    return colors
+
+
+def sampled(pixels: Bytes, uv: Floats) -> Bytes:
+    """Return the colors of a repeated image at texture coordinates, interpolated.
+
+    Parameters
+    ----------
+    pixels : uint8 array of shape (height, width, 3)
+    uv : float array of shape (N, 2)
+        v points up.
+    """
+    height, width, _ = pixels.shape
+    points = _in_texels(uv, (width, height)) - 0.5
+    low = np.floor(points).astype(np.int64)
+    right, down = (points - low).astype(np.float32).T[..., None]
+    (left, top), (next_x, next_y) = (low % (width, height)).T, ((low + 1) % (width, height)).T
+    above = pixels[top, left] * (1 - right) + pixels[top, next_x] * right
+    below = pixels[next_y, left] * (1 - right) + pixels[next_y, next_x] * right
+    return np.asarray(np.rint(above * (1 - down) + below * down), np.uint8)
+
+
+def _corners(uv: Attribute) -> Floats:
+    """Texture coordinates at the corners of registered triangles, of shape (M, 3, 2)."""
+    return uv.per_item().reshape(-1, 3, 2).astype(np.float64)
+
+
+def _is_atlas(corners: Floats, size: Size) -> bool:
+    """Whether almost every triangle has its own texels."""
+    points = _in_texels(corners, size)
+    areas = np.abs(_cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])) / 2
+    n_covered = np.count_nonzero(_faces_of_texels(points, size) >= 0)
+    return bool(n_covered >= (1 - MAX_OVERLAP) * areas.sum() > 0)
+
+
+def made_uv(vertices: Singles, faces: Faces, size: Size) -> Singles:
+    """Return texture coordinates of each corner, of shape (3 M, 2), in disjoint charts."""
+    xatlas = REGISTER_XATLAS.load()
+    atlas, options = xatlas.Atlas(), xatlas.PackOptions()
+    atlas.add_mesh(vertices, faces.astype(np.uint32))
+    options.padding, options.resolution = PADDING, max(size)
+    atlas.generate(pack_options=options)
+    _, corners, uv = atlas[0]
+    return np.asarray(uv[corners.ravel()], np.float32)
+
+
+def _with_uv(surface: Surface, uv: Singles) -> Surface:
+    kept = tuple(one for one in surface.attributes if one.kind is not Kind.UV)
+    made = Attribute("uv", Kind.UV, Domain.CORNER, uv[:0]).indexed(uv)
+    return replace(surface.without_materials(), attributes=(made, *kept))

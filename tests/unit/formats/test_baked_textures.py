@@ -1,0 +1,113 @@
+"""Textures of raw frames in images or a video, and the files that baked ones are written to."""
+
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+import meshreel
+from meshreel import FormatError, InvalidInputError
+from meshreel.formats.baked_textures import TextureJob, open_textures
+from meshreel.rendering.film_files import write_mp4
+from samples.captures import capture, textured_capture
+
+
+@pytest.fixture(scope="module")
+def raw():
+    return textured_capture(3)
+
+
+@pytest.fixture(scope="module")
+def folder(raw, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("textures")
+    for number, image in enumerate(raw[1]):
+        image.save(folder / f"frame_{number + 8}.png")  # 8, 9, 10: natural order differs
+    return folder
+
+
+@pytest.mark.parametrize("as_source", [str, lambda one: f"{one}/*.png", lambda one: one])
+def test_images_are_read_in_natural_order(as_source, raw, folder):
+    textures = open_textures(as_source(folder))
+    assert (textures.n_frames, textures.size) == (3, (128, 128))
+    for found, given in zip(textures.images(), raw[1], strict=True):
+        assert np.array_equal(found, given)
+
+
+def test_register_writes_images_of_each_frame(raw, folder, tmp_path):
+    output = tmp_path / "new" / "baked_%02d.png"
+    sequence = meshreel.register(raw[0], tolerance=0.5, texture=folder, texture_output=output)
+    assert sequence.n_segments == 1
+    files = sorted(path.name for path in output.parent.iterdir())
+    assert files == ["baked_00.png", "baked_01.png", "baked_02.png"]
+    with pytest.raises(InvalidInputError, match="already exists"):
+        meshreel.register(raw[0], tolerance=0.5, texture=folder, texture_output=output)
+
+
+def test_videos_are_read_and_written(raw, folder, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    given, images, written = (tmp_path / name for name in ("raw.mp4", "%d.png", "baked.mp4"))
+    write_mp4(raw[1], given, (128, 128), fps=25)
+    for texture, output in ((folder, images), (given, written)):
+        meshreel.register(raw[0], tolerance=0.5, texture=texture, texture_output=output)
+    exact, video = open_textures(f"{tmp_path}/*.png"), open_textures(written)
+    assert (video.n_frames, video.size) == (3, (128, 128))
+    for found, expected in zip(video.images(), exact.images(), strict=True):
+        assert np.abs(np.asarray(found, int) - expected).mean() < 8
+
+
+def test_a_video_of_an_odd_size_becomes_even(raw, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    images = [tmp_path / f"{number}.png" for number in range(3)]
+    for image, path in zip(raw[1], images, strict=True):
+        image.resize((63, 65)).save(path)
+    job = TextureJob.checked(images, tmp_path / "walk.mp4", raw[0], overwrite=False)
+    assert job.size == (64, 66)
+
+
+@pytest.mark.parametrize(
+    ("source", "output", "message"),
+    [
+        ("frame_8.png", "a_%d.png", "there are 1 texture for 3 frames"),
+        ("*.jpg", "a_%d.png", "contains no texture images"),
+        ("missing.png", "a_%d.png", "there is no texture"),
+        ("*.png", "a.png", "name a video .*, or images by a pattern"),
+        ("*.png", "a_%d.mp4", "name a video .*, or images by a pattern"),
+        ("*.png", "a_%d.tga", "must end in .mp4, .png"),
+    ],
+)
+def test_textures_that_do_not_fit_are_errors(source, output, message, raw, folder):
+    with pytest.raises((InvalidInputError, FormatError), match=message):
+        TextureJob.checked(str(folder / source), folder / output, raw[0], overwrite=False)
+
+
+def test_inputs_are_never_replaced(raw, tmp_path):
+    raw[1][0].save(tmp_path / "frame_2.png")
+    images = [tmp_path / "frame_2.png"] * 3
+    with pytest.raises(InvalidInputError, match="is the input"):
+        TextureJob.checked(images, tmp_path / "frame_%d.png", raw[0], overwrite=True)
+
+
+def test_files_that_are_not_images_are_errors(raw, tmp_path):
+    for name in ("mesh.obj", "film.mp4"):
+        (tmp_path / name).write_text("v 0 0 0")
+        with pytest.raises(FormatError, match=r"is (neither an image|not a video)"):
+            open_textures(tmp_path / name)
+
+
+def test_frames_need_texture_coordinates(folder, tmp_path):
+    with pytest.raises(InvalidInputError, match="frame 0 has no texture coordinates"):
+        meshreel.register(capture(3), texture=folder, texture_output=tmp_path / "%d.png")
+
+
+def test_textures_need_an_output(raw, folder):
+    with pytest.raises(InvalidInputError, match="belong together"):
+        meshreel.register(raw[0], texture=folder)
+
+
+def test_grayscale_images_are_baked_as_rgb(raw, tmp_path):
+    images = [tmp_path / f"{number}.png" for number in range(3)]
+    for path in images:
+        PillowImage.new("L", (64, 64), 90).save(path)
+    output = tmp_path / "baked_%d.png"
+    meshreel.register(raw[0], tolerance=0.5, texture=images, texture_output=output)
+    with PillowImage.open(tmp_path / "baked_1.png") as baked:
+        assert baked.getcolors() == [(64 * 64, (90, 90, 90))]

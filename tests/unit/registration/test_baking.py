@@ -1,0 +1,130 @@
+"""Textures of raw frames, baked into the texture coordinates of their segments."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel import Domain, InvalidInputError, Kind, Material, Surface
+from meshreel.codec.error_bounds import ErrorBound
+from meshreel.registration.baking import Atlas, bake, check_textured, sampled, with_atlases
+from meshreel.registration.register import register
+from samples.captures import capture, color_at, textured_capture
+
+N_FRAMES, LAST_ANGLE = 4, 0.3
+SIZE = (128, 128)
+SQUARE = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], np.float64)
+
+
+@pytest.fixture(scope="module")
+def textured():
+    return textured_capture(N_FRAMES, LAST_ANGLE)
+
+
+@pytest.fixture(scope="module")
+def registered(textured):
+    return register(textured[0], ErrorBound(0.5))
+
+
+def centroid_colors(segment, frame, image):
+    """Centroids of the faces of a frame, and their colors in its image."""
+    (uv,) = segment.surface.of_kind(Kind.UV)
+    centers = uv.per_item().reshape(-1, 3, 2).mean(axis=1).astype(np.float64)
+    points = segment.vertices[frame][segment.faces].mean(axis=1)
+    return points, sampled(np.asarray(image), centers).astype(int)
+
+
+def assert_colors(segment, images):
+    for frame, angle in enumerate(np.linspace(0, LAST_ANGLE, N_FRAMES)):
+        points, colors = centroid_colors(segment, frame, images[frame])
+        errors = np.abs(colors - color_at(points, angle)).max(axis=1)
+        is_side = np.abs(points[:, 2]) < 0.9  # the angle is singular on the caps
+        assert errors[is_side].mean() < 3
+        assert np.quantile(errors[is_side], 0.99) < 15
+
+
+def test_the_texture_moves_with_the_surface(textured, registered):
+    ready, n_made = with_atlases(registered, SIZE)
+    images = list(bake(ready, textured[1], SIZE))
+    (segment,) = ready.sequence.segments
+    assert (n_made, len(images), images[0].size) == (0, N_FRAMES, SIZE)
+    assert_colors(segment, images)
+
+
+def test_colors_of_the_key_are_unchanged(textured, registered):
+    key = registered.segments[0].key
+    image = list(bake(registered, textured[1], SIZE))[key]
+    (segment,) = registered.sequence.segments
+    _, baked = centroid_colors(segment, key, image)
+    _, given = centroid_colors(segment, key, textured[1][key])
+    assert np.abs(baked - given).mean() < 1
+
+
+def test_texture_coordinates_that_overlap_are_replaced(textured, registered):
+    (segment,) = registered.sequence.segments
+    (uv,) = segment.surface.attributes
+    twice = replace(uv, values=uv.values % np.float32(0.3))
+    surface = replace(segment.surface, attributes=(twice,), materials=(Material("skin"),))
+    sequence = meshreel.SegmentedSequence([replace(segment, surface=surface)])
+    ready, n_made = with_atlases(replace(registered, sequence=sequence), SIZE)
+    (made,) = ready.sequence.segments
+    assert (n_made, made.surface.materials) == (1, ())
+    assert len(made.surface.attributes) == 1
+    assert_colors(made, list(bake(ready, textured[1], SIZE)))
+
+
+def test_frames_that_keep_their_mesh_keep_their_image(textured):
+    raw, images = textured
+    apart = raw.segments[0].vertices[:, :, ::-1].copy()
+    sequence = meshreel.concatenate([raw[:2], replace(raw.segments[0], vertices=apart)])
+    found = register(sequence, ErrorBound(0.5))
+    ready, _ = with_atlases(found, SIZE)
+    baked = list(bake(ready, [*images[:2], images[0]], (64, 64)))
+    assert [one.n_frames for one in found.sequence.segments] == [2, 1]
+    assert np.array_equal(baked[2], images[0].resize((64, 64)))
+
+
+def test_too_few_images_are_an_error(textured, registered):
+    with pytest.raises(InvalidInputError, match="no texture image for frame 3"):
+        list(bake(registered, textured[1][:3], SIZE))
+
+
+def test_frames_without_texture_coordinates_are_an_error(textured):
+    sequence = meshreel.concatenate([textured[0], capture(1)])
+    with pytest.raises(InvalidInputError, match="frame 4 has no texture coordinates"):
+        check_textured(sequence)
+
+
+def test_an_atlas_places_texels_on_triangles():
+    atlas = Atlas.of_corners(SQUARE * 0.5, (8, 6))
+    assert len(atlas.faces) == 4 * 3  # the lower left quarter of the image
+    places = np.einsum("nk,nkc->nc", atlas.weights, SQUARE[atlas.faces] * 0.5)
+    expected = [[(x + 0.5) / 8, (y + 0.5) / 6] for y in range(3) for x in range(4)]
+    found = sorted(map(tuple, np.round(places, 6)), key=lambda one: (one[1], one[0]))
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_texels_outside_take_the_nearest_color():
+    atlas = Atlas.of_corners(SQUARE * 0.5, (8, 8))
+    places = np.einsum("nk,nkc->nc", atlas.weights, SQUARE[atlas.faces] * 0.5)[atlas.nearest]
+    np.testing.assert_allclose(places[0, 0], [0.5 / 8, 3.5 / 8], atol=1e-6)  # up: row 0 is v = 1
+    np.testing.assert_allclose(places[7, 7], [3.5 / 8, 0.5 / 8], atol=1e-6)
+
+
+def test_images_are_interpolated_and_repeat():
+    pixels = np.zeros((2, 2, 3), np.uint8)
+    pixels[0, 0], pixels[1, 1] = (200, 0, 0), (0, 100, 0)
+    uv = np.array([[0.25, 0.75], [0.5, 0.75], [0.75, 0.25], [0, 0.75], [1.25, -0.25]])
+    colors = sampled(pixels, uv)
+    expected = [[200, 0, 0], [100, 0, 0], [0, 100, 0], [100, 0, 0], [200, 0, 0]]
+    assert colors.tolist() == expected
+
+
+def test_charts_of_a_closed_surface_are_made_without_texture_coordinates(textured, registered):
+    (segment,) = registered.sequence.segments
+    sequence = meshreel.SegmentedSequence([replace(segment, surface=Surface())])
+    ready, n_made = with_atlases(replace(registered, sequence=sequence), SIZE)
+    (uv,) = ready.sequence.segments[0].surface.attributes
+    assert (n_made, uv.domain, uv.per_item().shape) == (1, Domain.CORNER, (3 * segment.n_faces, 2))
+    assert 0 <= uv.values.min() < uv.values.max() <= 1
