@@ -132,7 +132,10 @@ def _row(option: Option) -> str:
 
 def _definition(name: str) -> str:
     """What mkdocstrings is to document for a public name, under the name that users import."""
-    found: Any = inspect.unwrap(attrgetter(name)(meshreel))
+    defined = f"meshreel.{name}"
+    if not name.startswith("torch."):  # whose names are defined there; PyTorch may be missing
+        found: Any = inspect.unwrap(attrgetter(name)(meshreel))
+        defined = f"{found.__module__}.{found.__qualname__}"
     label = name.rpartition(".")[2]
     options = f"    options:\n      heading: meshreel.{name}\n      toc_label: {label}"
-    return f"::: {found.__module__}.{found.__qualname__}\n{options}"
+    return f"::: {defined}\n{options}"
