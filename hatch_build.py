@@ -1,4 +1,4 @@
-"""Builds the core; hatchling calls this.
+"""Builds the core, and the description on PyPI; hatchling calls this.
 
 The core comes from `core/` by a C compiler: that of the machine, or the package `ziglang`, which is
 requested only where there is none. Without it nothing installs. The page of the player is part of
@@ -10,12 +10,14 @@ MESHREEL_TARGET names another machine that a wheel is for, one of `TARGETS` of `
 """
 
 import os
+import re
 import runpy
 import tempfile
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 COMPILE_CORE = "core/compile.py"
 HEADERS = ("meshreel.h", "meshreel_threads.hpp")
@@ -24,6 +26,34 @@ HEADERS = ("meshreel.h", "meshreel_threads.hpp")
 # the alternatives.
 COMPILER = "ziglang[or-install-gcc-or-clang]>=0.13"
 ELSEWHERE = "MESHREEL_TARGET"
+
+VERSION = re.compile(r'^__version__ = "(.+)"$', re.MULTILINE)
+LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
+"""A Markdown link or image with a relative target: mark, text, path, anchor."""
+
+
+def with_absolute_links(text: str, repository: str, tag: str) -> str:
+    """Return Markdown whose relative links lead to the files of a tag of the repository."""
+
+    def absolute(match: re.Match[str]) -> str:
+        mark, words, path, anchor = match.groups(default="")
+        return f"{mark}[{words}]({repository}/{'raw' if mark else 'blob'}/{tag}/{path}{anchor})"
+
+    return LINK.sub(absolute, text)
+
+
+class ReadmeHook(MetadataHookInterface):
+    """Sets the description: README.md, with links that work on PyPI."""
+
+    def update(self, metadata: dict[str, Any]) -> None:
+        """Add the description to the metadata."""
+        root = Path(self.root)
+        version = VERSION.findall((root / "src/meshreel/__init__.py").read_text(encoding="utf-8"))[
+            0
+        ]
+        text = (root / "README.md").read_text(encoding="utf-8")
+        text = with_absolute_links(text, metadata["urls"]["Repository"], f"v{version}")
+        metadata["readme"] = {"content-type": "text/markdown", "text": text}
 
 
 class BuildHook(BuildHookInterface):

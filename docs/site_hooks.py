@@ -31,6 +31,7 @@ ROOT = Path(__file__).parents[1]
 OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
+    "SECURITY.md": "security.md",
     "integrations/blender/README.md": "guides/blender-add-on.md",
     "integrations/pca-textures/README.md": "guides/pca-texture-shaders.md",
 }

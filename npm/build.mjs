@@ -188,6 +188,7 @@ async function buildPackage() {
   // Types only; the empty script allows importing it at run time.
   copyFileSync(join(here, "src/player/jsx.d.ts"), join(dist, "player/jsx.d.ts"));
   writeFileSync(join(dist, "player/jsx.js"), "export {};\n");
+  copyFileSync(join(here, "../THIRD_PARTY_LICENSES.md"), join(dist, "THIRD_PARTY_LICENSES.md"));
   writeFileSync(join(dist, "built"), ""); // marks a complete build
 
   const files = [decoder, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));

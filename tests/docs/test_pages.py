@@ -171,7 +171,7 @@ def test_links_lead_to_existing_files_and_headings(page):
 
 @every_page
 def test_mentioned_files_of_the_repository_exist(page):
-    named = r"`((?:bench|docs|examples|tests|src|\.ci|\.github|integrations)/[\w./-]*)`"
+    named = r"`((?:bench|docs|examples|tests|src|release|\.ci|\.github|integrations)/[\w./-]*)`"
     for path in re.findall(named, prose(page)):
         assert (ROOT / path).exists(), path
 

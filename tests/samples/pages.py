@@ -10,6 +10,7 @@ README = ROOT / "README.md"
 PAGES = [
     README,
     ROOT / "CONTRIBUTING.md",
+    ROOT / "SECURITY.md",
     *sorted((ROOT / "integrations").glob("*/README.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
