@@ -1,10 +1,12 @@
 import pytest
+from PIL import Image
 
 from meshreel.rendering.documents import (
     Bullets,
     Code,
     Heading,
     Paragraph,
+    Picture,
     Table,
     number,
     scientific,
@@ -36,12 +38,18 @@ def test_numbers_are_formatted_as_in_the_paper(write, value, text):
     [
         (Heading(2, "A < B"), "<h2>A &lt; B</h2>"),
         (Paragraph("`a<b` is **not** c"), "<p><code>a&lt;b</code> is <strong>not</strong> c</p>"),
-        (Code("a < b"), "<pre><code>a &lt; b</code></pre>"),
+        (Code("a < b --c"), "<pre><code>a &lt; b <span>--c</span></code></pre>"),
         (Bullets(("x", "y")), "<ul><li>x</li><li>y</li></ul>"),
         (
             Table("t", ("a", "b"), (("1", "2"),)),
-            '<div class="scroll"><table><caption>t</caption><thead><tr><th>a</th><th>b</th></tr>'
-            "</thead><tbody><tr><td>1</td><td>2</td></tr></tbody></table></div>",
+            '<div class="scroll"><table><caption><span>t</span></caption>'
+            "<thead><tr><th>a</th><th>b</th></tr></thead>"
+            "<tbody><tr><td>1</td><td>2</td></tr></tbody></table></div>",
+        ),
+        (
+            Table("", ("a",), (("1 %",),)),
+            '<div class="scroll"><table><thead><tr><th>a</th></tr></thead>'
+            "<tbody><tr><td>1\N{NO-BREAK SPACE}%</td></tr></tbody></table></div>",
         ),
     ],
 )
@@ -50,3 +58,13 @@ def test_parts_become_elements(part, html):
     assert f"<body>\n{html}\n</body>" in page
     assert "<title>a &lt;title&gt;</title>" in page
     assert 'content="a &amp; b"' in page
+
+
+@pytest.mark.parametrize(("dpi", "width"), [(120, 684), (240, 342), (None, 0)])
+def test_pictures_scroll_below_the_width_at_which_text_of_8_points_has_8_pixels(
+    dpi, width, tmp_path
+):
+    options = {} if dpi is None else {"dpi": (dpi, dpi)}
+    Image.new("L", (1140, 4)).save(tmp_path / "a.png", **options)
+    page = to_html([Picture(tmp_path / "a.png", "A", "Caption.", 1)], "title")
+    assert f'style="min-width: {width}px"' in page

@@ -37,6 +37,9 @@ WIDTH, HEIGHT = 760, 330
 LEFT, RIGHT, TOP, BOTTOM = 58, 30, 12, 34
 """Size of the diagram and its margins, in pixels."""
 
+LEGIBLE_WIDTH = 560
+"""Width in pixels below which the diagram scrolls, for its text would be illegible."""
+
 BLUE, RED, GREY = "#2f6f9f", "#b3402a", "#c9ced8"
 
 Named = tuple[str, Record]
@@ -186,7 +189,8 @@ def _scatter(done: Sequence[Named]) -> Drawing:
     ]
     svg = (
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" '
-        f'font-size="12" fill="#5c6370">{"".join(lines)}{"".join(dots)}</svg>'
+        f'style="min-width: {LEGIBLE_WIDTH}px" font-size="12" fill="#5c6370">'
+        f"{''.join(lines)}{''.join(dots)}</svg>"
     )
     caption = "Vertical: compression ratio to float32. Horizontal: KG error. Hover for names."
     return Drawing(svg, "All encoded inputs", caption)
