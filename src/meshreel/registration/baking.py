@@ -11,9 +11,10 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of, segments_of
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import TrackKind
 from meshreel.registration.growing import Segment
 from meshreel.registration.register import Registration
-from meshreel.registration.transfer import RawFrame, interpolated, items_at_corners
+from meshreel.registration.transfer import RawFrame, attributes_of, interpolated, items_at_corners
 from meshreel.rendering.visibility import visible_faces
 from meshreel.runtime.extras import REGISTER_SCIPY, REGISTER_XATLAS
 from meshreel.runtime.progress import Count, Progress, silent
@@ -101,7 +102,8 @@ def check_textured(raw: AnySequence) -> None:
     """Raise `InvalidInputError` with the first frame that lacks texture coordinates."""
     first = 0
     for segment in segments_of(raw):
-        if not segment.surface.of_kind(Kind.UV):
+        changing = [one for one in segment.tracks.values() if one.kind is TrackKind.UV]
+        if not changing and not segment.surface.of_kind(Kind.UV):
             raise InvalidInputError(
                 f"frame {first} has no texture coordinates, so its texture cannot be baked"
             )
@@ -192,7 +194,7 @@ def bake(
 def _baked(atlas: Atlas, corners: Floats, raw: RawFrame, image: PillowImage.Image) -> Bytes:
     """Return the colors of the texels of an atlas that belong to triangles, of shape (N, 3)."""
     pixels = np.asarray(image)
-    (uv, *_) = raw.frame.surface.of_kind(Kind.UV)
+    (uv, *_) = (one for one in attributes_of(raw.frame) if one.kind is Kind.UV)
     items = items_at_corners(raw.frame, uv.domain)
     values = uv.per_item()
     colors = np.empty((len(atlas.faces), 3), np.uint8)

@@ -22,12 +22,17 @@ from meshreel.model.segments import (
 )
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
-from meshreel.model.tracks import Track
+from meshreel.model.tracks import Track, TrackKind
 from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
 from meshreel.registration.stores import FolderStore, MemoryStore
-from meshreel.registration.transfer import RawFrame, items_at_corners, transferred_tracks
+from meshreel.registration.transfer import (
+    RawFrame,
+    attributes_of,
+    items_at_corners,
+    transferred_tracks,
+)
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.counting import counted
@@ -317,7 +322,7 @@ def _kept_surface(key: MeshSequence, cleaned: CleanMesh, tracks: Mapping[str, Tr
     return Surface(
         attributes=tuple(
             _kept_attribute(one, key, cleaned)
-            for one in surface.attributes
+            for one in attributes_of(key)
             if one.kind is Kind.UV or one.name not in tracks
         ),
         groups=tuple(replace(one, numbers=one.numbers[polygons]) for one in surface.groups),
@@ -353,7 +358,8 @@ def _changes(
     if None in topologies:
         yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"
     kept = set.intersection(*(set(one.tracks) for one in registered.segments))
-    if names := sorted(set(tracks_of_all(raw)) - kept):
+    given = {n for n, one in tracks_of_all(raw).items() if one.kind is not TrackKind.UV}
+    if names := sorted(given - kept):
         yield f"left out tracks that are not on the vertices of all frames: {', '.join(names)}"
     if any(one.surface.hard_edges is not None for one in raw.segments):
         yield "left out hard edges of registered frames"

@@ -58,6 +58,19 @@ class RawFrame:
         return Places(self.cleaned.kept_faces[found.faces], self.mesh.barycentric(found))
 
 
+def attributes_of(frame: MeshSequence) -> tuple[Attribute, ...]:
+    """Return the attributes of a single frame.
+
+    Texture coordinates that change between frames of equal faces are tracks of these.
+    """
+    changing = (
+        Attribute(name, Kind.UV, track.domain, track[0])
+        for name, track in frame.tracks.items()
+        if track.kind is TrackKind.UV
+    )
+    return (*frame.surface.attributes, *changing)
+
+
 def items_at_corners(frame: MeshSequence, domain: Domain) -> Integers:
     """Return the vertex, corner or polygon at each corner of each triangle, of shape (M, 3)."""
     if domain is Domain.VERTEX:

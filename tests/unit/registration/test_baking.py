@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image as PillowImage
 
 import meshreel
-from meshreel import Domain, InvalidInputError, Kind, Material, Surface
+from meshreel import Domain, InvalidInputError, Kind, Material, MeshSequence, Surface, Track
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.baking import Atlas, bake, check_textured, sampled, with_atlases
 from meshreel.registration.register import register
@@ -83,6 +84,23 @@ def test_frames_that_keep_their_mesh_keep_their_image(textured):
     baked = list(bake(ready, [*images[:2], images[0]], (64, 64)))
     assert [one.n_frames for one in found.sequence.segments] == [2, 1]
     assert np.array_equal(baked[2], images[0].resize((64, 64)))
+
+
+def test_texture_coordinates_may_change_while_the_faces_do_not(textured):
+    raw, images = textured
+    (first,), (uv,) = raw.segments[:1], raw.segments[0].surface.attributes
+    moved = np.stack([uv.per_item(), uv.per_item() * np.float32(0.5)])
+    twice = np.repeat(first.vertices, 2, axis=0)
+    both = MeshSequence(twice, first.faces, 25.0, tracks={"uv": Track(moved, "corner", "uv")})
+    sequence = meshreel.concatenate([both, raw[1:]])
+    check_textured(sequence)
+    half = PillowImage.new("RGB", (256, 256))
+    half.paste(images[0], (0, 128))
+    ready, n_made = with_atlases(register(sequence, ErrorBound(0.5)), SIZE)
+    baked = list(bake(ready, [images[0], half, *images[1:]], SIZE))
+    assert n_made == 0
+    assert np.abs(np.asarray(baked[0], int) - np.asarray(baked[1], int)).mean() < 2
+    assert ready.changes == ()
 
 
 def test_too_few_images_are_an_error(textured, registered):
