@@ -648,6 +648,19 @@ def test_exported_page_plays_a_video_with_the_mesh_when_it_has_one(new_page, tex
     assert not page.get_by_role("alert").is_visible()
 
 
+def test_served_page_starts_a_video_with_sound_muted(new_page, tmp_path):
+    numbered_video(tmp_path / "moving.webm")
+    (tmp_path / "sheet.reel").write_bytes(meshreel.encode(moving_sheet()))
+    options = "--texture", tmp_path / "moving.webm"
+    with viewing(tmp_path / "sheet.reel", *options) as (_, address):
+        page = new_page(address, is_at_rest=False)
+        wait_until(page, "player.state().frame > 5")
+        assert page.evaluate("document.querySelector('reel-player').mesh.video.muted")
+        red, _, blue = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
+        assert (np.abs(red - blue) > 40).mean() > 0.02
+        assert not page.get_by_role("alert").is_visible()
+
+
 def test_page_shows_an_error_when_webgl_is_missing(new_page, url):
     script = "HTMLCanvasElement.prototype.getContext = () => null;"
     page = new_page(url, script=script, is_shown=False)

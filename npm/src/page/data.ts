@@ -3,10 +3,7 @@
 import { ReelFile, type TrackValues } from "../index.js";
 import type { ReelPlayerElement } from "../player/element.js";
 
-import type { Facts, ErrorProgress, Reel } from "./facts.js";
-
-/** A file embedded in the page, or its address. */
-type EmbeddedFile = { base64: string } | { url: string };
+import type { EmbeddedFile, EmbeddedTexture, Facts, ErrorProgress, Reel } from "./facts.js";
 
 /** Data of an exported page. */
 interface Exported {
@@ -14,7 +11,6 @@ interface Exported {
   stream: EmbeddedFile;
   /** Frames of the original, as a separate file. */
   original?: EmbeddedFile;
-  texture?: EmbeddedFile & { mediaType: string };
 }
 
 declare global {
@@ -36,18 +32,22 @@ export async function loadFacts(): Promise<Facts> {
   return window.MESHREEL?.facts ?? ((await request("api/facts")).json() as Promise<Facts>);
 }
 
-/** Open the file in a player, with the embedded image or video for the mesh, if any. */
-export async function openInPlayer(player: ReelPlayerElement): Promise<void> {
+/** Open the file in a player, with the image or video for the mesh, if any. */
+export async function openInPlayer(
+  player: ReelPlayerElement,
+  facts: Promise<Facts>,
+): Promise<void> {
   const { MESHREEL: exported } = window;
   const source = exported ? fileSource(exported.stream) : "stream.reel";
   if (typeof source === "string") player.src = source;
   else player.srcObject = source;
-  const texture = embeddedTexture();
-  if (texture) Object.assign(player, { texture: texture.url, textureKind: texture.kind });
-  await new Promise((resolve, reject) => {
+  const loaded = new Promise((resolve, reject) => {
     player.addEventListener("load", resolve, { once: true });
     player.addEventListener("error", ({ error }) => reject(error as Error), { once: true });
   });
+  const { texture } = await facts;
+  if (texture) Object.assign(player, propertiesOf(texture));
+  await loaded;
 }
 
 /** Load the errors of all frames, or the progress of measuring them. */
@@ -90,14 +90,14 @@ export async function openOriginals({ file, original: info }: Reel): Promise<Ori
   };
 }
 
-/** Return the embedded image or video for the mesh, if any. */
-function embeddedTexture(): { url: string; kind: "image" | "video" } | null {
-  const embedded = window.MESHREEL?.texture;
-  if (!embedded) return null;
-  const { mediaType } = embedded;
-  const kind = mediaType.startsWith("video/") ? "video" : "image";
-  if ("url" in embedded) return { url: embedded.url, kind };
-  return { url: URL.createObjectURL(new Blob([decodeBase64(embedded)], { type: mediaType })), kind };
+/** Return the properties of the player for an image or video. */
+function propertiesOf(file: EmbeddedTexture): Partial<ReelPlayerElement> {
+  const { mediaType: type } = file;
+  const texture =
+    "url" in file ? file.url : URL.createObjectURL(new Blob([decodeBase64(file)], { type }));
+  // Browsers start only muted videos; the bar has a button for the sound.
+  if (type.startsWith("video/")) return { texture, textureKind: "video", muted: true };
+  return { texture, textureKind: "image" };
 }
 
 function fileSource(embedded: EmbeddedFile): string | Uint8Array {

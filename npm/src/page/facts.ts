@@ -62,6 +62,12 @@ export interface ErrorProgress extends Errors {
   error: string;
 }
 
+/** A file embedded in the page, or its address. */
+export type EmbeddedFile = { base64: string } | { url: string };
+
+/** An image or video. */
+export type EmbeddedTexture = EmbeddedFile & { mediaType: string };
+
 /** Metadata of a file. */
 export interface Facts {
   name: string;
@@ -76,6 +82,8 @@ export interface Facts {
   original: OriginalInfo | null;
   /** The track that initially colors the mesh, or null. */
   colored_by: TrackSettings | null;
+  /** Image or video for the mesh, or null. */
+  texture: EmbeddedTexture | null;
 }
 
 /** An open file and its metadata. */

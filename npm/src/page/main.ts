@@ -15,7 +15,8 @@ async function start(): Promise<void> {
   view.camera.zoomsAlways = true;
   bar.isDetailed = true;
   bar.element.before(legend.element);
-  const [facts] = await Promise.all([loadFacts(), openInPlayer(player)]);
+  const loading = loadFacts();
+  const [facts] = await Promise.all([loading, openInPlayer(player, loading)]);
   document.title = `${facts.name} – meshreel`;
   byId("name").textContent = facts.name;
   await firstPicture;

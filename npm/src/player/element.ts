@@ -605,13 +605,12 @@ export class ReelPlayerElement extends PlayerAttributes {
     const { track, component, range, map } = settings;
     this.#ui?.legend.show(null);
     try {
-      if (track === null) await mesh.setTexture(texture, { kind, offset, frameNumber });
+      if (track === null) await mesh.setTexture(texture, { kind, offset, frameNumber, muted });
       else {
         const legend = await mesh.colorBy(track, { component, range, map });
         const title = trackTitle(track, legend.component, mesh.reel.track(track).info.nColumns);
         this.#ui?.legend.show({ ...legend, title });
       }
-      if (mesh.video) mesh.video.muted = muted;
       this.#ui?.view.invalidate();
     } catch (error) {
       if ((error as Error).name === "AbortError") return;

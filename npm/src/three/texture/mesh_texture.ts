@@ -32,6 +32,8 @@ export interface TextureOptions {
   uv?: string;
   /** Time of the video at the first frame of the mesh, in seconds. Default: 0. */
   offset?: number;
+  /** Whether a video starts without sound, which browsers need to start it by themselves. */
+  muted?: boolean;
   /**
    * Where each image of the video encodes its frame number, which then takes precedence over the
    * time of the video.
@@ -85,6 +87,7 @@ export async function applyTexture(
   if (kind === "video") {
     const isOwned = typeof source === "string";
     const video = isOwned ? openVideo(source, crossOrigin) : (source as HTMLVideoElement);
+    if (options.muted) video.muted = true;
     try {
       await waitForMetadata(video, signal);
       return applyVideo(mesh, video, channel, options, isOwned);

@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.completing import pages
 from meshreel.app.cli.parameters import option
-from meshreel.app.cli.player import original_option, shown_track_option, source_argument
+from meshreel.app.cli.player import (
+    original_option,
+    shown_track_option,
+    source_argument,
+    texture_option,
+)
 from meshreel.app.cli.read_options import MESHES, reading_options
 from meshreel.app.cli.track_options import colormap_option, component_option, range_option
 
@@ -40,12 +45,7 @@ OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictu
     is_flag=True,
     help="Write script, stream, original and texture as separate files next to the page.",
 )
-@option(
-    "--texture",
-    type=Path,
-    metavar="FILE",
-    help="Image to show on the mesh, or video that plays in sync with it.",
-)
+@texture_option
 @option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def export_command(
     source: Path,
@@ -84,7 +84,7 @@ def export_command(
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.app.cli.player import opened_player
     from meshreel.app.cli.render_options import track_look
-    from meshreel.app.viewer.export import export_page, texture_for
+    from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.sources import files_of_source
@@ -98,14 +98,13 @@ def export_command(
     page = built_page()
     with (
         progress_bar() as progress,
-        opened_player(source, original, replace(reading, progress=progress), look) as api,
+        opened_player(source, original, replace(reading, progress=progress), look, texture) as api,
         errors_naming(source),
     ):
         parts = export_page(
             api,
             output,
             page=page,
-            texture=texture_for(api.reel, texture) if texture else None,
             split=split,
             overwrite=force,
             progress=progress,

@@ -34,6 +34,13 @@ shown_track_option: Decorator = option(
     panel=COLORS,
 )
 
+texture_option = option(
+    "--texture",
+    type=Path,
+    metavar="FILE",
+    help="Image to show on the mesh, or video that plays in sync with it.",
+)
+
 
 @contextmanager
 def opened_player(
@@ -41,6 +48,7 @@ def opened_player(
     original: str | None,
     reading: "ReadOptions",
     look: "TrackLook | None" = None,
+    texture: Path | None = None,
 ) -> Iterator["Api"]:
     """Open a file and its original for the player."""
     from meshreel.app.cli.figures import measured_rows, player_rows
@@ -65,8 +73,9 @@ def opened_player(
         shown = file if file.n_segments > 1 else first
         with errors_naming(source):
             api = Api(
-                shown, source.stem, player_rows, comparison, measured_rows, reading.progress, look
-            )
+                shown, source.stem, player_rows, comparison, measured_rows, reading.progress, look,
+                texture,
+            )  # fmt: skip
         if api.is_reencoded:
             text = reencoding_text(api.method)
             reading.notes.append(f"{source} uses method {api.method}; the player shows it {text}")

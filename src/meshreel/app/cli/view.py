@@ -7,7 +7,12 @@ import click
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import option
-from meshreel.app.cli.player import original_option, shown_track_option, source_argument
+from meshreel.app.cli.player import (
+    original_option,
+    shown_track_option,
+    source_argument,
+    texture_option,
+)
 from meshreel.app.cli.read_options import MESHES, reading_options
 from meshreel.app.cli.track_options import colormap_option, component_option, range_option
 from meshreel.codec.option import Range
@@ -24,6 +29,7 @@ if TYPE_CHECKING:
 @component_option
 @range_option
 @colormap_option
+@texture_option
 @reading_options(*MESHES, "memory")
 @option("--no-open", is_flag=True, help="Do not open the browser; only print the address.")
 @option(
@@ -45,6 +51,7 @@ def view_command(
     component: str | None,
     range: str | None,
     colormap: str | None,
+    texture: Path | None,
     reading: "ReadOptions",
     no_open: bool,
     port: int,
@@ -63,6 +70,8 @@ def view_command(
 
     - `meshreel view crash.reel --track stress --range 0:500`
 
+    - `meshreel view person.reel --texture person.mp4`
+
     - `meshreel view walk.reel --no-open --port 8000`
     """
     from contextlib import ExitStack, closing
@@ -80,7 +89,7 @@ def view_command(
     with ExitStack() as stack:
         with progress_bar() as progress:
             reading = replace(reading, progress=progress)
-            api = stack.enter_context(opened_player(source, original, reading, look))
+            api = stack.enter_context(opened_player(source, original, reading, look, texture))
         server = stack.enter_context(ViewerServer(api, host=host, port=port, page=page))
         print_notes(reading.notes)
         if api.measuring is not None:

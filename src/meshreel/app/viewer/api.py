@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from meshreel.app.viewer.measuring import Comparison, Measured, Measuring
 from meshreel.app.viewer.page import json_text
 from meshreel.app.viewer.playable import playable, reencoding_text
+from meshreel.app.viewer.texture import texture_for
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.arrays import Floats
 from meshreel.codec.inspect import StreamInfo
@@ -25,6 +27,9 @@ Rows = Mapping[str, str]
 
 SMALLEST_DIAGONAL, LARGEST_DIAGONAL = 1e-30, 1e30
 """Range of diagonals that can be drawn: graphics cards use float32."""
+
+TEXTURE = "texture"
+"""Path of the texture on the server."""
 
 JSON = "application/json"
 
@@ -64,6 +69,8 @@ class Api:
         Reports the progress of re-encoding.
     look : TrackLook, optional
         The track that colors the mesh initially.
+    texture : Path, optional
+        An image or a video for the mesh.
 
     Attributes
     ----------
@@ -77,14 +84,15 @@ class Api:
         Measures errors; None without an original.
     tracks : TrackComparison or None
         None without an original.
+    texture : Texture or None
 
     Raises
     ------
     ConnectivityChangeError
         If a file with several segments is compared, or colored by a track.
     InvalidInputError
-        If the model is too large or too small to draw, or the track of `look` does not exist or
-        cannot be shown that way.
+        If the model is too large or too small to draw, the track of `look` does not exist or
+        cannot be shown that way, or the texture cannot be shown.
     CorruptStreamError
         If the first block is damaged.
     """
@@ -98,6 +106,7 @@ class Api:
         measured_rows: Callable[[Measured], Rows] = lambda _: {},
         progress: Progress = silent,
         look: TrackLook | None = None,
+        texture: Path | None = None,
     ) -> None:
         if isinstance(file, SegmentedReelFile) and (comparison or look):
             what = "a comparison" if comparison else "coloring by a track"
@@ -109,6 +118,7 @@ class Api:
         if look is not None:
             TrackColors(look, reel.track(look.name))  # raises if the track cannot be shown
         self._look = look
+        self.texture = None if texture is None else texture_for(reel, texture)
         self.tracks: TrackComparison | None = (
             TrackComparison(reel, comparison.original) if comparison else None
         )
@@ -177,6 +187,7 @@ class Api:
             "budget": [list(row) for row in self._budget.items()],
             "original": self._original(),
             "colored_by": _look_facts(self._look) if self._look else None,
+            "texture": self.texture and {"url": TEXTURE, "mediaType": self.texture.media_type},
         }
 
     def plots(self) -> dict[str, Any]:

@@ -17,17 +17,11 @@ from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.model.surface import Kind, Surface
+from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track, TrackKind
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.outputs.checks import check_output_paths
 from meshreel.runtime.progress import Progress, silent
-
-MEDIA_TYPES = {
-    ".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp",
-    ".avif": "image/avif", ".mp4": "video/mp4", ".webm": "video/webm", ".mov": "video/quicktime",
-}  # fmt: skip
-"""Media types of the formats that browsers show, by extension."""
 
 SHARE_OF_RANGE = 1 / 20
 """Error bound of the original in a page, as a fraction of the range of the error map."""
@@ -40,38 +34,6 @@ MIN_PERCENT = 1e-5
 
 MAX_ORIGINAL_BYTES = 1 << 30
 """Limit of positions and tracks of the original, which is encoded in memory."""
-
-
-@dataclass(frozen=True)
-class Texture:
-    """A texture file and its media type."""
-
-    path: Path
-    media_type: str
-
-
-def texture_for(reel: ReelFile, path: Path) -> Texture:
-    """Return the texture in a file, checked against the mesh.
-
-    Raises
-    ------
-    InvalidInputError
-        If the file is missing, browsers cannot show its format, or the mesh has no UVs.
-    """
-    media_type = MEDIA_TYPES.get(path.suffix.lower())
-    if media_type is None:
-        raise InvalidInputError(
-            f"{path} is not an image or video that browsers show; supported extensions: "
-            f"{', '.join(MEDIA_TYPES)}"
-        )
-    if not path.is_file():
-        raise InvalidInputError(f"there is no file {str(path)!r}; check it")
-    if not any(attribute.kind is Kind.UV for attribute in reel.surface.attributes):
-        raise InvalidInputError(
-            f"the stream has no texture coordinates to map {path.name} to the mesh; encode an "
-            "input that has them"
-        )
-    return Texture(path, media_type)
 
 
 @dataclass(frozen=True)
@@ -110,7 +72,6 @@ def export_page(
     path: Path,
     *,
     page: Page | None = None,
-    texture: Texture | None = None,
     split: bool = False,
     overwrite: bool = False,
     progress: Progress = silent,
@@ -121,13 +82,11 @@ def export_page(
     Parameters
     ----------
     api : Api
-        If it has an original, its frames and tracks are re-encoded and included.
+        If it has an original, its frames and tracks are re-encoded and included; so is its texture.
     path : Path
         The page. All files appear together, when all are written.
     page : Page, optional
         Default: the player of the package.
-    texture : Texture, optional
-        Texture of the mesh.
     split : bool, default False
         Whether script, stream, original and texture are separate files. Existing files with
         identical contents are not rewritten.
@@ -150,7 +109,7 @@ def export_page(
     """
     player = built_page() if page is None else page
     original = original_stream(api, progress) if api.measuring is not None else None
-    parts = _parts(api, path.stem, original, texture)
+    parts = _parts(api, path.stem, original)
     facts = api.facts()  # includes the errors that `original_stream` measures
     if original is not None:
         facts["original"]["tracks"] = original.names
@@ -163,10 +122,12 @@ def export_page(
     if not split:
         texts = {part.role: base64_of(part.data) for part in parts}
         data = {_key(part): _reference(part, base64=texts[part.role]) for part in parts}
+        facts["texture"] = data.pop("texture", None)
         files = {path: player.whole({"facts": facts, **data}).encode()}
         sizes = {role: len(text) for role, text in texts.items()}
     else:
         data = {_key(part): _reference(part, url=part.file_name) for part in parts}
+        facts["texture"] = data.pop("texture", None)
         html = player.split({"facts": facts, **data})
         files = {path: html.encode()}
         files |= {path.parent / name: text.encode() for name, text in player.scripts.items()}
@@ -182,16 +143,14 @@ def export_page(
     return {"player": player_bytes, **sizes}
 
 
-def _parts(
-    api: Api, stem: str, original: OriginalStream | None, texture: Texture | None
-) -> list[Part]:
+def _parts(api: Api, stem: str, original: OriginalStream | None) -> list[Part]:
     stream = api.file.stored(0, api.file.size_bytes)
     parts = [Part("animation", f"{stem}.reel", stream)]
     if original is not None:
         parts.append(Part("original", f"{stem}-original.reel", original.data))
-    if texture is not None:
-        data = texture.path.read_bytes()
-        parts.append(Part("texture", texture.path.name, data, texture.media_type))
+    if api.texture is not None:
+        data = api.texture.path.read_bytes()
+        parts.append(Part("texture", api.texture.path.name, data, api.texture.media_type))
     return parts
 
 

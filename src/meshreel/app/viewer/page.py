@@ -23,8 +23,9 @@ SCRIPT_NAME = "player.js"
 
 POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src blob:; "
-    "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; media-src blob:; "
-    "connect-src 'self' blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "style-src 'unsafe-inline'; img-src 'self' data: blob:; font-src data:; "
+    "media-src 'self' blob:; connect-src 'self' blob:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
 )
 """Content policy of served pages: run script and decoder, and request from the same server."""
 

@@ -7,14 +7,14 @@ import re
 import secrets
 import socket
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socketserver import TCPServer
 from typing import Any
 from urllib.parse import urlsplit
 
-from meshreel.app.viewer.api import BINARY, JSON, Answer, Api
+from meshreel.app.viewer.api import BINARY, JSON, TEXTURE, Answer, Api
 from meshreel.app.viewer.page import POLICY, Page, built_page
 from meshreel.errors import InvalidInputError, MeshReelError
 
@@ -29,6 +29,9 @@ STREAM = "stream.reel"
 HTML = "text/html; charset=utf-8"
 SCRIPT = "text/javascript; charset=utf-8"
 TEXT = "text/plain; charset=utf-8"
+Reader = Callable[[int, int], bytes]
+"""Returns the bytes of a range of a file."""
+
 FORBIDDEN = "this player answers local requests only; to open it elsewhere, start it with --host"
 
 
@@ -140,7 +143,10 @@ class _Handler(BaseHTTPRequestHandler):
             policy = {"Content-Security-Policy": POLICY}
             self._send(HTTPStatus.OK, self.server.page, policy)
         elif path == f"/{STREAM}":
-            self._send_stream()
+            file = self.server.api.file
+            self._send_ranged(file.stored, file.size_bytes, BINARY)
+        elif path == f"/{TEXTURE}" and (texture := self.server.api.texture):
+            self._send_ranged(texture.read, texture.size_bytes, texture.media_type)
         else:
             self._send(*self._answer(path))
 
@@ -153,20 +159,18 @@ class _Handler(BaseHTTPRequestHandler):
 
     do_POST = do_PUT = do_DELETE = do_PATCH = do_OPTIONS = _refuse  # noqa: N815
 
-    def _send_stream(self) -> None:
-        """Send the stream, or the requested range of it."""
-        file = self.server.api.file
-        size = file.size_bytes
+    def _send_ranged(self, read: Reader, size: int, content_type: str) -> None:
+        """Send a file, or the requested range of it."""
         validators = {"ETag": self.server.version, "Accept-Ranges": "bytes"}
         requested = self._requested_range(size)
         if requested is None:
-            answer = Answer(BINARY, file.stored(0, size))
+            answer = Answer(content_type, read(0, size))
             self._send(HTTPStatus.OK, answer, validators)
         elif not requested:
             headers = {"Content-Range": f"bytes */{size}", **validators}
             self._send(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, Answer(TEXT, b""), headers)
         else:
-            answer = Answer(BINARY, file.stored(requested.start, requested.stop))
+            answer = Answer(content_type, read(requested.start, requested.stop))
             part = f"bytes {requested.start}-{requested.stop - 1}/{size}"
             self._send(HTTPStatus.PARTIAL_CONTENT, answer, {"Content-Range": part, **validators})
 

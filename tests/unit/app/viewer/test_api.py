@@ -23,6 +23,7 @@ from samples.players import opened_api
 
 KEYS = [
     "name", "swept", "up", "is_whole", "n_modes", "rows", "budget", "original", "colored_by",
+    "texture",
 ]  # fmt: skip
 
 

@@ -1,13 +1,14 @@
 """Exported players, as one file or several."""
 
 import json
+from base64 import b64decode
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from meshreel.app.viewer import export
-from meshreel.app.viewer.export import export_page, texture_for
+from meshreel.app.viewer.export import export_page
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
@@ -149,19 +150,18 @@ def test_exported_player_includes_the_texture(tmp_path, is_split):
     picture.write_bytes(b"moving picture")
     out = tmp_path / "out"
     out.mkdir()
-    with opened_api(quad_sheet(3)) as api:
-        sizes = export_page(
-            api, out / "p.html", page=PAGE, texture=texture_for(api.reel, picture), split=is_split
-        )
+    with opened_api(quad_sheet(3), texture=picture) as api:
+        sizes = export_page(api, out / "p.html", page=PAGE, split=is_split)
     data = carried((out / "p.html").read_text())
+    texture = data["facts"]["texture"]
     if is_split:
-        assert data["texture"] == {"url": "skin.webm", "mediaType": "video/webm"}
+        assert texture == {"url": "skin.webm", "mediaType": "video/webm"}
         assert data["stream"] == {"url": "p.reel"}
         assert (out / "skin.webm").read_bytes() == b"moving picture"
         for name, script in PAGE.scripts.items():
             assert (out / name).read_text() == script
     else:
-        assert data["texture"] == b"moving picture"
+        assert b64decode(texture["base64"]) == b"moving picture"
         assert [path.name for path in out.iterdir()] == ["p.html"]
     assert sum(sizes.values()) == sum(path.stat().st_size for path in out.iterdir())
 

@@ -12,7 +12,7 @@ from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.server import ViewerServer
 from meshreel.codec.encoder import encode
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from samples.meshes import waving_grid
+from samples.meshes import quad_sheet, waving_grid
 from samples.players import PAGE, opened_api
 
 
@@ -59,6 +59,22 @@ def send(server, data, n_bytes=1 << 16):
         while piece := client.recv(n_bytes):
             received += piece
     return received
+
+
+def test_texture_is_served_in_ranges(tmp_path):
+    (tmp_path / "skin.mp4").write_bytes(b"moving picture")
+    opened = opened_api(quad_sheet(2), texture=tmp_path / "skin.mp4")
+    with opened as textured, serving(textured) as running:
+        facts = json.loads(ask(running, "/api/facts")[2])
+        status, headers, body = ask(running, "/texture", Range="bytes=7-")
+    assert facts["texture"] == {"url": "texture", "mediaType": "video/mp4"}
+    assert (status, body, headers["Content-Type"]) == (206, b"picture", "video/mp4")
+    assert headers["Content-Range"] == "bytes 7-13/14"
+
+
+def test_no_texture_is_served_without_one(server):
+    assert ask(server, "/texture")[0] == 404
+    assert json.loads(ask(server, "/api/facts")[2])["texture"] is None
 
 
 @pytest.mark.parametrize("path", ["/", "/index.html", "/?frame=3"])
