@@ -320,6 +320,7 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
 
     from meshreel.torch import Batch, ReelDataset, ReelStream, collate
 
+    torch.set_num_threads(1)  # its threads wait in loops, which distorts times on busy cores
     device = options.device
     lengths = lengths_of(options)
 
@@ -353,9 +354,9 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
     reels = [one for one in formats if one.suffix == ".reel"]
     for n_workers in options.workers:
         for one in reels:
-            dataset = ReelDataset(one.folder(options.work), options.window)
+            dataset = ReelDataset(one.folder(options.work), options.window, memory=options.memory)
             report(one.name, dataset, n_workers, collate, pin=pin)
-        dataset = ReelDataset(reels[0].folder(options.work), options.window)
+        dataset = ReelDataset(reels[0].folder(options.work), options.window, memory=options.memory)
         report("reel, stream", ReelStream(dataset), n_workers, collate, pin=pin)
         half = ReelDataset(
             reels[0].folder(options.work), options.window, dtype=torch.float16, normalize=True
@@ -396,6 +397,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=1.0, help="of each round")
     parser.add_argument("--workers", nargs="*", type=int, default=[], help="those of PyTorch")
+    parser.add_argument("--memory", default="2GiB", help="of `.reel` datasets on the CPU")
     parser.add_argument("--device", help="such as cuda")
     parser.add_argument("--first", help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -13,10 +13,10 @@ Window, Batch  what they yield, alone and collated
 import os
 from bisect import bisect, bisect_left
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, cast
 from weakref import finalize
@@ -43,6 +43,9 @@ else:
 
 MAX_OPEN = 256
 """Files that a process keeps open, below the limits of operating systems."""
+
+Key = tuple[int | str, ...]
+"""Sequence and block, and on a device the name of the track."""
 
 
 class Window(NamedTuple):
@@ -233,7 +236,7 @@ class ReelDataset(Dataset[Window]):
 
     def faces(self, sequence: int) -> "torch.Tensor":
         """Return the vertices of each triangle of a sequence, of shape (M, 3), as int64."""
-        reel = self._open().get(sequence, partial(self._reel, sequence))
+        reel = self._open().get((sequence, 0), partial(self._reel, sequence))
         return torch.from_numpy(reel.faces.astype(np.int64)).to(self.device or "cpu")
 
     def __getstate__(self) -> dict[str, Any]:
@@ -244,11 +247,12 @@ class ReelDataset(Dataset[Window]):
         if self.device is None:
             return self._decoded(sequence, name, frames)
         starts, parts = self.sequences[sequence].starts, []
-        for number in range(bisect(starts, frames[0]) - 1, bisect(starts, frames[-1])):
+        first, last = (self._block(sequence, frame) for frame in (frames[0], frames[-1]))
+        for number in range(first, last + 1):
             start, stop = starts[number : number + 2]
             if not (part := frames[bisect_left(frames, start) : bisect_left(frames, stop)]):
                 continue
-            key = sequence, name, number
+            key = sequence, number, name
             block = self._open().get(key, partial(self._modes, *key))
             if block.is_sum:
                 within = slice(part[0] - start, part[-1] - start + 1, self.step)
@@ -258,7 +262,9 @@ class ReelDataset(Dataset[Window]):
         return parts[0] if len(parts) == 1 else torch.cat(parts)
 
     def _decoded(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
-        reel = self._open().get(sequence, partial(self._reel, sequence))
+        # A file holds two blocks at a time; opened once for each, all of them can be cached.
+        key = sequence, self._block(sequence, frames[0])
+        reel = self._open().get(key, partial(self._reel, sequence))
         if name:
             values = reel.track(name).frames(frames)
         else:
@@ -269,7 +275,11 @@ class ReelDataset(Dataset[Window]):
         found = torch.from_numpy(values)
         return found.to(self.dtype) if found.is_floating_point() else found
 
-    def _modes(self, sequence: int, name: str, number: int) -> "_DeviceBlock":
+    def _block(self, sequence: int, frame: int) -> int:
+        """Return the block that contains a frame of a sequence."""
+        return bisect(self.sequences[sequence].starts, frame) - 1
+
+    def _modes(self, sequence: int, number: int, name: str) -> "_DeviceBlock":
         """Load the modes of a block to the device; the file does not stay open."""
         assert self.device is not None
         with self._reel(sequence) as reel:
@@ -277,6 +287,14 @@ class ReelDataset(Dataset[Window]):
             is_moved = self.normalize and not name
             center, scale = (reel.frame.origin, reel.frame.scale) if is_moved else (0.0, 1.0)
             return _DeviceBlock(modes, self.device, np.asarray(center), scale)
+
+    def _has_room(self) -> bool:
+        """Whether the memory holds one more block, as large as the largest so far."""
+        return self._open().has_room()
+
+    def _release(self, sequence: int, frame: int) -> None:
+        """Close the block that contains a frame."""
+        self._open().close((sequence, self._block(sequence, frame)))
 
     def _reel(self, sequence: int) -> ReelFile:
         one = self.sequences[sequence]
@@ -297,17 +315,17 @@ class ReelDataset(Dataset[Window]):
 
 
 class ReelStream(IterableDataset[Window]):
-    """All windows of a dataset in random order, each once; each block is decoded once.
+    """All windows of a dataset in random order, each once; blocks are decoded once.
 
-    Windows of some blocks are mixed: a window is drawn from a random one of `open_blocks` blocks,
-    and a block without further windows is replaced by the next of a random order. Workers of a
-    `DataLoader` share the work; those of several ranks get equally many windows, so that a few
-    (fewer than `world_size`) are left out.
+    A window is drawn from a random block of those that are open, at most `open_blocks` and as many
+    as the memory of the dataset holds. A block without further windows is closed, and the next of a
+    random order is opened. A window at the end of a block decodes the next block too. Workers of a
+    `DataLoader` share the work; several ranks get equally many windows, so that a few (fewer than
+    `world_size`) are left out.
 
     Parameters
     ----------
     dataset : ReelDataset
-        Its memory should hold `open_blocks` decoded blocks.
     open_blocks : int, default 16
     seed : int, optional
         Of the order, together with the epoch; default: random, from the generator of PyTorch.
@@ -375,16 +393,22 @@ class ReelStream(IterableDataset[Window]):
         self, blocks: Iterator[tuple[int, range]], rng: np.random.Generator
     ) -> Iterator[Window]:
         opened: list[tuple[int, list[int]]] = []
-        while True:
-            for sequence, windows in islice(blocks, self.open_blocks - len(opened)):
+        following = next(blocks, None)
+        while opened or following:
+            may_open = not opened or (len(opened) < self.open_blocks and self.dataset._has_room())
+            if following and may_open:
+                sequence, windows = following
                 opened.append((sequence, rng.permutation(windows).tolist()))
-            if not opened:
-                return
-            chosen = int(rng.integers(len(opened)))
+                following = next(blocks, None)
+                chosen = len(opened) - 1  # decoded now, so that its memory counts
+            else:
+                chosen = int(rng.integers(len(opened)))
             sequence, firsts = opened[chosen]
-            yield self.dataset.at(sequence, firsts.pop())
+            first = firsts.pop()
+            yield self.dataset.at(sequence, first)
             if not firsts:
                 del opened[chosen]
+                self.dataset._release(sequence, first)
 
 
 def _part(
@@ -415,9 +439,10 @@ def _stacked(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
     if all(one.shape[1] == n_items for one in values):
         return torch.stack(list(values))
     n_frames, _, n_columns = values[0].shape
-    result = values[0].new_zeros((len(values), n_frames, n_items, n_columns))
+    result = values[0].new_empty((len(values), n_frames, n_items, n_columns))
     for row, one in zip(result, values, strict=True):
         row[:, : one.shape[1]] = one
+        row[:, one.shape[1] :] = 0
     return result
 
 
@@ -483,15 +508,14 @@ class _Cache:
     def __init__(self, limit_bytes: float) -> None:
         self.process = os.getpid()
         self._limit = limit_bytes
-        self._entries: OrderedDict[Hashable, _Cached] = OrderedDict()
-        self._sizes: dict[Hashable, int] = {}
+        self._entries: OrderedDict[Key, _Cached] = OrderedDict()
+        self._sizes: dict[Key, int] = {}
         self._total = 0
         finalize(self, _close_all, self._entries)
 
-    def get(self, key: Hashable, make: Callable[[], Entry]) -> Entry:
+    def get(self, key: Key, make: Callable[[], Entry]) -> Entry:
         """Return the entry of this key, made if it is new; older ones are closed for it."""
-        if self._entries:  # the last one may have decoded something since
-            self._count(next(reversed(self._entries)))
+        self._count_last()
         if key not in self._entries:
             self._entries[key] = make()
         self._entries.move_to_end(key)
@@ -499,18 +523,37 @@ class _Cache:
         while len(self._entries) > 1 and (
             self._total > self._limit or len(self._entries) > MAX_OPEN
         ):
-            oldest, entry = self._entries.popitem(last=False)
-            self._total -= self._sizes.pop(oldest)
-            entry.close()
+            self._remove(next(iter(self._entries)))
         return cast("Entry", self._entries[key])
 
-    def _count(self, key: Hashable) -> None:
+    def has_room(self) -> bool:
+        """Whether an entry as large as the largest fits."""
+        self._count_last()
+        fits = self._total + max(self._sizes.values(), default=0) <= self._limit
+        return fits and len(self._entries) < MAX_OPEN
+
+    def close(self, first: Key) -> None:
+        """Close the entries whose keys begin with this one."""
+        for key in [key for key in self._entries if key[: len(first)] == first]:
+            self._remove(key)
+
+    def _remove(self, key: Key) -> None:
+        self._count(key)
+        self._total -= self._sizes.pop(key)
+        self._entries.pop(key).close()
+
+    def _count_last(self) -> None:
+        """Count the entry that was used last, which may have decoded something since."""
+        if self._entries:
+            self._count(next(reversed(self._entries)))
+
+    def _count(self, key: Key) -> None:
         size = self._entries[key].cached_bytes
         self._total += size - self._sizes.get(key, 0)
         self._sizes[key] = size
 
 
-def _close_all(entries: OrderedDict[Hashable, _Cached]) -> None:
+def _close_all(entries: OrderedDict[Key, _Cached]) -> None:
     for entry in entries.values():
         entry.close()
 

@@ -177,20 +177,20 @@ def test_default_collation_stacks_windows_of_one_mesh(folder):
     assert batch.frames.shape == (5, 3)
 
 
-def test_stream_decodes_each_block_once(folder, monkeypatch):
-    stream = ReelStream(ReelDataset(folder, 3), open_blocks=2)
-    loaded = Counter()
-    read = meshreel.codec.reel_file.ReelFile.frames
-
-    def counting(reel, numbers, out=None):
-        before = reel.cached_bytes
-        found = read(reel, numbers, out)
-        loaded[reel.n_verts] += reel.cached_bytes > before
-        return found
-
-    monkeypatch.setattr(meshreel.codec.reel_file.ReelFile, "frames", counting)
-    assert len({place_of(window) for window in stream}) == len(stream) == 10 + 18 + 28
-    assert loaded[99] == 1
+@pytest.mark.parametrize(
+    ("device", "memory"), [(None, "2GiB"), (None, "300kB"), (None, 1), ("cpu", "2GiB")]
+)
+def test_stream_opens_each_block_once(folder, monkeypatch, device, memory):
+    """Three files have five blocks; on a device also the next blocks of windows that cross."""
+    dataset = ReelDataset(folder, 3, memory=memory, device=device)
+    opened = []
+    open_file = dataset._reel
+    monkeypatch.setattr(dataset, "_reel", lambda one: opened.append(one) or open_file(one))
+    windows = [place_of(window) for window in ReelStream(dataset, open_blocks=3)]
+    assert sorted(windows) == sorted(set(windows))
+    assert len(windows) == 10 + 18 + 28
+    assert len(opened) == 5 if device is None else 5 <= len(opened) <= 7
+    assert len(dataset._cache._entries) <= 1
 
 
 def test_order_of_a_stream_follows_seed_and_epoch(folder):
