@@ -349,9 +349,24 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
         speeds = loaded_per_second(loader, place, options)
         print(f"{name:34} {n_workers:2} workers {text_of(speeds)} windows per second", flush=True)
 
+    def report_first(**settings: Any) -> None:
+        """Print the milliseconds of the first batch of new datasets, whose blocks load at once."""
+        times = []
+        for _ in range(options.rounds):
+            started = time.perf_counter()
+            dataset = ReelDataset(reels[0].folder(options.work), options.window, **settings)
+            batch = next(iter(DataLoader(dataset, options.batch, shuffle=True, collate_fn=collate)))
+            if batch.vertices.is_cuda:
+                torch.cuda.synchronize()
+            times.append(1e3 * (time.perf_counter() - started))
+        print(
+            f"reel, first batch{' there' if settings else ''}: {median(times):.0f} ms", flush=True
+        )
+
     pin = device is not None and device.startswith("cuda")
     print(f"DataLoader, batches of {options.batch}, to {device or 'memory'}")
     reels = [one for one in formats if one.suffix == ".reel"]
+    report_first()
     for n_workers in options.workers:
         for one in reels:
             dataset = ReelDataset(one.folder(options.work), options.window, memory=options.memory)
@@ -367,6 +382,7 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
                 report(one.name, Windows(one, options, lengths), n_workers, stacked, pin=pin)
     if device is None:
         return
+    report_first(device=device)
     for dtype in (torch.float32, torch.float16):
         dataset = ReelDataset(
             reels[0].folder(options.work),

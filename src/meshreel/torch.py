@@ -14,6 +14,7 @@ import os
 from bisect import bisect, bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -32,7 +33,7 @@ from meshreel.formats.reel import open_segments
 from meshreel.kernel.files import FileModes
 from meshreel.runtime.extras import TORCH
 from meshreel.runtime.stores.address import is_remote
-from meshreel.runtime.threads import limit_cores
+from meshreel.runtime.threads import in_threads, limit_cores, n_cores
 
 if TYPE_CHECKING:
     import torch
@@ -204,15 +205,20 @@ class ReelDataset(Dataset[Window]):
     def __getitem__(self, index: int) -> Window:
         if not -len(self) <= index < len(self):
             raise IndexError(f"there is no window {index}; there are {len(self)}")
-        index %= len(self)
-        sequence = int(np.searchsorted(self._ends, index, side="right"))
-        first = index - (int(self._ends[sequence - 1]) if sequence else 0)
-        return self.at(sequence, first)
+        return self.at(*self._place(index))
 
     def __getitems__(self, indices: Sequence[int]) -> list[Window]:
-        """Return several windows, as a `DataLoader` fetches them; in the order of the files."""
-        found = {index: self[index] for index in sorted(set(indices))}
+        """Return several windows, as a `DataLoader` fetches them; blocks load on all cores."""
+        places = {index: self._place(index) for index in sorted(set(indices))}
+        self._load(places.values())
+        found = {index: self.at(*place) for index, place in places.items()}
         return [found[index] for index in indices]
+
+    def _place(self, index: int) -> tuple[int, int]:
+        """Return the sequence and the first frame of a window."""
+        sequence = int(np.searchsorted(self._ends, index % len(self), side="right"))
+        before = int(self._ends[sequence - 1]) if sequence else 0
+        return sequence, index % len(self) - before
 
     def at(self, sequence: int, first: int) -> Window:
         """Return the window of a sequence that starts with frame `first`.
@@ -261,6 +267,30 @@ class ReelDataset(Dataset[Window]):
                 parts.append(self._decoded(sequence, name, part).to(self.device))
         return parts[0] if len(parts) == 1 else torch.cat(parts)
 
+    def _load(self, places: Iterable[tuple[int, int]]) -> None:
+        """Load the blocks in which these windows begin, unless they are cached."""
+        cache = self._open()
+        made: dict[Key, Callable[[], _Cached]] = {}
+        for sequence, first in places:
+            block = self._block(sequence, first)
+            if self.device is None:
+                made[sequence, block] = partial(self._loaded, sequence, block)
+                continue
+            for name in ("", *self.tracks):
+                made[sequence, block, name] = partial(self._modes, sequence, block, name)
+        missing = [key for key in made if key not in cache]
+
+        def load(key: Key) -> None:
+            loaded[key] = made[key]()
+
+        for start in range(0, len(missing), n_cores()):  # few at a time, to bound the memory
+            loaded: dict[Key, _Cached] = {}
+            try:
+                in_threads(load, missing[start : start + n_cores()])
+            finally:
+                for key, entry in loaded.items():
+                    cache.put(key, entry)
+
     def _decoded(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
         # A file holds two blocks at a time; opened once for each, all of them can be cached.
         key = sequence, self._block(sequence, frames[0])
@@ -295,6 +325,13 @@ class ReelDataset(Dataset[Window]):
     def _release(self, sequence: int, frame: int) -> None:
         """Close the block that contains a frame."""
         self._open().close((sequence, self._block(sequence, frame)))
+
+    def _loaded(self, sequence: int, block: int) -> ReelFile:
+        with ExitStack() as on_error:
+            reel = on_error.enter_context(self._reel(sequence))
+            reel.load(block)
+            on_error.pop_all()
+        return reel
 
     def _reel(self, sequence: int) -> ReelFile:
         one = self.sequences[sequence]
@@ -513,18 +550,27 @@ class _Cache:
         self._total = 0
         finalize(self, _close_all, self._entries)
 
+    def __contains__(self, key: Key) -> bool:
+        return key in self._entries
+
     def get(self, key: Key, make: Callable[[], Entry]) -> Entry:
-        """Return the entry of this key, made if it is new; older ones are closed for it."""
-        self._count_last()
+        """Return the entry of this key, made if it is new."""
         if key not in self._entries:
-            self._entries[key] = make()
-        self._entries.move_to_end(key)
+            self.put(key, make())
+        else:
+            self._count_last()
+            self._entries.move_to_end(key)
+        return cast("Entry", self._entries[key])
+
+    def put(self, key: Key, entry: _Cached) -> None:
+        """Add an entry; the oldest are closed for it."""
+        self._count_last()
+        self._entries[key] = entry
         self._count(key)
         while len(self._entries) > 1 and (
             self._total > self._limit or len(self._entries) > MAX_OPEN
         ):
             self._remove(next(iter(self._entries)))
-        return cast("Entry", self._entries[key])
 
     def has_room(self) -> bool:
         """Whether an entry as large as the largest fits."""
