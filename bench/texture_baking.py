@@ -202,24 +202,29 @@ def measure(raw: SegmentedSequence, folder: Path, arguments: argparse.Namespace)
     registration = register(raw, bound_of(arguments.tolerance))
     textures = [folder / f"raw_{number:04d}.png" for number in range(raw.n_frames)]
     notes: list[str] = []
-    for name in ("baked_%04d.png", "baked.mp4"):
-        job = TextureJob.checked(textures, folder / name, raw, overwrite=True)
-        begin = time.process_time()
-        textured = job.run(registration, notes)
-        seconds = (time.process_time() - begin) / raw.n_frames
-        n_bytes = sum(path.stat().st_size for path in job.paths)
-        print(f"{name}: {seconds:.2f} processor seconds per frame, without the video encoder; "
-              f"{8e-3 * n_bytes / raw.n_frames:.0f} kbit per frame", flush=True)  # fmt: skip
+    jobs = [
+        TextureJob.checked(textures, folder / name, raw, overwrite=True)
+        for name in ("baked_%04d.png", "baked.mp4")
+    ]
+    textured = jobs[0].prepared(registration, notes)
     data = meshreel.encode(textured.sequence, quality=70, order="drop")
+    decoded = meshreel.decode_segments(data)
     lengths = [one.n_frames for one in textured.sequence.segments]
     print(f"{raw.n_frames} frames; segments of {lengths} frames; {textured.distances}; {notes}; "
           f"mesh {8e-3 * len(data) / raw.n_frames:.1f} kbit per frame")  # fmt: skip
+    for job, shown in zip(jobs, (textured.sequence, decoded), strict=True):
+        begin = time.process_time()
+        job.write(textured, shown)
+        seconds = (time.process_time() - begin) / raw.n_frames
+        n_bytes = sum(path.stat().st_size for path in job.paths)
+        kilobits = 8e-3 * n_bytes / raw.n_frames
+        print(f"{job.output.name}: {seconds:.2f} processor seconds per frame, without the video "
+              f"encoder; {kilobits:.0f} kbit per frame", flush=True)  # fmt: skip
     video = list(open_textures(folder / "baked.mp4").images())
     opened = [Image.open(folder / f"baked_{number:04d}.png") for number in range(raw.n_frames)]
     cases: dict[str, tuple[SegmentedSequence, list[Any]]] = {
         "images on the registered mesh": (textured.sequence, opened),
-        "video on the registered mesh": (textured.sequence, video),
-        "video on the decoded mesh": (meshreel.decode_segments(data), video),
+        "video on the decoded mesh": (decoded, video),
     }
     for name, (shown, images) in cases.items():
         errors = Errors()

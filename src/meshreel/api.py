@@ -259,7 +259,8 @@ def register(
         )
         notes = list(registration.changes)
         if job is not None:
-            registration = job.run(registration, notes, progress)
+            registration = job.prepared(registration, notes)
+            job.write(registration, registration.sequence, progress)
     _warn(notes, stacklevel=3)
     return registration.sequence
 

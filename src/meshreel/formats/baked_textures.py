@@ -14,7 +14,7 @@ from PIL import UnidentifiedImageError
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
 from meshreel.formats.sources import AnyPath, Source, natural_order
-from meshreel.model.segments import AnySequence
+from meshreel.model.segments import AnySequence, HasSegments
 from meshreel.registration.baking import Size, bake, check_textured, with_atlases
 from meshreel.registration.register import Registration
 from meshreel.rendering.film_files import require_ffmpeg, write_mp4
@@ -145,27 +145,31 @@ class TextureJob:
         width, height = self.textures.size
         return (width + width % 2, height + height % 2) if self.is_video else (width, height)
 
-    def run(
-        self, registration: Registration, notes: list[str], progress: Progress = silent
-    ) -> Registration:
-        """Write the textures; return the registration with texture coordinates that fit them."""
+    def prepared(self, registration: Registration, notes: list[str]) -> Registration:
+        """Return a registration with texture coordinates that fit; call it before encoding."""
         registration, n_made = with_atlases(registration, self.size)
         if n_made:
             notes.append(
                 f"made new texture coordinates for {counted(n_made, 'segment')}, because "
                 "triangles of the key share texels or have none; omitted materials of the key"
             )
-        pictures = bake(registration, self.textures.images(), self.size, progress)
+        return registration
+
+    def write(
+        self, registration: Registration, sequence: HasSegments, progress: Progress = silent
+    ) -> None:
+        """Write the textures for a registered sequence; arguments as `bake`."""
+        images = self.textures.images()
+        pictures = bake(registration, sequence, images, self.size, progress)
         if self.is_video:
             fps = registration.sequence.fps or UNKNOWN_FPS
             write_mp4(pictures, self.output, self.size, fps, overwrite=self.overwrite)
-        else:
-            with replace_all_when_done(
-                self.paths, overwrite=self.overwrite, makes_folder=True
-            ) as temporaries:
-                for path, picture in zip(temporaries, pictures, strict=True):
-                    picture.save(path)
-        return registration
+            return
+        with replace_all_when_done(
+            self.paths, overwrite=self.overwrite, makes_folder=True
+        ) as temporaries:
+            for path, picture in zip(temporaries, pictures, strict=True):
+                picture.save(path)
 
 
 def _texture_files(source: Source) -> tuple[Path, ...]:

@@ -8,7 +8,13 @@ from PIL import Image as PillowImage
 
 from meshreel.arrays import Bytes, Floats, Integers, Singles
 from meshreel.errors import InvalidInputError
-from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of, segments_of
+from meshreel.model.segments import (
+    AnySequence,
+    HasSegments,
+    SegmentedSequence,
+    frames_of,
+    segments_of,
+)
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind
@@ -145,6 +151,7 @@ def registered_segments(registration: Registration) -> Iterator[Segment]:
 
 def bake(
     registration: Registration,
+    sequence: HasSegments,
     images: Iterable[PillowImage.Image],
     size: Size,
     progress: Progress = silent,
@@ -159,6 +166,9 @@ def bake(
     ----------
     registration : Registration
         From `with_atlases`.
+    sequence : SegmentedSequence or SegmentedReelFile
+        Its sequence, or that as encoded: colors then are at the places of the decoded vertices, so
+        that the error of coding does not move them.
     images : iterable of Pillow images
         The texture of each raw frame, in RGB.
     size : tuple of 2 ints
@@ -170,10 +180,10 @@ def bake(
         If there are fewer images than frames.
     """
     starts = {one.first for one in registered_segments(registration)}
-    given, n_frames = iter(images), registration.sequence.n_frames
-    sequence = registration.sequence
-    for first, segment in zip(sequence.starts[:-1], sequence.segments, strict=True):
-        atlas = None
+    given = iter(images)
+    *firsts, n_frames = sequence.starts
+    for index, first in enumerate(firsts):
+        segment, atlas = sequence.segment(index), None
         if first in starts:
             atlas = Atlas.of_corners(_corners(segment.surface.of_kind(Kind.UV)[0]), size)
         for local in range(segment.n_frames):

@@ -132,7 +132,7 @@ def register_command(
             job = TextureJob.checked(texture, baked, raw, overwrite=force)
         registration = register(raw, bound, progress, folder)
         if job is not None:
-            registration = job.run(registration, notes, progress)
+            registration = job.prepared(registration, notes)
         notes += [*registration.changes, *registration.listed_cuts()]
         encoded = encode_file(
             registration.sequence,
@@ -145,6 +145,8 @@ def register_command(
         )
         with open_segments(path) as reel:
             coded = registration.distances_of(reel, progress)
+            if job is not None:
+                job.write(registration, reel, progress)
         shutil.rmtree(folder)
     print_notes(notes)
     if as_json:
