@@ -30,6 +30,8 @@ SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
 LOST = 5.0
 """Errors in tolerances that no fit of details can mend."""
 
+INSIDE_OUT = "its faces are oriented inside out compared with the key"
+
 
 @dataclass(frozen=True, eq=False)
 class Frames:
@@ -252,7 +254,7 @@ class Follower:
         self.tracker: Tracker = Tracker(key)
         self._fit = TwoSidedFit(key.faces, len(key.vertices))
         self._folds = Folds(key)
-        self._faces = key.faces
+        self._faces, self._orientation = key.faces, key.orientation
         self._tolerance = tolerance
 
     def follow(self, state: State, target: TriangleMesh) -> Followed | str:
@@ -274,7 +276,7 @@ class Follower:
                 reason = reason or exceeded
                 if errors.p99 > LOST * self._tolerance.length:
                     break
-        return reason
+        return INSIDE_OUT if self._orientation * target.orientation < 0 else reason
 
     def _without_folds(
         self, mesh: TriangleMesh, target: TriangleMesh, errors: FrameErrors

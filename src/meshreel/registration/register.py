@@ -218,10 +218,9 @@ def register(
         else, or the extra [register] is not installed.
     """
     if not isinstance(sequence, SegmentedSequence) or sequence.n_segments == 1:
-        raise InvalidInputError(
-            f"all {counted(sequence.n_frames, 'frame')} have the same faces; there is nothing to "
-            "register"
-        )
+        same = f"all {sequence.n_frames} frames have the same faces"
+        given = same if sequence.n_frames > 1 else "there is only one frame"
+        raise InvalidInputError(f"{given}; nothing can be registered; use meshreel encode")
     for library in (REGISTER, REGISTER_SCIPY):
         library.load()
     extent = sequence.extent
@@ -237,7 +236,7 @@ def register(
         n_removed.update({"face": mesh.n_degenerate, "component": mesh.n_crumbs})
         progress("cleaning", Count(number + 1, raw.n_frames, "frames"))
     if not any(topologies):
-        raise InvalidInputError("no frame has a face with an area; there is nothing to register")
+        raise InvalidInputError("no frame has a face with an area; nothing can be registered")
     low = np.asarray(extent.low, np.float64)
     frames = Frames(raw.n_frames, raw.cleaned, low, scale, sequence.dtype)
     store = MemoryStore() if folder is None else FolderStore(folder, digest.hexdigest())

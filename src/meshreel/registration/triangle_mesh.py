@@ -87,6 +87,17 @@ class TriangleMesh:
         return np.asarray(np.bincount(self.faces.ravel(), shares, len(self.vertices)), np.float64)
 
     @cached_property
+    def orientation(self) -> int:
+        """1 if the normals point out of the enclosed volume, -1 if into it, 0 if it is open.
+
+        Open is what encloses less than a tenth of the volume of a sphere of the same area.
+        """
+        centered = self.vertices[self.faces[:, 0]] - self.vertices.mean(axis=0)
+        volume = _dots(centered, self._doubled_normals).sum() / 6
+        sphere = self.areas.sum() ** 1.5 / (6 * np.pi**0.5)
+        return int(np.sign(volume)) if abs(volume) > 0.1 * sphere else 0
+
+    @cached_property
     def face_normals(self) -> Floats:
         """Unit normals of the faces, of shape (M, 3); zero without area."""
         return unit(self._doubled_normals)

@@ -85,8 +85,16 @@ def test_frames_without_a_surface_stay_as_they_are(raw):
     assert any("without a surface" in note for note in found.changes)
 
 
+def test_a_frame_inside_out_is_named(raw):
+    frames = [MeshSequence(one.read(0, 1), one.faces, one.fps) for one in raw.segments]
+    frames[0] = replace(frames[0], faces=frames[0].faces[:, ::-1])
+    found = register(meshreel.concatenate(frames), TOLERANCE)
+    assert any("oriented inside out" in cut for cut in found.cuts())
+    assert found.sequence.n_frames == N_FRAMES
+
+
 def test_constant_faces_are_an_error(raw):
-    with pytest.raises(InvalidInputError, match="all 1 frame have the same faces"):
+    with pytest.raises(InvalidInputError, match="there is only one frame"):
         register(raw[:1], TOLERANCE)
 
 
