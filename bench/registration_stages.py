@@ -1,0 +1,108 @@
+"""What each stage of registration contributes: registers raw captures without it.
+
+    python bench/registration_stages.py capture/ 'collision/*.obj' --frames 24
+    python bench/registration_stages.py samba.npz jumping.npz --remesh --frames 16
+
+Prints a table per capture: segments, surface PSNR before coding (single raw frames included), faces
+that fold over, kilobits per frame and surface PSNR at quality 70, and processor seconds per frame.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+from unittest.mock import patch
+
+os.environ.setdefault("MESHREEL_THREADS", "1")
+
+import meshreel
+from meshreel import SegmentedSequence
+from meshreel.codec.error_bounds import bound_of
+from meshreel.formats.load import load_any
+from meshreel.formats.options import ReadOptions
+from meshreel.model.segments import segments_of
+from meshreel.registration import fitting, folds, growing, tracking, triangle_mesh
+from meshreel.registration.fitting import Rows
+from meshreel.registration.register import register
+from meshreel.registration.tracking import ATTEMPTS, STAGES, Attempt
+from registration import as_segments, psnr, remeshed
+
+
+def rows_of_nothing(*_: Any) -> Rows:
+    """Return no equations, in place of those of one direction."""
+    import numpy as np
+
+    empty = np.zeros((0, 3))
+    return Rows(empty.astype(np.int32), empty, empty, np.zeros(0), np.zeros(0))
+
+
+def one_topology(*_: Any) -> growing.Topology:
+    """Return the same topology for every frame."""
+    return growing.Topology(0, 0)
+
+
+Change = tuple[Any, str, Any]
+VARIANTS: dict[str, list[Change]] = {
+    "all stages": [],
+    "key in the middle, whatever its topology": [
+        (growing.Topology, "of_mesh", staticmethod(one_topology))
+    ],
+    "correspondences by position alone": [(triangle_mesh, "BEND", 0.0)],
+    "no constant velocity": [
+        (growing, "ATTEMPTS", tuple(one._replace(predicts=False) for one in ATTEMPTS))
+    ],
+    "no stiff stages": [(growing, "ATTEMPTS", (Attempt(True, STAGES[-1:]),))],
+    "no second and third attempt": [(growing, "ATTEMPTS", ATTEMPTS[:1])],
+    "boundaries do not attract": [
+        (tracking, "TANGENTIAL_AT_BOUNDARY", tracking.TANGENTIAL),
+    ],
+    "details forgotten after each frame": [(tracking, "DETAIL_KEPT", 0.0)],
+    "no fit": [(fitting.TwoSidedFit, "step", lambda self, mesh, *_: mesh.vertices)],
+    "fit to the raw surface only": [(fitting, "rows_from_surface", rows_of_nothing)],
+    "fit from the raw surface only": [(fitting, "rows_to_surface", rows_of_nothing)],
+    "as fine as possible in every frame": [(growing, "SMOOTHNESS", growing.SMOOTHNESS[-1:])],
+    "folds stay": [(folds.Folds, "flattened", lambda self, mesh, target: mesh)],
+}
+
+
+@contextmanager
+def changed(changes: list[Change]) -> Iterator[None]:
+    """Context manager in which attributes of modules or classes have other values."""
+    with ExitStack() as stack:
+        for place, name, value in changes:
+            stack.enter_context(patch.object(place, name, value))
+        yield
+
+
+def main() -> None:
+    """Measure, and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("sources", nargs="+", help="raw captures, or sequences with --remesh")
+    parser.add_argument("--frames", type=int, default=24, help="number of frames [default: 24]")
+    parser.add_argument("--tolerance", default="0.2%")
+    parser.add_argument("--remesh", action="store_true")
+    arguments = parser.parse_args()
+    for source in arguments.sources:
+        given = load_any(source, ReadOptions(attributes="none", matches_frames=False))
+        sequence = SegmentedSequence(segments_of(given))
+        n_frames = min(arguments.frames, sequence.n_frames)
+        frames = [sequence.frame(number) for number in range(n_frames)]
+        raw = as_segments(remeshed(frames) if arguments.remesh else frames)
+        print(f"\n{source}, {n_frames} frames\n\n| | segments | dB | folded faces | kbit/frame | "
+              "dB, coded | s/frame |\n|---|---|---|---|---|---|---|", flush=True)  # fmt: skip
+        for name, changes in VARIANTS.items():
+            begin = time.process_time()
+            with changed(changes):
+                found = register(raw, bound_of(arguments.tolerance))
+            seconds = (time.process_time() - begin) / n_frames
+            data = meshreel.encode(found.sequence, quality=70, order="drop")
+            coded = psnr(raw, meshreel.decode_segments(data), 4)
+            print(f"| {name} | {found.sequence.n_segments} | {found.distances.psnr_db:.1f} | "
+                  f"{found.distances.n_folded} | {len(data) * 8e-3 / n_frames:.1f} | {coded:.1f} | "
+                  f"{seconds:.2f} |", flush=True)  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
