@@ -46,7 +46,7 @@ def one_topology(*_: Any) -> growing.Topology:
 Change = tuple[Any, str, Any]
 VARIANTS: dict[str, list[Change]] = {
     "all stages": [],
-    "key in the middle, whatever its topology": [
+    "key in the middle, of any topology": [
         (growing.Topology, "of_mesh", staticmethod(one_topology))
     ],
     "correspondences by position alone": [(triangle_mesh, "BEND", 0.0)],

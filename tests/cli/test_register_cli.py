@@ -37,7 +37,7 @@ def test_register_continues_after_a_failure(raw, tmp_path):
     assert_fails(run(*failing), "10")
     assert (tmp_path / "walk.registration").is_dir()
     done = run("register", raw, "-o", output, "--tolerance", "0.5%")
-    assert "continued after 3 frames of an earlier run" in done.stderr
+    assert "continued an earlier run" in done.stderr
     assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
 
 

@@ -11,10 +11,11 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.model.geometry.connectivity import undirected_edges
-from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
+from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import Course, MemoryStore
 from meshreel.registration.tracking import ATTEMPTS, State, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
@@ -29,6 +30,12 @@ SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
 
 LOST = 5.0
 """Errors in tolerances that no fit of details can mend."""
+
+NEAR = 2.0
+"""Largest error, in tolerances, at the end of a segment whose key may lack vertices."""
+
+SAGITTA = 0.7
+"""Largest sagitta of the edges of a refined key, in tolerances."""
 
 INSIDE_OUT = "its faces are oriented inside out compared with the key"
 
@@ -107,6 +114,20 @@ class Followed(NamedTuple):
     n_folded: int
 
 
+class Lost(NamedTuple):
+    """A frame that could not be followed.
+
+    Attributes
+    ----------
+    reason : str
+    excess : float
+        The smallest error of all attempts, in tolerances.
+    """
+
+    reason: str
+    excess: float
+
+
 EXACT = FrameErrors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -122,27 +143,36 @@ class Segment:
         The frame whose mesh this is.
     positions : array of shape (T, V, 3)
         In the unit and the number type of the sequence.
-    faces : int32 array of shape (M, 3)
+    key_mesh : KeyMesh
+        The mesh of the key, in longest sides of the box.
     errors : tuple of FrameErrors
         Of each frame; zero at the key.
     n_folded : int
         Faces that fold over, in all frames.
     reasons : tuple of (int, str)
         The frames at which it ended, and why each could not be followed.
+    is_near : bool
+        Whether one of them nearly met the tolerance.
     """
 
     first: int
     key: int
     positions: Vertices
-    faces: Faces
+    key_mesh: KeyMesh
     errors: tuple[FrameErrors, ...]
     n_folded: int
     reasons: tuple[tuple[int, str], ...]
+    is_near: bool
 
     @property
     def n_frames(self) -> int:
         """Number of frames."""
         return len(self.positions)
+
+    @property
+    def verts_per_frame(self) -> float:
+        """Vertices of the mesh divided by the frames: roughly what a frame costs."""
+        return len(self.key_mesh.mesh.vertices) / self.n_frames
 
 
 def grow_segments(
@@ -168,11 +198,15 @@ def grow_segments(
     free = {number for number, one in enumerate(topologies) if one is not None}
     segments: list[Segment] = []
     n_empty = len(topologies) - len(free)
+
+    def report_after(n_done: int, n_frames: int) -> None:
+        report(n_done + n_frames)
+
     while free:
         run = max(_runs(sorted(free)), key=len)
         key = _choose_key(run, topologies)
         n_done = frames.n_frames - len(free)
-        segment = _grow(frames, key, run, tolerance, store, n_done, report)
+        segment = _longest(frames, key, run, tolerance, store, partial(report_after, n_done))
         free -= set(range(segment.first, segment.first + segment.n_frames))
         segments.append(segment)
     report(frames.n_frames - n_empty)
@@ -195,39 +229,65 @@ def _choose_key(run: range, topologies: list[Topology | None]) -> int:
     return min((n for n, one in found.items() if one == best), key=lambda n: abs(n - middle))
 
 
-def _grow(
+def _longest(
     frames: Frames,
     key: int,
     run: range,
     tolerance: Tolerance,
     store: MemoryStore,
-    n_done: int,
     report: Callable[[int], None],
 ) -> Segment:
-    """Return the segment of a key within a run of frames, after `n_done` other frames."""
-    mesh = frames.mesh(key)
-    store.put(key, frames.restored(mesh.vertices))
+    """Return the segment of a key within a run; of a refined key if frames then cost less."""
+    key_mesh = KeyMesh.of_mesh(frames.mesh(key))
+    segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, report)
+    if not segment.is_near:
+        return segment
+    refined = key_mesh.refined(SAGITTA * tolerance.length)
+    if len(refined.mesh.vertices) == len(key_mesh.mesh.vertices):
+        return segment
+
+    def report_more(n_frames: int) -> None:
+        if n_frames > segment.n_frames:
+            report(n_frames)
+
+    other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, report_more)
+    return min(segment, other, key=lambda one: one.verts_per_frame)
+
+
+def _grow(
+    frames: Frames,
+    key: int,
+    key_mesh: KeyMesh,
+    name: str,
+    run: range,
+    tolerance: Tolerance,
+    store: MemoryStore,
+    report: Callable[[int], None],
+) -> Segment:
+    """Return the segment of a key within a run of frames, under a name in the store."""
+    mesh = key_mesh.mesh
+    store.put(name, key, frames.restored(mesh.vertices))
     before, after = range(key - 1, run.start - 1, -1), range(key + 1, run.stop)
     courses: dict[range, Course] = {}
 
     def follow(follower: Follower, numbers: range) -> None:
         """Follow frames in order, up to the first that cannot be followed."""
-        name = f"{key}_{'before' if numbers is before else 'after'}"
-        course = store.load(name) or Course(follower.tracker.start())
+        way = f"{name}_{'before' if numbers is before else 'after'}"
+        course = store.load(way) or Course(follower.tracker.start())
         courses[numbers] = course
         for number in numbers[len(course.errors) :]:
             if course.reason:
                 break
             outcome = follower.follow(course.state, frames.mesh(number))
-            if isinstance(outcome, str):
-                course.reason = outcome
+            if isinstance(outcome, Lost):
+                course.reason, course.excess = outcome
             else:
                 course.state = outcome.state
                 course.errors.append(outcome.errors)
                 course.n_folded += outcome.n_folded
-                store.put(number, frames.restored(outcome.positions))
-            store.save(name, course)
-            report(n_done + 1 + sum(len(one.errors) for one in list(courses.values())))
+                store.put(name, number, frames.restored(outcome.positions))
+            store.save(way, course)
+            report(1 + sum(len(one.errors) for one in list(courses.values())))
 
     ways = [numbers for numbers in (before, after) if numbers]
     if ways:
@@ -239,11 +299,12 @@ def _grow(
     return Segment(
         kept.start,
         key,
-        store.stacked(key, kept),
-        mesh.faces,
+        store.stacked(name, kept),
+        key_mesh,
         (*reversed(earlier), EXACT, *later),
         sum(one.n_folded for one in courses.values()),
         tuple(sorted(ends)),
+        any(one.reason and one.excess < NEAR for one in courses.values()),
     )
 
 
@@ -257,9 +318,9 @@ class Follower:
         self._faces, self._orientation = key.faces, key.orientation
         self._tolerance = tolerance
 
-    def follow(self, state: State, target: TriangleMesh) -> Followed | str:
+    def follow(self, state: State, target: TriangleMesh) -> Followed | Lost:
         """Return the next frame, or why no attempt meets the tolerance."""
-        reason = ""
+        reason, excess = "", np.inf
         for attempt in ATTEMPTS:
             pose, posed = self.tracker.track(state, target, attempt)
             mesh = TriangleMesh(posed.positions, self._faces)
@@ -274,9 +335,12 @@ class Follower:
                     n_folded = len(self._folds.find(mesh, target))
                     return Followed(following, mesh.vertices, errors, n_folded)
                 reason = reason or exceeded
+                excess = min(excess, errors.in_tolerances(self._tolerance))
                 if errors.p99 > LOST * self._tolerance.length:
                     break
-        return INSIDE_OUT if self._orientation * target.orientation < 0 else reason
+        if self._orientation * target.orientation < 0:
+            return Lost(INSIDE_OUT, np.inf)
+        return Lost(reason, float(excess))
 
     def _without_folds(
         self, mesh: TriangleMesh, target: TriangleMesh, errors: FrameErrors

@@ -26,10 +26,13 @@ from meshreel.model.tracks import Track, TrackKind
 from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
+from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import FolderStore, MemoryStore
 from meshreel.registration.transfer import (
+    Places,
     RawFrame,
     attributes_of,
+    interpolated,
     items_at_corners,
     transferred_tracks,
 )
@@ -249,6 +252,9 @@ def register(
             lambda n_done: progress("registering", Count(n_done, raw.n_frames, "frames")),
         )
     registered = SegmentedSequence(_sequences(raw, segments, frames), sequence.name)
+    changes = [*_changes(n_removed, topologies, sequence, registered, segments)]
+    if store.is_resumed:
+        changes.insert(0, "continued an earlier run")
     return Registration(
         registered,
         sequence,
@@ -256,7 +262,7 @@ def register(
         frames,
         limit,
         diagonal / scale,
-        tuple(_changes(n_removed, topologies, sequence, registered, store.n_resumed)),
+        tuple(changes),
     )
 
 
@@ -303,26 +309,35 @@ def _sequences(
         yield replace(
             key,
             vertices=segment.positions,
-            faces=segment.faces,
-            surface=_kept_surface(key, raw.cleaned(segment.key), tracks),
+            faces=segment.key_mesh.mesh.faces,
+            surface=_kept_surface(key, raw.cleaned(segment.key), segment.key_mesh, tracks),
             tracks=tracks,
         )
     for number in range(first, raw.n_frames):
         yield raw.whole(number)
 
 
-def _kept_surface(key: MeshSequence, cleaned: CleanMesh, tracks: Mapping[str, Track]) -> Surface:
-    """Return what the cleaned mesh of a key keeps of its surface, except values that are tracks.
+def _kept_surface(
+    key: MeshSequence, cleaned: CleanMesh, key_mesh: KeyMesh, tracks: Mapping[str, Track]
+) -> Surface:
+    """Return what the mesh of a key keeps of its surface, except values that are tracks.
 
     Attributes of vertices become attributes of corners.
     """
-    surface = key.surface
-    polygons = items_at_corners(key, Domain.FACE)[cleaned.kept_faces, 0]
+    surface, triangles = key.surface, cleaned.kept_faces[key_mesh.parents]
+    polygons = items_at_corners(key, Domain.FACE)[triangles, 0]
+    places = Places(np.repeat(triangles, 3), key_mesh.weights.reshape(-1, 3))
+
+    def kept(attribute: Attribute) -> Attribute:
+        if attribute.domain is Domain.FACE:
+            return attribute.indexed(attribute.per_item()[polygons])
+        items = items_at_corners(key, attribute.domain)
+        values = interpolated(attribute.per_item(), items, places)
+        return replace(attribute, domain=Domain.CORNER).indexed(values)
+
     return Surface(
         attributes=tuple(
-            _kept_attribute(one, key, cleaned)
-            for one in attributes_of(key)
-            if one.kind is Kind.UV or one.name not in tracks
+            kept(one) for one in attributes_of(key) if one.kind is Kind.UV or one.name not in tracks
         ),
         groups=tuple(replace(one, numbers=one.numbers[polygons]) for one in surface.groups),
         materials=surface.materials,
@@ -331,22 +346,18 @@ def _kept_surface(key: MeshSequence, cleaned: CleanMesh, tracks: Mapping[str, Tr
     )
 
 
-def _kept_attribute(attribute: Attribute, key: MeshSequence, cleaned: CleanMesh) -> Attribute:
-    items = items_at_corners(key, attribute.domain)[cleaned.kept_faces]
-    if attribute.domain is Domain.FACE:
-        return attribute.indexed(attribute.per_item()[items[:, 0]])
-    return replace(attribute, domain=Domain.CORNER).indexed(attribute.per_item()[items.ravel()])
-
-
 def _changes(
     n_removed: Mapping[str, int],
     topologies: Sequence[Topology | None],
     raw: SegmentedSequence,
     registered: SegmentedSequence,
-    n_resumed: int,
+    segments: Sequence[Segment],
 ) -> Iterator[str]:
-    if n_resumed:
-        yield f"continued after {counted(n_resumed, 'frame')} of an earlier run"
+    if refined := [one.key for one in segments if one.key_mesh.is_refined]:
+        yield (
+            f"split edges of the mesh of {counted(len(refined), 'key frame')}, which then follows "
+            "more frames"
+        )
     if n_removed["face"]:
         yield f"removed {counted(n_removed['face'], 'face')} without area"
     if n_removed["component"]:

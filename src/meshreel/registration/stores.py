@@ -38,30 +38,33 @@ class Course:
         Faces that fold over, in all of them.
     reason : str
         Why the next frame could not be followed; empty if it was not tried.
+    excess : float
+        The smallest error of that frame in all attempts, in tolerances.
     """
 
     state: State
     errors: list[FrameErrors] = field(default_factory=list)
     n_folded: int = 0
     reason: str = ""
+    excess: float = 0.0
 
 
 class MemoryStore:
     """Registered frames in memory."""
 
-    n_resumed = 0
-    """Frames that an earlier run registered."""
+    is_resumed = False
+    """Whether an earlier run registered some of the frames."""
 
     def __init__(self) -> None:
-        self._frames: dict[int, Vertices] = {}
+        self._frames: dict[tuple[str, int], Vertices] = {}
 
-    def put(self, number: int, positions: Vertices) -> None:
-        """Store a registered frame."""
-        self._frames[number] = positions
+    def put(self, key: str, number: int, positions: Vertices) -> None:
+        """Store a registered frame of a key."""
+        self._frames[key, number] = positions
 
-    def stacked(self, key: int, numbers: Sequence[int]) -> Vertices:
+    def stacked(self, key: str, numbers: Sequence[int]) -> Vertices:
         """Return frames of a key as one array of shape (T, V, 3), and remove them one by one."""
-        return np.asarray(np.stack([self._frames.pop(number) for number in numbers]))
+        return np.asarray(np.stack([self._frames.pop((key, number)) for number in numbers]))
 
     def save(self, name: str, course: Course) -> None:
         """Store how far a direction was followed, after its last frame."""
@@ -104,16 +107,16 @@ class FolderStore(MemoryStore):
                 "another tolerance, or by another version; remove it, or use another name"
             )
 
-    def put(self, number: int, positions: Vertices) -> None:
-        """Store a registered frame."""
-        path = self._folder / f"frame_{number}.npy"
+    def put(self, key: str, number: int, positions: Vertices) -> None:
+        """Store a registered frame of a key."""
+        path = self._folder / f"{key}_frame_{number}.npy"
         with path.open("wb") as file:
             np.save(file, positions)
 
-    def stacked(self, key: int, numbers: Sequence[int]) -> Vertices:
+    def stacked(self, key: str, numbers: Sequence[int]) -> Vertices:
         """Return frames of a key as one array in a file, and remove their files."""
-        path = self._folder / f"segment_{key}.npy"
-        frames = [self._folder / f"frame_{number}.npy" for number in numbers]
+        path = self._folder / f"{key}.npy"
+        frames = [self._folder / f"{key}_frame_{number}.npy" for number in numbers]
         if not path.exists():
             first = np.load(frames[0])
             shape, partial = (len(frames), *first.shape), path.with_suffix(".partial")
@@ -135,6 +138,7 @@ class FolderStore(MemoryStore):
             "errors": np.array([astuple(one) for one in course.errors]).reshape(-1, 6),
             "n_folded": np.array(course.n_folded),
             "reason": np.array(course.reason),
+            "excess": np.array(course.excess),
             **course.state.arrays(),
         }
         with partial.open("wb") as file:
@@ -150,8 +154,9 @@ class FolderStore(MemoryStore):
             arrays: Arrays = dict(stored)
         errors = [FrameErrors(*row) for row in arrays.pop("errors").tolist()]
         n_folded, reason = int(arrays.pop("n_folded")), str(arrays.pop("reason"))
-        self.n_resumed += len(errors)
-        return Course(State.of_arrays(arrays), errors, n_folded, reason)
+        excess = float(arrays.pop("excess"))
+        self.is_resumed = True
+        return Course(State.of_arrays(arrays), errors, n_folded, reason, excess)
 
 
 def _replace(path: Path, data: bytes) -> None:

@@ -59,6 +59,7 @@ class Attempt(NamedTuple):
 STAGES = Stage(3.0, 0.1, 5), Stage(1.0, 0.05, 4), Stage(0.4, 0.02, 3)
 
 ATTEMPTS = (
+    Attempt(True, STAGES[-1:]),
     Attempt(True, STAGES),
     Attempt(False, (Stage(10.0, 0.2, 10), *STAGES)),
     Attempt(True, (*STAGES, Stage(0.15, 0.02, 4))),

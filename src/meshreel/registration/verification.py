@@ -59,6 +59,11 @@ class FrameErrors:
     mean_square: float
     patch_area: float
 
+    def in_tolerances(self, tolerance: Tolerance) -> float:
+        """Return by which factor the tolerance should be larger to be just met."""
+        patch_side = np.sqrt(self.patch_area / tolerance.patch_area)
+        return float(max(self.p99 / tolerance.length, patch_side))
+
     def exceeds(self, tolerance: Tolerance) -> str:
         """Return why the tolerance is not met; empty if it is."""
         if self.p99 > tolerance.length:

@@ -24,7 +24,7 @@ def raw():
 
 def interrupt_after(n_frames):
     def progress(stage, share):
-        if stage == "registering" and share.done == n_frames:
+        if stage == "registering" and share.done >= n_frames:
             raise InterruptionError
 
     return progress
@@ -45,8 +45,7 @@ def test_an_interrupted_registration_continues_with_equal_results(raw, tmp_path)
     assert found.distances == expected.distances
     for frame, other in zip(found.sequence, expected.sequence, strict=True):
         assert np.array_equal(frame.vertices, other.vertices)
-    (note,) = (one for one in found.changes if "earlier run" in one)
-    assert note == "continued after 3 frames of an earlier run"
+    assert "continued an earlier run" in found.changes
 
 
 def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
@@ -55,7 +54,7 @@ def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
     (segment,), (other,) = first.sequence.segments, again.sequence.segments
     assert isinstance(memory_of(segment.read(0, 5)), mmap.mmap)
     assert np.array_equal(segment.read(0, 5), other.read(0, 5))
-    assert not list(tmp_path.glob("frame_*"))
+    assert not list(tmp_path.glob("*frame*"))
 
 
 def test_the_folder_of_another_tolerance_is_refused(raw, tmp_path):
