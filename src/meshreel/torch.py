@@ -281,15 +281,19 @@ class ReelDataset(Dataset[Window]):
         missing = [key for key in made if key not in cache]
 
         def load(key: Key) -> None:
-            loaded[key] = made[key]()
+            try:
+                loaded[key] = made[key]()
+            except Exception as error:  # raised below, when no thread opens a file any more
+                errors.append(error)
 
         for start in range(0, len(missing), n_cores()):  # few at a time, to bound the memory
             loaded: dict[Key, _Cached] = {}
-            try:
-                in_threads(load, missing[start : start + n_cores()])
-            finally:
-                for key, entry in loaded.items():
-                    cache.put(key, entry)
+            errors: list[Exception] = []
+            in_threads(load, missing[start : start + n_cores()])
+            for key, entry in loaded.items():
+                cache.put(key, entry)
+            for error in errors:
+                raise error
 
     def _decoded(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
         # A file holds two blocks at a time; opened once for each, all of them can be cached.

@@ -22,6 +22,9 @@ from torch.utils.data import DataLoader  # noqa: E402
 from meshreel.model.segments import SegmentedSequence  # noqa: E402
 from meshreel.torch import ReelDataset, ReelStream, collate  # noqa: E402
 
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:This process .* is multi-threaded:DeprecationWarning"  # of forks, since Python 3.12
+)
 STARTS = ["spawn", *(["fork"] if sys.platform == "linux" else [])]
 
 
