@@ -25,6 +25,7 @@ from meshreel.torch import ReelDataset, ReelStream, collate  # noqa: E402
 pytestmark = pytest.mark.filterwarnings(
     "ignore:This process .* is multi-threaded:DeprecationWarning"  # of forks, since Python 3.12
 )
+DEVICES = [None, "cpu", *(["cuda"] if torch.cuda.is_available() else [])]
 STARTS = ["spawn", *(["fork"] if sys.platform == "linux" else [])]
 
 
@@ -74,19 +75,21 @@ def test_windows_equal_decoded_frames(folder, wholes):
         sequence, first = place_of(window)
         places.append((sequence, first))
         assert window.frames.tolist() == list(range(first, first + 4))
-        np.testing.assert_allclose(window.vertices, wholes[sequence][first : first + 4], atol=1e-6)
+        np.testing.assert_allclose(
+            window.vertices.cpu(), wholes[sequence][first : first + 4], atol=1e-6
+        )
     assert len(set(places)) == len(dataset)
     assert place_of(dataset[-1]) == (2, 26)
 
 
-@pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("window", "step", "frames"), [(3, 5, [9, 14, 19]), (2, 9, [7, 16])])
 def test_step_spaces_the_frames(folder, wholes, window, step, frames, device):
     dataset = ReelDataset([folder / "b.reel"], window, step=step, device=device)
     assert len(dataset) == 20 - (window - 1) * step
     found = dataset[frames[0]]
     assert found.frames.tolist() == frames
-    np.testing.assert_allclose(found.vertices, wholes[1][frames], atol=1e-5)
+    np.testing.assert_allclose(found.vertices.cpu(), wholes[1][frames], atol=1e-5)
 
 
 def test_faces_are_those_of_the_sequence(folder):
@@ -95,7 +98,7 @@ def test_faces_are_those_of_the_sequence(folder):
     np.testing.assert_array_equal(faces, waving_grid(2, 6, 7).faces)
 
 
-@pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
 def test_normalized_positions_of_every_type(folder, wholes, device, dtype):
     dtype = getattr(torch, dtype)
@@ -104,19 +107,20 @@ def test_normalized_positions_of_every_type(folder, wholes, device, dtype):
     with meshreel.open(folder / "b.reel") as reel:
         expected = (wholes[1][7:10] - reel.frame.origin) / reel.frame.scale
     tolerance = 1e-3 if dtype == torch.float16 else 1e-6
-    np.testing.assert_allclose(window.vertices, expected, atol=tolerance)
+    np.testing.assert_allclose(window.vertices.cpu(), expected, atol=tolerance)
 
 
-def test_frames_computed_on_a_device_equal_decoded_ones(folder):
-    decoded, computed = ReelDataset(folder, 5), ReelDataset(folder, 5, device="cpu")
+@pytest.mark.parametrize("device", DEVICES[1:])
+def test_frames_computed_on_a_device_equal_decoded_ones(folder, device):
+    decoded, computed = ReelDataset(folder, 5), ReelDataset(folder, 5, device=device)
     for index in range(len(decoded)):
-        found = computed[index].vertices
+        found = computed[index].vertices.cpu()
         np.testing.assert_allclose(found, decoded[index].vertices, rtol=0, atol=1e-5)
     with meshreel.open(folder / "deeper" / "c.reel") as reel:
         assert len(reel.modes(0).corrected)
 
 
-@pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.parametrize("device", DEVICES)
 def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
     sheet = tracked_sheet()
     tracks = {
@@ -131,12 +135,12 @@ def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
     for sequence, one in enumerate(dataset.sequences):
         whole = meshreel.decode(one.path)
         window = dataset.at(sequence, 2)
-        np.testing.assert_allclose(window.vertices, whole.vertices[2:5], rtol=0, atol=1e-5)
+        np.testing.assert_allclose(window.vertices.cpu(), whole.vertices[2:5], rtol=0, atol=1e-5)
         assert list(window.tracks) == list(sheet.tracks)
         for name, values in window.tracks.items():
             expected = whole.tracks[name].values[2:5]
             largest = np.abs(expected[np.isfinite(expected)]).max()
-            np.testing.assert_allclose(values, expected, rtol=0, atol=1e-5 * largest)
+            np.testing.assert_allclose(values.cpu(), expected, rtol=0, atol=1e-5 * largest)
             assert values.is_floating_point() == (expected.dtype.kind == "f")
 
 
@@ -180,7 +184,7 @@ def test_default_collation_stacks_windows_of_one_mesh(folder):
     assert batch.frames.shape == (5, 3)
 
 
-@pytest.mark.parametrize("device", [None, "cpu"])
+@pytest.mark.parametrize("device", DEVICES)
 def test_batches_open_each_block_once(folder, monkeypatch, device):
     dataset = ReelDataset(folder, 3, device=device)
     opened = []
@@ -192,7 +196,9 @@ def test_batches_open_each_block_once(folder, monkeypatch, device):
     expected = ReelDataset(folder, 3)
     for index, window in zip(indices, windows, strict=True):
         assert place_of(window) == place_of(expected[index])
-        torch.testing.assert_close(window.vertices, expected[index].vertices, rtol=0, atol=1e-5)
+        torch.testing.assert_close(
+            window.vertices.cpu(), expected[index].vertices, rtol=0, atol=1e-5
+        )
 
 
 def test_damaged_file_of_a_batch_is_reported(folder, tmp_path):
