@@ -135,8 +135,9 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
         uvs = segment.surface.of_kind(Kind.UV)
         if uvs and _is_atlas(_corners(uvs[0]), size):
             continue
-        key = registration.frames.mesh(registered.key)
-        made = made_uv(key.vertices.astype(np.float32), segment.faces, size)
+        local = registered.key - registered.first
+        key = registration.frames.normalized(segment.read(local, local + 1)[0])
+        made = made_uv(key.astype(np.float32), segment.faces, size)
         whole = frames_of(segment, range(segment.n_frames))
         segments[number] = replace(whole, surface=_with_uv(segment.surface, made))
         n_made += 1

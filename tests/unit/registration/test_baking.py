@@ -7,7 +7,7 @@ import pytest
 from PIL import Image as PillowImage
 
 import meshreel
-from meshreel import Domain, InvalidInputError, Kind, Material, MeshSequence, Surface, Track
+from meshreel import InvalidInputError, Kind, Material, MeshSequence, Surface, Track
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.baking import Atlas, bake, check_textured, sampled, with_atlases
 from meshreel.registration.register import register
@@ -156,10 +156,15 @@ def test_images_are_interpolated_and_repeat():
     assert colors.tolist() == expected
 
 
-def test_charts_of_a_closed_surface_are_made_without_texture_coordinates(textured, registered):
+def test_charts_are_made_for_keys_with_more_vertices_than_their_frame(textured, registered):
     (segment,) = registered.sequence.segments
-    sequence = meshreel.SegmentedSequence([replace(segment, surface=Surface())])
+    (a, b, c), center = segment.faces[0], segment.n_verts
+    faces = np.vstack([segment.faces[1:], [[a, b, center], [b, c, center], [c, a, center]]])
+    centers = segment.vertices[:, [a, b, c]].mean(axis=1, keepdims=True)
+    vertices = np.concatenate([segment.vertices, centers], axis=1)
+    split = replace(segment, vertices=vertices, faces=faces, surface=Surface())
+    sequence = meshreel.SegmentedSequence([split])
     ready, n_made = with_atlases(replace(registered, sequence=sequence), SIZE)
-    (uv,) = ready.sequence.segments[0].surface.attributes
-    assert (n_made, uv.domain, uv.per_item().shape) == (1, Domain.CORNER, (3 * segment.n_faces, 2))
-    assert 0 <= uv.values.min() < uv.values.max() <= 1
+    assert n_made == 1
+    images = list(bake(ready, ready.sequence, textured[1], SIZE))
+    assert_colors(ready.sequence.segments[0], images)
