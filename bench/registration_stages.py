@@ -17,6 +17,8 @@ from unittest.mock import patch
 
 os.environ.setdefault("MESHREEL_THREADS", "1")
 
+import numpy as np
+
 import meshreel
 from meshreel import SegmentedSequence
 from meshreel.codec.error_bounds import bound_of
@@ -26,14 +28,12 @@ from meshreel.model.segments import segments_of
 from meshreel.registration import fitting, folds, growing, tracking, triangle_mesh
 from meshreel.registration.fitting import Rows
 from meshreel.registration.register import register
-from meshreel.registration.tracking import ATTEMPTS, STAGES, Attempt
+from meshreel.registration.tracking import ATTEMPTS
 from registration import as_segments, psnr, remeshed
 
 
 def rows_of_nothing(*_: Any) -> Rows:
     """Return no equations, in place of those of one direction."""
-    import numpy as np
-
     empty = np.zeros((0, 3))
     return Rows(empty.astype(np.int32), empty, empty, np.zeros(0), np.zeros(0))
 
@@ -53,8 +53,8 @@ VARIANTS: dict[str, list[Change]] = {
     "no constant velocity": [
         (growing, "ATTEMPTS", tuple(one._replace(predicts=False) for one in ATTEMPTS))
     ],
-    "no stiff stages": [(growing, "ATTEMPTS", (Attempt(True, STAGES[-1:]),))],
-    "no second and third attempt": [(growing, "ATTEMPTS", ATTEMPTS[:1])],
+    "stiff stages in every frame": [(growing, "ATTEMPTS", ATTEMPTS[1:])],
+    "first attempt only": [(growing, "ATTEMPTS", ATTEMPTS[:1])],
     "boundaries do not attract": [
         (tracking, "TANGENTIAL_AT_BOUNDARY", tracking.TANGENTIAL),
     ],
