@@ -45,9 +45,10 @@ export async function openInPlayer(
     player.addEventListener("load", resolve, { once: true });
     player.addEventListener("error", ({ error }) => reject(error as Error), { once: true });
   });
-  const { texture } = await facts;
-  if (texture) Object.assign(player, propertiesOf(texture));
-  await loaded;
+  const textured = facts.then(({ texture }) => {
+    if (texture) Object.assign(player, propertiesOf(texture));
+  });
+  await Promise.all([loaded, textured]); // together, so that no rejection is without a handler
 }
 
 /** Load the errors of all frames, or the progress of measuring them. */
