@@ -3,7 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.order import opposite_sides
 from meshreel.registration.fitting import uniform_laplacian
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 
@@ -29,14 +28,14 @@ class Folds:
     """
 
     def __init__(self, key: TriangleMesh) -> None:
-        self._faces = np.repeat(np.arange(len(key.faces)), 3)
-        self._neighbors = opposite_sides(key.faces, len(key.vertices)).astype(np.int64) // 3
+        self._neighbors = key.neighbors
         self._opposes_in_key = self._opposes(key)
         self._laplacian = uniform_laplacian(key.faces, len(key.vertices))
 
     def find(self, mesh: TriangleMesh, target: TriangleMesh) -> Indices:
         """Return the folded faces of the key mesh in a frame with this surface."""
-        found = np.unique(self._faces[self._opposes(mesh) & ~self._opposes_in_key])
+        sides = np.flatnonzero(self._opposes(mesh) & ~self._opposes_in_key)
+        found = np.unique(sides // 3)
         if not len(found):
             return found
         closest = target.closest(mesh.vertices[mesh.faces[found]].mean(axis=1))
@@ -66,7 +65,5 @@ class Folds:
         return mesh
 
     def _opposes(self, mesh: TriangleMesh) -> npt.NDArray[np.bool_]:
-        """Whether the face beyond each side has an opposing normal, of shape (3M,)."""
-        normals = mesh.face_normals
-        cosines = np.einsum("nc,nc->n", normals[self._faces], normals[self._neighbors])
-        return np.asarray(cosines < 0)
+        """Whether the face beyond each side has an opposing normal, of shape (3 M,)."""
+        return np.asarray(mesh.cosines_across(self._neighbors) < 0)

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.model.frame_choice import consecutive_runs
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
@@ -170,6 +170,11 @@ class Segment:
         return len(self.positions)
 
     @property
+    def numbers(self) -> range:
+        """Numbers of the frames in the sequence."""
+        return range(self.first, self.first + self.n_frames)
+
+    @property
     def verts_per_frame(self) -> float:
         """Vertices of the mesh divided by the frames: roughly what a frame costs."""
         return len(self.key_mesh.mesh.vertices) / self.n_frames
@@ -203,20 +208,14 @@ def grow_segments(
         report(n_done + n_frames)
 
     while free:
-        run = max(_runs(sorted(free)), key=len)
+        run = max((run for _, run in consecutive_runs(np.array(sorted(free)))), key=len)
         key = _choose_key(run, topologies)
         n_done = frames.n_frames - len(free)
         segment = _longest(frames, key, run, tolerance, store, partial(report_after, n_done))
-        free -= set(range(segment.first, segment.first + segment.n_frames))
+        free -= set(segment.numbers)
         segments.append(segment)
     report(frames.n_frames - n_empty)
     return sorted(segments, key=lambda one: one.first)
-
-
-def _runs(numbers: list[int]) -> list[range]:
-    """Return the ranges of consecutive numbers."""
-    cuts = [0, *(np.flatnonzero(np.diff(numbers) > 1) + 1).tolist(), len(numbers)]
-    return [range(numbers[a], numbers[b - 1] + 1) for a, b in pairwise(cuts)]
 
 
 def _choose_key(run: range, topologies: list[Topology | None]) -> int:

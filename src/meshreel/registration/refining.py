@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.order import opposite_sides
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 
 MAX_ANGLE = 1.0
@@ -74,10 +73,7 @@ class _Sides(NamedTuple):
     def of_mesh(cls, mesh: TriangleMesh) -> "_Sides":
         sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
         ends, of_faces = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
-        faces = np.repeat(np.arange(len(mesh.faces)), 3)
-        neighbors = opposite_sides(mesh.faces, len(mesh.vertices)) // 3
-        normals = mesh.face_normals
-        cosines = np.einsum("nc,nc->n", normals[faces], normals[neighbors])
+        cosines = mesh.cosines_across(mesh.neighbors)
         angles = np.zeros(len(ends))
         np.maximum.at(angles, of_faces.ravel(), np.arccos(np.clip(cosines, -1.0, 1.0)))
         at_vertices = np.zeros(len(mesh.vertices))

@@ -14,7 +14,6 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.segments import (
     AnySequence,
     HasSegments,
-    MeshFrame,
     SegmentedSequence,
     frame_at,
     frames_of,
@@ -138,8 +137,7 @@ class Registration:
 
     def raw_frame(self, number: int) -> RawFrame:
         """Return a raw frame with its cleaned surface."""
-        frame = _frame(self.raw, number)
-        return RawFrame(frame, self.frames.cleaned(number), self.frames.mesh(number))
+        return _raw_frame(self.raw, self.frames, number)
 
     def distances_of(self, sequence: HasSegments, progress: Progress = silent) -> Distances:
         """Return the distances of a sequence or a file, such as the encoded one.
@@ -150,7 +148,7 @@ class Registration:
         n_folded, n_frames = 0, sum(segment.n_frames for segment in self.segments)
         for segment in self.segments:
             folds = Folds(self._mesh(sequence, segment.key))
-            for number in range(segment.first, segment.first + segment.n_frames):
+            for number in segment.numbers:
                 mesh, target = self._mesh(sequence, number), self.frames.mesh(number)
                 errors.append(measure(mesh, target, self.tolerance))
                 n_folded += len(folds.find(mesh, target))
@@ -230,18 +228,23 @@ def register(
     scale = float((extent.high - extent.low).max()) or 1.0
     diagonal = float(np.linalg.norm(extent.high - extent.low)) or 1.0
     limit = Tolerance(tolerance.share(diagonal) * diagonal / scale)
-    raw = _RawFrames(sequence, limit.patch_area * scale**2)
+    max_removed_area = limit.patch_area * scale**2
+
+    @lru_cache(CACHED_FRAMES)
+    def cleaned(number: int) -> CleanMesh:
+        return clean(frame_at(sequence, number), max_removed_area)
+
+    low = np.asarray(extent.low, np.float64)
+    frames = Frames(sequence.n_frames, cleaned, low, scale, sequence.dtype)
     topologies, n_removed, digest = [], Counter[str](), blake2b(repr(tolerance).encode())
-    for number in range(raw.n_frames):
-        mesh = raw.cleaned(number)
+    for number in range(frames.n_frames):
+        mesh = cleaned(number)
         digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
         topologies.append(None if mesh.is_empty else Topology.of_mesh(mesh))
         n_removed.update({"face": mesh.n_degenerate, "component": mesh.n_crumbs})
-        progress("cleaning", Count(number + 1, raw.n_frames, "frames"))
+        progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
     if not any(topologies):
         raise InvalidInputError("no frame has a face with an area; nothing can be registered")
-    low = np.asarray(extent.low, np.float64)
-    frames = Frames(raw.n_frames, raw.cleaned, low, scale, sequence.dtype)
     store = MemoryStore() if folder is None else FolderStore(folder, digest.hexdigest())
     with one_blas_thread():
         segments = grow_segments(
@@ -249,9 +252,9 @@ def register(
             topologies,
             limit,
             store,
-            lambda n_done: progress("registering", Count(n_done, raw.n_frames, "frames")),
+            lambda n_done: progress("registering", Count(n_done, frames.n_frames, "frames")),
         )
-    registered = SegmentedSequence(_sequences(raw, segments, frames), sequence.name)
+    registered = SegmentedSequence(_sequences(sequence, segments, frames), sequence.name)
     changes = [*_changes(n_removed, topologies, sequence, registered, segments)]
     if store.is_resumed:
         changes.insert(0, "continued an earlier run")
@@ -273,48 +276,35 @@ def _frame(sequence: SegmentedSequence, number: int) -> MeshSequence:
     return frames_of(sequence.segment(segment), range(local, local + 1))
 
 
-class _RawFrames:
-    """The frames of a sequence, one at a time; cleaned, without components up to an area."""
-
-    def __init__(self, sequence: SegmentedSequence, max_removed_area: float) -> None:
-        self._sequence, self._max_removed_area = sequence, max_removed_area
-        self.n_frames = sequence.n_frames
-        self.cleaned = lru_cache(CACHED_FRAMES)(self._cleaned)
-
-    def whole(self, number: int) -> MeshSequence:
-        """Return a frame with its surface and tracks."""
-        return _frame(self._sequence, number)
-
-    def _cleaned(self, number: int) -> CleanMesh:
-        frame = self.whole(number)
-        return clean(MeshFrame(frame.vertices[0], frame.faces), self._max_removed_area)
+def _raw_frame(sequence: SegmentedSequence, frames: Frames, number: int) -> RawFrame:
+    """Return a raw frame with its cleaned surface."""
+    return RawFrame(_frame(sequence, number), frames.cleaned(number), frames.mesh(number))
 
 
 def _sequences(
-    raw: _RawFrames, segments: Sequence[Segment], frames: Frames
+    raw: SegmentedSequence, segments: Sequence[Segment], frames: Frames
 ) -> Iterator[MeshSequence]:
     """Yield the segments, and single frames as they are."""
     first = 0
     for segment in segments:
         for number in range(first, segment.first):  # frames without a surface
-            yield raw.whole(number)
-        first = segment.first + segment.n_frames
-        key = raw.whole(segment.key)
+            yield _frame(raw, number)
+        first = segment.numbers.stop
+        key = _frame(raw, segment.key)
         if segment.n_frames == 1:
             yield replace(key, surface=replace(key.surface, is_ordered=False))
             continue
-        numbers = range(segment.first, first)
-        given = (RawFrame(raw.whole(n), raw.cleaned(n), frames.mesh(n)) for n in numbers)
+        given = (_raw_frame(raw, frames, number) for number in segment.numbers)
         tracks = transferred_tracks(given, map(frames.normalized, segment.positions))
         yield replace(
             key,
             vertices=segment.positions,
             faces=segment.key_mesh.mesh.faces,
-            surface=_kept_surface(key, raw.cleaned(segment.key), segment.key_mesh, tracks),
+            surface=_kept_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks),
             tracks=tracks,
         )
     for number in range(first, raw.n_frames):
-        yield raw.whole(number)
+        yield _frame(raw, number)
 
 
 def _kept_surface(

@@ -4,8 +4,8 @@ In a folder they need little memory, and an interrupted registration continues.
 """
 
 import json
-import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -100,7 +100,8 @@ class FolderStore(MemoryStore):
                     "another name"
                 )
             folder.mkdir(parents=True, exist_ok=True)
-            _replace(stated, json.dumps(identity).encode())
+            with _replaced(stated) as partial:
+                partial.write_text(json.dumps(identity))
         elif json.loads(stated.read_bytes()) != identity:
             raise InvalidInputError(
                 f"{str(folder)!r} contains an unfinished registration of other frames, with "
@@ -119,21 +120,19 @@ class FolderStore(MemoryStore):
         frames = [self._folder / f"{key}_frame_{number}.npy" for number in numbers]
         if not path.exists():
             first = np.load(frames[0])
-            shape, partial = (len(frames), *first.shape), path.with_suffix(".partial")
-            array = np.lib.format.open_memmap(partial, "w+", first.dtype, shape)
-            for place, frame in enumerate(frames):
-                array[place] = np.load(frame)
-            array.flush()
-            del array
-            partial.replace(path)
+            shape = len(frames), *first.shape
+            with _replaced(path) as partial:
+                array = np.lib.format.open_memmap(partial, "w+", first.dtype, shape)
+                for place, frame in enumerate(frames):
+                    array[place] = np.load(frame)
+                array.flush()
+                del array
         for frame in frames:
             frame.unlink(missing_ok=True)
         return np.asarray(np.load(path, mmap_mode="r"))
 
     def save(self, name: str, course: Course) -> None:
         """Store how far a direction was followed, after its last frame."""
-        path = self._folder / f"{name}.npz"
-        partial = path.with_suffix(".partial")
         arrays: Arrays = {
             "errors": np.array([astuple(one) for one in course.errors]).reshape(-1, 6),
             "n_folded": np.array(course.n_folded),
@@ -141,9 +140,8 @@ class FolderStore(MemoryStore):
             "excess": np.array(course.excess),
             **course.state.arrays(),
         }
-        with partial.open("wb") as file:
+        with _replaced(self._folder / f"{name}.npz") as partial, partial.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
-        partial.replace(path)
 
     def load(self, name: str) -> Course | None:
         """Return what an earlier run saved."""
@@ -159,7 +157,9 @@ class FolderStore(MemoryStore):
         return Course(State.of_arrays(arrays), errors, n_folded, reason, excess)
 
 
-def _replace(path: Path, data: bytes) -> None:
+@contextmanager
+def _replaced(path: Path) -> Iterator[Path]:
+    """Context manager for a path whose file replaces this one once it is complete."""
     partial = path.with_suffix(".partial")
-    partial.write_bytes(data)
-    os.replace(partial, path)
+    yield partial
+    partial.replace(path)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.kernel.order import opposite_sides
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.geometry.connectivity import boundary_edges
 from meshreel.model.geometry.normals import face_normals, vertex_normals
@@ -106,6 +107,16 @@ class TriangleMesh:
     def vertex_normals(self) -> Floats:
         """Unit normals of the vertices, of shape (V, 3)."""
         return vertex_normals(self.vertices, self.faces)
+
+    @cached_property
+    def neighbors(self) -> Indices:
+        """The face beyond each side of each face, or the face itself, of shape (3 M,)."""
+        sides = opposite_sides(self.faces, len(self.vertices))
+        return np.asarray(sides.astype(np.int64) // 3)
+
+    def cosines_across(self, neighbors: Indices) -> Floats:
+        """Return the cosines between the normals of each face and of its `neighbors`."""
+        return _dots(np.repeat(self.face_normals, 3, axis=0), self.face_normals[neighbors])
 
     @cached_property
     def is_boundary(self) -> npt.NDArray[np.bool_]:

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.order import opposite_sides
 from meshreel.model.geometry.hard_edges import lowest_connected
 from meshreel.registration.triangle_mesh import TriangleMesh
 
@@ -114,7 +113,7 @@ def largest_patch(mesh: TriangleMesh, is_chosen: npt.NDArray[np.bool_]) -> float
     if not is_chosen.any():
         return 0.0
     first = np.repeat(np.arange(len(mesh.faces)), 3)
-    second = opposite_sides(mesh.faces, len(mesh.vertices)).astype(np.int64) // 3
+    second = mesh.neighbors
     both = is_chosen[first] & is_chosen[second]
     patches = lowest_connected(len(mesh.faces), first[both], second[both])
     return float(np.bincount(patches[is_chosen], mesh.areas[is_chosen]).max())
