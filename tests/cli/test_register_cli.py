@@ -26,6 +26,9 @@ def test_register_writes_one_segment_and_prints_both_distances(raw, tmp_path):
     assert figures["n_segments"] == len(meshreel.info(output).segments) == 1
     registered, decoded = figures["registered"], figures["decoded"]
     assert 0 < registered["mean_percent"] < decoded["mean_percent"] < 0.1
+    assert registered["d1_psnr_db"] > decoded["d1_psnr_db"] > 50
+    assert decoded["d2_psnr_db"] > decoded["d1_psnr_db"]
+    assert len(registered["frames"]) == 3
     assert (registered["n_folded"], figures["cuts"]) == (0, [])
     assert figures["tolerance_percent"] == pytest.approx(0.5)
     assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
@@ -43,13 +46,17 @@ def test_register_continues_after_a_failure(raw, tmp_path):
 
 def test_register_prints_a_table_and_no_advice(raw, tmp_path):
     done = run("register", raw, "-o", tmp_path / "walk.reel", "--tolerance", "0.5%")
-    for text in ("relative to the raw capture", "met in every frame", "surface PSNR"):
+    measured = "D1 and D2 PSNR", "3 of 4 frames: "
+    for text in ("relative to the raw capture", "met in every frame", "surface PSNR", *measured):
         assert text in done.stdout
     assert ADVICE not in done.stderr
 
 
 def test_encode_and_convert_register_while_reading(raw, tmp_path):
-    run("encode", raw, "-o", tmp_path / "walk.reel", "--register", "0.5%")
+    encode = "encode", raw, "-o", tmp_path / "walk.reel", "--register", "0.5%"
+    figures = run_json(*encode)
+    assert figures["decoded"]["mean_percent"] > figures["registered"]["mean_percent"] > 0
+    assert "D1 and D2 PSNR" in run(*encode, "--force").stdout
     converted = run("convert", raw, "-o", tmp_path / "walk.npz", "--register", "0.5%")
     assert meshreel.info(tmp_path / "walk.reel").n_frames == 4
     assert meshreel.load(tmp_path / "walk.npz").n_frames == 4
@@ -66,6 +73,8 @@ def test_batch_registers_captures_and_leaves_others_alone(raw, tmp_path):
     records = json.loads((tmp_path / "out/manifest.json").read_text())["inputs"]
     notes = {name: " ".join(record["notes"]) for name, record in records.items()}
     assert "registered 4 frames" in notes["raw"], done.stderr
+    assert "decoded; distance from the raw surface" in notes["raw"]
+    assert "of 3 of 4 frames: " in notes["raw"]
     assert "not registered: all frames have the same faces" in notes["flag.npz"]
 
 

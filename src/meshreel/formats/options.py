@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
     from meshreel.codec.segmented_file import SegmentedReelFile
     from meshreel.model.segments import AnySequence
+    from meshreel.registration.register import Registration
 
     AnySource = AnySequence | ReelFile | SegmentedReelFile
 
@@ -56,6 +57,8 @@ class ReadOptions:
         Whether frames that differ only in the order of vertices and faces become one segment.
     register : float or str, optional
         Tolerance of the registration of frames whose faces change, as in `meshreel.register`.
+    registrations : list of Registration
+        Receives the registration, which can be compared with decoded frames.
     """
 
     fps: float | None = None
@@ -73,6 +76,7 @@ class ReadOptions:
     memory: float | str | None = None
     matches_frames: bool = True
     register: float | str | None = None
+    registrations: "list[Registration]" = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,9 @@ def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
 
 
 def registered(sequence: AnySequence, options: ReadOptions) -> SegmentedSequence:
-    """Return a sequence registered with the tolerance of the options, which receive notes on it.
+    """Return a sequence registered with the tolerance of the options.
+
+    They receive the registration, and notes on it.
 
     Raises
     ------
@@ -76,6 +78,7 @@ def registered(sequence: AnySequence, options: ReadOptions) -> SegmentedSequence
 
     tolerance = bound_of(options.register or "", option="register")
     registration = register(sequence, tolerance, options.progress)
+    options.registrations.append(registration)
     options.notes.extend(registration.notes())
     return registration.sequence
 

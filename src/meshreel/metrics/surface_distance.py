@@ -1,6 +1,6 @@
 """Distances between animated surfaces whose connectivity differs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, Protocol
@@ -281,6 +281,12 @@ def _space_of(original: SurfaceFrames, decoded: SurfaceFrames) -> _Space:
     for vertices, faces in original:
         corners = vertices[faces.ravel()]
         low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    return _space_in(low, high, original, decoded)
+
+
+def _space_in(
+    low: Floats, high: Floats, original: Iterable[_Frame], decoded: Iterable[_Frame]
+) -> _Space:
     reference = reference_of_box(low, high)
     scaled_low, scaled_high = reference.apply(np.stack([low, high]))
     space = _Space(reference, scaled_low, float((scaled_high - scaled_low).max()), GRID_LINES)
@@ -292,6 +298,31 @@ def _space_of(original: SurfaceFrames, decoded: SurfaceFrames) -> _Space:
     while space.n_lines > 2 and area > MAX_GRID_POINTS * space.step**2:
         space = replace(space, n_lines=space.n_lines // 2)
     return space
+
+
+def point_psnr_db(
+    frame: _Frame, frame_hat: _Frame, low: Floats, high: Floats
+) -> tuple[float, float]:
+    """Return D1 and D2 of one frame as `compare_surfaces` computes them; infinite if it is equal.
+
+    Parameters
+    ----------
+    frame, frame_hat : tuple of positions of shape (V, 3) and faces of shape (M, 3)
+        The original and the decoded surface.
+    low, high : float64 arrays of shape (3,)
+        Corners of the box of all frames of the original.
+
+    Raises
+    ------
+    InvalidInputError
+        If a surface has no face with an area.
+    """
+    space = _space_in(low, high, [frame], [frame_hat])
+    mean_squares = _grid_errors(
+        space.triangles(frame, "original", 0), space.triangles(frame_hat, "decoded", 0), space
+    )
+    d1, d2 = (_psnr_db([one], space.longest) for one in mean_squares)
+    return d1, d2
 
 
 @dataclass(frozen=True, eq=False)

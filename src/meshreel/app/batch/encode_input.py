@@ -2,12 +2,14 @@
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from meshreel import __version__
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.config import EncoderConfig
+from meshreel.codec.decoder import decode_segments
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
 from meshreel.codec.reordering import joined_note, without_reordering
@@ -29,6 +31,9 @@ from meshreel.model.sequence import positions_size_bytes
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.runtime.counting import counted
 from meshreel.runtime.engine.engine import Engine
+
+if TYPE_CHECKING:
+    from meshreel.registration.register import Registration
 
 BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
 """Fractions of the frames of a block to try in order if memory runs out."""
@@ -122,6 +127,7 @@ def encode_input(
         supported_only(options.reading, source),
         attributes=ALL,
         notes=notes,
+        registrations=[],
         matches_frames=options.config.order in (None, "drop") and options.reading.register is None,
         register=None,
     )
@@ -132,7 +138,7 @@ def encode_input(
                 opened = registered(opened, replace(reading, register=options.reading.register))
             else:
                 notes.append("not registered: all frames have the same faces")
-        return _measured(opened, options, notes, began, engine)
+        return _measured(opened, reading.registrations, options, notes, began, engine)
 
 
 def _memory(options: EncodeOptions) -> float | None:
@@ -142,6 +148,7 @@ def _memory(options: EncodeOptions) -> float | None:
 
 def _measured(
     opened: AnySequence,
+    registrations: "Sequence[Registration]",
     options: EncodeOptions,
     notes: list[str],
     began: float,
@@ -154,6 +161,10 @@ def _measured(
     tracks = _present(sequence, options, notes)
     data = encode_with(config, sequence, tracks=tracks, engine=engine)
     achieved = measure_stream(sequence, data, with_sted=config.sted is not None)
+    for registration in registrations:
+        from meshreel.registration.report import Report  # imports SciPy
+
+        notes += Report.measured(registration, decode_segments(data)).notes()
     stream = info(data)
     surfaces = (segment.surface for segment in segments_of(sequence))
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)

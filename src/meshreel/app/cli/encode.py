@@ -93,12 +93,13 @@ def encode_command(
     from dataclasses import replace
     from functools import partial
 
-    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.app.cli.encoded_file import encode_file
     from meshreel.app.cli.profile import print_profile, profile_figures
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
+    from meshreel.formats.reel import open_segments
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.segments import find_segments
     from meshreel.formats.sources import files_of_source
@@ -144,14 +145,24 @@ def encode_command(
             )
             for open_piece, path in pieces
         ]
+        reports = []
+        for registration in reading.registrations:  # one at most: of the only piece
+            from meshreel.registration.report import Report  # imports SciPy
+
+            with open_segments(stream_path) as reel:
+                reports.append(Report.measured(registration, reel, progress))
     print_notes(notes)
     if as_json:
         outputs = [result.figures() for result in results]
         figures = {"outputs": outputs} if split else outputs[0]
+        for report in reports:
+            figures |= report.figures()
         timing = {"profile": profile_figures(times)} if profile else {}
         print_json({**figures, "notes": notes, **timing})
         return
     for result in results:
         result.show()
+    for report, result in zip(reports, results, strict=False):
+        print_table("relative to the raw capture", report.rows(result.stream.size_bytes))
     if profile:
         print_profile(times)

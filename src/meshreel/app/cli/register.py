@@ -1,7 +1,7 @@
 """`meshreel register`: follow the surface of a raw capture, and encode the result."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,7 +14,6 @@ from meshreel.app.cli.write_options import stream_option
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
-    from meshreel.registration.register import Distances, Registration
 
 
 @command
@@ -107,6 +106,7 @@ def register_command(
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.sources import files_of_source
     from meshreel.registration.register import register
+    from meshreel.registration.report import Report
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     if texture_output is not None and texture is None:
@@ -144,44 +144,20 @@ def register_command(
             name=target.name(path),
         )
         with open_segments(path) as reel:
-            coded = registration.distances_of(reel, progress)
+            report = Report.measured(registration, reel, progress)
             if job is not None:
                 job.write(registration, reel, progress)
         shutil.rmtree(folder)
     print_notes(notes)
     if as_json:
-        figures = encoded.figures() | _figures(registration, coded)
+        figures = encoded.figures() | report.figures()
         if job is not None:
             figures["texture"] = {"output": target.name(job.output), "size_px": list(job.size)}
         print_json({**figures, "notes": notes})
         return
     encoded.show()
-    rows = _rows(registration, encoded.stream.size_bytes, coded)
+    rows = report.rows(encoded.stream.size_bytes)
     if job is not None:
         width, height = job.size
         rows["textures"] = f"{target.name(job.output)}, {width} x {height} texels"
     print_table("relative to the raw capture", rows)
-
-
-def _figures(registration: "Registration", coded: "Distances") -> dict[str, Any]:
-    return {
-        "tolerance_percent": registration.tolerance_percent,
-        "registered": vars(registration.distances),
-        "decoded": vars(coded),
-        "cuts": list(registration.cuts()),
-    }
-
-
-def _rows(registration: "Registration", size_bytes: int, coded: "Distances") -> dict[str, str]:
-    from meshreel.runtime.counting import counted, size_text
-
-    raw, registered = registration.raw, registration.sequence
-    ratio = raw.raw_size_bytes / size_bytes
-    return {
-        "raw": f"{size_text(raw.raw_size_bytes)} in {counted(raw.n_segments, 'segment')}",
-        "ratio": f"{ratio:.1f} x smaller, in {counted(registered.n_segments, 'segment')}",
-        "tolerance": f"{registration.tolerance_percent:.3g} % of the diagonal, met in every frame",
-        "registered": str(registration.distances),
-        "decoded": str(coded),
-        "folded faces": f"{registration.distances.n_folded} in all frames",
-    }

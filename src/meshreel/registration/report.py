@@ -1,0 +1,146 @@
+"""Figures on a registered sequence and on what is decoded of it, both from the raw frames."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from meshreel.metrics.surface_distance import point_psnr_db
+from meshreel.model.segments import HasSegments, MeshFrame, frame_at
+from meshreel.registration.register import Distances, Registration
+from meshreel.runtime.counting import counted, size_text
+from meshreel.runtime.progress import Progress, silent
+from meshreel.runtime.threads import in_threads
+
+N_POINT_FRAMES = 4
+"""Frames of which D1 and D2 are measured: one takes about two processor seconds."""
+
+
+@dataclass(frozen=True)
+class PointPsnr:
+    """D1 and D2 of MPEG's V-DMC, of some frames, as `meshreel compare` measures them.
+
+    Attributes
+    ----------
+    d1_psnr_db, d2_psnr_db : float
+        Means of the frames that differ from the raw ones, each of the worse direction.
+    frames : tuple of int
+        The measured frames.
+    """
+
+    d1_psnr_db: float
+    d2_psnr_db: float
+    frames: tuple[int, ...]
+
+    def __str__(self) -> str:
+        return f"{self.d1_psnr_db:.1f} and {self.d2_psnr_db:.1f} dB"
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """How far registered and decoded surfaces are from the raw ones.
+
+    Attributes
+    ----------
+    registered, decoded : Distances
+        Of all frames.
+    registered_points, decoded_points : PointPsnr
+        Of the same frames, evenly spaced, no keys unless there are only keys.
+    """
+
+    registration: Registration
+    registered: Distances
+    decoded: Distances
+    registered_points: PointPsnr
+    decoded_points: PointPsnr
+
+    @classmethod
+    def measured(
+        cls, registration: Registration, decoded: HasSegments, progress: Progress = silent
+    ) -> "Report":
+        """Measure a decoded sequence or a file, and the registered sequence."""
+        return cls(
+            registration,
+            registration.distances,
+            registration.distances_of(decoded, progress),
+            point_psnr(registration, registration.sequence),
+            point_psnr(registration, decoded),
+        )
+
+    def figures(self) -> dict[str, Any]:
+        """Figures for JSON."""
+        return {
+            "tolerance_percent": self.registration.tolerance_percent,
+            "registered": vars(self.registered) | vars(self.registered_points),
+            "decoded": vars(self.decoded) | vars(self.decoded_points),
+            "cuts": list(self.registration.cuts()),
+        }
+
+    def rows(self, size_bytes: int) -> dict[str, str]:
+        """Rows of a table; `size_bytes` is that of the encoded sequence."""
+        raw, registered = self.registration.raw, self.registration.sequence
+        return {
+            "raw": f"{size_text(raw.raw_size_bytes)} in {counted(raw.n_segments, 'segment')}",
+            "ratio": (
+                f"{raw.raw_size_bytes / size_bytes:.1f} x smaller, in "
+                f"{counted(registered.n_segments, 'segment')}"
+            ),
+            "tolerance": (
+                f"{self.registration.tolerance_percent:.3g} % of the diagonal, met in every frame"
+            ),
+            "registered": str(self.registered),
+            "decoded": str(self.decoded),
+            "D1 and D2 PSNR": self._points,
+            "D1 and D2 of": self._measured_frames,
+            "folded faces": f"{self.registered.n_folded} in all frames",
+        }
+
+    def notes(self) -> list[str]:
+        """Return lines that continue those of the registration."""
+        return [
+            f"decoded; distance from the raw surface: {self.decoded}",
+            f"D1 and D2 PSNR: {self._points}; of {self._measured_frames}",
+        ]
+
+    @property
+    def _points(self) -> str:
+        return f"registered {self.registered_points}, decoded {self.decoded_points}"
+
+    @property
+    def _measured_frames(self) -> str:
+        chosen = self.decoded_points.frames
+        n_frames = counted(self.registration.raw.n_frames, "frame")
+        return f"{len(chosen)} of {n_frames}: {', '.join(map(str, chosen))}"
+
+
+def point_psnr(registration: Registration, sequence: HasSegments) -> PointPsnr:
+    """Return D1 and D2 between raw frames and those of a sequence or a file."""
+    raw, numbers = registration.raw, _evenly_spaced(registration)
+    low, high = (np.asarray(corner, np.float64) for corner in (raw.extent.low, raw.extent.high))
+    found: dict[int, tuple[float, float]] = {}
+
+    def measure(pair: tuple[int, MeshFrame, MeshFrame]) -> None:
+        number, frame, frame_hat = pair
+        found[number] = point_psnr_db(
+            (frame.vertices, frame.faces), (frame_hat.vertices, frame_hat.faces), low, high
+        )
+
+    in_threads(measure, [(n, frame_at(raw, n), frame_at(sequence, n)) for n in numbers])
+    pairs = np.array([found[number] for number in numbers])
+    d1, d2 = (_mean_of_finite(column) for column in pairs.T)
+    return PointPsnr(d1, d2, tuple(numbers))
+
+
+def _mean_of_finite(values: Any) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else float("inf")
+
+
+def _evenly_spaced(registration: Registration) -> Sequence[int]:
+    """Return the numbers of the frames to measure: of those that are not exact, if there are."""
+    segments = registration.segments
+    numbers = [number for one in segments for number in one.numbers if number != one.key]
+    numbers = numbers or [one.key for one in segments]
+    n_chosen = min(N_POINT_FRAMES, len(numbers))
+    return [numbers[(2 * k + 1) * len(numbers) // (2 * n_chosen)] for k in range(n_chosen)]

@@ -1,0 +1,71 @@
+"""Figures on registered and decoded surfaces, against those of `compare`."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec.error_bounds import ErrorBound
+from meshreel.metrics.surface_distance import compare_surfaces
+from meshreel.registration.register import register
+from meshreel.registration.report import N_POINT_FRAMES, PointPsnr, Report
+from samples.captures import as_frames, capsule, capture
+
+pytestmark = pytest.mark.usefixtures("few_grid_lines")
+
+
+@pytest.fixture(scope="module")
+def registered():
+    return register(capture(4, 0.3), ErrorBound(0.5))
+
+
+def moved_beside_the_key(registered):
+    """The registered sequence with noise in all frames but the key, which stays exact."""
+    (segment,) = registered.sequence.segments
+    noise = np.random.default_rng(0).normal(0, 0.004, segment.vertices.shape)
+    noise[registered.segments[0].key] = 0
+    positions = (segment.vertices + noise).astype(np.float32)
+    return meshreel.concatenate([replace(segment, vertices=positions)])
+
+
+def test_d1_and_d2_are_those_of_compare(registered):
+    decoded = moved_beside_the_key(registered)
+    report = Report.measured(registered, decoded)
+    given = {
+        report.registered_points: registered.sequence,
+        report.decoded_points: decoded,
+    }
+    key = registered.segments[0].key
+    for points, sequence in given.items():
+        expected = compare_surfaces(registered.raw, sequence, n_samples=100)
+        assert points.frames == tuple(n for n in range(4) if n != key)
+        assert points.d1_psnr_db == pytest.approx(expected.d1_psnr_db, rel=1e-9)
+        assert points.d2_psnr_db == pytest.approx(expected.d2_psnr_db, rel=1e-9)
+    assert report.decoded_points.d1_psnr_db < report.registered_points.d1_psnr_db
+
+
+def test_surface_psnr_is_close_to_that_of_compare(registered):
+    decoded = moved_beside_the_key(registered)
+    report = Report.measured(registered, decoded)
+    expected = compare_surfaces(registered.raw, decoded, n_samples=20_000)
+    # The report counts the key, which is exact, and averages squares instead of decibels.
+    assert report.decoded.psnr_db == pytest.approx(expected.psnr_db + 10 * np.log10(4 / 3), abs=0.7)
+    assert report.decoded.max_percent == pytest.approx(expected.worse.max_percent, rel=0.05)
+
+
+def test_the_measured_frames_are_few_and_named():
+    found = register(capture(7, 0.5), ErrorBound(0.5))
+    report = Report.measured(found, found.sequence)
+    frames = report.registered_points.frames
+    assert len(set(frames)) == N_POINT_FRAMES
+    assert found.segments[0].key not in frames
+    assert report.rows(1)["D1 and D2 of"] == f"4 of 7 frames: {', '.join(map(str, frames))}"
+
+
+def test_keys_are_measured_if_there_are_no_other_frames():
+    vertices, faces = capsule(20, 20)
+    found = register(as_frames([(vertices, faces), (vertices[:, ::-1].copy(), faces)]))
+    assert found.sequence.n_segments == 2
+    points = Report.measured(found, found.sequence).registered_points
+    assert points == PointPsnr(np.inf, np.inf, (0, 1))
