@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import COLOR_NAMES, NORMALS, UV_NAMES, Field
 from meshreel.formats.notes import note_kinds, note_normals
-from meshreel.formats.vtk.cells import CellSurface
+from meshreel.formats.surfaces.cells import CellSurface
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 
 TEXTURE_COORDINATES = "TCoords"

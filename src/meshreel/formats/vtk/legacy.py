@@ -16,8 +16,8 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.notes import listed
+from meshreel.formats.surfaces.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
 from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
 from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.model.sequence import Vertices

@@ -16,8 +16,8 @@ from meshreel.formats.frames.field_tracks import (
     add_field,
 )
 from meshreel.formats.notes import listed, note_left_out
+from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.cells import Cells, CellSurface, extract_surface
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface

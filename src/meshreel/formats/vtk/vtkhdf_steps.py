@@ -26,8 +26,7 @@ from meshreel.formats.hdf import (
     require_dataset,
 )
 from meshreel.formats.notes import note_kinds, note_left_out
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.cells import (
+from meshreel.formats.surfaces.cells import (
     POLY_LINE,
     POLY_VERTEX,
     POLYGON,
@@ -36,6 +35,7 @@ from meshreel.formats.vtk.cells import (
     CellSurface,
     extract_surface,
 )
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.data_arrays import UNSUPPORTED_ARRAYS, DataArray, surface_of_arrays
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted

@@ -11,8 +11,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.frames.stored_frames import StoredTrack
 from meshreel.formats.notes import note_kinds, note_left_out
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.cells import (
+from meshreel.formats.surfaces.cells import (
     POLY_LINE,
     POLY_VERTEX,
     POLYGON,
@@ -20,6 +19,7 @@ from meshreel.formats.vtk.cells import (
     CellSurface,
     extract_surface,
 )
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_tree import local_name

@@ -16,7 +16,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vtk.cells import POLYGON
+from meshreel.formats.surfaces.cells import POLYGON
 from meshreel.formats.vtk.output_arrays import (
     FRAME_RATE,
     OutputArray,
