@@ -4,6 +4,7 @@ A new format is a row here and a module that the row names, which is imported wh
 extension is first read or written.
 """
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,9 @@ from meshreel.formats.kinds import (
 )
 from meshreel.model.surface import Domain
 from meshreel.runtime.extras import ALEMBIC, DRACO_FRAMES, HDF, OPEN_EXR, USD
+
+NAMES = {"d3plot": ".d3plot"}
+"""Extensions of files whose name has none."""
 
 COMPANION = ".obj"
 """Extension of the mesh file that accompanies a point cache."""
@@ -236,6 +240,7 @@ SEQUENCE_FORMATS = {
             )
             for extension in (".xdmf", ".xmf")
         ),
+        scene_format(".d3plot", "LS-DYNA d3plot", Lazy("solvers.d3plot:read_d3plot"), None),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
@@ -255,6 +260,12 @@ FOLDER_FORMATS = {
 """Formats whose outputs are folders."""
 
 
+def extension_of(path: str | os.PathLike[str]) -> str:
+    """Return the extension that selects the format of a path, in lower case; empty for none."""
+    name = Path(path).name.lower()
+    return NAMES.get(name, Path(name).suffix)
+
+
 def format_of(path: Path) -> FrameFormat | SequenceFormat:
     """Return the format of a path by its extension, ignoring case.
 
@@ -263,7 +274,7 @@ def format_of(path: Path) -> FrameFormat | SequenceFormat:
     FormatError
         If the extension is unknown.
     """
-    extension = path.suffix.lower()
+    extension = extension_of(path)
     if extension not in FORMATS:
         raise FormatError(
             f"{path}: unknown file extension {extension or '(none)'}; "

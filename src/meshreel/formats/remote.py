@@ -19,7 +19,7 @@ from meshreel.errors import InvalidInputError, MeshReelError, StoreError
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.outputs import is_pattern
-from meshreel.formats.registry import FORMATS, FRAME_FORMATS
+from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.runtime.counting import counted
 from meshreel.runtime.stores.address import folder_of, is_remote, name_of, without_query
@@ -185,7 +185,7 @@ def _check_mixture(address: str, made: set[str]) -> None:
 def _folder(address: str) -> str:
     """Address of the folder with the frames of an input."""
     name = name_of(address)
-    is_file = Path(name).suffix.lower() in FORMATS or _has_magic(name)
+    is_file = extension_of(name) in FORMATS or _has_magic(name)
     return folder_of(address) if is_file else without_query(address).rstrip("/")
 
 
@@ -217,7 +217,7 @@ def _downloaded(addresses: list[str], folder: Path, notes: list[str] | None) -> 
 
 def _resolve(address: str) -> list[str]:
     """Addresses of the files that an address means: itself, frames of a folder, or matches."""
-    if Path(name_of(address)).suffix.lower() in FORMATS and not _has_magic(name_of(address)):
+    if extension_of(name_of(address)) in FORMATS and not _has_magic(name_of(address)):
         return [address]
     if _has_magic(address):
         found = _natural_order(matches(address))
@@ -244,7 +244,7 @@ def _has_magic(text: str) -> bool:
 
 def _fetch_companion(path: Path) -> None:
     """Download the mesh next to a point cache, if there is one."""
-    found = FORMATS[path.suffix.lower()]
+    found = FORMATS[extension_of(path)]
     if isinstance(found, SequenceFormat) and found.companion:
         download_sibling(path.with_suffix(found.companion))
 

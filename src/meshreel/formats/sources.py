@@ -11,7 +11,7 @@ from pathlib import Path
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import refuse_pipe
 from meshreel.formats.kinds import FrameFormat, Lazy, SequenceFormat
-from meshreel.formats.registry import FORMATS, FRAME_FORMATS, format_of
+from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of, format_of
 from meshreel.runtime.stores.address import refuse_address
 
 AnyPath = str | os.PathLike[str]
@@ -146,7 +146,7 @@ def _from_folder(folder: Path) -> SourceFiles:
     files = [path for path in folder.iterdir() if path.is_file() and path.name[0] != "."]
     frames = [path for path in files if path.suffix.lower() in FRAME_FORMATS]
     if not frames:
-        others = [path.name for path in files if path.suffix.lower() in FORMATS]
+        others = [path.name for path in files if extension_of(path) in FORMATS]
         found = (
             f"; it contains {natural_order(map(Path, others))[0]}: use that file" if others else ""
         )
@@ -161,14 +161,14 @@ def _from_pattern(pattern: str) -> SourceFiles:
     files = natural_order(path for path in files if path.is_file())
     if not files:
         raise InvalidInputError(f"the pattern {pattern!r} matches no file; check it")
-    known = [path for path in files if path.suffix.lower() in FORMATS]
+    known = [path for path in files if extension_of(path) in FORMATS]
     if not known:
         format_of(files[0])
     return _of_one_format(known, f"the pattern {pattern!r}")
 
 
 def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
-    counts = Counter(path.suffix.lower() for path in paths)
+    counts = Counter(extension_of(path) for path in paths)
     if len(counts) > 1:
         kinds = " and ".join(f"{count} {extension}" for extension, count in counts.items())
         raise FormatError(

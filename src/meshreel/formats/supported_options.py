@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import get_args
 
 from meshreel.errors import InvalidInputError
@@ -16,12 +15,12 @@ from meshreel.formats.kinds import (
 )
 from meshreel.formats.notes import listed
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
+from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
 
 
 def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
     """Whether a read option has an effect on a path, judging by its extension."""
-    found = FORMATS.get(Path(path).suffix.lower())
+    found = FORMATS.get(extension_of(path))
     return found is not None and option in _supported(found)
 
 

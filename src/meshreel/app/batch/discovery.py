@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS
+from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS, extension_of
 from meshreel.formats.sources import natural_order
 from meshreel.runtime.stores.address import is_remote, name_of
 from meshreel.runtime.stores.filesystem import RemoteFile, files_below
@@ -135,7 +135,7 @@ def _remote_inputs_in(top: str, place: Path, files: dict[Path, RemoteFile]) -> I
             output.as_posix(), tuple(files[path] for path in frames),
         )  # fmt: skip
     for path in order:
-        if path.suffix.lower() in WHOLE_SEQUENCES:
+        if extension_of(path) in WHOLE_SEQUENCES:
             parts = [files[path], *(files[one] for one in _companions([path]) if one in files)]
             output = place / f"{path.stem}{OUTPUT_EXTENSION}"
             address = f"{top}/{path.as_posix()}"
@@ -165,7 +165,7 @@ def _inputs_in(folder: Path, top: Path) -> Iterator[BatchInput]:
         output = place.parent / f"{place.name or folder.resolve().name}{OUTPUT_EXTENSION}"
         yield BatchInput(place.as_posix(), folder, frames, output.as_posix())
     for path in files:
-        if path.suffix.lower() in WHOLE_SEQUENCES and path not in beside:
+        if extension_of(path) in WHOLE_SEQUENCES and path not in beside:
             output = place / f"{path.stem}{OUTPUT_EXTENSION}"
             parts = (path, *(part for one in _companions([path]) for part in _parts(one, path)))
             yield BatchInput((place / path.name).as_posix(), path, parts, output.as_posix())
@@ -173,7 +173,7 @@ def _inputs_in(folder: Path, top: Path) -> Iterator[BatchInput]:
 
 def _companions(files: list[Path]) -> set[Path]:
     """Files that belong to another file: the mesh of a cache, binary data, a first piece."""
-    formats = [(path, SEQUENCE_FORMATS.get(path.suffix.lower())) for path in files]
+    formats = [(path, SEQUENCE_FORMATS.get(extension_of(path))) for path in files]
     meshes = {
         path.with_suffix(found.companion) for path, found in formats if found and found.companion
     }

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
 SEQUENCE_EXTENSIONS = (
-    ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf"
+    ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf "
+    ".d3plot"
 )
 FRAME_EXTENSIONS = ".obj .ply .off .stl .vtu .vtp .vtk .drc"
 """Inputs of `batch.discovery`, repeated so that the help need not import every format."""

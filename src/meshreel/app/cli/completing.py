@@ -81,6 +81,8 @@ def _files(incomplete: str, extensions: set[str]) -> list[str]:
 
     The shell completes folders better, because it adds no space after them.
     """
+    from meshreel.formats.registry import extension_of
+
     folder, slash, beginning = incomplete.rpartition("/")
     parent = Path((folder or "/") if slash else ".")
     try:
@@ -88,7 +90,7 @@ def _files(incomplete: str, extensions: set[str]) -> list[str]:
     except OSError:
         return []
     visible = [path for path in paths if beginning or not path.name.startswith(".")]
-    files = [path.name for path in visible if path.suffix.lower() in extensions and path.is_file()]
+    files = [path.name for path in visible if extension_of(path) in extensions and path.is_file()]
     if not files:
         return []
     folders = [f"{path.name}/" for path in visible if path.is_dir()]

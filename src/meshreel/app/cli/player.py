@@ -88,9 +88,9 @@ def _check_is_encoded(source: Path) -> None:
 
     from meshreel.app.cli.read_options import is_stream_file, output_stem
     from meshreel.errors import InvalidInputError
-    from meshreel.formats.registry import FORMATS
+    from meshreel.formats.registry import FORMATS, extension_of
 
-    is_input = source.is_dir() or (source.is_file() and source.suffix.lower() in FORMATS)
+    is_input = source.is_dir() or (source.is_file() and extension_of(source) in FORMATS)
     if is_input and not is_stream_file(str(source)):
         output = f"{output_stem(str(source))}.reel"
         raise InvalidInputError(

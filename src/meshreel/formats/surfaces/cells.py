@@ -1,7 +1,7 @@
 """Surface extraction from VTK cells: keep 2D cells, take the boundary of 3D cells."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -142,6 +142,15 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     if len(order) == 0:
         raise FormatError("contains solid cells without a boundary; there is no surface")
     return CellSurface(counts[order], corners.astype(np.int32), owners[order], kept)
+
+
+def used_points(surface: CellSurface) -> CellSurface:
+    """Return a surface whose vertices are only the points of its faces."""
+    points: npt.NDArray[np.int64] | slice = surface.kept
+    if not isinstance(points, slice):
+        return surface
+    points, corners = np.unique(surface.corners, return_inverse=True)
+    return replace(surface, kept=points.astype(np.int64), corners=corners.astype(np.int32))
 
 
 _Faces = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]

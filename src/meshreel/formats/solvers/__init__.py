@@ -1,0 +1,1 @@
+"""Results of solvers: d3plot of LS-DYNA and EnSight Gold."""

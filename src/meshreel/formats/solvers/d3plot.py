@@ -1,0 +1,222 @@
+"""Reader for d3plot, the binary results of LS-DYNA, and its families of files.
+
+Shells and the boundary of solids and thick shells are one mesh, without deleted elements. Each
+frame is read from the files when it is needed, one table of a state at a time.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
+from meshreel.formats.notes import note_kinds, note_left_out
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.solvers.d3plot_layout import (
+    BEAMS,
+    SHELLS,
+    SOLIDS,
+    D3plotLayout,
+    shell_columns,
+    stress_columns,
+)
+from meshreel.formats.solvers.d3plot_words import Words, adapted_roots
+from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface, used_points
+from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.geometry.polygons import ragged_indices
+from meshreel.model.surface import Domain, FaceGroups, Surface
+from meshreel.model.tracks import TrackSource
+from meshreel.runtime.counting import counted
+
+NODE_RESULTS = (
+    "temperature", "heat_flux", "mass_scaling", "temperature_rate", "residual_force",
+    "residual_moment", "contact_energy", "velocity", "acceleration",
+)  # fmt: skip
+"""Sections of a state that are tracks of vertices."""
+
+ELEMENT_RESULTS = {"stress": 6, "plastic_strain": 1, "thickness": 1, "internal_energy": 1}
+"""Tracks of faces and their numbers of components."""
+
+OTHER_SECTIONS = (
+    "temperatures of shell layers", "contact penetrations", "thermal results of solids",
+)  # fmt: skip
+
+PARTS = "part"
+"""Name of the groups of faces by part."""
+
+
+def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+    """Return the mesh of a d3plot family; the states of adapted meshes are further frames.
+
+    Raises
+    ------
+    FormatError
+        If a file is truncated or damaged, or has contents that are not supported.
+    InvalidInputError
+        If a file cannot be read.
+    """
+    layouts = [_layout(path, options)]
+    for root in adapted_roots(path):
+        with errors_naming(root.name):
+            layouts.append(_layout(root, options))
+    states: list[tuple[float, D3plotLayout, int]] = []
+    for layout in layouts:  # an adapted mesh repeats the last states before it
+        first = min(layout.states, default=np.inf)
+        states = [one for one in states if one[0] < first]
+        states += [(time, layout, start) for time, start in layout.states.items()]
+    if not states:
+        raise FormatError(
+            "contains no states; the files with the results (d3plot01, ...) must be next to it"
+        )
+    frames = _Frames([(layout, start) for _, layout, start in states], options.notes)
+    times = np.array([time for time, _, _ in states])
+    return [SceneMesh(path.stem, times, frames.frame, frames.surface, tracks=frames.tracks)]
+
+
+def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
+    layout = D3plotLayout(Words(path))
+    if len(layout.cells.types) == 0:
+        raise FormatError("contains neither shells nor solids; there is no surface")
+    note_kinds(options.notes, "elements without faces", layout.left_out)
+    note_kinds(options.notes, "results", _unread_results(layout))
+    if layout.n_rest:
+        options.notes.append(
+            f"the last state is incomplete and not read: {counted(layout.n_rest, 'word')} of "
+            f"{layout.state_words}"
+        )
+    return layout
+
+
+def _unread_results(layout: D3plotLayout) -> list[str]:
+    """Describe the results that are not tracks."""
+    control, kinds = layout.control, layout.counts.keys() & layout.sections.keys()
+    found = [name for name in OTHER_SECTIONS if name in layout.sections]
+    if any(kind != SOLIDS and _columns(layout, kind, "stress") for kind in kinds):
+        found.append("stress and plastic strain of shells outside the middle surface")
+    if any(control["neiph" if kind == SOLIDS else "neips"] for kind in kinds):
+        found.append("history variables")
+    if control["ioshl3"] == 1000 and SHELLS in kinds:
+        found.append("force resultants of shells")
+    return found + ["results of beams"] * (BEAMS in layout.sections)
+
+
+class _Frames:
+    """The states of one or several layouts, in order.
+
+    Parameters
+    ----------
+    states : list of tuple of D3plotLayout and int
+        Layout and first word of each state.
+    notes : list of str
+    """
+
+    def __init__(self, states: list[tuple[D3plotLayout, int]], notes: list[str]) -> None:
+        self._states, self._notes = states, notes
+        self._cached: tuple[D3plotLayout, bytes, npt.NDArray[np.int64], CellSurface] | None = None
+
+    def frame(self, index: int) -> PolygonMesh:
+        """Return the surface of the elements that exist in a state."""
+        layout, state = self._states[index]
+        _, surface = self._surface(index)
+        has_positions = "coordinates" in layout.sections
+        points = layout.read(state, "coordinates") if has_positions else layout.coordinates()
+        return surface.mesh(points)
+
+    def surface(self, index: int) -> Surface:
+        """Return the parts of the faces of a state."""
+        layout, _ = self._states[index]
+        cells, surface = self._surface(index)
+        if "coordinates" not in layout.sections:
+            note_left_out(self._notes, "motion: the states contain no positions")
+        numbers = layout.part_numbers[cells[surface.cells]].astype(np.int32)
+        return Surface(groups=(FaceGroups(PARTS, layout.part_names, numbers),))
+
+    def tracks(self, frames: range) -> Mapping[str, TrackSource]:
+        """Return the results of states that share their faces."""
+        _, surface = self._surface(frames.start)
+        fields = [self._fields(index) for index in frames]
+
+        def read(index: int, key: Key) -> npt.NDArray[np.floating]:
+            layout, state = self._states[frames[index]]
+            cells, surface = self._surface(frames[index])
+            if key[0] is Domain.VERTEX:
+                return layout.read(state, key[1])[surface.kept]
+            return _element_results(layout, state, key[1])[cells[surface.cells]]
+
+        n_verts = surface.n_verts(self._states[frames.start][0].n_nodes)
+        sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(surface.cells)}
+        return field_tracks(fields, sizes, read, self._notes)
+
+    def _fields(self, index: int) -> dict[Key, Field]:
+        layout, _ = self._states[index]
+        dtype = layout.words.float_type
+        fields = {
+            (Domain.VERTEX, name): Field(
+                dtype, layout.sections[name].n_columns, kind=name, is_track=True
+            )
+            for name in NODE_RESULTS
+            if name in layout.sections
+        }
+        for name, n_columns in ELEMENT_RESULTS.items():
+            if any(_columns(layout, kind, name) is not None for kind in layout.counts):
+                fields[Domain.FACE, name] = Field(dtype, n_columns, is_track=True)
+        return fields
+
+    def _surface(self, index: int) -> tuple[npt.NDArray[np.int64], CellSurface]:
+        """Return the cells that exist in a state and their surface, cached while they are equal."""
+        layout, state = self._states[index]
+        is_alive = layout.is_alive(state)
+        key = np.packbits(is_alive).tobytes()
+        if self._cached is None or self._cached[:2] != (layout, key):
+            chosen = np.flatnonzero(is_alive)
+            self._cached = layout, key, chosen, _surface_of(layout, chosen)
+        return self._cached[2:]
+
+
+def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurface:
+    """Return the surface of some of the cells, without nodes that have no faces."""
+    if len(chosen) == 0:
+        raise FormatError("has a state in which all elements with faces are deleted")
+    cells = layout.cells
+    starts = np.cumsum(cells.counts) - cells.counts
+    counts = cells.counts[chosen]
+    points = cells.points[ragged_indices(starts[chosen], counts)]
+    return used_points(extract_surface(Cells(cells.types[chosen], counts, points), layout.n_nodes))
+
+
+def _columns(layout: D3plotLayout, kind: str, name: str) -> tuple[int, int, int] | None:
+    """Return points, width of a point and first column of a result; None if a kind has none."""
+    if kind not in layout.sections:
+        return None
+    n_points, n_stress, n_strain = stress_columns(layout.control, kind)
+    width = n_stress + n_strain + layout.control["neiph" if kind == SOLIDS else "neips"]
+    if name == "stress":
+        return (n_points, width, 0) if n_stress and n_points else None
+    if name == "plastic_strain":
+        return (n_points, width, n_stress) if n_strain and n_points else None
+    column = shell_columns(layout.control).get(name) if kind == SHELLS else None
+    return None if column is None else (1, 0, column)
+
+
+def _element_results(layout: D3plotLayout, state: int, name: str) -> npt.NDArray[np.floating]:
+    """Return a result of all cells, of shape (N, C); NaN for those without it.
+
+    Solids have the mean of their integration points, shells the value of their middle surface.
+    """
+    n_columns, found = ELEMENT_RESULTS[name], []
+    for kind, n_cells in layout.counts.items():
+        values = np.full((n_cells, n_columns), np.nan, layout.words.float_type)
+        place = _columns(layout, kind, name)
+        if place is not None:
+            n_points, width, first = place
+            points = range(n_points if kind == SOLIDS else 1)
+            table = layout.read(state, kind)
+            parts = [table[:, first + one * width :][:, :n_columns] for one in points]
+            has_row = layout.has_shell_results if kind == SHELLS else slice(None)
+            values[has_row] = np.mean(parts, axis=0) if len(parts) > 1 else parts[0]
+        found.append(values)
+    return np.concatenate(found)

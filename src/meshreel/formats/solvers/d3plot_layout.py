@@ -1,0 +1,487 @@
+"""The layout of a d3plot file: its control words, its geometry, and the sections of a state."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Integers
+from meshreel.errors import FormatError
+from meshreel.formats.solvers.d3plot_words import END, Words
+from meshreel.formats.surfaces.cells import Cells
+
+N_CONTROL = 64
+
+CONTROL = {
+    "ndim": 15, "numnp": 16, "nglbv": 18, "it": 19, "iu": 20, "iv": 21, "ia": 22, "nel8": 23,
+    "nv3d": 27, "nel2": 28, "nv1d": 30, "nel4": 31, "nv2d": 33, "neiph": 34, "neips": 35,
+    "maxint": 36, "nmsph": 37, "narbs": 39, "nelt": 40, "nv3dt": 42, "ioshl1": 43, "ioshl2": 44,
+    "ioshl3": 45, "ioshl4": 46, "ialemat": 47, "ncfdv1": 48, "ncfdv2": 49, "nadapt": 50,
+    "npefg": 54, "nel48": 55, "idtdt": 56, "extra": 57,
+    "nel20": 64, "nt3d": 65, "quadr": 74, "cubic": 75, "penout": 78, "engout": 79,
+}  # fmt: skip
+"""Control words by their names in the database manual of LS-DYNA."""
+
+SIZES = (
+    "numnp", "nglbv", "it", "iu", "ia", "nel8", "nv3d", "nel2", "nv1d", "nel4", "nv2d", "neiph",
+    "neips", "nmsph", "narbs", "nelt", "nv3dt", "ialemat", "nadapt", "npefg", "nel48", "idtdt",
+    "extra", "nel20", "nt3d", "penout", "engout",
+)  # fmt: skip
+"""Control words that cannot be negative."""
+
+SOLIDS, THICK_SHELLS, BEAMS, SHELLS = "solids", "thick shells", "beams", "shells"
+
+CONNECTIVITY = {
+    SOLIDS: ("nel8", 9),
+    THICK_SHELLS: ("nelt", 9),
+    BEAMS: ("nel2", 6),
+    SHELLS: ("nel4", 5),
+}
+"""Number and width of the rows of each kind of element, in their order in the geometry."""
+
+N_SIZES, N_NUMBERING = 10, 16
+"""Words of the numbering section before the numbers, without and with those of parts."""
+
+RIGID = 20
+"""Material type of rigid shells, which have no results if material types are stored."""
+
+TITLES = {90000: 0, 90001: 1, 90002: 1, 90020: 1, 90021: 1}
+"""Types of title tables, and whether they have a list of numbers and titles."""
+
+PART_TITLES = 90001
+TITLE_BYTES = 72
+
+TETRA, HEXAHEDRON, WEDGE, PYRAMID = 10, 12, 13, 14
+TRIANGLE, QUAD = 5, 9
+
+
+@dataclass(frozen=True)
+class Section:
+    """A table in each state.
+
+    Parameters
+    ----------
+    start : int
+        First word, counted from the first of the state.
+    n_rows, n_columns : int
+    """
+
+    start: int
+    n_rows: int
+    n_columns: int
+
+
+class D3plotLayout:
+    """Geometry of a d3plot file, and the place of each result in its states.
+
+    Parameters
+    ----------
+    words : Words
+
+    Attributes
+    ----------
+    control : dict of str to int
+    sections : dict of str to Section
+        Tables of a state by name, in order.
+    state_words : int
+        Length of a state.
+    states : dict of float to int
+        First word of each complete state by its time, ascending.
+    n_rest : int
+        Words of an incomplete state at the end.
+
+    Raises
+    ------
+    FormatError
+        If the file is truncated or damaged, or has contents that are not supported.
+    """
+
+    def __init__(self, words: Words) -> None:
+        self.words = words
+        self.control = _read_control(words)
+        self._check_supported()
+        self._position = N_CONTROL + self.control["extra"]
+        self._read_material_types()
+        n_sph, particles = self._read_particle_flags()
+        self._read_geometry()
+        self._skip_other_geometry(particles)
+        self._titles = self._read_titles()
+        self.sections: dict[str, Section] = {}
+        self.state_words: int = self._place_sections(n_sph, particles)
+        self.n_rest = 0
+        self.states: dict[float, int] = self._find_states()
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return self.control["numnp"]
+
+    @property
+    def left_out(self) -> list[str]:
+        """Elements without faces and SPH particles, for notes."""
+        names = {"nel2": "beams", "nmsph": "SPH particles", "npefg": "particles of airbags"}
+        return [name for key, name in names.items() if self.control[key] > 0]
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Number of elements of each kind that has faces, in the order of `cells`."""
+        sizes = {SOLIDS: "nel8", THICK_SHELLS: "nelt", SHELLS: "nel4"}
+        return {kind: self.control[name] for kind, name in sizes.items()}
+
+    @cached_property
+    def cells(self) -> Cells:
+        """Solids, thick shells and shells, with node indices from 0."""
+        types, corners = [], []
+        for kind in (SOLIDS, THICK_SHELLS):
+            kinds, nodes = _solid_cells(self._connectivity[kind][:, :8])
+            types.append(kinds)
+            corners.append(nodes)
+        shells = np.full((self.counts[SHELLS], 8), -1, np.int64)
+        shells[:, :4] = self._connectivity[SHELLS][:, :4]
+        is_triangle = shells[:, 2] == shells[:, 3]
+        shells[is_triangle, 3] = -1
+        types.append(np.where(is_triangle, TRIANGLE, QUAD))
+        corners.append(shells)
+        table = np.concatenate(corners)
+        is_used = table >= 0
+        return Cells(np.concatenate(types), is_used.sum(axis=1), table[is_used])
+
+    @cached_property
+    def part_numbers(self) -> Integers:
+        """Part index of each of the cells, from 0."""
+        return np.concatenate([self._connectivity[kind][:, -1] for kind in self.counts])
+
+    @cached_property
+    def part_names(self) -> tuple[str, ...]:
+        """Titles of all parts; a part without a title of its own is called "part ID"."""
+        n_parts = max(len(self._part_ids), int(self.part_numbers.max(initial=-1)) + 1)
+        ids = [*self._part_ids, *range(len(self._part_ids) + 1, n_parts + 1)]
+        titles = [self._titles.get(one, "") for one in ids]
+        return tuple(
+            title if title and titles.count(title) == 1 else f"{title or 'part'} {one}"
+            for title, one in zip(titles, ids, strict=True)
+        )
+
+    def coordinates(self) -> npt.NDArray[np.floating]:
+        """Read the initial positions of all nodes, of shape (N, 3)."""
+        return self.words.floats(self._first_coordinate, 3 * self.n_nodes).reshape(-1, 3)
+
+    def read(self, state: int, name: str) -> npt.NDArray[np.floating]:
+        """Read a table of a state, of shape (rows, columns).
+
+        Parameters
+        ----------
+        state : int
+            First word of the state.
+        """
+        section = self.sections[name]
+        values = self.words.floats(state + section.start, section.n_rows * section.n_columns)
+        return values.reshape(section.n_rows, section.n_columns)
+
+    def is_alive(self, state: int) -> npt.NDArray[np.bool_]:
+        """Return which of the cells exist in a state."""
+        n_cells = len(self.cells.types)
+        if "deleted nodes" in self.sections:
+            is_gone = self.read(state, "deleted nodes")[:, 0] == 0
+            n_gone = np.cumsum(np.append(0, is_gone[self.cells.points]))
+            stops = np.cumsum(self.cells.counts)
+            is_whole: npt.NDArray[np.bool_] = n_gone[stops] == n_gone[stops - self.cells.counts]
+            return is_whole
+        if "deleted elements" not in self.sections:
+            return np.ones(n_cells, bool)
+        # Beams come last.
+        is_kept: npt.NDArray[np.bool_] = self.read(state, "deleted elements")[:n_cells, 0] != 0
+        return is_kept
+
+    @cached_property
+    def has_shell_results(self) -> npt.NDArray[np.bool_]:
+        """Whether each shell has a row of results: rigid shells may have none."""
+        numbers = self._connectivity[SHELLS][:, -1]
+        if not len(self._material_types):
+            return np.ones(len(numbers), bool)
+        if numbers.max(initial=-1) >= len(self._material_types):
+            raise FormatError("has a shell of a part without a material type; it is damaged")
+        found: npt.NDArray[np.bool_] = self._material_types[numbers] != RIGID
+        return found
+
+    def _check_supported(self) -> None:
+        control = self.control
+        negative = [name for name in SIZES if control[name] < 0]
+        if negative:
+            raise FormatError(f"has a negative size {negative[0]}; it is damaged")
+        problems = {
+            f"reduced rigid bodies, packed or 2D geometry, or roads (NDIM {control['ndim']})": (
+                control["ndim"] not in (4, 5)
+            ),
+            f"multi-physics results (NCFDV1 {control['ncfdv1']})": control["ncfdv1"] != 0,
+            f"discrete elements (NPEFG {control['npefg']})": control["npefg"] >= 1_000_000,
+            "state data of quadratic or cubic solids": control["quadr"] > 0 or control["cubic"] > 0,
+        }
+        if found := [name for name, has in problems.items() if has]:
+            raise FormatError(
+                f"contains {' and '.join(found)}, which is not supported; run LS-DYNA without, or "
+                "export frames from LS-PrePost"
+            )
+
+    def _next_integers(self, count: int) -> Integers:
+        found = self.words.integers(self._position, count)
+        self._position += count
+        return found
+
+    def _read_material_types(self) -> None:
+        self._n_rigid_shells, self._material_types = 0, np.empty(0, np.int64)
+        if self.control["ndim"] == 5:
+            self._n_rigid_shells, n_materials = self._next_integers(2).tolist()
+            self._material_types = self._next_integers(n_materials)
+        self._position += self.control["ialemat"]
+
+    def _read_particle_flags(self) -> tuple[int, "Particles"]:
+        """Return the words of each SPH particle, and the tables of airbag particles."""
+        n_sph = 0
+        if self.control["nmsph"]:
+            flags = self.words.integers(self._position, int(self._next_integers(1)[0]))
+            self._position += len(flags) - 1
+            n_sph = 1 + int(np.abs(flags[1:]).sum())
+        if not self.control["npefg"]:
+            return n_sph, Particles()
+        n_bags, version = self.control["npefg"] % 1000, self.control["npefg"] // 1000
+        n_geometry, n_values, n_particles, n_state = self._next_integers(4).tolist()
+        self._position += (version == 4) + 9 * (n_geometry + n_values + n_state)
+        return n_sph, Particles(n_bags * n_geometry, n_bags * n_state + n_particles * n_values)
+
+    def _read_geometry(self) -> None:
+        """Read elements and part numbers.
+
+        Programs place further nodes of ten-node solids before or after the other elements; the
+        sizes in the numbering section show where.
+        """
+        self._first_coordinate = self._position
+        self._read_elements(ten_nodes=0)
+        if self.control["has_ten_nodes"] and not self._numbering_fits():
+            self._position = self._first_coordinate
+            self._read_elements(ten_nodes=2 * self.control["nel8"])
+            self.control["has_ten_nodes"] = 0
+        for kind, rows in self._connectivity.items():
+            nodes = rows[:, :-1]
+            if kind != BEAMS and nodes.size and (rows.min() < 0 or nodes.max() >= self.n_nodes):
+                raise FormatError(
+                    f"has {kind} with node numbers outside 1..{self.n_nodes}; it is damaged or "
+                    "compressed by FEMZIP, which is not supported"
+                )
+        if not self._numbering_fits():
+            raise FormatError("has user numbers of another number of elements; it is damaged")
+        self._part_ids = self._read_part_ids()
+
+    def _read_elements(self, *, ten_nodes: int) -> None:
+        self._position += 3 * self.n_nodes
+        self._connectivity: dict[str, Integers] = {}
+        for kind, (name, width) in CONNECTIVITY.items():
+            rows = self._next_integers(self.control[name] * width)
+            self._connectivity[kind] = rows.reshape(-1, width) - 1
+            self._position += ten_nodes * (kind == SOLIDS)
+
+    def _numbering_fits(self) -> bool:
+        """Whether the numbering section, if any, has the sizes of the geometry."""
+        if self.control["narbs"] < N_SIZES:
+            return True
+        if self._position + N_SIZES > self.words.n_words:
+            return False
+        sizes = [self.control[name] for name in ("numnp", "nel8", "nel2", "nel4", "nelt")]
+        found: list[int] = self.words.integers(self._position, N_SIZES)[5:].tolist()
+        return found == sizes
+
+    def _read_part_ids(self) -> list[int]:
+        """Return the user's part numbers, if the numbering section has them."""
+        numbering = self._next_integers(self.control["narbs"])
+        if len(numbering) < N_NUMBERING or numbering[0] >= 0:
+            return []
+        first, n_parts = N_NUMBERING + int(numbering[5:10].sum()), int(numbering[15])
+        return [int(one) for one in numbering[first : first + max(0, n_parts)]]
+
+    def _skip_other_geometry(self, particles: "Particles") -> None:
+        control = self.control
+        self._position += (
+            2 * control["nadapt"]
+            + 2 * control["nmsph"]
+            + particles.geometry_words
+            + 2 * control["nel8"] * control["has_ten_nodes"]
+            + 5 * control["nel48"]
+            + 13 * control["nel20"]
+        )
+        if self._position > self.words.n_words:
+            raise FormatError(
+                f"needs {self._position} words of geometry; its files have {self.words.n_words}: a "
+                "file of the family is missing or truncated"
+            )
+
+    def _read_titles(self) -> dict[int, str]:
+        """Return titles of parts by their number; the position moves to the states."""
+        titles: dict[int, str] = {}
+        if not self._is_end(self._position):
+            return titles
+        self._position += 1
+        while self._position < self.words.n_words:
+            kind = int(self.words.integers(self._position, 1)[0])
+            if kind not in TITLES:
+                break
+            self._position += 1
+            n_words = self.words.words_of(TITLE_BYTES)
+            if not TITLES[kind]:
+                self._position += n_words
+                continue
+            for _ in range(int(self._next_integers(1)[0])):
+                number = int(self._next_integers(1)[0])
+                if kind == PART_TITLES:
+                    titles[number] = self.words.text(self._position, TITLE_BYTES)
+                self._position += n_words
+        if self._position < self.words.n_words and self._is_end(self._position):
+            self._position += 1
+        return titles
+
+    def _place_sections(self, n_sph: int, particles: "Particles") -> int:
+        control, nodes = self.control, self.control["numnp"]
+        thermal, residual = control["it"] % 10, control["idtdt"] // 10 % 10
+        sizes = {
+            "time": (1, 1),
+            "global": (control["nglbv"], 1),
+            "coordinates": (nodes * (control["iu"] != 0), 3),
+            "temperature": (nodes * (thermal in (1, 2)), 1),
+            "temperatures of shell layers": (nodes * (thermal == 3), 3),
+            "heat_flux": (nodes * (thermal in (2, 3)), 3),
+            "mass_scaling": (nodes * (control["it"] // 10 == 1), 1),
+            "temperature_rate": (nodes * (control["idtdt"] % 10 == 1), 1),
+            "residual_force": (nodes * (residual == 1), 3),
+            "residual_moment": (nodes * (residual == 1), 3),
+            "contact penetrations": (nodes * control["penout"], 3),
+            "contact_energy": (nodes * (control["engout"] == 1), 1),
+            "velocity": (nodes * (control["iv"] != 0), 3),
+            "acceleration": (nodes * (control["ia"] != 0), 3),
+            "thermal results of solids": (control["nel8"], control["nt3d"]),
+            SOLIDS: (control["nel8"], control["nv3d"]),
+            THICK_SHELLS: (control["nelt"], control["nv3dt"]),
+            BEAMS: (control["nel2"], control["nv1d"]),
+            SHELLS: (control["nel4"] - self._n_rigid_shells, control["nv2d"]),
+            "deleted nodes": (nodes * (control["deletion"] == 1), 1),
+            "deleted elements": (self._n_elements * (control["deletion"] == 2), 1),
+            "SPH": (control["nmsph"], n_sph),
+            "particles": (particles.state_words, 1),
+        }
+        position = 0
+        for name, (n_rows, n_columns) in sizes.items():
+            if n_rows < 0 or n_columns < 0:
+                raise FormatError(f"has a negative number of {name}; it is damaged")
+            if n_rows * n_columns:
+                self.sections[name] = Section(position, n_rows, n_columns)
+            position += n_rows * n_columns
+        n_results = int(self.has_shell_results.sum())
+        if SHELLS in self.sections and self.sections[SHELLS].n_rows != n_results:
+            raise FormatError(
+                f"has results of {self.sections[SHELLS].n_rows} shells; {n_results} of its shells "
+                "are not rigid; it is damaged"
+            )
+        return position
+
+    @property
+    def _n_elements(self) -> int:
+        return sum(self.counts.values()) + self.control["nel2"]
+
+    def _find_states(self) -> dict[float, int]:
+        """Return the first word of each state by time; states do not begin after the end mark."""
+        states: dict[float, int] = {}
+        position, before = self._position, -np.inf
+        while position < self.words.n_words:
+            if self._is_end(position) or self.words.is_padding(position):
+                position = self.words.end_of_file(position)
+                continue
+            if position + self.state_words > self.words.n_words:
+                self.n_rest = self.words.n_words - position
+                break
+            time = float(self.words.floats(position, 1)[0])
+            if not before < time < np.inf:
+                raise FormatError(
+                    f"has a state at time {time:g} after one at {before:g}; its states are not "
+                    f"{self.state_words} words long, as its control words say"
+                )
+            states[time], before = position, time
+            position += self.state_words
+        return states
+
+    def _is_end(self, position: int) -> bool:
+        return position < self.words.n_words and float(self.words.floats(position, 1)[0]) == END
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Words of airbag particles in the geometry and in each state."""
+
+    geometry_words: int = 0
+    state_words: int = 0
+
+
+def _read_control(words: Words) -> dict[str, int]:
+    """Return the control words by name, with words that have two meanings separated."""
+    first = words.integers(0, N_CONTROL)
+    extra = int(first[CONTROL["extra"]])
+    more = words.integers(N_CONTROL, extra) if extra > 0 else first[:0]
+    found = np.concatenate([first, more]).tolist()
+    control = {name: found[at] if at < len(found) else 0 for name, at in CONTROL.items()}
+    control["has_ten_nodes"] = int(control["nel8"] < 0)
+    control["nel8"] = abs(control["nel8"])
+    # A negative number of integration points says that states have a table of what is deleted.
+    points = control["maxint"]
+    control["deletion"] = 0 if points >= 0 else 1 if points > -10_000 else 2
+    control["maxint"] = abs(points) - 10_000 * (control["deletion"] == 2)
+    return control
+
+
+def _solid_cells(nodes: Integers) -> tuple[Integers, Integers]:
+    """Return cell types and corners, padded with -1, of solids that repeat nodes if degenerate.
+
+    Parameters
+    ----------
+    nodes : int64 array of shape (N, 8)
+    """
+    types, corners = np.full(len(nodes), HEXAHEDRON), nodes.copy()
+    same = nodes[:, 1:] == nodes[:, :-1]  # whether each node equals the next one
+    is_apex = same[:, 4] & same[:, 5] & same[:, 6]
+    shapes = (
+        (same[:, 2] & same[:, 6], WEDGE, (0, 2, 1, 4, 6, 5)),
+        (same[:, 4] & same[:, 6], WEDGE, (0, 1, 4, 3, 2, 6)),
+        (is_apex, PYRAMID, (0, 1, 2, 3, 4)),
+        (is_apex & same[:, 2], TETRA, (0, 1, 2, 4)),
+        (is_apex & same[:, 3], TETRA, (0, 1, 2, 3)),
+    )  # later ones are special cases of earlier ones
+    for is_shape, kind, chosen in shapes:
+        types[is_shape] = kind
+        corners[is_shape] = -1
+        corners[is_shape, : len(chosen)] = nodes[is_shape][:, chosen]
+    return types, corners
+
+
+def stress_columns(control: dict[str, int], kind: str) -> tuple[int, int, int]:
+    """Return the numbers of integration points, stresses and plastic strains of an element.
+
+    The values of an integration point are its stresses, its plastic strain and others.
+    """
+    levels = control["ioshl1"], control["ioshl2"]
+    at_least = 999 if kind == SOLIDS else 1000
+    n_stress, n_strain = 6 * (levels[0] >= at_least), int(levels[1] >= at_least)
+    if kind != SOLIDS:
+        return control["maxint"], n_stress, n_strain
+    per_point = n_stress + n_strain + control["neiph"]
+    return (control["nv3d"] // per_point if per_point else 0), n_stress, n_strain
+
+
+def shell_columns(control: dict[str, int]) -> dict[str, int]:
+    """Return the columns of thickness and internal energy in the results of a shell."""
+    if control["ioshl4"] != 1000:
+        return {}
+    n_points, n_stress, n_strain = stress_columns(control, SHELLS)
+    first = n_points * (n_stress + n_strain + control["neips"]) + 8 * (control["ioshl3"] == 1000)
+    if control["idtdt"] >= 100:
+        has_strain = control["idtdt"] // 10_000 % 10 == 1
+    else:
+        has_strain = control["nv2d"] - first - 4 > 1
+    found = {"thickness": first, "internal_energy": first + 3 + 12 * has_strain}
+    return {name: column for name, column in found.items() if column < control["nv2d"]}
