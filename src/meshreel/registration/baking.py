@@ -141,7 +141,9 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
         whole = frames_of(segment, range(segment.n_frames))
         segments[number] = replace(whole, surface=_with_uv(segment.surface, made))
         n_made += 1
-    with_uvs = SegmentedSequence(segments, registration.sequence.name)
+    with_uvs = SegmentedSequence(
+        segments, registration.sequence.name, registration.sequence.start_s
+    )
     return replace(registration, sequence=with_uvs), n_made
 
 

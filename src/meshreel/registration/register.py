@@ -254,7 +254,9 @@ def register(
             store,
             lambda n_done: progress("registering", Count(n_done, frames.n_frames, "frames")),
         )
-    registered = SegmentedSequence(_sequences(sequence, segments, frames), sequence.name)
+    registered = SegmentedSequence(
+        _sequences(sequence, segments, frames), sequence.name, sequence.start_s
+    )
     changes = [*_changes(n_removed, topologies, sequence, registered, segments)]
     if store.is_resumed:
         changes.insert(0, "continued an earlier run")
@@ -300,6 +302,7 @@ def _sequences(
             key,
             vertices=segment.positions,
             faces=segment.key_mesh.mesh.faces,
+            start_s=_frame(raw, segment.first).start_s,
             surface=_kept_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks),
             tracks=tracks,
         )

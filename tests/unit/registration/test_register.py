@@ -61,6 +61,15 @@ def test_the_mesh_follows_the_material(registered):
         assert np.linalg.norm(positions - expected, axis=1).mean() < 0.05
 
 
+def test_times_are_those_of_the_raw_frames(raw):
+    parts = [
+        replace(frame, start_s=7 + number / raw.fps) for number, frame in enumerate(raw.segments)
+    ]
+    found = register(meshreel.concatenate(parts), TOLERANCE)
+    assert (found.sequence.start_s, only_segment(found).start_s) == (7.0, 7.0)
+    assert meshreel.decode(meshreel.encode(found.sequence)).start_s == 7.0
+
+
 def test_registration_is_deterministic(raw, registered):
     again = only_segment(register(raw, TOLERANCE))
     assert np.array_equal(again.vertices, only_segment(registered).vertices)
