@@ -1,6 +1,6 @@
 """Rates of `reel` relative to the paper's `pca-qp` at equal KG error and at equal STED.
 
-    python examples/falling_cloth.py --out cloth.npz
+    python bench/falling_cloth.py --out cloth.npz
     python bench/shape_heavy.py cloth.npz samba.npz
 
 For sequences whose files are dominated by the shape. Bjontegaard rates in percent, of whole files

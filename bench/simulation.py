@@ -3,7 +3,7 @@
     python bench/simulation.py --folder /tmp/simulation
     python bench/simulation.py --vertices 50000 --frames 500 --folder /tmp/simulation
 
-The simulation is that of `examples/heat_on_a_sphere.py`: temperature and velocity of vertices, and
+The simulation is that of `bench/heat_on_a_sphere.py`: temperature and velocity of vertices, and
 heat flow of faces, with known exact values. Needs the extra [vtk] and, to open both files with
 VTK's reader, the package vtk. Needs about 3 GB on disk at full size.
 """
@@ -23,7 +23,7 @@ import numpy as np
 import meshreel
 from meshreel.runtime.counting import counted
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "heat_on_a_sphere.py"
+SIMULATION = Path(__file__).with_name("heat_on_a_sphere.py")
 BOUNDS: dict[str, float | str] = {"temperature": "0.1K", "velocity": "0.1%", "heat flow": "0.1%"}
 
 
@@ -99,7 +99,7 @@ def main() -> None:
         arguments.folder / name for name in ("sphere.vtkhdf", "sphere.reel", "decoded.vtkhdf")
     )
     print("| | s | processor s | peak MiB |\n|---|---|---|---|")
-    simulate = runpy.run_path(str(EXAMPLE))["simulate"]
+    simulate = runpy.run_path(str(SIMULATION))["simulate"]
     raw_bytes = simulate_to_file(simulate, (arguments.vertices, arguments.frames), raw)
     data, *seconds = timed(lambda: meshreel.encode(raw, tracks=BOUNDS))
     print_row("encoding it", *seconds)

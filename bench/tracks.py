@@ -3,7 +3,7 @@
     python bench/tracks.py --vertices 10000 --frames 150
     python bench/tracks.py samba.npz
 
-Without a file: the tracks of `examples/heat_on_a_sphere.py`. With a file: velocities (differences
+Without a file: the tracks of `bench/heat_on_a_sphere.py`. With a file: velocities (differences
 of positions) and normals of vertices. All are coded within 0.1 % of the range, normals within 0.5
 degrees; `meshreel evaluate --track` describes the other codecs. Needs `pip install '.[peers]'`.
 """
@@ -23,7 +23,7 @@ from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.runtime.progress import silent
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "heat_on_a_sphere.py"
+SIMULATION = Path(__file__).with_name("heat_on_a_sphere.py")
 
 
 def derived(path: str) -> meshreel.MeshSequence:
@@ -67,7 +67,7 @@ def main() -> None:
     arguments = parser.parse_args()
     sequences = {path: derived(path) for path in arguments.inputs}
     if not sequences:
-        simulate = runpy.run_path(str(EXAMPLE))["simulate"]
+        simulate = runpy.run_path(str(SIMULATION))["simulate"]
         sequences = {"sphere": simulate(arguments.vertices, arguments.frames)}
     others = [peer.name for peer in TRACK_PEERS if is_available(peer)]
     head = ["track", "positions", "bytes", *others, "of the best", "encoding, s", "decoding, s"]

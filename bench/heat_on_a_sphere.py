@@ -1,7 +1,7 @@
 """Simulate heat diffusion on a pulsating, rotating sphere, with a known solution.
 
-    python examples/heat_on_a_sphere.py
-    python examples/heat_on_a_sphere.py --vertices 50000 --frames 500
+    python bench/heat_on_a_sphere.py
+    python bench/heat_on_a_sphere.py --vertices 50000 --frames 500
 
 Vertices have temperature and velocity, faces a heat flow. Prints the bytes of each track within its
 bound, and the errors of decoded values.

@@ -1,7 +1,7 @@
 """Simulate a trotting animal with fine wrinkles: a sequence that is mostly shape.
 
-    python examples/dense_animal.py --out animal.npz
-    python examples/dense_animal.py --frames 24 --subdivisions 5
+    python bench/dense_animal.py --out animal.npz
+    python bench/dense_animal.py --frames 24 --subdivisions 5
 
 Some 40,000 vertices follow a few joints, with static detail: most of a file is the shape of one
 frame. Prints sizes and errors of the default and of the paper's method.

@@ -1,7 +1,7 @@
 """Simulate a cloth that falls over a sphere and folds: a sequence that is mostly shape.
 
-    python examples/falling_cloth.py --out cloth.npz
-    python examples/falling_cloth.py --frames 30 --side 60
+    python bench/falling_cloth.py --out cloth.npz
+    python bench/falling_cloth.py --frames 30 --side 60
 
 It has few frames, and folds that never recur, so it needs many modes: a hard case for a codec that
 exploits repeated motion. Prints sizes and errors of the default and of the paper's method.
