@@ -1,54 +1,74 @@
-"""Record frames of a camera, and read the file while it is written.
+"""Record frames of a camera into a file that survives a crash.
 
-    python examples/record.py recording.reel --seconds 4
+    python examples/record.py --out recording.reel
+    python examples/record.py --crash-after 3 --out crashed.reel
 
-The camera is simulated: a flag with sensor noise. If the recording is interrupted, the file opens
-up to the last complete block.
+The camera is simulated: a flag with sensor noise. With `--crash-after`, the recorder runs in a
+process that is killed, without a chance to close the file; all complete blocks can be read.
 """
 
 import argparse
+import multiprocessing
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 import meshreel
 
-FPS = 25
-NOISE_M = 5e-4
+FPS, NOISE_M, LATENCY_S = 25, 5e-4, 1.0
+QUALITY = 65  # a higher one would store the noise
+
+FLAG = meshreel.simulate_flag(100, n_rows=36, n_columns=36, fps=FPS)
 
 
-def camera(seconds: float) -> tuple[np.ndarray, Iterator[np.ndarray]]:
-    """Return faces of shape (M, 3), and an iterator of frames of shape (V, 3) in real time."""
-    flag = meshreel.simulate_flag(int(seconds * FPS), fps=FPS)
-    rng = np.random.default_rng(1)
+def camera(seconds: float) -> Iterator[npt.NDArray[np.floating]]:
+    """Yield frames of shape (V, 3) in real time."""
+    rng, begin = np.random.default_rng(1), time.monotonic()
+    for number in range(round(seconds * FPS)):
+        time.sleep(max(0, begin + number / FPS - time.monotonic()))
+        frame = FLAG[number % len(FLAG)]
+        yield frame + rng.normal(0, NOISE_M, frame.shape).astype(frame.dtype)
 
-    def frames() -> Iterator[np.ndarray]:
-        for frame in flag:
-            time.sleep(1 / FPS)
-            yield frame + rng.normal(0, NOISE_M, frame.shape).astype(np.float32)
 
-    return flag.faces, frames()
+def record(output: Path, seconds: float) -> None:
+    """Push each frame when it arrives; a block is in the file at most LATENCY_S later."""
+    with meshreel.Encoder(
+        FLAG.faces, output, fps=FPS, max_latency_s=LATENCY_S, quality=QUALITY
+    ) as encoder:
+        for frame in camera(seconds):
+            encoder.push(frame)
+    print(f"recorded {encoder.n_frames} frames, {encoder.latency_s:.2f} s from frame to file")
 
 
 def main() -> None:
-    """Record, and read the file before and after its end."""
+    """Record, kill the recorder if asked to, and read the file."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("output", type=Path)
+    parser.add_argument("--out", type=Path, required=True, help="a .reel to write")
     parser.add_argument("--seconds", type=float, default=4.0)
+    parser.add_argument("--crash-after", type=float, metavar="SECONDS")
     arguments = parser.parse_args()
-    faces, frames = camera(arguments.seconds)
-    with meshreel.Encoder(faces, arguments.output, fps=FPS, max_latency_s=1) as encoder:
-        for frame in frames:
-            encoder.push(frame)
-        print(f"pushed {encoder.n_frames} frames, {encoder.size_bytes} bytes are written")
-        if encoder.latency_s:  # the first block is complete
-            with meshreel.open(arguments.output) as reel:
-                print(f"{len(reel)} of them can be read already")
-    with meshreel.open(arguments.output) as reel:
-        stream = reel.info()
-        print(f"{len(reel)} frames in {stream.size_bytes} bytes, {stream.rate_bpvf:.2f} bpvf")
+    if arguments.out.exists():
+        parser.error(f"{arguments.out} exists")
+    if arguments.crash_after is None:
+        record(arguments.out, arguments.seconds)
+    else:
+        recorder = multiprocessing.get_context("spawn").Process(
+            target=record, args=(arguments.out, arguments.seconds)
+        )
+        recorder.start()
+        while not arguments.out.exists():
+            time.sleep(0.01)
+        time.sleep(arguments.crash_after)
+        recorder.kill()
+        recorder.join()
+        print(f"killed the recorder after {arguments.crash_after:g} s")
+    with meshreel.open(arguments.out) as reel:
+        n_bytes = sum(frame.nbytes for frame in reel)
+        print(f"{len(reel)} frames, {len(reel) / FPS:.2f} s, can be read: {n_bytes / 1e6:.1f} MB")
+    print(f"{arguments.out}: {arguments.out.stat().st_size / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":
