@@ -5,7 +5,8 @@
 - CHANGELOG.md, CONTRIBUTING.md and the READMEs of integrations are pages of the site, too.
 - A line ``<!-- options: encode -->`` becomes a table of the options of that command, and
   ``<!-- options of encoding -->`` those of `meshreel.encode` with the methods that take them.
-- A line ``<!-- live player -->`` becomes a flag that plays: the element of the package for pages.
+- A line ``<!-- player: flag -->`` becomes a player of that stream (gallery_streams.py): the element
+  of the package for pages; ``<!-- figures: flag -->`` becomes its sizes and errors.
 - A line ``::: meshreel.encode`` names what users import; it is documented where it is defined.
 """
 
@@ -15,6 +16,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from gallery_streams import gallery
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
@@ -39,10 +41,13 @@ OUTSIDE = {
 
 OPTIONS = re.compile(r"^<!-- options: (\w+) -->$", re.MULTILINE)
 OPTIONS_OF_ENCODING = "<!-- options of encoding -->"
-LIVE_PLAYER = "<!-- live player -->"
-PLAYER_SCRIPT = ROOT / "npm" / "dist" / "player.js"
-PLAYER_FILES = ("player/player.js", "player/flag.reel")
-"""Places on the site."""
+PLAYER = re.compile(r"<!-- player: (\w+) -->")
+FIGURES = re.compile(r"<!-- figures: (\w+) -->")
+SCRIPTS = ROOT / "npm" / "dist"
+PLAYER_SCRIPTS = ("player.js", "whole_wasm.js", "plain_wasm.js", "chunk.js")
+"""The player, and what it loads for files with tracks, and where there is no SIMD."""
+PLAYER_FOLDER = "player"
+"""Place on the site of these scripts, and of the streams."""
 
 PUBLIC = re.compile(r"^::: meshreel\.([\w.]+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
@@ -52,11 +57,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """The files of the site, with those that lie outside of docs/."""
     for source, place in OUTSIDE.items():
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
-    if not PLAYER_SCRIPT.is_file():
-        raise PluginError(f"{PLAYER_SCRIPT} is not built: npm ci && npm run build in npm/")
-    script, flag = PLAYER_FILES
-    files.append(File.generated(config, script, content=PLAYER_SCRIPT.read_bytes()))
-    files.append(File.generated(config, flag, content=meshreel.encode(meshreel.simulate_flag(150))))
+    contents = {f"{name}.reel": shown.data for name, shown in gallery().items()}
+    for name in PLAYER_SCRIPTS:
+        if not (SCRIPTS / name).is_file():
+            raise PluginError(f"{SCRIPTS / name} is not built: npm ci && npm run build in npm/")
+        contents[name] = (SCRIPTS / name).read_bytes()
+    for name, content in contents.items():
+        files.append(File.generated(config, f"{PLAYER_FOLDER}/{name}", content=content))
     return files
 
 
@@ -65,17 +72,20 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     markdown = LINK.sub(lambda found: _site_link(found, page.file.src_uri), markdown)
     markdown = OPTIONS.sub(lambda found: options_table(found[1]), markdown)
     markdown = markdown.replace(OPTIONS_OF_ENCODING, options_tables())
-    markdown = markdown.replace(LIVE_PLAYER, live_player(page))
+    markdown = PLAYER.sub(lambda found: player(found[1], page), markdown)
+    markdown = FIGURES.sub(lambda found: gallery()[found[1]].figures, markdown)
     return PUBLIC.sub(lambda found: _definition(found[1]), markdown)
 
 
-def live_player(page: Page) -> str:
-    """HTML of a player of the flag, for a page of the site."""
-    script, flag = (get_relative_url(file, page.url) for file in PLAYER_FILES)
+def player(name: str, page: Page) -> str:
+    """HTML of a player of a stream, for a page of the site."""
+    folder = get_relative_url(f"{PLAYER_FOLDER}/", page.url)
+    attributes = (
+        f'{gallery()[name].attributes} loading="lazy" autoplay loop camera-controls controls'
+    )
     return (
-        f'<script type="module" src="{script}"></script>\n'
-        f'<reel-player src="{flag}" alt="A flag in the wind" autoplay loop camera-controls '
-        "controls></reel-player>"
+        f'<script type="module" src="{folder}player.js"></script>\n'
+        f'<reel-player src="{folder}{name}.reel" {attributes}></reel-player>'
     )
 
 
