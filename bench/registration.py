@@ -3,19 +3,25 @@
     python bench/registration.py liam/ --frames 40
     python bench/registration.py samba.npz --remesh --frames 24
     python bench/registration.py 'collision/*.obj' --tolerance 0.3%
+    python bench/registration.py dancer/ --quality 70 80 90 --bits --decimate
 
 Prints the segments, the processor seconds, and for each quality kilobits per frame with the surface
 PSNR of evenly spaced frames; the same for Draco at several bits. Geometry only: attributes are left
 out. `--remesh` gives each frame of a sequence another mesh (isotropic remeshing of pymeshlab, edges
-of 0.87 to 0.93 of the mean length), so that the original is known; it is measured too.
+of 0.87 to 0.93 of the mean length), so that the original is known; it is measured too. `--decimate`
+gives shares of the faces to which quadric edge collapses (pymeshlab) reduce the measured frames
+before Draco codes them at every number of bits; printed is the least rate, on the envelope of all
+of them, at the surface PSNR of each quality.
+
+The last column is D2 as TVMC computes it (evaluation.py of its repository): distances from the
+vertices of the original to the closest decoded vertices, along their normals; the peak is the
+diagonal of the frame's box. It is no metric of MPEG, and its samples are the vertices.
 """
 
 import argparse
-import os
 import time
-from collections.abc import Sequence
-
-os.environ.setdefault("MESHREEL_THREADS", "1")
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import DracoPy
 import numpy as np
@@ -26,12 +32,15 @@ from meshreel import MeshFrame, MeshSequence, SegmentedSequence
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
+from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.segments import segments_of
+from meshreel.model.sequence import Extent
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
 
 LENGTHS = 0.87, 0.93
+DECIMATION = "meshing_decimation_quadric_edge_collapse"
 
 
 def as_segments(frames: Sequence[MeshFrame]) -> SegmentedSequence:
@@ -41,20 +50,28 @@ def as_segments(frames: Sequence[MeshFrame]) -> SegmentedSequence:
 
 def remeshed(frames: Sequence[MeshFrame]) -> list[MeshFrame]:
     """Return each frame with a new mesh of the same surface."""
-    import pymeshlab
-
     first, rng = frames[0], np.random.default_rng(1)
     corners = first.vertices[first.faces].astype(np.float64)
     mean = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
-    result = []
-    for one in frames:
-        meshes = pymeshlab.MeshSet()
-        meshes.add_mesh(pymeshlab.Mesh(one.vertices.astype(np.float64), one.faces))
-        length = pymeshlab.PureValue(mean * rng.uniform(*LENGTHS))
-        meshes.meshing_isotropic_explicit_remeshing(iterations=4, targetlen=length, featuredeg=60)
-        mesh = meshes.current_mesh()
-        result.append(as_frame(mesh.vertex_matrix(), mesh.face_matrix()))
-    return result
+    options = {"iterations": 4, "featuredeg": 60}
+    lengths = [mean * rng.uniform(*LENGTHS) for _ in frames]
+    return [
+        filtered(one, "meshing_isotropic_explicit_remeshing", targetlen=length, **options)
+        for one, length in zip(frames, lengths, strict=True)
+    ]
+
+
+def filtered(frame: MeshFrame, name: str, **options: float) -> MeshFrame:
+    """Return a frame after a filter of pymeshlab; `targetlen` is a length, not percent."""
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(frame.vertices.astype(np.float64), frame.faces))
+    if length := options.get("targetlen"):
+        options["targetlen"] = pymeshlab.PureValue(length)
+    getattr(meshes, name)(**options)
+    mesh = meshes.current_mesh()
+    return as_frame(mesh.vertex_matrix(), mesh.face_matrix())
 
 
 def as_frame(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> MeshFrame:
@@ -62,21 +79,31 @@ def as_frame(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer])
     return MeshFrame(np.asarray(vertices, np.float32), np.asarray(faces, np.int32))
 
 
-def psnr(raw: SegmentedSequence, other: SegmentedSequence, every: int) -> float:
-    """Return the surface PSNR of evenly spaced frames, in dB."""
-    low, high = raw.extent.low, raw.extent.high
-    scale = float((high - low).max())
-    squares = []
-    for number in range(0, raw.n_frames, every):
-        frames = raw.frame(number), other.frame(number)
-        first, second = (TriangleMesh((one.vertices - low) / scale, one.faces) for one in frames)
+def psnr(raw: SegmentedSequence, other: SegmentedSequence, extent: Extent) -> tuple[float, float]:
+    """Return the surface PSNR of all frames and the mean of TVMC's D2 of unequal ones, in dB."""
+    scale = float((extent.high - extent.low).max())
+    squares, d2 = [], []
+    for frames in zip(raw, other, strict=True):
+        first, second = (
+            TriangleMesh((one.vertices - extent.low) / scale, one.faces) for one in frames
+        )
         squares.append(measure(second, first, Tolerance(1.0)).mean_square)
-    return float(10 * np.log10(3 / np.mean(squares)))
+        d2.append(d2_of_vertices(first, second))
+    return float(10 * np.log10(3 / np.mean(squares))), float(np.mean([x for x in d2 if x < 200]))
 
 
-def draco(raw: SegmentedSequence, bits: int) -> tuple[int, SegmentedSequence]:
+def d2_of_vertices(original: TriangleMesh, decoded: TriangleMesh) -> float:
+    """Return D2 of TVMC, in dB."""
+    closest = k_d_tree(decoded.vertices).query(original.vertices)[1]
+    offsets = original.vertices - decoded.vertices[closest]
+    heights = np.einsum("nc,nc->n", offsets, decoded.vertex_normals[closest])
+    peak = np.ptp(original.vertices, axis=0)
+    return float(10 * np.log10(peak @ peak / max(np.mean(heights**2), 1e-30)))
+
+
+def draco(frames: Iterable[MeshFrame], bits: int, extent: Extent) -> tuple[int, SegmentedSequence]:
     """Return the bytes of all frames, coded by Draco on one grid, and the decoded frames."""
-    low, high = raw.extent.low, raw.extent.high
+    low, high = extent.low, extent.high
     streams = [
         DracoPy.encode(
             one.vertices,
@@ -86,16 +113,33 @@ def draco(raw: SegmentedSequence, bits: int) -> tuple[int, SegmentedSequence]:
             quantization_range=float((high - low).max()),
             quantization_origin=low.tolist(),
         )
-        for one in raw
+        for one in frames
     ]
     decoded = map(DracoPy.decode, streams)
     return sum(map(len, streams)), as_segments([as_frame(x.points, x.faces) for x in decoded])
 
 
-def show(name: str, n_bytes: int, n_frames: int, db: float) -> None:
-    """Print a row: kilobits per frame, megabits per second at 30 frames per second, PSNR."""
-    kilobits = n_bytes * 8e-3 / n_frames
-    print(f"| {name} | {kilobits:.2f} | {kilobits * 0.03:.3f} | {db:.2f} |", flush=True)
+def show(name: str, kilobits: float, db: float, d2: float) -> None:
+    """Print a row: kilobits per frame, megabits per second at 30 frames per second, PSNR, D2."""
+    print(f"| {name} | {kilobits:.2f} | {kilobits * 0.03:.3f} | {db:.2f} | {d2:.2f} |", flush=True)
+
+
+def least_rate(points: Iterable[tuple[float, float, str]], db: float) -> str:
+    """Return the least kilobits per frame at a PSNR, between points of the envelope.
+
+    Parameters
+    ----------
+    points : iterable of (float, float, str)
+        Kilobits, dB, and the name of a curve.
+    """
+    best = sorted(points)
+    envelope = [one for n, one in enumerate(best) if all(one[1] > other[1] for other in best[:n])]
+    for lower, upper in pairwise(envelope):
+        if lower[1] <= db <= upper[1]:
+            share = (db - lower[1]) / (upper[1] - lower[1])
+            rate = np.exp((1 - share) * np.log(lower[0]) + share * np.log(upper[0]))
+            return f"{rate:.1f} kbit per frame (between {lower[2]} and {upper[2]})"
+    return "outside the measured range"
 
 
 def main() -> None:
@@ -108,6 +152,7 @@ def main() -> None:
     parser.add_argument("--quality", type=float, nargs="*", default=[60, 70, 80])
     parser.add_argument("--bits", type=int, nargs="*", default=[9, 10])
     parser.add_argument("--remesh", action="store_true")
+    parser.add_argument("--decimate", type=float, nargs="*", default=[], help="shares of the faces")
     arguments = parser.parse_args()
     options = ReadOptions(attributes="none", matches_frames=False)
     given = load_any(arguments.source, options)
@@ -115,6 +160,11 @@ def main() -> None:
     n_frames = arguments.frames or sequence.n_frames
     frames = [sequence.frame(number) for number in range(n_frames)]
     raw = as_segments(remeshed(frames) if arguments.remesh else frames)
+    measured, extent = range(0, n_frames, arguments.every), raw.extent
+
+    def chosen(frames: SegmentedSequence) -> SegmentedSequence:
+        return as_segments([frames.frame(number) for number in measured])
+
     begin = time.process_time()
     found = register(raw, bound_of(arguments.tolerance))
     seconds = (time.process_time() - begin) / raw.n_frames
@@ -123,21 +173,35 @@ def main() -> None:
           f"{[one.n_frames for one in found.sequence.segments]} frames, {seconds:.2f} processor "
           f"seconds per frame, {1e4 * seconds / n_verts:.2f} per 10,000 vertices; registered: "
           f"{found.distances}; {found.distances.n_folded} folded faces")  # fmt: skip
-    print("| | kbit/frame | Mbit/s | surface PSNR, dB |\n|---|---|---|---|")
-    show("registered, not coded", 0, 1, psnr(raw, found.sequence, arguments.every))
+    print("| | kbit/frame | Mbit/s | surface PSNR, dB | D2 of TVMC, dB |\n|---|---|---|---|---|")
+    targets = chosen(raw)
+    show("registered, not coded", 0, *psnr(targets, chosen(found.sequence), extent))
+    reached = []
     for quality in arguments.quality:
         data = meshreel.encode(found.sequence, quality=quality, order="drop")
-        db = psnr(raw, meshreel.decode_segments(data), arguments.every)
-        show(f"quality {quality:g}", len(data), raw.n_frames, db)
+        db = psnr(targets, chosen(meshreel.decode_segments(data)), extent)
+        show(f"quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
+        reached.append(db[0])
         if arguments.remesh:
             positions = np.stack([one.vertices for one in frames]).astype(np.float32)
             original = MeshSequence(positions, frames[0].faces, 30.0)
             data = meshreel.encode(original, quality=quality, order="drop")
-            db = psnr(as_segments(frames), meshreel.decode_segments(data), arguments.every)
-            show(f"original at quality {quality:g}", len(data), raw.n_frames, db)
-    for bits in arguments.bits:
-        n_bytes, decoded = draco(raw, bits)
-        show(f"Draco, {bits} bits", n_bytes, raw.n_frames, psnr(raw, decoded, arguments.every))
+            exact = chosen(as_segments(frames))
+            db = psnr(exact, chosen(meshreel.decode_segments(data)), extent)
+            show(f"original at quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
+    points = []
+    for share in (1.0, *arguments.decimate):
+        coarse = list(targets)
+        if share < 1:
+            coarse = [filtered(one, DECIMATION, targetperc=share) for one in coarse]
+        for bits in arguments.bits:
+            n_bytes, decoded = draco(coarse, bits, extent)
+            kilobits, db = n_bytes * 8e-3 / len(measured), psnr(targets, decoded, extent)
+            name = f"Draco, {100 * share:g} % of the faces, {bits} bits"
+            show(name, kilobits, *db)
+            points.append((kilobits, db[0], name))
+    for target in reached:
+        print(f"Draco at {target:.1f} dB: {least_rate(points, target)}")
 
 
 if __name__ == "__main__":
