@@ -13,10 +13,14 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import meshreel
 from meshreel.kernel import library
+from meshreel.kernel.files import OpenFile
 from meshreel.model.flag import simulate_flag
 
 MIN_MS = 5.0
@@ -45,18 +49,23 @@ def main() -> None:
 def processor_time(source: str | None) -> Times:
     """Milliseconds in each function of the core while a sequence is encoded and decoded."""
     times: Times = defaultdict(float)
-    call = library.call
 
-    def timed(function: str, *arguments: library.Argument, what: str) -> int:
+    def timed(call: Callable[..., Any], name: str) -> Any:
         start = time.thread_time()
         try:
-            return call(function, *arguments, what=what)
+            return call()
         finally:
-            times[function] += 1000 * (time.thread_time() - start)
+            times[name] += 1000 * (time.thread_time() - start)
 
+    encode, decode = library.call, OpenFile.call
     for module in list(sys.modules.values()):  # each kernel module imports the function by name
-        if getattr(module, "call", None) is call:
-            module.call = timed  # type: ignore[attr-defined]
+        if getattr(module, "call", None) is encode:
+            module.call = lambda name, *given, **options: timed(  # type: ignore[attr-defined]
+                partial(encode, name, *given, **options), name
+            )
+    OpenFile.call = lambda file, name, *given: timed(  # type: ignore[method-assign]
+        partial(decode, file, name, *given), name
+    )
     sequence = meshreel.load(source) if source else simulate_flag(60)
     meshreel.decode(meshreel.encode(sequence))
     meshreel.decode(meshreel.encode(sequence, lossless=True))
