@@ -226,19 +226,33 @@ REEL_INLINE uint32_t reel_probability(const reel_model *model) {
 REEL_INLINE void reel_update_model(reel_model *model, int bit) {
     uint32_t rate = reel_adaptation_rates[model->count];
     uint32_t fast = rate > 65536U >> REEL_FAST_SHIFT ? rate : 65536U >> REEL_FAST_SHIFT;
-    if (bit) {
-        model->fast = (uint16_t)(model->fast + (((65535U - model->fast) * fast) >> 16));
-        model->slow = (uint16_t)(model->slow + (((65535U - model->slow) * rate) >> 16));
-    } else {
-        model->fast = (uint16_t)(model->fast - ((model->fast * fast) >> 16));
-        model->slow = (uint16_t)(model->slow - ((model->slow * rate) >> 16));
-    }
+    uint32_t flip = bit ? 65535U : 0U; /* a 1 moves 65535 - p as a 0 moves p */
+    uint32_t p = model->fast ^ flip, q = model->slow ^ flip;
+    model->fast = (uint16_t)((p - (p * fast >> 16)) ^ flip);
+    model->slow = (uint16_t)((q - (q * rate >> 16)) ^ flip);
     model->count = (uint16_t)(model->count + (model->count < REEL_MAX_COUNT));
 }
 
 /* Code a bit with an adaptive model, and update the model. */
 REEL_INLINE int reel_bit(reel_range_coder *coder, reel_model *model, int bit) {
     bit = reel_code_bit(coder, reel_probability(model), bit);
+    reel_update_model(model, bit);
+    return bit;
+}
+
+/* `reel_bit` for a bit that is about as often 1 as 0: decoders do not branch on it. */
+REEL_INLINE int reel_even_bit(reel_range_coder *coder, reel_model *model, int bit) {
+    if (reel_is_encoder(coder)) {
+        return reel_bit(coder, model, bit);
+    }
+    uint64_t bound = (coder->range >> 16) * reel_probability(model), low = coder->low;
+    bit = low < bound;
+    uint64_t above = (uint64_t)bit - 1; /* all ones if the bit is 0 */
+    coder->low = low - (bound & above);
+    coder->range = (bound & ~above) + ((coder->range - bound) & above);
+    if (coder->range < (uint64_t)1 << 32) {
+        reel_renormalize(coder);
+    }
     reel_update_model(model, bit);
     return bit;
 }

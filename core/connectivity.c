@@ -90,19 +90,21 @@ static size_t max_nodes(int64_t n_faces) { return 3 * (size_t)n_faces + 4; }
 
 static size_t walk_memory(int64_t n_faces) {
     return reel_array_bytes(1, sizeof(reel_walk_models)) +
-           reel_array_bytes(max_nodes(n_faces), sizeof(reel_node));
+           reel_array_bytes(REEL_STACKS + max_nodes(n_faces), sizeof(reel_node));
 }
 
 static reel_walk new_walk(reel_arena *arena, int64_t n_verts, int64_t n_faces) {
     reel_walk walk = {.n_verts = n_verts, .n_faces = n_faces, .free_slot = REEL_NONE};
     walk.capacity = (int32_t)max_nodes(n_faces);
     walk.models = reel_allocate(arena, 1, sizeof *walk.models);
-    walk.nodes = reel_allocate(arena, max_nodes(n_faces), sizeof *walk.nodes);
-    for (int i = 0; i < REEL_STACKS; i++) {
-        walk.top[i] = REEL_NONE;
-    }
+    walk.nodes = reel_allocate(arena, REEL_STACKS + max_nodes(n_faces), sizeof *walk.nodes);
     if (!arena->failed) {
         reel_reset_walk_models(walk.models);
+        walk.nodes += REEL_STACKS;
+        for (int i = 0; i < REEL_STACKS; i++) {
+            reel_node *head = &walk.nodes[REEL_HEAD(i)];
+            head->above = head->below = REEL_HEAD(i);
+        }
     }
     return walk;
 }

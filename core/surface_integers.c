@@ -22,6 +22,8 @@
 _Static_assert(sizeof(int16_t) * N_WEIGHTS == REEL_SURFACE_HEAD, "see reel.h");
 
 typedef int32_t vec4i __attribute__((vector_size(4 * LANES), may_alias));
+typedef int64_t vec4l __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
+typedef double vec4d __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
 
 /* The rows next to those at both ends of a side, and opposite to it on both faces. */
 typedef struct {
@@ -30,7 +32,7 @@ typedef struct {
 
 /* Columns of a row: their values, and their residuals, which saturate at LARGEST. */
 typedef struct {
-    double values[LANES];
+    vec4d values;
     vec4i residuals;
 } row_group;
 
@@ -57,7 +59,7 @@ typedef struct {
 /* Means of the rows around a row, for each column: at the ends of the sides of its parallelograms,
    opposite to it, and of all. */
 typedef struct {
-    double near[LANES], opposite[LANES], around[LANES];
+    vec4d near, opposite, around;
 } row_means;
 
 size_t reel_surface_integers_memory(int64_t n_rows, int64_t n_faces, int64_t n_columns) {
@@ -194,55 +196,50 @@ REEL_INLINE int class_of(const surface_coder *coder) {
 /* Find the means of the columns of a group for the current row. */
 REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n_groups,
                             row_means *means) {
-    double near[LANES] = {0}, opposite[LANES] = {0}, around[LANES] = {0};
+    const row_group *rows = coder->rows + group;
+    vec4d near = {0}, opposite = {0}, around = {0};
     for (int32_t i = 0; i < coder->n_parallelograms; i++) {
         const parallelogram *one = &coder->parallelograms[i];
-        const double *a = coder->rows[one->a * n_groups + group].values;
-        const double *b = coder->rows[one->b * n_groups + group].values;
-        const double *c = coder->rows[one->c * n_groups + group].values;
-        for (int k = 0; k < LANES; k++) {
-            near[k] += a[k] + b[k];
-            opposite[k] += c[k];
-        }
+        near += rows[one->a * n_groups].values + rows[one->b * n_groups].values;
+        opposite += rows[one->c * n_groups].values;
     }
     for (int32_t i = 0; i < coder->n_around; i++) {
-        const double *values = coder->rows[coder->around[i] * n_groups + group].values;
-        for (int k = 0; k < LANES; k++) {
-            around[k] += values[k];
-        }
+        around += rows[coder->around[i] * n_groups].values;
     }
-    double share = 1.0 / (double)coder->n_parallelograms, half = 0.5 * share,
-           share_around = 1.0 / (double)coder->n_around;
-    for (int k = 0; k < LANES; k++) {
-        means->near[k] = near[k] * half;
-        means->opposite[k] = opposite[k] * share;
-        means->around[k] = around[k] * share_around;
-    }
+    double share = 1.0 / (double)coder->n_parallelograms;
+    means->near = near * (0.5 * share);
+    means->opposite = opposite * share;
+    means->around = around * (1.0 / (double)coder->n_around);
+}
+
+/* The integers nearest to numbers, at most MAX_PREDICTION in size; halves are rounded away
+   from 0. */
+REEL_INLINE vec4i round_group(vec4d value) {
+    const vec4d half = {0.5, 0.5, 0.5, 0.5};
+    const vec4d most = {MAX_PREDICTION, MAX_PREDICTION, MAX_PREDICTION, MAX_PREDICTION};
+    vec4l sign = (vec4l)value & INT64_MIN;
+    vec4d size = (vec4d)((vec4l)value ^ sign);
+    vec4l is_less = size < most;
+    size = (vec4d)(((vec4l)size & is_less) | ((vec4l)most & ~is_less)) + half;
+    return __builtin_convertvector((vec4d)((vec4l)size | sign), vec4i);
 }
 
 /* Predict the columns of a group of the current row: without parallelograms from its first
    neighbor, or the row before it. */
-REEL_INLINE void predict_group(const surface_coder *coder, int64_t row, int64_t group,
-                               int64_t n_groups, int32_t *predicted) {
+REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t group,
+                                int64_t n_groups) {
     int class = class_of(coder);
     if (class < 0) {
         int64_t other = coder->n_around ? coder->around[0] : row - 1;
-        for (int k = 0; k < LANES; k++) {
-            double value = other < 0 ? 0.0 : coder->rows[other * n_groups + group].values[k];
-            predicted[k] = (int32_t)value;
-        }
-        return;
+        vec4d values = {0};
+        return __builtin_convertvector(
+            other < 0 ? values : coder->rows[other * n_groups + group].values, vec4i);
     }
     double f = coder->weights[2 * class], g = coder->weights[2 * class + 1];
     row_means means;
     find_means(coder, group, n_groups, &means);
-    for (int k = 0; k < LANES; k++) {
-        double near = means.near[k];
-        double value = near + (f * (near - means.opposite[k]) + g * (means.around[k] - near));
-        value = value < MAX_PREDICTION ? value : MAX_PREDICTION;
-        value = value > -MAX_PREDICTION ? value : -MAX_PREDICTION;
-        predicted[k] = (int32_t)(value + (value < 0 ? -0.5 : 0.5));
-    }
+    vec4d near = means.near;
+    return round_group(near + (f * (near - means.opposite) + g * (means.around - near)));
 }
 
 /* ---- residuals ---- */
@@ -300,19 +297,13 @@ REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, i
    magnitude of the columns before. */
 REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder, int64_t row,
                             int64_t group, int64_t n_groups, int64_t n_columns,
-                            const int32_t *given, int32_t *own) {
+                            const int32_t *given, int32_t *decoded, int32_t *own) {
     static const int32_t shares[N_CONTEXT + 1] = {0, 48, 24, 16, 12};
-    row_group *to = &coder->rows[row * n_groups + group];
-    int32_t predicted[LANES];
-    predict_group(coder, row, group, n_groups, predicted);
+    int32_t value[LANES] = {0}, coded[LANES] = {0};
+    vec4i predicted = predict_group(coder, row, group, n_groups);
     near_residuals near = sum_near(coder, group, n_groups);
-    for (int k = 0; k < LANES; k++) {
+    for (int k = 0; k < LANES && LANES * group + k < n_columns; k++) {
         int64_t column = LANES * group + k;
-        if (column >= n_columns) {
-            to->values[k] = 0.0;
-            to->residuals[k] = 0;
-            continue;
-        }
         int32_t *recent = &coder->recent[column];
         int32_t mean = near.n ? near.sizes[k] * shares[near.n] : *recent;
         float expected = (float)((column ? 3 * mean + 48 * *own : 4 * mean) + 2 * *recent + 72);
@@ -326,18 +317,22 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         uint32_t magnitude = residual < 0 ? 0U - (uint32_t)residual : (uint32_t)residual;
         magnitude = code_magnitude(range_coder, coder->models, size, magnitude);
         int32_t limited = magnitude < LARGEST ? (int32_t)magnitude : LARGEST;
+        uint32_t negative = 0;
         if (magnitude) {
             reel_model *model = &coder->models->negative[near.signs[k] + N_CONTEXT];
-            int negative = reel_bit(range_coder, model, residual < 0);
-            magnitude = negative ? 0U - magnitude : magnitude;
-            to->residuals[k] = negative ? -limited : limited;
-        } else {
-            to->residuals[k] = 0;
+            negative = 0U - (uint32_t)reel_even_bit(range_coder, model, residual < 0);
         }
-        to->values[k] = (double)(int32_t)((uint32_t)predicted[k] + magnitude);
+        coded[k] = (limited ^ (int32_t)negative) - (int32_t)negative;
+        value[k] = (int32_t)((uint32_t)predicted[k] + ((magnitude ^ negative) - negative));
+        if (!reel_is_encoder(range_coder)) {
+            decoded[column] = value[k];
+        }
         *recent += (48 * limited - *recent) >> 3;
         *own = column ? (*own + limited) >> 1 : limited;
     }
+    row_group *to = &coder->rows[row * n_groups + group];
+    to->values = (vec4d){value[0], value[1], value[2], value[3]};
+    to->residuals = (vec4i){coded[0], coded[1], coded[2], coded[3]};
 }
 
 /* Code all rows: the encoder passes the values, the decoder where to write them. */
@@ -347,14 +342,10 @@ REEL_INLINE void code_rows(reel_range_coder *range_coder, surface_coder *coder, 
         int32_t own = 0;
         find_neighbors(coder, (int32_t)row);
         for (int64_t group = 0; group < n_groups; group++) {
-            const int32_t *values = given ? given + row * n_columns : NULL;
-            code_group(range_coder, coder, row, group, n_groups, n_columns, values, &own);
-            const row_group *coded = &coder->rows[row * n_groups + group];
-            int64_t first = LANES * group;
-            for (int64_t k = 0; decoded && k < LANES && first + k < n_columns; k++) {
-                decoded[row * n_columns + first + k] = (int32_t)coded->values[k];
-            }
+            code_group(range_coder, coder, row, group, n_groups, n_columns, given, decoded, &own);
         }
+        given += given ? n_columns : 0;
+        decoded += decoded ? n_columns : 0;
     }
 }
 
@@ -407,7 +398,7 @@ static void fit_weights(surface_coder *coder, const int32_t *values) {
         find_neighbors(coder, (int32_t)row);
         int class = class_of(coder);
         for (int64_t group = 0; class >= 0 && group < coder->n_groups; group++) {
-            const double *own = coder->rows[row * coder->n_groups + group].values;
+            vec4d own = coder->rows[row * coder->n_groups + group].values;
             find_means(coder, group, coder->n_groups, &means);
             for (int k = 0; k < LANES; k++) {
                 double x = means.near[k] - means.opposite[k], y = means.around[k] - means.near[k],

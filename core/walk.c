@@ -6,36 +6,26 @@
 #include "walk.h"
 
 static int stack_of(const reel_node *node) {
-    if (node->remaining == 0) {
-        return 0;
-    }
-    if (node->vertex == REEL_CAP) {
-        return 1;
-    }
-    return node->remaining + 1 < REEL_STACKS ? node->remaining + 1 : REEL_STACKS - 1;
+    int stack = node->remaining + 1 < REEL_STACKS ? node->remaining + 1 : REEL_STACKS - 1;
+    stack = node->vertex == REEL_CAP ? 1 : stack;
+    return node->remaining ? stack : 0;
 }
 
 static void push_node(reel_walk *walk, int32_t n) {
-    reel_node *node = &walk->nodes[n];
-    int32_t *top = &walk->top[stack_of(node)];
-    node->above = REEL_NONE;
-    node->below = *top;
-    if (*top != REEL_NONE) {
-        walk->nodes[*top].above = n;
-    }
-    *top = n;
+    reel_node *nodes = walk->nodes;
+    int stack = stack_of(&nodes[n]);
+    int32_t head = REEL_HEAD(stack), top = nodes[head].below;
+    nodes[n].above = head;
+    nodes[n].below = top;
+    nodes[top].above = n;
+    nodes[head].below = n;
+    walk->filled |= 1U << stack;
 }
 
-static void remove_node(reel_walk *walk, int32_t n) {
+static void remove_node(const reel_walk *walk, int32_t n) {
     const reel_node *node = &walk->nodes[n];
-    if (node->above == REEL_NONE) {
-        walk->top[stack_of(node)] = node->below;
-    } else {
-        walk->nodes[node->above].below = node->below;
-    }
-    if (node->below != REEL_NONE) {
-        walk->nodes[node->below].above = node->above;
-    }
+    walk->nodes[node->above].below = node->below;
+    walk->nodes[node->below].above = node->above;
 }
 
 static void set_remaining(reel_walk *walk, int32_t n, int32_t remaining) {
@@ -316,18 +306,15 @@ static void start_part(reel_walk *walk, int32_t side) {
 
 void reel_walk_part(reel_walk *walk, int32_t side) {
     start_part(walk, side);
-    while (!walk->failed) {
-        int stack = 0;
-        while (stack < REEL_STACKS && walk->top[stack] == REEL_NONE) {
-            stack++;
-        }
-        if (stack == REEL_STACKS) {
-            return;
-        }
-        if (stack == 0) {
-            fill(walk, walk->top[0]);
+    while (!walk->failed && walk->filled) {
+        int stack = __builtin_ctz(walk->filled);
+        int32_t n = walk->nodes[REEL_HEAD(stack)].below;
+        if (n < 0) {
+            walk->filled &= walk->filled - 1;
+        } else if (stack == 0) {
+            fill(walk, n);
         } else {
-            grow(walk, walk->top[stack]);
+            grow(walk, n);
         }
     }
 }

@@ -16,6 +16,7 @@
 #define REEL_CAP (-1) /* the vertex of a cap */
 /* Stacks of nodes: complete, at a cap, then by remaining edges 1, 2, ... 10 or more. */
 #define REEL_STACKS 12
+#define REEL_HEAD(stack) (-1 - (stack)) /* index in `nodes` of the head of a stack */
 #define REEL_FLANK_CLASSES 17   /* of the degrees around a new point, and of the start of a part */
 #define REEL_EDGE_CONTEXTS 513  /* of the edge at which a point is met, and of a start */
 #define REEL_RING_LENGTHS 10    /* lengths of a ring: 2 to 9 or more */
@@ -30,7 +31,8 @@ typedef struct {
     int32_t across;       /* degree of the third point of the visited face at the edge to `next` */
     int32_t flipped;      /* is that face flipped? */
     int32_t behind;       /* its half-edge there, in `faces`; REEL_NONE without one */
-    int32_t above, below; /* neighbors in the stack */
+    /* Neighbors in the stack, a ring that its head closes: `below` of the head is the top. */
+    int32_t above, below;
 } reel_node;
 
 typedef struct {
@@ -53,11 +55,11 @@ typedef struct {
     int32_t *faces;      /* visited faces */
     int32_t *twins;      /* of their half-edges, or NULL */
     bool starts_part;    /* is the next face the first of a part? */
-    reel_node *nodes;
+    reel_node *nodes;    /* the heads of the stacks lie before them */
     int32_t capacity;  /* capacity of `nodes` */
     int32_t n_nodes;   /* slots used so far */
     int32_t free_slot; /* free list of slots, linked by `next` */
-    int32_t top[REEL_STACKS];
+    uint32_t filled;   /* one bit per stack: 0 if it is empty */
     /* Encoder only. */
     reel_surface surface;
     int32_t *side;   /* per node: the half-edge to its next, of an unvisited face */

@@ -140,14 +140,19 @@ int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *out
     return has_memory ? MESHREEL_OK : call->error.code;
 }
 
-/* Write the output triangles, which start at `corners`. */
+/* Write the output triangles, which start at `corners`, by default at the first of each. */
 static void list_faces(int64_t n_faces, const int32_t *faces, const int32_t *to_output,
                        const int32_t *corners, uint32_t *triangles) {
+    if (!corners) {
+        for (int64_t i = 0; i < 3 * n_faces; i++) {
+            triangles[i] = (uint32_t)to_output[faces[i]];
+        }
+        return;
+    }
     for (int64_t i = 0; i < n_faces; i++) {
-        int64_t first = corners ? corners[i] : 3 * i, face = first / 3 * 3;
+        int64_t face = corners[i] / 3 * 3, first = corners[i] % 3;
         for (int64_t k = 0; k < 3; k++) {
-            int64_t corner = face + (first - face + k) % 3;
-            triangles[3 * i + k] = (uint32_t)to_output[faces[corner]];
+            triangles[3 * i + k] = (uint32_t)to_output[faces[face + (first + k) % 3]];
         }
     }
 }
