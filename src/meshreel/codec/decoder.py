@@ -1,6 +1,7 @@
 """Decode a stream to a mesh sequence."""
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -19,12 +20,14 @@ from meshreel.model.sequence import Faces, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.runtime.threads import in_threads, runs_of_small
+from meshreel.runtime.threads import results_in_order
 
 Mesh = tuple[Surface, Faces]
 
 FRAMES_PER_REPORT = 256
 """Most frames between two progress reports."""
+
+FACE_BYTES = 12
 
 SMALL_POSITIONS = 1 << 20
 """Segments of up to this many positions are decoded in parallel, larger ones one at a time."""
@@ -97,47 +100,74 @@ def decode_segments(
     file = whole_file(bytes(data), limit)
     requested = frame_range(frames, file.info.n_frames)
     segments: list[MeshSequence] = []
-    meshes: dict[Hashable, Mesh] = {}
-    held_bytes = n_decoded = 0
-    parts = _parts(file, limit, requested)
-    for several in runs_of_small(parts, lambda part: part.n_positions <= SMALL_POSITIONS):
-        needed_bytes = held_bytes
-        for part in several:
-            needed_bytes += part.opened.frames_size_bytes(part.frames)
+    needed_bytes = n_decoded = 0
+
+    def parts() -> Iterator[_Part]:
+        nonlocal needed_bytes
+        for part in _parts(file, limit, requested):
+            needed_bytes += part.size_bytes
             stop = part.first_frame + part.frames.stop
             limit.require(
                 needed_bytes, f"frames {requested.start}:{stop} of {part.number + 1} segments"
             )
-        for segment, is_shared in _decode_together(several, n_modes, meshes):
-            held_bytes += segment.raw_size_bytes
-            if is_shared:
-                held_bytes -= segment.surface.size_bytes + segment.faces.nbytes
-            n_decoded += segment.n_frames
-            segments.append(segment)
+            yield part
+
+    def decode_one(part: _Part) -> tuple[_Part, MeshSequence]:
+        return part, part.decode(n_modes)
+
+    def is_small(part: _Part) -> bool:
+        return file.info.n_segments > 1 and part.n_positions <= SMALL_POSITIONS
+
+    for part, segment in results_in_order(decode_one, parts(), is_small):
+        needed_bytes += segment.surface.size_bytes if part.has_new_mesh else 0
+        n_decoded += segment.n_frames
+        segments.append(segment)
         progress("decoding", Count(n_decoded, len(requested), "frames"))
     return SegmentedSequence(segments)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Frames of a segment, and the number and first frame of the segment in the stream."""
+    """Frames of a segment, and the number and first frame of the segment in the stream.
+
+    `mesh` is pending until the first segment with this mesh is decoded: the one with
+    `has_new_mesh`.
+    """
 
     opened: OpenStream
     frames: range
     number: int
     first_frame: int
+    mesh: Future[Mesh]
+    has_new_mesh: bool
 
     @property
     def n_positions(self) -> int:
         return len(self.frames) * self.opened.n_verts
 
-    def decode(self, n_modes: int | None, mesh: Mesh | None) -> MeshSequence:
+    @property
+    def size_bytes(self) -> int:
+        """Size of the decoded frames, tracks and new faces."""
+        faces_bytes = FACE_BYTES * self.opened.n_faces if self.has_new_mesh else 0
+        return self.opened.frames_size_bytes(self.frames) + faces_bytes
+
+    def decode(self, n_modes: int | None) -> MeshSequence:
         start_s = start_of(self.frames, self.opened.start_s, self.opened.fps)
-        return _decode_frames(self.opened, self.frames, start_s, n_modes, silent, mesh)
+        mesh = None if self.has_new_mesh else self.mesh.result()
+        try:
+            decoded = _decode_frames(self.opened, self.frames, start_s, n_modes, silent, mesh)
+        except BaseException as error:
+            if self.has_new_mesh:
+                self.mesh.set_exception(error)
+            raise
+        if self.has_new_mesh:
+            self.mesh.set_result((decoded.surface, decoded.faces))
+        return decoded
 
 
 def _parts(file: OpenFile, limit: MemoryLimit, requested: range) -> Iterator[_Part]:
     """Yield the requested frames of each segment."""
+    meshes: dict[Hashable, Future[Mesh]] = {}
     for number, place in enumerate(file.segments):
         first = max(requested.start, place.first_frame)
         stop = min(requested.stop, place.first_frame + place.n_frames)
@@ -145,32 +175,9 @@ def _parts(file: OpenFile, limit: MemoryLimit, requested: range) -> Iterator[_Pa
             opened = OpenStream(file, limit, number)
             opened.require_mesh()
             frames = range(first - place.first_frame, stop - place.first_frame)
-            yield _Part(opened, frames, number, place.first_frame)
-
-
-def _decode_together(
-    parts: Sequence[_Part], n_modes: int | None, meshes: dict[Hashable, Mesh]
-) -> list[tuple[MeshSequence, bool]]:
-    """Decode several segments in parallel; also return whether another has the same mesh.
-
-    `meshes` are those of earlier segments, and gain those of these.
-    """
-    decoded: dict[int, MeshSequence] = {}
-    is_first: list[bool] = []
-    seen = set(meshes)
-    for part in parts:
-        is_first.append(part.opened.mesh_key not in seen)
-        seen.add(part.opened.mesh_key)
-
-    def decode_one(number: int) -> None:
-        part = parts[number]
-        decoded[number] = part.decode(n_modes, meshes.get(part.opened.mesh_key))
-
-    in_threads(decode_one, [number for number, one in enumerate(is_first) if one])
-    for number, segment in decoded.items():
-        meshes[parts[number].opened.mesh_key] = segment.surface, segment.faces
-    in_threads(decode_one, [number for number, one in enumerate(is_first) if not one])
-    return [(decoded[number], not first) for number, first in enumerate(is_first)]
+            has_new_mesh = opened.mesh_key not in meshes
+            mesh = meshes.setdefault(opened.mesh_key, Future())
+            yield _Part(opened, frames, number, place.first_frame, mesh, has_new_mesh)
 
 
 def _decode_frames(

@@ -342,7 +342,7 @@ class _Memory:
             block = np.empty(size + ALIGNMENT, np.uint8)
         except MemoryError:
             return None
-        address: int = block.ctypes.data
+        address: int = block.__array_interface__["data"][0]
         address += -address % ALIGNMENT
         self._held[address] = block
         self.n_bytes += size

@@ -14,6 +14,7 @@ and stay fast on busy ones.
 import os
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
@@ -32,6 +33,9 @@ Result = TypeVar("Result")
 
 POOL, BACKGROUND = "meshreel-pool", "meshreel-background"
 """Prefixes of thread names."""
+
+MAX_AHEAD_PER_CORE = 4
+"""Pieces that `results_in_order` submits before the oldest of them is complete."""
 
 _LOCKS: WeakSet[Any] = WeakSet()
 
@@ -107,24 +111,34 @@ def in_threads(
                 done(number)
 
 
-def runs_of_small(
-    pieces: Iterable[Piece], is_small: Callable[[Piece], bool]
-) -> Iterator[list[Piece]]:
-    """Yield runs of small pieces, each for one call of `in_threads`, and single large ones.
+def results_in_order(
+    work: Callable[[Piece], Result],
+    pieces: Iterable[Piece],
+    is_small: Callable[[Piece], bool],
+) -> Iterator[Result]:
+    """Yield the result of `work` for each piece; small pieces run in the pool, several ahead.
 
-    Large pieces are left to work that itself uses all cores.
+    Other pieces run in the caller's thread when all earlier ones are complete, so that they can use
+    all cores themselves. An error is raised when its result is due; later pieces are canceled.
     """
-    run: list[Piece] = []
-    for piece in pieces:
-        if run and (not is_small(piece) or len(run) == 4 * n_cores()):
-            yield run
-            run = []
-        if is_small(piece):
-            run.append(piece)
-        else:
-            yield [piece]
-    if run:
-        yield run
+    ahead: deque[Future[Result]] = deque()
+    is_serial = n_cores() == 1 or threading.current_thread().name.startswith(POOL)
+    with one_blas_thread():
+        try:
+            for piece in pieces:
+                if is_serial or not is_small(piece):
+                    while ahead:
+                        yield ahead.popleft().result()
+                    yield work(piece)
+                    continue
+                ahead.append(pool().submit(_in_caller_context(work), piece))
+                while ahead and (ahead[0].done() or len(ahead) > MAX_AHEAD_PER_CORE * n_cores()):
+                    yield ahead.popleft().result()
+            while ahead:
+                yield ahead.popleft().result()
+        finally:
+            for later in reversed(ahead):  # a piece may wait for an earlier one, never vice versa
+                later.cancel()
 
 
 def in_background(work: Callable[[], Result]) -> "Future[Result]":

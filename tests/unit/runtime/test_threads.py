@@ -17,6 +17,7 @@ from meshreel.runtime.threads import (
     n_cores,
     one_blas_thread,
     prefetch,
+    results_in_order,
 )
 
 COUNTS = [0, 1, 2, 3, 50]
@@ -306,3 +307,64 @@ def test_prefetch_raises_the_error_of_an_item():
     assert next(fetched) == 1
     with pytest.raises(ValueError, match="no second item"):
         next(fetched)
+
+
+@pytest.mark.parametrize("n_pieces", COUNTS)
+def test_results_are_in_the_order_of_pieces_that_end_in_another(n_pieces):
+    def square(number):
+        time.sleep(0.002 * (number % 3 == 0))
+        return number**2
+
+    results = results_in_order(square, range(n_pieces), lambda number: number % 7 != 3)
+    assert list(results) == [number**2 for number in range(n_pieces)]
+
+
+def test_large_pieces_run_in_the_caller_when_earlier_ones_are_complete():
+    complete = []
+
+    def work(number):
+        earlier, thread = list(complete), threading.current_thread()
+        complete.append(number)
+        return earlier, thread
+
+    results = list(results_in_order(work, range(9), lambda number: number != 6))
+    earlier, thread = results[6]
+    assert sorted(earlier) == list(range(6))
+    assert thread is threading.current_thread()
+
+
+def test_pieces_are_taken_as_results_are_used():
+    taken = []
+
+    def pieces():
+        for number in range(1000):
+            taken.append(number)
+            yield number
+
+    results = results_in_order(lambda number: number, pieces(), lambda _: True)
+    assert next(results) == 0
+    assert len(taken) <= 10 * n_cores()
+
+
+def test_error_of_a_piece_is_raised_after_the_results_before_it():
+    started = []
+
+    def work(number):
+        started.append(number)
+        if number == 2:
+            raise ValueError("piece 2")
+        return number
+
+    results = results_in_order(work, range(1000), lambda _: True)
+    assert [next(results), next(results)] == [0, 1]
+    with pytest.raises(ValueError, match="piece 2"):
+        next(results)
+    assert max(started) <= 10 * n_cores()
+
+
+def test_nested_pieces_run_in_their_thread():
+    def work(number):
+        return sum(results_in_order(lambda one: one, range(number), lambda _: True))
+
+    sums = results_in_order(work, range(20), lambda _: True)
+    assert list(sums) == [number * (number - 1) // 2 for number in range(20)]

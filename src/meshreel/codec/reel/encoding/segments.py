@@ -17,7 +17,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.runtime.threads import in_threads, runs_of_small
+from meshreel.runtime.threads import results_in_order
 
 SMALL_POSITIONS = 1 << 20
 """Segments of up to this many positions are coded in parallel, larger ones one at a time."""
@@ -60,19 +60,21 @@ def encode_segments(
     if kind in JOINT_TARGETS:
         encode = partial(whole.encode, step=_common_step(sources, progress))
     total, done = sum(source.n_frames for source in sources), 0
-    for several in _coded_together(sources):
-        progress("encoding", Count(done, total, "frames"))
-        if len(several) == 1:
-            yield encode(several[0], _after(progress, done, total), engine)
-        else:
-            yield from _encode_together(encode, several)
-        done += sum(source.n_frames for source in several)
+
+    def encode_one(source: Source) -> tuple[bytes, int]:
+        if _is_small(source):  # in parallel in this process, without workers
+            return encode(source, silent, None), source.n_frames
+        return encode(source, _after(progress, done, total), engine), source.n_frames
+
     progress("encoding", Count(done, total, "frames"))
+    for stream, n_frames in results_in_order(encode_one, sources, _is_small):
+        yield stream
+        done += n_frames
+        progress("encoding", Count(done, total, "frames"))
 
 
-def _coded_together(sources: Sequence[Source]) -> Iterator[list[Source]]:
-    """Yield runs of small segments, and single large ones."""
-    return runs_of_small(sources, lambda source: _n_positions(source) <= SMALL_POSITIONS)
+def _is_small(source: Source) -> bool:
+    return _n_positions(source) <= SMALL_POSITIONS
 
 
 def _after(progress: Progress, n_done: int, total: int) -> Progress:
@@ -83,17 +85,6 @@ def _after(progress: Progress, n_done: int, total: int) -> Progress:
             progress(stage, Count(n_done + share.done, total, "frames"))
 
     return report
-
-
-def _encode_together(encode: EncodeOne, sources: Sequence[Source]) -> list[bytes]:
-    """Encode segments in parallel in this process, without workers."""
-    streams = [b""] * len(sources)
-
-    def encode_one(number: int) -> None:
-        streams[number] = encode(sources[number], silent, None)
-
-    in_threads(encode_one, range(len(sources)))
-    return streams
 
 
 def _common_step(sources: Sequence[Source], progress: Progress) -> float:
@@ -111,10 +102,12 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
             for search in cached or _searches(sources):
                 search.add_errors(step, meter)
             return meter.value
-        encode = partial(whole.encode, step=step)
-        runs = _coded_together(sources)
-        streams = [data for run in runs for data in _encode_together(encode, run)]
-        size_bytes = len(join_streams(streams))
+
+        def encode_one(source: Source) -> bytes:
+            return whole.encode(source, silent, None, step=step)
+
+        streams = results_in_order(encode_one, sources, _is_small)
+        size_bytes = len(join_streams(list(streams)))
         if kind is TargetKind.SIZE:
             return float(size_bytes)
         return rate_bpvf(size_bytes, sum(map(_n_positions, sources)), 1)
