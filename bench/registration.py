@@ -48,6 +48,11 @@ def as_segments(frames: Sequence[MeshFrame]) -> SegmentedSequence:
     return SegmentedSequence(MeshSequence(one.vertices[None], one.faces, 30.0) for one in frames)
 
 
+def chosen(sequence: SegmentedSequence, numbers: Iterable[int]) -> SegmentedSequence:
+    """Return the frames of these numbers, one segment per frame."""
+    return as_segments([sequence.frame(number) for number in numbers])
+
+
 def remeshed(frames: Sequence[MeshFrame]) -> list[MeshFrame]:
     """Return each frame with a new mesh of the same surface."""
     first, rng = frames[0], np.random.default_rng(1)
@@ -162,9 +167,6 @@ def main() -> None:
     raw = as_segments(remeshed(frames) if arguments.remesh else frames)
     measured, extent = range(0, n_frames, arguments.every), raw.extent
 
-    def chosen(frames: SegmentedSequence) -> SegmentedSequence:
-        return as_segments([frames.frame(number) for number in measured])
-
     begin = time.process_time()
     found = register(raw, bound_of(arguments.tolerance))
     seconds = (time.process_time() - begin) / raw.n_frames
@@ -174,20 +176,20 @@ def main() -> None:
           f"seconds per frame, {1e4 * seconds / n_verts:.2f} per 10,000 vertices; registered: "
           f"{found.distances}; {found.distances.n_folded} folded faces")  # fmt: skip
     print("| | kbit/frame | Mbit/s | surface PSNR, dB | D2 of TVMC, dB |\n|---|---|---|---|---|")
-    targets = chosen(raw)
-    show("registered, not coded", 0, *psnr(targets, chosen(found.sequence), extent))
+    targets = chosen(raw, measured)
+    show("registered, not coded", 0, *psnr(targets, chosen(found.sequence, measured), extent))
     reached = []
     for quality in arguments.quality:
         data = meshreel.encode(found.sequence, quality=quality, order="drop")
-        db = psnr(targets, chosen(meshreel.decode_segments(data)), extent)
+        db = psnr(targets, chosen(meshreel.decode_segments(data), measured), extent)
         show(f"quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
         reached.append(db[0])
         if arguments.remesh:
             positions = np.stack([one.vertices for one in frames]).astype(np.float32)
             original = MeshSequence(positions, frames[0].faces, 30.0)
             data = meshreel.encode(original, quality=quality, order="drop")
-            exact = chosen(as_segments(frames))
-            db = psnr(exact, chosen(meshreel.decode_segments(data)), extent)
+            exact, decoded = as_segments(frames), meshreel.decode_segments(data)
+            db = psnr(chosen(exact, measured), chosen(decoded, measured), extent)
             show(f"original at quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
     points = []
     for share in (1.0, *arguments.decimate):
