@@ -241,6 +241,16 @@ SEQUENCE_FORMATS = {
             for extension in (".xdmf", ".xmf")
         ),
         scene_format(".d3plot", "LS-DYNA d3plot", Lazy("solvers.d3plot:read_d3plot"), None),
+        *(
+            scene_format(
+                extension,
+                "EnSight Gold",
+                Lazy("solvers.ensight:read_ensight"),
+                None,
+                names_files=True,
+            )
+            for extension in (".case", ".encas")
+        ),
     )
 }
 FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}

@@ -53,7 +53,13 @@ SOLID_CELL_FACES: dict[int, Sequence[tuple[int, ...]]] = {
 }  # fmt: skip
 """Faces of solid cells by VTK type, counterclockwise as seen from outside."""
 
-MAX_FACE_CORNERS = 6  # of a solid cell: the hexagonal prism
+MAX_FACE_CORNERS = 256
+POLYHEDRON = -1
+"""Type of solid cells with any faces, which VTK does not have in this form.
+
+The points of such a cell are its number of faces, then for each face its number of corners and
+their point indices.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +69,7 @@ class Cells:
     Parameters
     ----------
     types : integer array of shape (N,)
-        VTK cell types.
+        VTK cell types, or `POLYHEDRON`.
     counts : int64 array of shape (N,)
         Number of points of each cell.
     points : int64 array of shape (sum of counts,)
@@ -127,7 +133,7 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     counts = np.concatenate([one[0] for one in found] or [np.empty(0, np.int64)])
     corners = np.concatenate([one[1] for one in found] or [np.empty(0, np.int64)])
     owners = np.concatenate([one[2] for one in found] or [np.empty(0, np.int64)])
-    is_solid = np.isin(cells.types[owners], list(SOLID_CELL_FACES))
+    is_solid = np.isin(cells.types[owners], [*SOLID_CELL_FACES, POLYHEDRON])
     # Building a mesh without positions validates the indices before they are used for lookups.
     polygon_mesh(np.empty((n_points, 0)), counts, corners)
     shown = np.sort(
@@ -164,6 +170,8 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
         return (np.empty(0, np.int64),) * 3
     if kind == POLYGON:
         return counts, cells.points[ragged_indices(first, counts)], chosen
+    if kind == POLYHEDRON:
+        return _faces_of_polyhedra(cells.points, first, first + counts, chosen)
     if kind == STRIP:
         return _strips(cells.points, first, counts, chosen)
     faces = SOLID_CELL_FACES.get(kind) or (
@@ -180,6 +188,39 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
     sizes = np.tile([size for _, size in rows], len(chosen))
     corners = np.concatenate([row for row, _ in rows], axis=1).ravel()
     return sizes.astype(np.int64), corners, np.repeat(chosen, len(faces))
+
+
+def _faces_of_polyhedra(
+    points: npt.NDArray[np.int64],
+    first: npt.NDArray[np.int64],
+    stops: npt.NDArray[np.int64],
+    cells: npt.NDArray[np.int64],
+) -> _Faces:
+    """Return the faces of polyhedra: the first face of each, the second, and so on."""
+    if (first >= stops).any():
+        raise FormatError("a polyhedron is empty")
+    n_left, at = points[first], first + 1
+    counts, corners, owners = [], [], []
+    while len(cells := cells[is_left := n_left > 0]):
+        n_left, at, stops = n_left[is_left] - 1, at[is_left], stops[is_left]
+        sizes = points[np.minimum(at, stops - 1)]
+        if (sizes < 3).any() or (at + 1 + sizes > stops).any():
+            raise FormatError("a polyhedron has a face with fewer than three corners")
+        if (sizes > MAX_FACE_CORNERS).any():
+            raise FormatError(
+                f"a polyhedron has a face of {sizes.max()} corners; up to {MAX_FACE_CORNERS} are "
+                "supported"
+            )
+        counts.append(sizes)
+        corners.append(points[ragged_indices(at + 1, sizes)])
+        owners.append(cells)
+        at = at + 1 + sizes
+    none = [np.empty(0, np.int64)]
+    return (
+        np.concatenate(counts or none),
+        np.concatenate(corners or none),
+        np.concatenate(owners or none),
+    )
 
 
 def _strips(
@@ -208,7 +249,7 @@ def _boundary_faces(
     if len(faces) == 0:
         return faces
     first = np.cumsum(counts) - counts
-    columns = np.arange(MAX_FACE_CORNERS)
+    columns = np.arange(counts[faces].max())
     is_corner = columns < counts[faces, None]
     at = np.where(is_corner, first[faces, None] + columns, 0)
     keys = np.sort(np.where(is_corner, corners[at], -1), axis=1)
