@@ -27,6 +27,7 @@ class Model:
     control: dict = field(default_factory=dict)
     ten_nodes: str = ""  # "early" or "late": where the further nodes of ten-node solids are
     more: tuple = ()  # words after the control words
+    last: tuple = ()  # words after the user's numbers
 
     @property
     def n_elements(self):
@@ -65,7 +66,8 @@ def root(model, code="<4"):
     found += words_of(model.solids + 1, code) + early
     for rows in (model.thick_shells, model.beams, model.shells):
         found += words_of(rows + 1, code)
-    found += words_of(numbering, code) + late
+    found += words_of(numbering, code)
+    found += b"".join(words_of(one, code) for one in model.last) + late
     if model.titles:
         found += words_of([END], code) + words_of([90001, len(model.titles)], code)
         for number, title in model.titles.items():

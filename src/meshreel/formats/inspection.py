@@ -156,8 +156,8 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
         meshes = tuple(_infos(found, options))
         return SourceInfo(
             found.format.title,
-            sum(path.stat().st_size for path in found.paths),
-            len(found.paths),
+            sum(path.stat().st_size for path in (*found.paths, *found.other_files)),
+            len(found.paths) + len(found.other_files),
             meshes,
             tuple(dict.fromkeys(options.notes)),
             animations_of(found, options),

@@ -114,6 +114,11 @@ class FrameFormat:
     extra: Extra | None = None
 
 
+def no_files(path: Path) -> list[Path]:
+    """Return no files, for formats of one file."""
+    return []
+
+
 @dataclass(frozen=True)
 class SequenceFormat:
     """A format with a whole sequence per file.
@@ -153,6 +158,8 @@ class SequenceFormat:
         Returns the animations of a file, for formats with several; its errors do not name the file.
     write_segments : function of a path, a `SegmentedStream` and `WriteOptions`, optional
         Writes the file of a format whose faces may change; replaces `write`.
+    other_files : function of a path, optional
+        Returns the existing files that continue a file, for formats that split a sequence.
     """
 
     extension: str
@@ -170,6 +177,7 @@ class SequenceFormat:
     data_files: Callable[[Path, int], list[Path]] | None = None
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
     write_segments: WriteSegments | None = None
+    other_files: Callable[[Path], list[Path]] = no_files
 
 
 @dataclass(frozen=True)
@@ -215,6 +223,7 @@ def scene_format(
     data_files: Callable[[Path, int], list[Path]] | None = None,
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None,
     write_segments: WriteSegments | None = None,
+    other_files: Callable[[Path], list[Path]] = no_files,
 ) -> SequenceFormat:
     """Return a `SequenceFormat` for files with several meshes or changing faces.
 
@@ -228,5 +237,5 @@ def scene_format(
         reads=frozenset(reads), writes=writes, read_meshes=read_meshes,
         holds_materials=holds_materials, has_image_folder=has_image_folder,
         holds_tracks=holds_tracks, data_files=data_files, list_animations=list_animations,
-        write_segments=write_segments,
+        write_segments=write_segments, other_files=other_files,
     )  # fmt: skip

@@ -240,7 +240,13 @@ SEQUENCE_FORMATS = {
             )
             for extension in (".xdmf", ".xmf")
         ),
-        scene_format(".d3plot", "LS-DYNA d3plot", Lazy("solvers.d3plot:read_d3plot"), None),
+        scene_format(
+            ".d3plot",
+            "LS-DYNA d3plot",
+            Lazy("solvers.d3plot:read_d3plot"),
+            None,
+            other_files=Lazy("solvers.d3plot_words:other_files"),
+        ),
         *(
             scene_format(
                 extension,

@@ -47,6 +47,13 @@ class SourceFiles:
     fps: float = 0.0
     left_out: tuple[str, ...] = ()
 
+    @property
+    def other_files(self) -> list[Path]:
+        """The files that continue a file of a whole sequence."""
+        if not isinstance(self.format, SequenceFormat):
+            return []
+        return self.format.other_files(self.paths[0])
+
 
 def find_files(source: Source) -> SourceFiles:
     """Return the files of a source.
@@ -88,7 +95,7 @@ def find_files(source: Source) -> SourceFiles:
 
 
 def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Path]:
-    """Return the files of a source, and the mesh files that belong to point caches.
+    """Return the files of a source, and others that belong to them, as meshes of point caches.
 
     Parameters
     ----------
@@ -108,7 +115,7 @@ def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Pat
         files.append(Path(topology))
     elif isinstance(found.format, SequenceFormat) and found.format.companion:
         files += [path.with_suffix(found.format.companion) for path in found.paths]
-    return files
+    return files + found.other_files
 
 
 def natural_order(paths: Iterable[Path]) -> list[Path]:

@@ -30,6 +30,7 @@ N_ARGUMENTS = {
     "write_segments": 3,
     "read_meshes": 2,
     "data_files": 2,
+    "other_files": 1,
     "list_animations": 2,
     "fields_checker": 1,
     "files": 2,

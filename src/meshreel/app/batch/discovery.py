@@ -167,8 +167,9 @@ def _inputs_in(folder: Path, top: Path) -> Iterator[BatchInput]:
     for path in files:
         if extension_of(path) in WHOLE_SEQUENCES and path not in beside:
             output = place / f"{path.stem}{OUTPUT_EXTENSION}"
-            parts = (path, *(part for one in _companions([path]) for part in _parts(one, path)))
-            yield BatchInput((place / path.name).as_posix(), path, parts, output.as_posix())
+            parts = [part for one in _companions([path]) for part in _parts(one, path)]
+            parts = [path, *parts, *SEQUENCE_FORMATS[extension_of(path)].other_files(path)]
+            yield BatchInput((place / path.name).as_posix(), path, tuple(parts), output.as_posix())
 
 
 def _companions(files: list[Path]) -> set[Path]:

@@ -311,8 +311,8 @@ class D3plotLayout:
         )
         if self._position > self.words.n_words:
             raise FormatError(
-                f"needs {self._position} words of geometry; its files have {self.words.n_words}: a "
-                "file of the family is missing or truncated"
+                f"needs {self._position} words of geometry; its files have {self.words.n_words}: "
+                "one is missing or truncated"
             )
 
     def _read_titles(self) -> dict[int, str]:

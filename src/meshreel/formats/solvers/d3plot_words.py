@@ -100,8 +100,8 @@ class Words:
     def _read(self, start: int, count: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
         if count < 0 or start < 0 or start + count > self.n_words:
             raise FormatError(
-                f"needs {start + count} words; its files have {self.n_words}: a file of the "
-                "family is missing or truncated"
+                f"needs {start + count} words; its files have {self.n_words}: one is missing, "
+                "truncated, or compressed by FEMZIP, which is not supported"
             )
         found = []
         for path, first, stop in zip(self._paths, self.starts, self.starts[1:], strict=False):
@@ -131,6 +131,12 @@ def adapted_roots(root: Path) -> list[Path]:
     with os_errors_naming(root.parent):
         names = os.listdir(root.parent)
     return [root.with_name(name) for name in sorted(names) if pattern.fullmatch(name)]
+
+
+def other_files(root: Path) -> list[Path]:
+    """Return all files that continue a root file: its members, and adapted meshes with theirs."""
+    adapted = adapted_roots(root)
+    return [*members(root), *adapted, *(one for found in adapted for one in members(found))]
 
 
 def _word_type(data: bytes) -> np.dtype[Any]:

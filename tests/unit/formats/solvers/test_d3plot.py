@@ -6,10 +6,11 @@ import pytest
 import meshreel
 from meshreel.app.batch.discovery import find_inputs
 from meshreel.errors import FormatError, MeshReelError
+from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load, load_segments
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
-from meshreel.formats.sources import find_files
+from meshreel.formats.sources import files_of_source, find_files
 from samples.d3plot import END, Model, padded, root, state, words_of, write_family
 from samples.datasets import damaged_versions, positions_of
 
@@ -166,6 +167,25 @@ def test_results_at_nodes_are_tracks(tmp_path):
         track = found.tracks[name]
         assert track.values.reshape(expected.shape).tobytes() == expected.astype("f4").tobytes()
     assert found.tracks["velocity"].kind == "velocity"
+
+
+def test_tables_of_particles_are_skipped(tmp_path):
+    """Two SPH particles with 3 values, and an airbag of 4 particles with 2 values."""
+    model = sheet()
+    model.part_ids, model.ten_nodes = (1,), ""
+    model.control |= {37: 2, 54: 1}
+    sph = [11, 1, 1, *[0] * 8]
+    variables = [4, 2, 4, 2]  # of geometry, particles, their number, and of the bag in a state
+    model.more = (sph, variables, [1] * 8, [65] * 64)
+    model.last = ([1, 1, 2, 1], [1, 4, 9, 1])
+    states = [
+        state(index, moved(index, model.nodes), np.ones((2, 3)), [4, 0.5], np.ones((4, 2)))
+        for index in range(3)
+    ]
+    notes = []
+    found = load(write_family(tmp_path / "d3plot", model, [states]), notes=notes)
+    assert found.n_frames == 3
+    assert "left out: elements without faces: SPH particles, particles of airbags" in notes
 
 
 @pytest.mark.parametrize("n_points", [1, 8])
@@ -330,7 +350,17 @@ def test_frames_stay_in_the_files_until_they_are_read(tmp_path):
 
 def test_batches_find_root_files_only(tmp_path):
     path = write_family(tmp_path / "d3plot", sheet(), [[state(0, sheet().nodes)]])
-    assert [one.source for one in find_inputs(tmp_path)] == [path]
+    [found] = find_inputs(tmp_path)
+    assert (found.source, len(found.files)) == (path, 2)
+
+
+def test_inspection_counts_all_files(tmp_path):
+    path = write_family(tmp_path / "d3plot", sheet(), [[state(0, sheet().nodes)]])
+    write_family(tmp_path / "d3plotaa", sheet(5), [[state(1, sheet(5).nodes)]])
+    found = inspect_source(path, ReadOptions())
+    size = sum(one.stat().st_size for one in tmp_path.iterdir())
+    assert (found.n_files, found.size_bytes, found.meshes[0].n_segments) == (4, size, 2)
+    assert len(files_of_source(path)) == 4
 
 
 def test_deleted_elements_survive_encoding(tmp_path):
