@@ -1,1 +1,1 @@
-"""What `.reel` streams mean, a second time: a plain reader, and streams with what they hold."""
+"""An independent reader of `.reel` streams, and test streams with their expected contents."""

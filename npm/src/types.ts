@@ -38,7 +38,7 @@ export interface ReelInfo {
   /** Diagonal of that box. */
   readonly diagonal: number;
   /** Guaranteed bound of the error of any vertex, in percent of the diagonal; null if none. */
-  readonly maxErrorPercent: number | null;
+  readonly errorBoundPercent: number | null;
   readonly numberType: "float32" | "float64";
   /** Other quantities that change over time; `ReelFile.track` decodes their values. */
   readonly tracks: readonly TrackInfo[];

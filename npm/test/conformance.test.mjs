@@ -152,7 +152,7 @@ test("metadata of every stream is right", async () => {
         fps: info.fps,
         name: info.name,
         start: info.startS,
-        errorBound: info.maxErrorPercent,
+        errorBound: info.errorBoundPercent,
         type: info.numberType,
         tracks: info.tracks.map(({ name, unit, kind, domain, errorBound }) => ({
           ...{ name, unit, kind, domain, errorBound },

@@ -95,7 +95,7 @@ export function readFile(library: Library, handle: number): File {
 function readInfo(library: Library, handle: number) {
   const fields = new Struct(library.buffer, library.functions.meshreel_info_of(handle) >>> 0);
   const name = fields.text();
-  const [fps, startS, maxErrorPercent, ...box] = fields.float64s(7);
+  const [fps, startS, errorBoundPercent, ...box] = fields.float64s(7);
   fields.uint64(); // size
   const [nFrames, nVerts, nFaces, nPolygons, , nBlocks, , nTracks, numberBytes, method] =
     fields.uint32s(10);
@@ -103,7 +103,7 @@ function readInfo(library: Library, handle: number) {
   return {
     ...{ name, fps, startS, center: box.slice(0, 3) as [number, number, number], diagonal: box[3] },
     ...{ nFrames, nVerts, nFaces, nPolygons, nBlocks, nTracks, nSegments, method },
-    maxErrorPercent: maxErrorPercent || null,
+    errorBoundPercent: errorBoundPercent || null,
     numberType: numberBytes === 4 ? ("float32" as const) : ("float64" as const),
   };
 }

@@ -74,7 +74,7 @@ export class MeshSegment {
   /** Create the geometry; its bounds contain all frames, including the coding error. */
   #createGeometry(): void {
     const { info, shift, drawing } = this.setup;
-    const radius = info.diagonal * (0.5 + (info.maxErrorPercent ?? DEFAULT_ERROR_PERCENT) / 100);
+    const radius = info.diagonal * (0.5 + (info.errorBoundPercent ?? DEFAULT_ERROR_PERCENT) / 100);
     const sphere = new THREE.Sphere(new THREE.Vector3(...shift), radius);
     this.geometry = createGeometry(drawing);
     this.geometry.boundingSphere = sphere;

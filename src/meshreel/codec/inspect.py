@@ -115,7 +115,7 @@ class StreamInfo:
         "container", with truncated blocks; they sum to `size_bytes`. Parts of 0 bytes are omitted.
     block_bytes : tuple of int
         Size of the sections of the positions in each block.
-    max_error_percent : float or None
+    error_bound_percent : float or None
         Guaranteed largest distance of vertices from the original, in percent of the diagonal; 0
         for a lossless stream.
     is_lossless : bool
@@ -159,7 +159,7 @@ class StreamInfo:
     budget_bytes: dict[str, int]
     part_bytes: dict[str, int]
     block_bytes: tuple[int, ...]
-    max_error_percent: float | None
+    error_bound_percent: float | None
     is_lossless: bool
     is_whole: bool
     start_s: float
@@ -257,7 +257,7 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
     ending = size_bytes - sum(one.size_bytes for one in segments)  # index and end marker
     budget["framing"] += ending
     parts["container"] += ending
-    bounds = [one.max_error_percent for one in segments if one.max_error_percent is not None]
+    bounds = [one.error_bound_percent for one in segments if one.error_bound_percent is not None]
     return replace(
         segments[0],
         n_frames=file.info.n_frames,
@@ -270,7 +270,7 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
         raw_size_bytes=sum(one.raw_size_bytes for one in segments),
         budget_bytes=dict(budget),
         part_bytes=dict(parts),
-        max_error_percent=max(bounds) if len(bounds) == len(segments) else None,
+        error_bound_percent=max(bounds) if len(bounds) == len(segments) else None,
         is_lossless=all(one.is_lossless for one in segments),
         is_whole=file.info.is_whole,
         segments=joined("segments"),
@@ -373,7 +373,7 @@ def stream_info(
         budget_bytes=_budget(sizes, opened.size_bytes),
         part_bytes=_parts(opened, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
-        max_error_percent=opened.error_bound_percent,
+        error_bound_percent=opened.error_bound_percent,
         is_lossless=opened.method.is_lossless,
         is_whole=opened.is_whole,
         start_s=opened.start_s,

@@ -208,7 +208,7 @@ export async function wavingGrid(options: GridOptions = {}): Promise<OpenReel> {
       startS: 0,
       center,
       diagonal: Math.hypot(...high.map((one, axis) => one - low[axis])),
-      maxErrorPercent: null,
+      errorBoundPercent: null,
       numberType: "float32",
       tracks: [],
       blocks: BLOCKS.map(({ start, nFrames }) => ({ start, nFrames, sizeBytes: 1000 })),

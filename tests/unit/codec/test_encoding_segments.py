@@ -49,7 +49,7 @@ def test_decoding_returns_faces_and_frames_of_each_segment(sequence):
 def test_bound_is_relative_to_the_box_of_all_segments(sequence):
     data = meshreel.encode(sequence, max_error=0.2)
     assert 0.1 < largest_error(sequence, data) <= 0.2
-    assert meshreel.info(data).max_error_percent == pytest.approx(0.2)
+    assert meshreel.info(data).error_bound_percent == pytest.approx(0.2)
 
 
 def test_all_segments_are_lossless(sequence):

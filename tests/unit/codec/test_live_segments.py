@@ -80,7 +80,7 @@ def test_the_error_bound_refers_to_the_first_box_in_all_segments():
     data = recorded(larger, max_error=0.4, block_frames=7)
     low, high = larger[0].extent.low, larger[0].extent.high
     bound = 0.004 * np.linalg.norm(high - low)
-    assert info(data).max_error_percent == 0.4
+    assert info(data).error_bound_percent == 0.4
     for grid, segment in zip(larger, decode_segments(data).segments, strict=True):
         errors = np.linalg.norm(segment.read(0, segment.n_frames) - grid.vertices, axis=2)
         assert 0.1 * bound < errors.max() <= bound

@@ -79,7 +79,7 @@ def test_error_bound_holds_for_frames_outside_the_first_box():
     )
     data = pushed(growing, block_frames=8, max_error=0.5)
     found = displacement_errors_percent(growing.vertices, decode(data).vertices).max_percent
-    assert info(data).max_error_percent == 0.5
+    assert info(data).error_bound_percent == 0.5
     assert found <= 0.5
 
 

@@ -242,8 +242,8 @@ def test_error_target_is_met_for_every_order_and_block_length(options, kind, lim
 
 
 def test_info_reports_the_guaranteed_error():
-    assert meshreel.info(encoded("grid", max_error=0.05)).max_error_percent == 0.05
-    assert meshreel.info(encoded("grid", kg=0.3)).max_error_percent is None
+    assert meshreel.info(encoded("grid", max_error=0.05)).error_bound_percent == 0.05
+    assert meshreel.info(encoded("grid", kg=0.3)).error_bound_percent is None
 
 
 def test_more_effort_takes_fewer_bytes():

@@ -35,7 +35,7 @@ def test_every_vertex_is_within_a_bound_in_length_units(max_error, unit, in_unit
     farthest = distances(sequence, meshreel.decode(data)).max()
     assert in_units / 20 < farthest <= in_units
     stream = meshreel.info(data)
-    bound = stream.max_error_percent / 100 * stream.diagonal
+    bound = stream.error_bound_percent / 100 * stream.diagonal
     assert bound == pytest.approx(in_units, rel=1e-12)
 
 

@@ -60,7 +60,7 @@ def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
 def _bound_rows(stream: "StreamInfo") -> dict[str, str]:
     if stream.is_lossless:
         return {"error bound": "lossless: positions are equal bit for bit"}
-    percent = stream.max_error_percent
+    percent = stream.error_bound_percent
     if not percent:
         return {}
     length = f"{percent / 100 * stream.diagonal:.4g} model units"

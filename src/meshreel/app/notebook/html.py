@@ -147,8 +147,8 @@ def stream_rows(info: StreamInfo) -> Rows:
     }
     if info.is_lossless:
         rows["error bound"] = "lossless: positions are equal bit for bit"
-    elif info.max_error_percent:
-        rows["error bound"] = f"{info.max_error_percent:g} % of the diagonal, at every vertex"
+    elif info.error_bound_percent:
+        rows["error bound"] = f"{info.error_bound_percent:g} % of the diagonal, at every vertex"
     if not info.is_whole:
         rows["end"] = "truncated; the figures describe the complete blocks"
     return rows

@@ -13,7 +13,7 @@ def joined_vertices(
 ) -> tuple[Integers, Integers]:
     """Return the vertices of the joined mesh in each segment, and the joined faces.
 
-    Corners are at one vertex if they are in every segment that has them.
+    Two corners belong to one vertex if they share a vertex in every segment that has both.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def test_every_position_is_within_the_bound(name, percent):
     assert_kept(sequence, data, percent)
     found = meshreel.info(data)
     assert found.method == "grid"
-    assert found.max_error_percent == pytest.approx(percent)
+    assert found.error_bound_percent == pytest.approx(percent)
     assert set(found.n_modes) == {0}
     assert not found.is_lossless
 
@@ -141,7 +141,7 @@ def test_step_is_that_of_the_grid(n_frames):
     sequence = waving_grid(n_frames)
     data = meshreel.encode(sequence, "grid", step=0.01)
     found = meshreel.info(data)
-    assert found.max_error_percent is None
+    assert found.error_bound_percent is None
     apart = np.abs(meshreel.decode(data).vertices - sequence.vertices) / found.diagonal
     assert 0.004 < apart.max() <= 0.00501
 

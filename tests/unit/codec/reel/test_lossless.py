@@ -81,7 +81,7 @@ def test_positions_are_lossless(name, block_frames):
     found = meshreel.info(data)
     assert (found.method, found.order) == ("lossless", "keep")
     assert found.is_lossless
-    assert found.max_error_percent == 0
+    assert found.error_bound_percent == 0
     assert set(found.n_modes) == {0}
 
 
