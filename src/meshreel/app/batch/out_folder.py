@@ -10,11 +10,19 @@ from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.outputs.checks import check_output_folder
 from meshreel.runtime.stores.address import is_remote
 from meshreel.runtime.stores.filesystem import files_below
-from meshreel.runtime.stores.transfer import check_outputs, read_whole, upload_all
+from meshreel.runtime.stores.transfer import check_outputs, read_whole, upload
 
 
 class OutFolder(Protocol):
-    """An output folder; names are relative paths with slashes."""
+    """An output folder; names are relative paths with slashes.
+
+    Attributes
+    ----------
+    n_writers : int
+        Number of files to write at the same time.
+    """
+
+    n_writers: int
 
     def check(self) -> None:
         """Refuse a folder that is not writable."""
@@ -43,6 +51,8 @@ class OutFolder(Protocol):
 
 class LocalFolder:
     """A local folder."""
+
+    n_writers = 1
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -93,6 +103,8 @@ class LocalFolder:
 class RemoteFolder:
     """A remote folder, which is listed once."""
 
+    n_writers = 8
+
     def __init__(self, address: str) -> None:
         self.address = address.rstrip("/")
 
@@ -125,7 +137,7 @@ class RemoteFolder:
         with tempfile.TemporaryDirectory(prefix="meshreel-") as place:
             path = Path(place) / "output"
             path.write_bytes(data)
-            upload_all({path: self.called(name)}, overwrite=overwrite)
+            upload(path, self.called(name), overwrite=overwrite)
 
     def called(self, name: str) -> str:
         """Address of a file."""

@@ -1,11 +1,14 @@
 """Encoding of the inputs of a plan by an engine."""
 
 import os
+import threading
+from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from meshreel import __version__
@@ -14,10 +17,14 @@ from meshreel.app.batch.encode_input import Encoded, EncodeOptions, encode_input
 from meshreel.app.batch.manifest import DONE, FAILED, Record
 from meshreel.app.batch.plan import Plan
 from meshreel.app.batch.report import write_report
-from meshreel.errors import MeshReelError
+from meshreel.errors import MeshReelError, StoreError
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.runtime.threads import in_background
+
+MANIFEST_SHARE, QUICK_S = 0.1, 0.02
+"""Share of the time for writing the manifest, unless that is quick: stores are slow, and with many
+inputs it is large.
+"""
 
 
 @dataclass(frozen=True)
@@ -58,8 +65,10 @@ class BatchReport:
 def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent) -> BatchReport:
     """Encode the inputs of a plan; inputs fail independently.
 
-    The stream and the manifest are written atomically after each input, so finished inputs remain
-    if the run is stopped. The report is written at the end, or when the run is stopped.
+    The stream of each input is written atomically, so finished inputs remain if the run is stopped.
+    The manifest is written after each input, but slow writes (many inputs, a store) take at most a
+    tenth of the time: if the run is killed, inputs that it does not list as done are encoded again.
+    Manifest and report are complete at the end, or when the run is stopped.
 
     Parameters
     ----------
@@ -74,18 +83,25 @@ def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent)
         if engine is not None:
             _encode_all(run, plan, engine, progress)
     finally:
-        write_report(plan.manifest)
+        run.end()
     return run.report()
 
 
 def _encode_all(run: "_Run", plan: Plan, engine: Engine, progress: Progress) -> None:
     outcomes = _spread(plan, engine) if _is_spread(plan, engine) else _one_each(plan, engine)
-    progress(_stage(engine), Count(0, len(plan.to_encode), "inputs"))
-    for n_done, (one, outcome) in enumerate(outcomes, start=1):
-        # In a thread, which Ctrl-C does not interrupt: no stream is written without its record.
-        in_background(partial(run.finish, one, outcome)).result()
-        del outcome  # releases its stream during the wait for the next
-        progress(_stage(engine), Count(n_done, len(plan.to_encode), "inputs"))
+    n_inputs, n_writers = len(plan.to_encode), plan.folder.n_writers
+    progress(_stage(engine), Count(0, n_inputs, "inputs"))
+    # Ctrl-C does not interrupt these threads, and waits for them: every stream gets its record.
+    with ThreadPoolExecutor(n_writers, "meshreel-write") as writers:
+        writing: deque[Future[None]] = deque()
+        for n_encoded, (one, outcome) in enumerate(outcomes, start=1):
+            writing.append(writers.submit(run.finish, one, outcome))
+            del outcome  # releases its stream during the wait for the next
+            if len(writing) == n_writers:
+                writing.popleft().result()
+            progress(_stage(engine), Count(n_encoded, n_inputs, "inputs"))
+        for future in writing:
+            future.result()
 
 
 def _is_spread(plan: Plan, engine: Engine) -> bool:
@@ -145,10 +161,12 @@ def _stage(engine: Engine) -> str:
 
 
 class _Run:
-    """Updates the records during a run."""
+    """Updates the records during a run, from several threads."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
+        self._lock = threading.Lock()
+        self._next_write_s = 0.0
 
     def begin(self) -> None:
         """Record all outputs as pending, so that a rerun after a stop knows that it owns them."""
@@ -159,7 +177,7 @@ class _Run:
 
     def finish(self, one: BatchInput, outcome: "Future[Encoded]") -> None:
         """Write the stream, if encoding succeeded, and the record."""
-        manifest, pending = self._plan.manifest, self._plan.to_encode[one]
+        pending = self._plan.to_encode[one]
         try:
             encoded = outcome.result()
             self._write_stream(one, encoded.data)
@@ -171,8 +189,18 @@ class _Run:
                 owns_output=one in self._plan.replaced,
                 error=_reason_of(error, one.path, self._plan.input_dir),
             )
-        manifest.records[one.name] = record
-        manifest.write()
+        with self._lock:
+            self._plan.manifest.records[one.name] = record
+            if (began_s := monotonic()) >= self._next_write_s:
+                with suppress(StoreError):  # the next write, or the last, may succeed
+                    self._plan.manifest.write()
+                if (taken_s := monotonic() - began_s) > QUICK_S:
+                    self._next_write_s = began_s + taken_s / MANIFEST_SHARE
+
+    def end(self) -> None:
+        """Write manifest and report."""
+        self._plan.manifest.write()
+        write_report(self._plan.manifest)
 
     def report(self) -> BatchReport:
         """The inputs of this run by outcome."""

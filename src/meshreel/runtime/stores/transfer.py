@@ -60,10 +60,30 @@ def check_outputs(addresses: Iterable[str], *, overwrite: bool) -> None:
         root = "/".join(without_query(address).split("/")[:3])
         if scheme_of(address) in ("s3", "s3a", "gs", "gcs") and not exists(root):
             raise StoreError(f"there is no bucket {root}; create it first")
-        if not overwrite and exists(address):
-            raise InvalidInputError(
-                f"{address} already exists; use --force (overwrite=True) to replace it"
-            )
+        if not overwrite:
+            _refuse_existing(address)
+
+
+def _refuse_existing(address: str) -> None:
+    if exists(address):
+        raise InvalidInputError(
+            f"{address} already exists; use --force (overwrite=True) to replace it"
+        )
+
+
+def upload(file: Path, address: str, *, overwrite: bool) -> None:
+    """Copy a local file to an address in a folder that `check_outputs` has accepted.
+
+    Raises
+    ------
+    InvalidInputError
+        If the address exists and `overwrite` is false.
+    StoreError
+        If the store fails.
+    """
+    if not overwrite:
+        _refuse_existing(address)
+    _upload(file, address)
 
 
 def upload_all(files: dict[Path, str], *, overwrite: bool) -> None:
