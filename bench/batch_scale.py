@@ -190,7 +190,7 @@ class Run:
 def run_batch(
     scheduler: str, parent: int, store: Store, *, victim: int | None = None, kill_after: int = 0
 ) -> Run:
-    """Run the batch; kill the victim after so many uploads of streams."""
+    """Run the batch; kill the victim after `kill_after` uploads of streams."""
     command = [sys.executable, "-m", "meshreel", "batch", f"s3://{INPUTS}", f"s3://{STREAMS}"]
     store.reset()
     start, store_cpu_s = time.perf_counter(), time.process_time()
