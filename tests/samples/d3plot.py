@@ -28,6 +28,7 @@ class Model:
     ten_nodes: str = ""  # "early" or "late": where the further nodes of ten-node solids are
     more: tuple = ()  # words after the control words
     last: tuple = ()  # words after the user's numbers
+    after: tuple = ()  # words after the titles
 
     @property
     def n_elements(self):
@@ -72,6 +73,7 @@ def root(model, code="<4"):
         found += words_of([END], code) + words_of([90001, len(model.titles)], code)
         for number, title in model.titles.items():
             found += words_of([number], code) + title.encode().ljust(72)
+        found += b"".join(words_of(one, code) for one in model.after)
         found += words_of([END], code)
     return found
 

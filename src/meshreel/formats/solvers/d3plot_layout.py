@@ -49,6 +49,9 @@ RIGID = 20
 TITLES = {90000: 0, 90001: 1, 90002: 1, 90020: 1, 90021: 1}
 """Types of title tables, and whether they have a list of numbers and titles."""
 
+OTHER_TABLES = range(90_000, 1_000_000)
+"""Possible types of tables after the geometry; as floats they are too small for a time."""
+
 PART_TITLES = 90001
 TITLE_BYTES = 72
 
@@ -323,6 +326,9 @@ class D3plotLayout:
         self._position += 1
         while self._position < self.words.n_words:
             kind = int(self.words.integers(self._position, 1)[0])
+            if kind in OTHER_TABLES and kind not in TITLES:  # states are in the next file
+                self._position = self.words.end_of_file(self._position)
+                return titles
             if kind not in TITLES:
                 break
             self._position += 1

@@ -84,6 +84,13 @@ def test_unnamed_parts_have_numbers(tmp_path):
     assert load(path).surface.groups[0].labels == ("block 10", "block 20", "part 30")
 
 
+def test_keywords_after_the_titles_are_skipped(tmp_path):
+    model = whole_model()
+    model.after = ([90100, 9], [0x2A2A2A2A] * 180)
+    found = load(write_family(tmp_path / "d3plot", model, [[state(0, moved(1))]]))
+    assert found.vertices[0].tobytes() == moved(1)[:12].astype(np.float32).tobytes()
+
+
 SHAPES = {
     "hexahedron": (range(8), 6, 1),
     "wedge with two edges": ((0, 1, 2, 3, 4, 4, 7, 7), 5, 1 / 2),
