@@ -72,7 +72,7 @@ def test_figures_report_no_error():
     )
     info = json.loads(run("info", "json.reel", "--json").stdout)
     assert info["is_lossless"] is True
-    assert info["max_error_percent"] == 0
+    assert info["error_bound_percent"] == 0
     assert 0 < info["budget_bytes"]["values"] < info["size_bytes"]
     compared = json.loads(run("compare", "walk.npz", "json.reel", "--json").stdout)
     assert compared["max_error_percent"] == 0
