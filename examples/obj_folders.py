@@ -51,9 +51,7 @@ def main() -> None:
             print(f"{name}: {record['error']}")
             continue
         reel = streams / record["output"]
-        n_bytes = sum(path.stat().st_size for path in (clips / name).iterdir())
-        raw_mb, kb = n_bytes / 1e6, record["size_bytes"] / 1e3
-        print(f"{name}: {raw_mb:.1f} MB of OBJ files became {kb:.1f} kB")
+        print(f"{name}: {record['ratio']:.0f} times smaller, {record['size_bytes'] / 1e3:.1f} kB")
         notes: list[str] = []
         glb = reel.with_suffix(".glb")
         with meshreel.open(reel) as clip:

@@ -88,10 +88,8 @@ def main() -> None:
         # All frames would take longer than the registration.
         errors = meshreel.compare(raw[:1], meshreel.decode_segments(data)[:1], surface=True)
     arguments.out.write_bytes(data)
-    print(f"{raw.n_frames} frames, each with its own mesh: {raw.raw_size_bytes / 1e6:.1f} MB")
-    print(
-        f"segments of frames that share a mesh: {registered.n_segments}, {len(data) / 1e3:.0f} kB"
-    )
+    print(f"raw: frames {raw.n_frames}, meshes {raw.n_segments}, {raw.raw_size_bytes / 1e6:.1f} MB")
+    print(f"registered: meshes {registered.n_segments}, {len(data) / 1e3:.0f} kB as a .reel file")
     print(f"first frame: {errors}")
 
 

@@ -90,7 +90,7 @@ def test_a_capture_is_registered(tmp_path):
     pytest.importorskip("igl", reason="the extra [register] is not installed")
     path = tmp_path / "walk.reel"
     output = run_script("register_capture.py", "--frames", "5", "--out", path)
-    assert "5 frames, each with its own mesh" in output
+    assert "raw: frames 5, meshes 5" in output
     with meshreel.open(path) as reel:  # one segment
         assert len(reel) == 5
 
