@@ -67,13 +67,14 @@ def remeshed(frames: Sequence[MeshFrame]) -> list[MeshFrame]:
 
 
 def filtered(frame: MeshFrame, name: str, **options: float) -> MeshFrame:
-    """Return a frame after a filter of pymeshlab; `targetlen` is a length, not percent."""
+    """Return a frame after a filter of pymeshlab, welded; `targetlen` is a length, not percent."""
     import pymeshlab
 
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(frame.vertices.astype(np.float64), frame.faces))
     if length := options.get("targetlen"):
         options["targetlen"] = pymeshlab.PureValue(length)
+    meshes.meshing_remove_duplicate_vertices()
     getattr(meshes, name)(**options)
     mesh = meshes.current_mesh()
     return as_frame(mesh.vertex_matrix(), mesh.face_matrix())
