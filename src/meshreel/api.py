@@ -211,9 +211,9 @@ def register(
     unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
         Length unit of the model, for a `tolerance` that is a length.
     folder : path, optional
-        Stores the registered frames: memory stays small, and after an interruption the same call
-        continues. The result reads its frames from the folder; remove it when they are not needed
-        any more. Default: frames stay in memory.
+        Stores the registered frames: after an interruption, the same call continues. The result
+        reads its frames from the folder; remove it when they are not needed any more. Default:
+        frames are in temporary files (in `TMPDIR`), which vanish with the result.
     texture : path, or list of paths, optional
         Textures of the raw frames: a folder or a pattern of images in frame order, a list of them,
         or a video. They are baked into the texture coordinates of the segments: every texel gets

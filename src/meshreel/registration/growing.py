@@ -16,7 +16,7 @@ from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
 from meshreel.registration.refining import KeyMesh
-from meshreel.registration.stores import Course, MemoryStore
+from meshreel.registration.stores import Course, TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, State, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
@@ -184,7 +184,7 @@ def grow_segments(
     frames: Frames,
     topologies: list[Topology | None],
     tolerance: Tolerance,
-    store: MemoryStore,
+    store: TemporaryStore,
     report: Callable[[int], None],
 ) -> list[Segment]:
     """Divide all frames into segments.
@@ -195,7 +195,7 @@ def grow_segments(
         Frames without a surface belong to no segment.
     tolerance : Tolerance
         In longest sides of the box.
-    store : MemoryStore
+    store : TemporaryStore
         Holds the registered frames; a `FolderStore` may contain some already.
     report : callable
         Called with the number of finished frames.
@@ -233,7 +233,7 @@ def _longest(
     key: int,
     run: range,
     tolerance: Tolerance,
-    store: MemoryStore,
+    store: TemporaryStore,
     report: Callable[[int], None],
 ) -> Segment:
     """Return the segment of a key within a run; of a refined key if frames then cost less."""
@@ -260,7 +260,7 @@ def _grow(
     name: str,
     run: range,
     tolerance: Tolerance,
-    store: MemoryStore,
+    store: TemporaryStore,
     report: Callable[[int], None],
 ) -> Segment:
     """Return the segment of a key within a run of frames, under a name in the store."""

@@ -26,7 +26,7 @@ from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
 from meshreel.registration.refining import KeyMesh
-from meshreel.registration.stores import FolderStore, MemoryStore
+from meshreel.registration.stores import FolderStore, TemporaryStore
 from meshreel.registration.transfer import (
     Places,
     RawFrame,
@@ -210,7 +210,8 @@ def register(
         Called with the stage and the number of frames.
     folder : Path, optional
         Stores the registered frames, which the result reads from it; after an interruption, the
-        same call continues. Default: they stay in memory.
+        same call continues. Default: they are in temporary files (in `TMPDIR`), which vanish with
+        the result.
 
     Raises
     ------
@@ -245,7 +246,7 @@ def register(
         progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
     if not any(topologies):
         raise InvalidInputError("no frame has a face with an area; nothing can be registered")
-    store = MemoryStore() if folder is None else FolderStore(folder, digest.hexdigest())
+    store = TemporaryStore() if folder is None else FolderStore(folder, digest.hexdigest())
     with one_blas_thread():
         segments = grow_segments(
             frames,

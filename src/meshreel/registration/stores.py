@@ -1,14 +1,16 @@
-"""Where registered frames are while others are registered: in memory, or in a folder.
+"""Where registered frames are while others are registered: in temporary files, or in a folder.
 
-In a folder they need little memory, and an interrupted registration continues.
+Neither needs much memory; from a folder, an interrupted registration continues.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import Vertices
 from meshreel.registration.tracking import State
 from meshreel.registration.verification import FrameErrors
+from meshreel.runtime.threads import fork_safe_lock
 
 IDENTITY = "registration.json"
 """The file that states what a folder belongs to."""
@@ -49,22 +52,33 @@ class Course:
     excess: float = 0.0
 
 
-class MemoryStore:
-    """Registered frames in memory."""
+class TemporaryStore:
+    """Registered frames in temporary files, which vanish with the arrays read from them."""
 
     is_resumed = False
     """Whether an earlier run registered some of the frames."""
 
     def __init__(self) -> None:
-        self._frames: dict[tuple[str, int], Vertices] = {}
+        self._lock = fork_safe_lock()
+        self._files: dict[str, tuple[IO[bytes], np.dtype[np.floating], tuple[int, ...]]] = {}
 
     def put(self, key: str, number: int, positions: Vertices) -> None:
-        """Store a registered frame of a key."""
-        self._frames[key, number] = positions
+        """Store a registered frame of a key, at its place in the file of the key."""
+        with self._lock:
+            if key not in self._files:
+                created = TemporaryFile(prefix="meshreel-")  # noqa: SIM115
+                self._files[key] = created, positions.dtype, positions.shape
+            file, _, _ = self._files[key]
+            file.seek(number * positions.nbytes)
+            file.write(positions.tobytes())
 
-    def stacked(self, key: str, numbers: Sequence[int]) -> Vertices:
-        """Return frames of a key as one array of shape (T, V, 3), and remove them one by one."""
-        return np.asarray(np.stack([self._frames.pop((key, number)) for number in numbers]))
+    def stacked(self, key: str, numbers: range) -> Vertices:
+        """Return consecutive frames of a key as one array of shape (T, V, 3), and forget them."""
+        (file, dtype, shape) = self._files.pop(key)
+        offset = numbers.start * math.prod(shape) * dtype.itemsize
+        with file:
+            file.flush()
+            return np.asarray(np.memmap(file, dtype, "r", offset, (len(numbers), *shape)))
 
     def save(self, name: str, course: Course) -> None:
         """Store how far a direction was followed, after its last frame."""
@@ -74,7 +88,7 @@ class MemoryStore:
         return None
 
 
-class FolderStore(MemoryStore):
+class FolderStore(TemporaryStore):
     """Registered frames in a folder, which is created.
 
     Parameters
@@ -114,7 +128,7 @@ class FolderStore(MemoryStore):
         with path.open("wb") as file:
             np.save(file, positions)
 
-    def stacked(self, key: str, numbers: Sequence[int]) -> Vertices:
+    def stacked(self, key: str, numbers: range) -> Vertices:
         """Return frames of a key as one array in a file, and remove their files."""
         path = self._folder / f"{key}.npy"
         frames = [self._folder / f"{key}_frame_{number}.npy" for number in numbers]

@@ -11,7 +11,7 @@ from meshreel.kernel.order import opposite_sides
 from meshreel.registration import growing
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
-from meshreel.registration.stores import MemoryStore
+from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance
 from samples.captures import as_frames, capsule, capture
@@ -93,6 +93,6 @@ def test_a_refined_key_is_kept_if_frames_need_fewer_vertices(
     frames = growing.Frames(1, lambda _: key.mesh, np.zeros(3), 1.0, raw.dtype)
     topologies = [growing.Topology(1, 2)]
     (segment,) = growing.grow_segments(
-        frames, topologies, Tolerance(0.004), MemoryStore(), lambda _: None
+        frames, topologies, Tolerance(0.004), TemporaryStore(), lambda _: None
     )
     assert segment.key_mesh.is_refined == is_kept

@@ -1,6 +1,8 @@
 """Registration in a folder continues after an interruption."""
 
 import mmap
+import os
+import tempfile
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import pytest
 from meshreel import InvalidInputError
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.register import register
+from meshreel.registration.stores import TemporaryStore
 from samples.captures import capture
 
 TOLERANCE = ErrorBound(0.5)
@@ -55,6 +58,23 @@ def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
     assert isinstance(memory_of(segment.read(0, 5)), mmap.mmap)
     assert np.array_equal(segment.read(0, 5), other.read(0, 5))
     assert not list(tmp_path.glob("*frame*"))
+
+
+def test_without_a_folder_frames_are_in_a_file_without_a_name(raw, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (segment,) = register(raw, TOLERANCE).sequence.segments
+    assert isinstance(memory_of(segment.read(0, 5)), mmap.mmap)
+    if os.name == "posix":
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_store_returns_the_frames_of_each_key():
+    store, frames = TemporaryStore(), np.arange(30, dtype=np.float32).reshape(5, 2, 3)
+    for number in (3, 2, 4):
+        store.put("first", number, frames[number])
+        store.put("other", number, -frames[number])
+    assert np.array_equal(store.stacked("first", range(2, 5)), frames[2:5])
+    assert np.array_equal(store.stacked("other", range(2, 4)), -frames[2:4])
 
 
 def test_the_folder_of_another_tolerance_is_refused(raw, tmp_path):
