@@ -10,11 +10,13 @@ from meshreel.metrics.surface_distance import point_psnr_db
 from meshreel.model.segments import HasSegments, MeshFrame, frame_at
 from meshreel.registration.register import Distances, Registration
 from meshreel.runtime.counting import counted, size_text
-from meshreel.runtime.progress import Progress, silent
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import in_threads
 
-N_POINT_FRAMES = 4
-"""Frames of which D1 and D2 are measured: one takes about two processor seconds."""
+POINT_FRAMES_APART = 30
+"""Frames for each of which D1 and D2 are measured, which takes about two processor seconds."""
+
+MIN_POINT_FRAMES = 2
 
 
 @dataclass(frozen=True)
@@ -64,8 +66,8 @@ class Report:
             registration,
             registration.distances,
             registration.distances_of(decoded, progress),
-            point_psnr(registration, registration.sequence),
-            point_psnr(registration, decoded),
+            point_psnr(registration, registration.sequence, progress),
+            point_psnr(registration, decoded, progress),
         )
 
     def figures(self) -> dict[str, Any]:
@@ -114,7 +116,9 @@ class Report:
         return f"{len(chosen)} of {n_frames}: {', '.join(map(str, chosen))}"
 
 
-def point_psnr(registration: Registration, sequence: HasSegments) -> PointPsnr:
+def point_psnr(
+    registration: Registration, sequence: HasSegments, progress: Progress = silent
+) -> PointPsnr:
     """Return D1 and D2 between raw frames and those of a sequence or a file."""
     raw, numbers = registration.raw, _evenly_spaced(registration)
     low, high = (np.asarray(corner, np.float64) for corner in (raw.extent.low, raw.extent.high))
@@ -126,7 +130,11 @@ def point_psnr(registration: Registration, sequence: HasSegments) -> PointPsnr:
             (frame.vertices, frame.faces), (frame_hat.vertices, frame_hat.faces), low, high
         )
 
-    in_threads(measure, [(n, frame_at(raw, n), frame_at(sequence, n)) for n in numbers])
+    in_threads(
+        measure,
+        [(n, frame_at(raw, n), frame_at(sequence, n)) for n in numbers],
+        lambda n_done: progress("measuring D1 and D2", Count(n_done, len(numbers), "frames")),
+    )
     pairs = np.array([found[number] for number in numbers])
     d1, d2 = (_mean_of_finite(column) for column in pairs.T)
     return PointPsnr(d1, d2, tuple(numbers))
@@ -142,5 +150,5 @@ def _evenly_spaced(registration: Registration) -> Sequence[int]:
     segments = registration.segments
     numbers = [number for one in segments for number in one.numbers if number != one.key]
     numbers = numbers or [one.key for one in segments]
-    n_chosen = min(N_POINT_FRAMES, len(numbers))
+    n_chosen = min(max(MIN_POINT_FRAMES, len(numbers) // POINT_FRAMES_APART), len(numbers))
     return [numbers[(2 * k + 1) * len(numbers) // (2 * n_chosen)] for k in range(n_chosen)]
