@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 SETTINGS = """[mypy]
 strict = true
-[mypy-torch.*]
+[mypy-igl.*,torch.*]
 ignore_missing_imports = true
 """
 

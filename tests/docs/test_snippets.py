@@ -95,6 +95,7 @@ def test_snippets_that_do_not_run_state_their_requirements():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_grid_lines")
 @pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=name_of)
 def test_snippets_run_in_order(page, demo, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
