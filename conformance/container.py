@@ -168,7 +168,7 @@ class Container:
     """The sections of a segment: leading ones by name, and a dict for each track of each block.
 
     `start` is the position of its SEGMENT; `begins` has those of BLOCK and TRACK_BLOCK per block.
-    Leading sections begin with those of the segment that it `refers` to, if it does.
+    The first `n_shared` leading sections are stored by earlier segments.
     """
 
     header: Header
@@ -176,7 +176,7 @@ class Container:
     blocks: list
     start: int = 0
     begins: list = field(default_factory=list)
-    refers: bool = False
+    n_shared: int = 0
 
     def all_of(self, name):
         return [payload for other, payload in self.leading if other == name]
@@ -211,7 +211,7 @@ def read_containers(data):
         elif name == "REFERENCE":
             need(start == after_segment, "REFERENCE does not follow SEGMENT")
             container.leading = referred_sections(containers, Payload(section))
-            container.refers = True
+            container.n_shared = len(container.leading)
         elif name in ("BLOCK", "TRACK_BLOCK"):
             if name == "BLOCK":
                 container.blocks.append([])
@@ -246,16 +246,28 @@ def read_containers(data):
 
 def referred_sections(containers, payload):
     """The sections that the REFERENCE of the last segment adds to it."""
-    distance, n_sections = payload.varint(), payload.varint()
-    payload.end()
-    need(0 < distance < len(containers) and 0 < n_sections < 256, "a reference is out of range")
+    sections, n_ranges = [], 0
+    while payload.position < len(payload.data) or not n_ranges:
+        sections += sections_of_range(containers, payload)
+        n_ranges += 1
+    need(n_ranges <= 2, "a reference has more than two ranges")
+    return sections
+
+
+def sections_of_range(containers, payload):
+    """The sections of the next range of a REFERENCE."""
+    distance, n_skipped, n_sections = (payload.varint() for _ in range(3))
+    need(0 < distance < len(containers) and n_sections > 0, "a reference is out of range")
+    need(n_skipped + n_sections < 256, "a reference is out of range")
     container, other = containers[-1], containers[-1 - distance]
-    need(not other.refers, "a reference leads to another")
+    stored = [one for one in other.leading[other.n_shared :] if one[0] in OF_MESH]
+    need(n_skipped + n_sections <= len(stored), "a reference adds sections that do not exist")
+    sections = stored[n_skipped : n_skipped + n_sections]
     counts = other.header.n_verts, other.header.n_faces
-    need(counts == (container.header.n_verts, container.header.n_faces), "meshes differ")
-    sections = [one for one in other.leading if one[0] in OF_MESH]
-    need(n_sections <= len(sections), "a reference adds sections that do not exist")
-    return sections[:n_sections]
+    is_other = counts != (container.header.n_verts, container.header.n_faces)
+    of_look = all(name in ("MATERIAL", "IMAGE") for name, _ in sections)
+    need(of_look or not is_other, "meshes differ")
+    return sections
 
 
 def read_container(data):

@@ -25,6 +25,8 @@ from meshreel.codec.bitstream.container import (
 from meshreel.codec.bitstream.layout import INDEX_POSITION, Section
 from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of
 from meshreel.codec.open_stream import whole_stream
+from meshreel.model.materials import Material
+from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 
 FOLDER = Path(__file__).with_name("segments")
@@ -82,6 +84,21 @@ def returning():
         meshreel.encode(moving(BOX, 2, seed=6), order="drop"),
         meshreel.encode(fewer, step=0.001),
     )
+
+
+def of_one_look():
+    """Return streams of different meshes with the same materials and images, which return."""
+    surface = of_everything(n_frames=1).surface
+    materials = tuple(
+        Material(one.name, base_color=one.base_color, roughness=one.roughness)
+        for one in surface.materials
+    )
+    look = Surface(materials=materials, images=surface.images)
+    meshes = (TETRAHEDRON, BOX, BOX[:6], BOX, TETRAHEDRON)
+    return [
+        meshreel.encode(replace(moving(mesh, 2, seed=i), surface=look))
+        for i, mesh in enumerate(meshes)
+    ]
 
 
 def placed_alike():
@@ -145,6 +162,7 @@ STREAMS: dict[str, Callable[[], bytes]] = {
     "placed_alike": lambda: join_streams(placed_alike()),
     "returning": lambda: join_streams(returning()),
     "returning_no_index": lambda: without_end(join_streams(returning())),
+    "one_look": lambda: join_streams(of_one_look()),
     "many_kinds": lambda: join_streams(of_many_kinds()),
     "two_meshes_no_index": lambda: without_index([sections_of(0), sections_of(1)]),
 }
@@ -256,21 +274,24 @@ REFUSED: dict[str, Callable[[], bytes]] = {
     ),
     "index_without_the_second": partial(with_index, lambda further: []),
     "index_with_a_third": partial(with_index, lambda further: [*further, *further]),
-    "reference_to_itself": lambda: with_leading(refer(0, 2)),
-    "reference_before_the_first": lambda: with_leading(refer(3, 2)),
-    "reference_without_index": lambda: without_end(with_leading(refer(3, 2))),
-    "reference_to_no_section": lambda: with_leading(refer(2, 0)),
-    "reference_to_three_sections": lambda: with_leading(refer(2, 3)),
+    "reference_to_itself": lambda: with_leading(refer(0, 0, 2)),
+    "reference_before_the_first": lambda: with_leading(refer(3, 0, 2)),
+    "reference_without_index": lambda: without_end(with_leading(refer(3, 0, 2))),
+    "reference_to_no_section": lambda: with_leading(refer(2, 0, 0)),
+    "reference_to_three_sections": lambda: with_leading(refer(2, 0, 3)),
     "reference_to_256_sections": lambda: with_leading(
-        lambda leading: [*leading, *300 * [(Section.IMAGE, b"\0\0")]], refer(1, 256)
+        lambda leading: [*leading, *300 * [(Section.IMAGE, b"\0\0")]], refer(1, 0, 256)
     ),
     "reference_of_one_number": lambda: with_leading(refer(2)),
-    "reference_of_three_numbers": lambda: with_leading(refer(2, 2, 2)),
-    "reference_to_a_reference": lambda: with_leading(refer(1, 2), refer(1, 2)),
-    "reference_to_another_mesh": lambda: with_leading(refer(2, 2), mesh=TETRAHEDRON),
-    "reference_of_the_first": lambda: with_leading(refer(1, 2), refer(1, 2), refer(2, 2)),
-    "reference_behind_another": lambda: with_leading(lambda _: 2 * refer(2, 1)([])),
-    "reference_and_connectivity": lambda: with_leading(lambda all: [*refer(2, 2)([]), *all[:1]]),
+    "reference_of_two_numbers": lambda: with_leading(refer(2, 2)),
+    "reference_of_four_numbers": lambda: with_leading(refer(2, 0, 2, 2)),
+    "reference_of_three_ranges": lambda: with_leading(refer(2, 0, 1, 2, 1, 1, 2, 1, 1)),
+    "reference_behind_all_sections": lambda: with_leading(refer(2, 2, 1)),
+    "reference_to_a_reference": lambda: with_leading(refer(1, 0, 2), refer(1, 0, 2)),
+    "reference_to_another_mesh": lambda: with_leading(refer(2, 0, 2), mesh=TETRAHEDRON),
+    "reference_of_the_first": lambda: with_leading(refer(1, 0, 2), refer(1, 0, 2), refer(2, 0, 2)),
+    "reference_behind_another": lambda: with_leading(lambda _: 2 * refer(2, 0, 1)([])),
+    "reference_and_connectivity": lambda: with_leading(lambda all: [*refer(2, 0, 2)([]), *all[:1]]),
     "no_block": lambda: without_index([sections_of(0), sections_of(1)[:1], sections_of(1)]),
     "no_block_of_the_first": lambda: without_index([sections_of(0)[:1], sections_of(1)]),
     "no_block_of_the_last": lambda: without_index([sections_of(0), sections_of(1)[:2]]),

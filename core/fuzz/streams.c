@@ -544,7 +544,13 @@ static void put_reference(stream *s, const stream *to, int64_t distance) {
     size_t payload = s->size;
     bool is_wrong = fuzz_one_in(8);
     put_varint(s, (uint64_t)(is_wrong ? fuzz_below(distance + 3) : distance));
+    put_varint(s, (uint64_t)(is_wrong ? fuzz_below(3) : 0));
     put_varint(s, (uint64_t)(is_wrong ? fuzz_below(to->n_of_mesh + 2) : to->n_of_mesh));
+    for (int i = fuzz_one_in(8) ? 1 + (int)fuzz_below(2) : 0; i > 0; i--) {
+        put_varint(s, 1 + (uint64_t)fuzz_below(distance));
+        put_varint(s, (uint64_t)fuzz_below(to->n_of_mesh + 1));
+        put_varint(s, 1 + (uint64_t)fuzz_below(2));
+    }
     end_section(s, REFERENCE, payload);
 }
 

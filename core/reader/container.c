@@ -12,6 +12,7 @@
 #define LAST_METHOD REEL_METHOD_GRID
 #define MAX_TRACKS ((uint32_t)1 << 20)
 #define MAX_SHARED 255
+#define MAX_RANGES 2
 
 static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A};
 
@@ -594,18 +595,44 @@ static int read_beginning(reel_call *call, const reel_outline *file, const reel_
                : reel_corrupt(call, segment->at, "the index contradicts the mesh of a segment");
 }
 
-/* A segment's reference to the mesh of an earlier segment. */
+/* Sections of the mesh that an earlier segment stores, and that a segment shares. */
 typedef struct {
-    const reel_segment *to; /* NULL: there is no reference */
-    uint64_t at;         /* offset of its payload */
-    uint64_t n_sections; /* number of shared sections */
-    uint64_t end;        /* end of the section, or of SEGMENT */
+    const reel_segment *to;
+    uint64_t n_skipped, n_sections; /* counted among those that it stores */
+} shared_range;
+
+/* A segment's reference to sections of earlier segments. */
+typedef struct {
+    shared_range ranges[MAX_RANGES];
+    uint32_t n_ranges; /* 0: there is no reference */
+    uint64_t at;       /* offset of its payload */
+    uint64_t end;      /* end of the section, or of SEGMENT */
 } mesh_reference;
+
+/* Read a range of the reference of segment `number`. */
+static int read_range(reel_call *call, reel_range *left, const reel_segments *segments,
+                      uint64_t number, uint64_t at, shared_range *range) {
+    uint64_t distance;
+    int failed = reel_read_varint(call, left, &distance);
+    failed = failed ? failed : reel_read_varint(call, left, &range->n_skipped);
+    failed = failed ? failed : reel_read_varint(call, left, &range->n_sections);
+    if (failed) {
+        return failed;
+    }
+    if (!range->n_sections || range->n_sections > MAX_SHARED ||
+        range->n_skipped > MAX_SHARED - range->n_sections) {
+        return reel_corrupt(call, at, "a reference shares no section, or one after the first 255");
+    }
+    if (!distance || distance > number) {
+        return reel_corrupt(call, at, "a segment refers to one that does not precede it");
+    }
+    range->to = &segments->all[number - distance];
+    return MESHREEL_OK;
+}
 
 /* Read the section REFERENCE of segment `number`, if it is stored at `begin`. */
 static int read_reference(reel_call *call, const reel_segments *segments, uint64_t number,
-                          const reel_outline *outline, uint64_t begin, uint64_t limit,
-                          mesh_reference *reference) {
+                          uint64_t begin, uint64_t limit, mesh_reference *reference) {
     uint8_t id = REEL_END;
     reel_section section;
     *reference = (mesh_reference){.end = begin};
@@ -615,32 +642,17 @@ static int read_reference(reel_call *call, const reel_segments *segments, uint64
     }
     failed = reel_section_at(call, begin, limit, &section);
     failed = failed ? failed : reel_section_check(call, &section);
-    if (failed) {
-        return failed;
-    }
-    reel_range left = section.payload;
-    uint64_t distance;
-    failed = reel_read_varint(call, &left, &distance);
-    failed = failed ? failed : reel_read_varint(call, &left, &reference->n_sections);
-    if (failed) {
-        return failed;
-    }
-    if (left.length || !reference->n_sections || reference->n_sections > MAX_SHARED) {
-        return reel_corrupt(call, section.payload.at,
-                            "a reference shares no section or more than 255, or bytes follow it");
-    }
-    if (!distance || distance > number) {
-        return reel_corrupt(call, section.payload.at,
-                            "a segment refers to one that does not precede it");
-    }
-    reference->to = &segments->all[number - distance];
     reference->at = section.payload.at;
     reference->end = section.end;
-    bool is_other = reference->to->n_verts != outline->n_verts ||
-                    reference->to->n_faces != outline->n_faces;
-    return is_other ? reel_corrupt(call, section.payload.at,
-                                   "a segment refers to one with more or fewer vertices or faces")
-                    : MESHREEL_OK;
+    reel_range left = section.payload;
+    while (!failed && (left.length || !reference->n_ranges)) {
+        if (reference->n_ranges == MAX_RANGES) {
+            return reel_corrupt(call, reference->at, "a reference has more than two ranges");
+        }
+        shared_range *range = &reference->ranges[reference->n_ranges++];
+        failed = read_range(call, &left, segments, number, reference->at, range);
+    }
+    return failed;
 }
 
 /* Whether sections with this id describe the mesh, which segments may share. */
@@ -650,6 +662,9 @@ static bool is_of_mesh(uint32_t id) {
     return id == REEL_CONNECTIVITY || id == REEL_ORDER || is_of_surface;
 }
 
+/* Whether sections with this id fit any mesh. */
+static bool fits_any_mesh(uint32_t id) { return id == REEL_MATERIAL || id == REEL_IMAGE; }
+
 /* Whether a section is behind the leading ones of the segment that begins at `begin`. */
 static bool is_after_leading(const reel_section *section, uint64_t begin) {
     bool is_of_block = section->id >= REEL_BLOCK && !(section->id & REEL_OPTIONAL);
@@ -657,29 +672,39 @@ static bool is_after_leading(const reel_section *section, uint64_t begin) {
            (section->id == REEL_SEGMENT && section->at != begin);
 }
 
+/* Add a range of sections that a segment refers to. */
+static int add_range(reel_call *call, reel_pool *pool, const shared_range *range, uint64_t from,
+                     reel_outline *outline) {
+    const reel_segment *to = range->to;
+    uint64_t limit = to->first_block ? to->first_block : to->end, at = to->at;
+    bool is_other = to->n_verts != outline->n_verts || to->n_faces != outline->n_faces;
+    int failed = reel_announce(call, (reel_range){at, limit - at});
+    for (uint64_t i = 0; !failed && i < range->n_skipped + range->n_sections;) {
+        reel_section section = {.id = REEL_BLOCK};
+        failed = at < limit ? reel_section_at(call, at, limit, &section) : MESHREEL_OK;
+        bool is_shared = i >= range->n_skipped && is_of_mesh(section.id);
+        failed = failed || !is_shared ? failed : reel_section_check(call, &section);
+        if (!failed && is_after_leading(&section, to->at)) {
+            return reel_corrupt(call, from,
+                                "a segment refers to more sections than the other one has");
+        }
+        if (!failed && is_shared && is_other && !fits_any_mesh(section.id)) {
+            return reel_corrupt(call, from,
+                                "a segment refers to one with more or fewer vertices or faces");
+        }
+        failed = failed || !is_shared ? failed : add_leading(call, pool, outline, &section);
+        i += is_of_mesh(section.id);
+        at = section.end;
+    }
+    return failed;
+}
+
 /* Add the sections that a segment refers to. */
 static int add_shared(reel_call *call, reel_pool *pool, const mesh_reference *reference,
                       reel_outline *outline) {
-    const reel_segment *to = reference->to;
-    uint64_t limit = to->first_block ? to->first_block : to->end, at = to->at;
-    int failed = reel_announce(call, (reel_range){at, limit - at});
-    for (uint64_t n_left = reference->n_sections; !failed && n_left;) {
-        reel_section section = {.id = REEL_BLOCK};
-        failed = at < limit ? reel_section_at(call, at, limit, &section) : MESHREEL_OK;
-        failed = failed || at >= limit ? failed : reel_section_check(call, &section);
-        if (!failed && section.id == REEL_REFERENCE) {
-            return reel_corrupt(call, reference->at,
-                                "a segment refers to one that refers to another");
-        }
-        if (!failed && is_after_leading(&section, to->at)) {
-            return reel_corrupt(call, reference->at,
-                                "a segment refers to more sections than the other one has");
-        }
-        if (!failed && is_of_mesh(section.id)) {
-            failed = add_leading(call, pool, outline, &section);
-            n_left--;
-        }
-        at = section.end;
+    int failed = MESHREEL_OK;
+    for (uint32_t i = 0; !failed && i < reference->n_ranges; i++) {
+        failed = add_range(call, pool, &reference->ranges[i], reference->at, outline);
     }
     return failed;
 }
@@ -711,9 +736,8 @@ int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file
         uint64_t limit = segment->first_block ? segment->first_block : segment->end;
         failed = read_beginning(call, file, segment, limit, &section, outline);
         failed = failed ? failed
-                        : read_reference(call, segments, number, outline, section.end, limit,
-                                         &reference);
-        failed = failed || !reference.to ? failed : add_shared(call, pool, &reference, outline);
+                        : read_reference(call, segments, number, section.end, limit, &reference);
+        failed = failed ? failed : add_shared(call, pool, &reference, outline);
     } else {
         *outline = *file;
         reset_outline(outline);
@@ -780,7 +804,7 @@ static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, re
     uint64_t at = next->at;
     int failed = begin_segment(call, next, file, &outline);
     failed = failed ? failed
-                    : read_reference(call, segments, segments->count, &outline, next->end,
+                    : read_reference(call, segments, segments->count, next->end,
                                      call->source->size, &reference);
     failed = failed ? failed
                     : read_sections(call, &call->scratch, &outline, reference.end, next);

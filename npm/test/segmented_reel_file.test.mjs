@@ -30,7 +30,7 @@ function startsOf(segments) {
 
 test("frames of all segments are bit-exact", async () => {
   const meshes = ["two_meshes", "two_meshes_no_index", "one_frame_each", "placed_alike"];
-  for (const name of [...meshes, "returning", "returning_no_index"]) {
+  for (const name of [...meshes, "returning", "returning_no_index", "one_look"]) {
     const expected = expectedSegments(name);
     await withFile(segmentedBytes(name), async (file) => {
       assert.deepEqual(

@@ -89,7 +89,7 @@ def references(n=MANY, n_shared=255):
     images = n_shared * [(Section.IMAGE, b"\0\0")]
     first = beginning(*parts()[1], *images) + parts()[2]
     further = (
-        beginning((Section.REFERENCE, numbers(distance, n_shared))) + parts()[2]
+        beginning((Section.REFERENCE, numbers(distance, 0, n_shared))) + parts()[2]
         for distance in range(1, n + 1)
     )
     return first + b"".join(further)

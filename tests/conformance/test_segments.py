@@ -13,12 +13,13 @@ from conformance.segments import (
     REFUSED_FOLDER,
     STREAMS,
     meshes,
+    of_one_look,
     one_frame_each,
     returning,
     without_end,
 )
 from meshreel.codec.bitstream.container import write_header
-from meshreel.codec.decoder import decode
+from meshreel.codec.decoder import decode, decode_segments
 from meshreel.codec.joining import header_of, join_streams, separate_stream
 from meshreel.codec.open_stream import whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -34,7 +35,7 @@ from samples.c_reader import (
     refusal,
 )
 
-CONNECTIVITY, SEGMENT, REFERENCE, ATTRIBUTE = 1, 5, 6, 132
+CONNECTIVITY, SEGMENT, REFERENCE, ATTRIBUTE, MATERIAL, IMAGE = 1, 5, 6, 132, 136, 137
 REFUSED_FILES = sorted(REFUSED_FOLDER.glob("*.reel"))
 
 
@@ -90,13 +91,28 @@ def test_a_mesh_that_returns_is_stored_once():
     assert everything_of(data) == everything_of(without_end(data)) == list(map(bits_of, streams))
     with File(data, mesh=False) as file:
         ids = [section_ids(file, segment) for segment in file.segments]
-    assert [found.count(CONNECTIVITY) for found in ids] == [1, 1, 0, 0, 0, 0]
-    assert [found[:2] == [SEGMENT, REFERENCE] for found in ids] == [False] * 2 + [True] * 4
+    # The fifth has only a connectivity of a few bytes, which a reference would not save.
+    assert [found.count(CONNECTIVITY) for found in ids] == [1, 1, 0, 0, 1, 0]
+    assert [found[1] == REFERENCE for found in ids] == [False, False, True, True, False, True]
     assert [found.count(ATTRIBUTE) for found in ids] == [0, 1, 9, 0, 0, 0]
     for number, stream in enumerate(streams):
         separate = separate_stream(whole_stream(data, segment=number))
         assert read_all(separate)[0].surface == read_all(stream)[0].surface
         assert bits_of(separate) == bits_of(stream)
+
+
+def test_materials_and_images_of_different_meshes_are_stored_once():
+    streams = of_one_look()
+    data = join_streams(streams)
+    assert everything_of(data) == list(map(bits_of, streams))
+    with File(data, mesh=False) as file:
+        ids = [section_ids(file, segment) for segment in file.segments]
+    assert [found.count(IMAGE) for found in ids] == [2, 0, 0, 0, 0]
+    assert [found.count(MATERIAL) for found in ids] == [2, 0, 0, 0, 0]
+    assert [found.count(REFERENCE) for found in ids] == [0, 1, 1, 1, 1]
+    for one, stream in zip(decode_segments(data).segments, streams, strict=True):
+        expected = decode(stream).surface
+        assert (one.surface.materials, one.surface.images) == (expected.materials, expected.images)
 
 
 def section_ids(file, segment):

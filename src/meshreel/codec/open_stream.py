@@ -194,7 +194,7 @@ class OpenStream:
     def mesh_key(self) -> Hashable:
         """A value that equals that of another segment of the file if they store one mesh."""
         stored = (one.offset for one in self.leading if one.id in MESH_SECTIONS)
-        return self.order_kept, *stored
+        return self.order_kept, *sorted(stored)
 
     @cached_property
     def surface(self) -> Surface:

@@ -14,6 +14,7 @@ from typing import BinaryIO
 from meshreel.codec.bitstream.layout import (
     FORMAT_VERSION,
     INDEX_POSITION,
+    LOOK_SECTIONS,
     MAGIC,
     MAX_NAME_BYTES,
     MESH_SECTIONS,
@@ -205,7 +206,10 @@ class StoredMeshes:
     """
 
     def __init__(self) -> None:
-        self._segments: dict[bytes, int] = {}
+        self._prefixes: dict[bytes, int] = {}
+        """Segments by the first sections that they store."""
+        self._looks: dict[bytes, tuple[int, int]] = {}
+        """Segments by the materials and images that they store, and the number of those before."""
 
     def share(self, number: int, header: Header, leading: Sections) -> list[tuple[Section, bytes]]:
         """Return the leading sections of a segment, with a reference if that takes fewer bytes.
@@ -220,18 +224,48 @@ class StoredMeshes:
         """
         listed = list(leading)
         mesh = [one for one in listed if one[0] in MESH_SECTIONS]
+        own, ranges = mesh, b""
         digests = _digests(header, mesh[:MAX_SHARED])
-        n_shared = sum(digest in self._segments for digest in digests)
+        n_shared = sum(digest in self._prefixes for digest in digests)
         if n_shared:
-            distance = number - self._segments[digests[n_shared - 1]]
-            reference = write_varint(distance) + write_varint(n_shared)
-            saved = sum(len(payload) + MIN_FRAMING for _, payload in mesh[:n_shared])
-            if len(reference) + MIN_FRAMING < saved:
-                others = (one for one in listed if one[0] not in MESH_SECTIONS)
-                return [(Section.REFERENCE, reference), *mesh[n_shared:], *others]
-        for digest in digests:
-            self._segments.setdefault(digest, number)
-        return listed
+            distance = number - self._prefixes[digests[n_shared - 1]]
+            own, ranges = _without(own, 0, n_shared, distance)
+        is_new = not ranges
+        n_before = sum(section not in LOOK_SECTIONS for section, _ in own)
+        look = own[n_before:]
+        stored = self._looks.get(_digest_of(look)) if look else None
+        if stored:
+            there, n_before_there = stored
+            own, more = _without(own, n_before, len(look), number - there, n_before_there)
+            ranges += more
+        if is_new:
+            for digest in digests[: len(own)]:
+                self._prefixes.setdefault(digest, number)
+        if look and len(own) > n_before and n_before + len(look) <= MAX_SHARED:
+            self._looks.setdefault(_digest_of(look), (number, n_before))
+        if not ranges:
+            return listed
+        others = (one for one in listed if one[0] not in MESH_SECTIONS)
+        return [(Section.REFERENCE, ranges), *own, *others]
+
+
+def _without(
+    sections: list[tuple[Section, bytes]],
+    start: int,
+    n_shared: int,
+    distance: int,
+    n_skipped: int = 0,
+) -> tuple[list[tuple[Section, bytes]], bytes]:
+    """Return the sections without some, and the range of a REFERENCE to them.
+
+    All sections and no range if that takes fewer bytes.
+    """
+    numbers = b"".join(map(write_varint, (distance, n_skipped, n_shared)))
+    shared = sections[start : start + n_shared]
+    saved = sum(len(payload) + MIN_FRAMING for _, payload in shared)
+    if len(numbers) + MIN_FRAMING >= saved:
+        return sections, b""
+    return sections[:start] + sections[start + n_shared :], numbers
 
 
 def _digests(header: Header, sections: Sections) -> list[bytes]:
@@ -242,6 +276,14 @@ def _digests(header: Header, sections: Sections) -> list[bytes]:
         state.update(bytes([section]) + write_varint(len(payload)) + payload)
         digests.append(state.digest())
     return digests
+
+
+def _digest_of(sections: Sections) -> bytes:
+    """Return a digest of sections that fit any mesh."""
+    state = blake2b(digest_size=16)
+    for section, payload in sections:
+        state.update(bytes([section]) + write_varint(len(payload)) + payload)
+    return state.digest()
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,9 @@ SURFACE_SECTIONS = (
 MESH_SECTIONS = (Section.CONNECTIVITY, Section.ORDER, *SURFACE_SECTIONS)
 """Sections that a segment may share with an earlier one."""
 
+LOOK_SECTIONS = (Section.MATERIAL, Section.IMAGE)
+"""Those that fit any mesh; writers store them after the others."""
+
 
 class Laplacian(IntEnum):
     """Laplacian matrix of the delta coordinates."""
