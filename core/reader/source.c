@@ -5,6 +5,11 @@
 #define MAX_VARINT_BYTES 9
 #define PIECE 4096
 #define LONG_SECTION 16384 /* bytes from which computing tables pays */
+#ifdef __wasm__ /* pages download the code of tables, and rarely check long sections */
+#define COMPUTES_TABLES 0
+#else
+#define COMPUTES_TABLES 1
+#endif
 #define MAX_DOUBLE 0x1.fffffffffffffp1023
 
 bool reel_is_finite(double number) { return number >= -MAX_DOUBLE && number <= MAX_DOUBLE; }
@@ -125,7 +130,7 @@ static uint32_t update_long_crc(const crc_tables *tables, uint32_t sum, const ui
 int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
     uint8_t piece[PIECE];
     crc_tables tables;
-    bool is_long = !REEL_SMALL && length >= LONG_SECTION;
+    bool is_long = COMPUTES_TABLES && length >= LONG_SECTION;
     uint32_t sum = ~0U, stored;
     if (is_long) {
         compute_tables(&tables);
