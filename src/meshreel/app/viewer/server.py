@@ -129,6 +129,7 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "meshreel", ""
     timeout = CLIENT_TIMEOUT_S
+    disable_nagle_algorithm = True  # else a body waits until the client confirms the header
     error_content_type = TEXT
     error_message_format = "%(code)d: %(message)s\n"
 
