@@ -6,6 +6,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 import meshreel
 from samples.meshes import waving_grid
 
@@ -77,6 +79,7 @@ def run_without_extras(folder, lines):
     return done.stderr.splitlines()
 
 
+@pytest.mark.slow
 def test_base_installation_runs_every_base_command(tmp_path):
     original = waving_grid(12)
     meshreel.save(original, tmp_path / "walk.npz")

@@ -24,6 +24,7 @@ def collection(tmp_path):
     return folder / "walk.pvd"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", OUTPUTS)
 def test_file_outside_the_folder_is_read_only_with_allow_outside(collection, tmp_path, command):
     source = collection.parent if command == "batch" else collection

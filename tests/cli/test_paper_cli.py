@@ -29,6 +29,7 @@ def grid(tmp_path):
     return tmp_path / "grid.npz"
 
 
+@pytest.mark.slow
 def test_paper_writes_a_report(grid, tmp_path, coarse):
     done = run("grid.npz", "--methods", "v2v", "--quick", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -75,6 +76,7 @@ def test_paper_names_the_extra_before_any_work_when_matplotlib_is_missing(tmp_pa
     assert not (tmp_path / "r").exists()
 
 
+@pytest.mark.slow
 def test_tables_use_the_options_for_modes_bits_and_anchors(grid, tmp_path, coarse):
     options = ("--modes", 3, "--bits", 6, "--anchors", 0.2, "--choices", "anchor-bits=12")
     done = run("grid.npz", *options, "--methods", "v2v,pca-qp", "--quick", "--json", cwd=tmp_path)

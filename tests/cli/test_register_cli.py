@@ -52,6 +52,7 @@ def test_register_prints_a_table_and_no_advice(raw, tmp_path):
     assert ADVICE not in done.stderr
 
 
+@pytest.mark.slow
 def test_encode_and_convert_register_while_reading(raw, tmp_path):
     encode = "encode", raw, "-o", tmp_path / "walk.reel", "--register", "0.5%"
     figures = run_json(*encode)
@@ -67,6 +68,7 @@ def test_encode_of_a_raw_capture_advises_registration(raw, tmp_path):
     assert ADVICE in run("encode", raw, "-o", tmp_path / "walk.reel").stderr
 
 
+@pytest.mark.slow
 def test_batch_registers_captures_and_leaves_others_alone(raw, tmp_path):
     meshreel.save(meshreel.simulate_flag(3), raw.parent / "flag.npz")
     done = run("batch", raw.parent, tmp_path / "out", "--register", "0.5%", "--workers", "1")
@@ -78,6 +80,7 @@ def test_batch_registers_captures_and_leaves_others_alone(raw, tmp_path):
     assert "not registered: all frames have the same faces" in notes["flag.npz"]
 
 
+@pytest.mark.slow
 def test_register_bakes_textures(tmp_path):
     frames, images = textured_capture(3)
     meshreel.save(frames, tmp_path / "raw" / "frame_%03d.obj")

@@ -277,6 +277,7 @@ def test_a_damaged_byte_is_detected_or_harmless():
             assert refused.code in DAMAGED
 
 
+@pytest.mark.slow
 def test_failing_allocations_leak_nothing():
     returned = join_streams(one_frame_each())
     for data in (join_streams(meshes()), returned, without_end(returned)):

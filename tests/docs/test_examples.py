@@ -68,6 +68,7 @@ def test_readme_lists_every_example():
     )
 
 
+@pytest.mark.slow
 def test_a_character_becomes_a_file_and_pages(tmp_path):
     output = run_script("character_for_web.py", "--out", tmp_path)
     assert "335 kB became" in output
@@ -78,6 +79,7 @@ def test_a_character_becomes_a_file_and_pages(tmp_path):
     assert 'src="fish.reel"' in (tmp_path / "index.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_character_of_another_program_is_kept_within_a_size(tmp_path):
     flag = meshreel.simulate_flag(12, n_rows=12, n_columns=16)
     meshreel.save(flag, tmp_path / "flag.npz")
@@ -86,6 +88,7 @@ def test_a_character_of_another_program_is_kept_within_a_size(tmp_path):
     assert (out / "flag.reel").stat().st_size <= 4000
 
 
+@pytest.mark.slow
 def test_a_capture_is_registered(tmp_path):
     pytest.importorskip("igl", reason="the extra [register] is not installed")
     path = tmp_path / "walk.reel"
@@ -95,6 +98,7 @@ def test_a_capture_is_registered(tmp_path):
         assert len(reel) == 5
 
 
+@pytest.mark.slow
 def test_a_simulation_decodes_within_its_bounds(tmp_path):
     output = run_script("archive_simulation.py", "--out", tmp_path / "plate.reel")
     assert "temperature: scalar of each vertex, float32 in K, within 0.5 K" in output
@@ -105,6 +109,7 @@ def test_a_simulation_decodes_within_its_bounds(tmp_path):
         assert phase[-1].sum() > 100
 
 
+@pytest.mark.slow
 def test_a_recording_whose_recorder_is_killed_can_be_read(tmp_path):
     path = tmp_path / "crashed.reel"
     output = run_script("record.py", "--seconds", 60, "--crash-after", 2.5, "--out", path)
@@ -122,6 +127,7 @@ def test_a_recording_contains_all_frames(tmp_path):
         assert len(reel) == 62
 
 
+@pytest.mark.slow
 def test_a_network_beats_constant_velocity(tmp_path):
     pytest.importorskip("torch", reason="the extra [torch] is not installed")
     output = run_script("train.py", "--epochs", 2)
@@ -129,6 +135,7 @@ def test_a_network_beats_constant_velocity(tmp_path):
     assert ours < 0.8 * constant_velocity
 
 
+@pytest.mark.slow
 def test_folders_of_obj_files_become_files_for_an_engine(tmp_path):
     out = tmp_path / "out"
     assert "2 encoded, 0 failed" in run_script("obj_folders.py", "--out", out)

@@ -41,6 +41,7 @@ def flag():
     return meshreel.simulate_flag(results("checks")["n_frames"])
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize("method", ["reel", "pca-qp", "v2v", "blocks"])
 def test_stored_figures_still_hold(method, flag):

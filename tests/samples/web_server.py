@@ -22,6 +22,7 @@ class WebServer:
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.1"
+            disable_nagle_algorithm = True  # else each body waits 40 ms for the header's receipt
 
             def do_HEAD(self):
                 self.answer(with_body=False)

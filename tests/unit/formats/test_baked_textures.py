@@ -42,6 +42,7 @@ def test_register_writes_images_of_each_frame(raw, folder, tmp_path):
         meshreel.register(raw[0], tolerance=0.5, texture=folder, texture_output=output)
 
 
+@pytest.mark.slow
 def test_videos_are_read_and_written(raw, folder, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     given, images, written = (tmp_path / name for name in ("raw.mp4", "%d.png", "baked.mp4"))

@@ -292,6 +292,7 @@ def peak_bytes(work):
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["f_%03d.ply", "a.npz"])
 def test_stored_frames_need_an_eighth_of_the_memory(tmp_path, name, monkeypatch):
     monkeypatch.setattr("meshreel.formats.arrays.npz.READ_BYTES", 1 << 16)

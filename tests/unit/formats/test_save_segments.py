@@ -176,6 +176,7 @@ def test_one_file_of_segments_with_different_data(changing, tmp_path, extension)
     assert any("only some segments have" in note and "st" in note for note in notes)
 
 
+@pytest.mark.slow
 def test_vtk_reads_the_mesh_of_each_step(textured, tmp_path):
     vtk = pytest.importorskip("vtk")
     from vtkmodules.util.numpy_support import vtk_to_numpy

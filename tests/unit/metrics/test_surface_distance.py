@@ -59,6 +59,7 @@ def test_d2_ignores_shifts_along_the_surface_that_d1_counts():
     assert 40 < quality.d1_psnr_db < 60
 
 
+@pytest.mark.slow
 def test_distance_of_a_scaled_sphere_is_the_difference_of_radii():
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 161), np.linspace(0, np.pi, 81), indexing="ij")
     ball = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], -1).reshape(-1, 3)
@@ -189,6 +190,7 @@ def test_largest_distance_includes_vertices_between_the_samples():
     assert way.max_percent == pytest.approx(100 * 0.5 / np.sqrt(2))
 
 
+@pytest.mark.slow
 def test_sampling_error_of_the_default_is_below_half_a_percent():
     shapes = torus(), torus(30, 40, bend=0.01)
     few, many = (compare(*shapes, n_samples=n).worse for n in (surface_distance.N_SAMPLES, 200_000))

@@ -53,6 +53,7 @@ def test_simulate_flag_keeps_the_pole_at_rest(flag, side):
     np.testing.assert_array_equal(pole, np.broadcast_to(pole[0], pole.shape))
 
 
+@pytest.mark.slow
 def test_simulate_flag_stretches_no_edge_by_a_tenth(flag, side):
     stretch = edge_lengths(flag, flag.vertices) / edge_lengths(flag, rest_positions(side, side))
     assert stretch.max() < 1.1

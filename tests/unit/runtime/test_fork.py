@@ -141,6 +141,7 @@ def test_grandchild_codes_after_both_parents_used_threads():
     assert_succeeds_in_child(code_and_fork)
 
 
+@pytest.mark.slow
 def test_children_code_while_another_thread_of_the_parent_encodes():
     stop = threading.Event()
 

@@ -4,6 +4,7 @@ import sys
 import threading
 import webbrowser
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from io import BytesIO
 from typing import Any
@@ -58,7 +59,8 @@ def serve(animation: MeshSequence | ReelFile) -> ViewerServer:
     server = ViewerServer(Api(reel, animation.name, stream_rows, comparison))
     if server.api.measuring is not None:
         server.api.measuring.start()
-    threading.Thread(target=server.serve_forever, name="meshreel-show", daemon=True).start()
+    serve = partial(server.serve_forever, poll_interval=0.1)  # seconds until `shutdown` is noticed
+    threading.Thread(target=serve, name="meshreel-show", daemon=True).start()
     return server
 
 

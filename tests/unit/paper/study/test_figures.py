@@ -154,6 +154,7 @@ def test_caption_of_fig_6_has_the_bits_and_sizes_of_stored_dictionaries(tmp_path
         ) in picture.caption
 
 
+@pytest.mark.slow
 def test_fig_2_has_a_detail_only_if_it_is_a_part_of_the_matrix(tmp_path):
     assert draw_projected_deltas(_noisy(8), "small", tmp_path).n_panels == 1
     assert draw_projected_deltas(_noisy(8, 20, 20), "large", tmp_path).n_panels == 2
