@@ -72,8 +72,8 @@ class WebServer:
         if "cut" in self.faults:
             data = data[: len(data) // 2]
             handler.close_connection = True
+        self.sent_bytes += len(data)  # before the client continues
         handler.wfile.write(data)
-        self.sent_bytes += len(data)
 
     def ranges(self):
         """Return the requested ranges, as pairs of the first byte and the byte after the last."""
