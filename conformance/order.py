@@ -151,16 +151,17 @@ def read_vertices(bits, n_verts, faces):
 
 
 def read_order(payload, faces, n_verts):
-    """Return the internal number of each vertex in output order, and the faces in that order."""
+    """Return the internal numbers of vertices in output order, the faces, and their numbers."""
     if not payload:
-        return list(range(n_verts)), faces
+        return list(range(n_verts)), faces, list(range(len(faces)))
     need(payload[0] in (1, 2), "ORDER has an unknown kind")
     need(len(payload) == 1 or payload[-1], "ORDER ends in a zero byte")
     bits = NamedBits(BitStream(payload[1:]))
     if payload[0] == 1:
-        numbers, listed = range(n_verts), faces
+        numbers, listed, of_faces = range(n_verts), faces, list(range(len(faces)))
     else:
         corners = FaceOrder(bits, len(faces), twins_of(faces)).read()
+        of_faces = [c // 3 for c in corners]
         listed = [tuple(faces[c // 3][(c + k) % 3] for k in range(3)) for c in corners]
         numbers = list(dict.fromkeys(v for face in listed for v in face))
         numbers += sorted(set(range(n_verts)) - set(numbers))
@@ -169,4 +170,4 @@ def read_order(payload, faces, n_verts):
     internal = [numbers[v] for v in read_vertices(bits, n_verts, renumbered)]
     bits.stream.end()
     output = {vertex: number for number, vertex in enumerate(internal)}
-    return internal, [tuple(output[v] for v in face) for face in listed]
+    return internal, [tuple(output[v] for v in face) for face in listed], of_faces

@@ -14,13 +14,12 @@ from pathlib import Path
 
 from conformance import paper, predicted
 from conformance.bits import Memory, need
-from conformance.connectivity import read_faces
 from conformance.container import Container, Payload, read_container, read_containers
 from conformance.description import describe_all
+from conformance.edit import read_mesh
 from conformance.exact import read_exact
 from conformance.fields import read_fields
 from conformance.hierarchy import edges_of, passes_of, resolutions_of
-from conformance.order import read_order
 from conformance.prediction import predict_fields
 from conformance.rounding import single
 from conformance.surface import CornerRows, graphs_of, polygons_of, read_surface
@@ -145,10 +144,7 @@ def read_segment(container, memory):
     """Decode a segment."""
     header = container.header
     check_memory(container, memory)
-    internal, twins = read_faces(container.only("CONNECTIVITY"), header.n_verts, header.n_faces)
-    order, faces = list(range(header.n_verts)), internal
-    if header.order < 2:
-        order, faces = read_order(container.only("ORDER"), internal, header.n_verts)
+    internal, twins, order, faces = read_mesh(container)
     polygons = polygons_of(container, faces)
     blocks, anchors, shape, positions, tracks = [], [], None, None, []
     if header.method in ("reel", "lossless", "grid"):

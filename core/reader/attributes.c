@@ -195,7 +195,8 @@ static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range
                                        REEL_CORNER_CONTEXTS + 1, &values);
     const int32_t *triangles = (const int32_t *)faces->triangles;
     failed = failed ? failed
-                    : reel_find_twins(call, triangles, outline->n_faces, outline->n_verts, &twins);
+                    : reel_find_twins(call, &call->scratch, triangles, outline->n_faces, outline->n_verts,
+                                      &twins);
     if (failed) {
         return failed;
     }
@@ -296,7 +297,7 @@ static int find_row_faces(reel_call *call, const reel_faces *faces,
         return call->error.code;
     }
     find_rows_of_triangles(faces, output, *triangles);
-    return reel_find_twins(call, *triangles, n_faces, output->n_rows, twins);
+    return reel_find_twins(call, &call->scratch, *triangles, n_faces, output->n_rows, twins);
 }
 
 static int predict_along_faces(reel_call *call, const reel_faces *faces,

@@ -166,6 +166,17 @@ static int read_polygons(reel_call *call, const reel_section *section, reel_outl
     return failed;
 }
 
+/* Read the vertex and face counts of the mesh that EDIT changes. */
+static int read_base(reel_call *call, const reel_section *section, reel_outline *outline) {
+    reel_rare();
+    reel_range left = outline->edit = section->payload;
+    int failed = reel_read_varint(call, &left, &outline->coded_verts);
+    failed = failed ? failed : reel_read_varint(call, &left, &outline->coded_faces);
+    return failed ? failed
+                  : check_counts(call, outline->coded_verts, outline->coded_faces,
+                                 section->payload.at);
+}
+
 static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
                        const reel_section *section) {
     uint64_t capacity = outline->leading_capacity;
@@ -182,6 +193,11 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     }
     if (section->id == REEL_REFERENCE) {
         return reel_corrupt(call, section->at, "a reference does not follow the section SEGMENT");
+    }
+    if (section->id == REEL_EDIT) {
+        return outline->edit.length
+                   ? reel_corrupt(call, section->at, "there is more than one section EDIT")
+                   : read_base(call, section, outline);
     }
     if (section->id == REEL_START && !outline->is_first) {
         return reel_corrupt(call, section->at, "a start is stored behind the first segment");
@@ -203,6 +219,9 @@ static void reset_outline(reel_outline *outline) {
     outline->n_leading = outline->leading_capacity = 0;
     outline->n_tracks = 1;
     outline->start_s = outline->error_bound_percent = 0.0;
+    outline->coded_verts = outline->n_verts;
+    outline->coded_faces = outline->n_faces;
+    outline->edit = (reel_range){0, 0};
     outline->n_polygons = outline->n_faces;
     outline->n_corners = 3 * outline->n_faces;
     outline->n_blocks = outline->n_frames = 0;
@@ -659,11 +678,8 @@ static int read_reference(reel_call *call, const reel_segments *segments, uint64
 static bool is_of_mesh(uint32_t id) {
     bool is_of_surface = id >= REEL_POLYGONS && id <= REEL_HARD_EDGES && id != REEL_START &&
                          id != REEL_TRACK;
-    return id == REEL_CONNECTIVITY || id == REEL_ORDER || is_of_surface;
+    return id == REEL_CONNECTIVITY || id == REEL_ORDER || id == REEL_EDIT || is_of_surface;
 }
-
-/* Whether sections with this id fit any mesh. */
-static bool fits_any_mesh(uint32_t id) { return id == REEL_MATERIAL || id == REEL_IMAGE; }
 
 /* Whether a section is behind the leading ones of the segment that begins at `begin`. */
 static bool is_after_leading(const reel_section *section, uint64_t begin) {
@@ -677,7 +693,6 @@ static int add_range(reel_call *call, reel_pool *pool, const shared_range *range
                      reel_outline *outline) {
     const reel_segment *to = range->to;
     uint64_t limit = to->first_block ? to->first_block : to->end, at = to->at;
-    bool is_other = to->n_verts != outline->n_verts || to->n_faces != outline->n_faces;
     int failed = reel_announce(call, (reel_range){at, limit - at});
     for (uint64_t i = 0; !failed && i < range->n_skipped + range->n_sections;) {
         reel_section section = {.id = REEL_BLOCK};
@@ -687,10 +702,6 @@ static int add_range(reel_call *call, reel_pool *pool, const shared_range *range
         if (!failed && is_after_leading(&section, to->at)) {
             return reel_corrupt(call, from,
                                 "a segment refers to more sections than the other one has");
-        }
-        if (!failed && is_shared && is_other && !fits_any_mesh(section.id)) {
-            return reel_corrupt(call, from,
-                                "a segment refers to one with more or fewer vertices or faces");
         }
         failed = failed || !is_shared ? failed : add_leading(call, pool, outline, &section);
         i += is_of_mesh(section.id);

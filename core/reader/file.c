@@ -3,6 +3,7 @@
 
 #include "file.h"
 
+#include "edit.h"
 #include "group.h"
 #include "surfaces.h"
 
@@ -49,9 +50,9 @@ static void fill_info_of_mesh(meshreel_file *file) {
 
 static int parse(reel_call *call, meshreel_file *file) {
     int failed = MESHREEL_OK;
-    if (reel_is_of_paper(file) && file->outline.n_tracks > 1) {
+    if (reel_is_of_paper(file) && (file->outline.n_tracks > 1 || file->outline.edit.length)) {
         failed = reel_fail(call, MESHREEL_CORRUPT, file->outline.begin,
-                           "a file of a method of the paper has a track");
+                           "a file of a method of the paper has a track or an edit");
     }
     failed = failed ? failed
                     : reel_read_tracks(call, &file->pool, &file->outline, &file->tracks);
@@ -295,9 +296,9 @@ typedef struct {
 
 static void run_mesh_job(void *shared, uint32_t i) {
     mesh_jobs *jobs = shared;
-    if (i) {
+    if (i && jobs->order) {
         reel_decode_order(jobs->order);
-    } else if (jobs->hierarchy) {
+    } else if (!i && jobs->hierarchy) {
         reel_find_hierarchy(jobs->hierarchy);
     }
 }
@@ -307,9 +308,13 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     reel_mesh_data *mesh = &file->mesh;
     mesh_jobs jobs = {NULL, NULL};
     int64_t stencil = 0;
-    int failed = reel_read_connectivity(call, pool, outline, mesh);
+    int failed = outline->edit.length ? reel_read_edited_mesh(call, pool, outline, mesh)
+                                      : reel_decode_connectivity(call, pool, outline, mesh);
+    failed = failed ? failed : reel_find_graph(call, pool, outline, mesh);
     failed = failed ? failed : reel_read_face_sizes(call, pool, outline, &file->face_sizes);
-    failed = failed ? failed : reel_prepare_order(call, pool, outline, mesh, &jobs.order);
+    if (!failed && !outline->edit.length) {
+        failed = reel_prepare_order(call, pool, outline, mesh, &jobs.order);
+    }
     failed = failed ? failed : first_stencil(call, file, &stencil);
     if (!failed && stencil) {
         failed = reel_prepare_hierarchy(call, pool, &mesh->graph, stencil, &jobs.hierarchy);
@@ -318,7 +323,7 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
         return failed;
     }
     reel_run(call, run_mesh_job, &jobs, 2);
-    failed = reel_finish_order(call, jobs.order);
+    failed = jobs.order ? reel_finish_order(call, jobs.order) : MESHREEL_OK;
     if (!failed && jobs.hierarchy) {
         failed = reel_finish_hierarchy(call, jobs.hierarchy, &file->field_mesh);
     }

@@ -188,7 +188,7 @@ static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outl
     if (!all.faces) {
         return call->error.code;
     }
-    int failed = reel_find_twins(call, (const int32_t *)mesh->triangles, n_faces, outline->n_verts,
+    int failed = reel_find_twins(call, &call->scratch, (const int32_t *)mesh->triangles, n_faces, outline->n_verts,
                                  &twins);
     if (failed) {
         return failed;

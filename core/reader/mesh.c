@@ -22,9 +22,9 @@ int reel_find_neighbors(reel_call *call, reel_pool *pool, const int32_t *faces, 
     return reel_fail_core(call, result, 0, "a face has a vertex that does not exist");
 }
 
-int reel_find_twins(reel_call *call, const int32_t *faces, uint64_t n_faces, uint64_t n_verts,
-                    int32_t **twins) {
-    *twins = reel_scratch(call, 3 * n_faces, sizeof **twins);
+int reel_find_twins(reel_call *call, reel_pool *pool, const int32_t *faces, uint64_t n_faces,
+                    uint64_t n_verts, int32_t **twins) {
+    *twins = reel_pool_allocate(call, pool, 3 * n_faces, sizeof **twins);
     const reel_chunk *mark = call->scratch.last;
     size_t memory_size = reel_twins_memory((int64_t)n_verts, (int64_t)n_faces);
     void *memory = reel_scratch(call, memory_size, 1);
@@ -37,8 +37,8 @@ int reel_find_twins(reel_call *call, const int32_t *faces, uint64_t n_faces, uin
     return reel_fail_core(call, result, 0, "a face has a vertex that does not exist");
 }
 
-int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                           reel_mesh_data *mesh) {
+int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                             reel_mesh_data *mesh) {
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
     reel_range coded;
     int failed = reel_only_section(call, outline, REEL_CONNECTIVITY, &coded);
@@ -64,13 +64,17 @@ int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline 
     int64_t result = reel_connectivity_decode(memory, memory_size, bytes, (size_t)coded.length,
                                               n_verts, n_faces, mesh->internal_faces, mesh->twins);
     reel_drop_scratch(call, mark);
-    failed = reel_fail_core(call, result, coded.at, "the connectivity is damaged");
+    return reel_fail_core(call, result, coded.at, "the connectivity is damaged");
+}
+
+int reel_find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                    reel_mesh_data *mesh) {
+    bool is_grid = outline->method == REEL_METHOD_GRID;
     mesh->graph = (reel_graph){.n_items = (uint32_t)outline->n_verts};
-    bool is_needed = !is_grid || outline->longest > 1 || outline->n_tracks > 1;
-    return failed || !is_needed
-               ? failed
+    return is_grid && outline->longest == 1 && outline->n_tracks == 1
+               ? MESHREEL_OK
                : reel_find_neighbors(call, pool, mesh->internal_faces, outline->n_faces,
-                                        (uint32_t)outline->n_verts, &mesh->graph);
+                                     (uint32_t)outline->n_verts, &mesh->graph);
 }
 
 struct reel_order_job {
@@ -181,6 +185,8 @@ void reel_decode_order(reel_order_job *job) {
     }
     list_faces(n_faces, faces, mesh->to_output, job->corners, mesh->triangles);
 }
+
+const int32_t *reel_order_corners(const reel_order_job *job) { return job->corners; }
 
 int reel_finish_order(reel_call *call, const reel_order_job *job) {
     return reel_fail_core(call, job->result, job->at, "the order of vertices is damaged");

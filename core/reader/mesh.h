@@ -18,13 +18,17 @@ typedef struct {
     uint32_t *triangles;     /* n_faces x 3 output vertices */
     int32_t *to_internal;    /* internal number of each output vertex */
     int32_t *to_output;      /* output number of each internal vertex */
-    reel_graph graph;        /* adjacency of internal vertices; see reel_read_connectivity */
+    reel_graph graph;        /* adjacency of internal vertices; see reel_find_graph */
 } reel_mesh_data;
 
-/* Decode the faces in internal order, and find the neighbors of vertices. Single frames on a grid
-   do not need them: then `starts` is NULL. */
-int reel_read_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                           reel_mesh_data *mesh);
+/* Decode the faces in internal order from CONNECTIVITY. */
+int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                             reel_mesh_data *mesh);
+
+/* Find the neighbors of vertices. Single frames on a grid do not need them: then `starts` is
+   NULL. */
+int reel_find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
+                    reel_mesh_data *mesh);
 
 /* Decode the output order of vertices and triangles. Preparation allocates all memory, so that
    decoding may run on another thread. */
@@ -34,12 +38,15 @@ int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *out
 void reel_decode_order(reel_order_job *job);
 int reel_finish_order(reel_call *call, const reel_order_job *job);
 
+/* First corner of each output face in the internal faces, or NULL if these are in output order. */
+const int32_t *reel_order_corners(const reel_order_job *job);
+
 /* Find the adjacency of items joined by faces, n_faces x 3 items. */
 int reel_find_neighbors(reel_call *call, reel_pool *pool, const int32_t *faces, uint64_t n_faces,
                         uint32_t n_items, reel_graph *graph);
 
-/* Find the twin of each half-edge, in scratch memory. */
-int reel_find_twins(reel_call *call, const int32_t *faces, uint64_t n_faces, uint64_t n_verts,
-                    int32_t **twins);
+/* Find the twin of each half-edge. */
+int reel_find_twins(reel_call *call, reel_pool *pool, const int32_t *faces, uint64_t n_faces,
+                    uint64_t n_verts, int32_t **twins);
 
 #endif

@@ -17,6 +17,7 @@ enum reel_section_id {
     REEL_SHAPE = 4,
     REEL_SEGMENT = 5,
     REEL_REFERENCE = 6,
+    REEL_EDIT = 7,
     REEL_BLOCK = 16,
     REEL_BASIS = 17,
     REEL_COEFFICIENTS = 19,

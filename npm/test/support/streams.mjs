@@ -43,7 +43,7 @@ export const OTHERS = all.filter((name) => !PLAYED.includes(name));
 export const COMMON = REELS.filter((name) => {
   const { blocks, tracks } = expectedOf(name);
   const hasRareBlock = blocks.some((block) => block.reference || "correction step" in block);
-  return !hasRareBlock && !tracks && !["attributes_on_own_grids", "no_index"].includes(name);
+  return !hasRareBlock && !tracks && !["attributes_on_own_grids", "edited_alone", "no_index"].includes(name);
 });
 
 /** Expected number of frames of each of `info.blocks`. */
