@@ -336,6 +336,7 @@ def stencils(sizes, faces, n_learned, seed):
 STREAMS["stencils_1_to_5"] = lambda: stencils(range(1, 6), grid(6, 7), 3, 1)
 STREAMS["stencils_6_to_10"] = lambda: stencils(range(6, 11), sphere(4, 9), 0, 2)
 STREAMS["stencils_11_to_16"] = lambda: stencils(range(11, 17), uneven(n_verts=50), 9, 3)
+STREAMS["edited_alone"] = lambda: segments.separated(segments.edited(2), 3)
 
 
 @stream

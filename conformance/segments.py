@@ -14,6 +14,7 @@ import numpy as np
 
 import meshreel
 from conformance.sources import moving, of_boxes, of_everything
+from meshreel.codec import mesh_edits
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import (
     StreamWriter,
@@ -23,9 +24,17 @@ from meshreel.codec.bitstream.container import (
     write_varint,
 )
 from meshreel.codec.bitstream.layout import INDEX_POSITION, Section
-from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of
-from meshreel.codec.open_stream import whole_stream
+from meshreel.codec.joining import (
+    blocks_of,
+    header_of,
+    join_streams,
+    leading_of,
+    separate_stream,
+)
+from meshreel.codec.open_stream import OpenStream, whole_stream
+from meshreel.kernel.integers import encode_integers
 from meshreel.model.materials import Material
+from meshreel.model.segments import SegmentedSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 
@@ -101,6 +110,62 @@ def of_one_look():
     ]
 
 
+def edits():
+    """Return a sheet with a box and a patch, and edits of it: holes, other parts, new faces."""
+    sheet, patch, box = grid(9, 12), grid(4, 5), np.asarray(BOX)
+    body, n = np.concatenate([sheet, box + 108, patch + 116]), 136
+    without_box = np.concatenate([sheet, patch + 108])
+    with_another = np.concatenate([sheet, box + 108, np.asarray(TETRAHEDRON) + 116, patch + 120])
+    tangled = np.concatenate([[[0, 9, 77]], body[:60], body[60:61], body[60:]])
+    return [
+        (body, n),
+        (np.delete(body, [*range(30, 44), *range(100, 103), 187, 199], axis=0), n),
+        (without_box, n - 8),
+        (with_another, n + 4),
+        (body, n),
+        (tangled, n),
+        (body[:170], n),
+    ]
+
+
+def grid(rows, columns):
+    """Return the triangles of a rectangular grid of vertices."""
+    at = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]
+    return np.stack([a, c, b, b, c, d], axis=-1).reshape(-1, 3)
+
+
+def edited(n_frames, **options):
+    """Return a stream of `edits`."""
+    segments = []
+    for seed, (faces, n_verts) in enumerate(edits()):
+        sequence = moving(faces, n_frames, seed=seed, n_more=n_verts - int(faces.max()) - 1)
+        segments.append(sequence)
+    with patch.object(mesh_edits, "MAX_BYTES_PER_FACE", 1):
+        return meshreel.encode(SegmentedSequence(segments), order="keep", **options)
+
+
+def separated(data, segment):
+    """Return a stream of one segment alone."""
+    return separate_stream(OpenStream(data, segment=segment))
+
+
+def with_edit(*counts, method="reel", times=1, mesh=BOX, **rows):
+    """Return a stream of a box as an edit of a mesh, with six counts and `rows` of integers."""
+    numbers = "verts_kept", "verts_dropped", "verts_new", "kept", "dropped", "new", "corners"
+    columns = [np.asarray(rows.get(name, ()), np.int64) for name in numbers]
+    payload = b"".join(map(write_varint, counts)) + encode_integers(columns)
+    base, opened = (
+        whole_stream(meshreel.encode(moving(faces, 2), method=method, order="keep"))
+        for faces in (mesh, BOX)
+    )
+    leading = [*list(leading_of(base))[:2], *times * [(Section.EDIT, payload)]]
+    others = [
+        one for one in leading_of(opened) if one[0] not in (Section.CONNECTIVITY, Section.ORDER)
+    ]
+    return written([(header_of(opened), leading + others, blocks_of(opened))])
+
+
 def placed_alike():
     """Return streams with equal origin and scale."""
     return [placed_like(stream, one_frame_each()[0]) for stream in one_frame_each()]
@@ -163,6 +228,9 @@ STREAMS: dict[str, Callable[[], bytes]] = {
     "returning": lambda: join_streams(returning()),
     "returning_no_index": lambda: without_end(join_streams(returning())),
     "one_look": lambda: join_streams(of_one_look()),
+    "edited": lambda: edited(3),
+    "edited_grid": lambda: edited(1),
+    "edited_exact": lambda: edited(2, lossless=True),
     "many_kinds": lambda: join_streams(of_many_kinds()),
     "two_meshes_no_index": lambda: without_index([sections_of(0), sections_of(1)]),
 }
@@ -292,6 +360,37 @@ REFUSED: dict[str, Callable[[], bytes]] = {
     "reference_of_the_first": lambda: with_leading(refer(1, 0, 2), refer(1, 0, 2), refer(2, 0, 2)),
     "reference_behind_another": lambda: with_leading(lambda _: 2 * refer(2, 0, 1)([])),
     "reference_and_connectivity": lambda: with_leading(lambda all: [*refer(2, 0, 2)([]), *all[:1]]),
+    "edit_without_steps": lambda: with_edit(8, 12),
+    "edit_of_no_vertices": lambda: with_edit(0, 12, 0, 0, 0),
+    "edit_of_no_faces": lambda: with_edit(8, 0, 0, 0, 0),
+    "edit_of_fewer_vertices": lambda: with_edit(8, 12, 0, 0, 0, mesh=BOX[:4]),
+    "edit_of_more_steps": lambda: with_edit(8, 12, 99, 0, 0, verts_kept=99 * [0]),
+    "edit_keeps_too_much": lambda: with_edit(
+        8, 12, 1, 0, 0, verts_kept=[9], verts_dropped=[0], verts_new=[0]
+    ),
+    "edit_drops_too_much": lambda: with_edit(
+        8, 12, 1, 0, 0, verts_kept=[8], verts_dropped=[1], verts_new=[0]
+    ),
+    "edit_inserts_too_much": lambda: with_edit(
+        8, 12, 1, 0, 0, verts_kept=[8], verts_dropped=[0], verts_new=[1]
+    ),
+    "edit_of_negative_numbers": lambda: with_edit(
+        8, 12, 2, 0, 0, verts_kept=[8, -1], verts_dropped=[0, 0], verts_new=[0, 0]
+    ),
+    "edit_of_fewer_faces": lambda: with_edit(8, 12, 0, 1, 0, kept=[3], dropped=[1], new=[0]),
+    "edit_without_a_used_vertex": lambda: with_edit(
+        8, 12, 1, 0, 0, verts_kept=[3], verts_dropped=[1], verts_new=[1]
+    ),
+    "edit_without_corners": lambda: with_edit(8, 12, 0, 1, 0, kept=[3], dropped=[1], new=[1]),
+    "edit_of_more_corners": lambda: with_edit(8, 12, 0, 0, 1, corners=[0, 1, 1]),
+    "edit_of_a_missing_vertex": lambda: with_edit(
+        8, 12, 0, 1, 1, kept=[3], dropped=[1], new=[1], corners=[0, 1, 7]
+    ),
+    "edit_of_a_negative_vertex": lambda: with_edit(
+        8, 12, 0, 1, 1, kept=[3], dropped=[1], new=[1], corners=[0, -1, 7]
+    ),
+    "edit_twice": lambda: with_edit(8, 12, 0, 0, 0, times=2),
+    "edit_of_the_paper": lambda: with_edit(8, 12, 0, 0, 0, method="pca-qp"),
     "no_block": lambda: without_index([sections_of(0), sections_of(1)[:1], sections_of(1)]),
     "no_block_of_the_first": lambda: without_index([sections_of(0)[:1], sections_of(1)]),
     "no_block_of_the_last": lambda: without_index([sections_of(0), sections_of(1)[:2]]),

@@ -18,7 +18,7 @@ from meshreel.model.surface_description import (
 )
 from meshreel.model.tracks import TrackKind
 
-CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.REFERENCE)
+CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.EDIT, Section.REFERENCE)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.ERROR_BOUND)
 """Sections of the positions, except their blocks."""
 

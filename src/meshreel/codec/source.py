@@ -15,6 +15,7 @@ from meshreel.codec.bitstream.layout import Order, Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.mesh_edits import MeshEdit
 from meshreel.codec.methods import METHOD_CODES
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
@@ -38,6 +39,9 @@ class CodedMesh:
         Surface of the given faces.
     start_s : float
         Time of the first frame, in seconds.
+    edit : MeshEdit, optional
+        How another mesh becomes this one. Its connectivity is then stored instead. Only if the
+        order of vertices and faces is kept.
     """
 
     given_faces: Faces
@@ -45,11 +49,15 @@ class CodedMesh:
     config: EncoderConfig
     surface: Surface = PLAIN
     start_s: float = 0.0
+    edit: MeshEdit | None = None
 
     @cached_property
     def _connectivity(self) -> CodedConnectivity:
         order = self.order_kept.name.lower()
-        return encode_connectivity(self.given_faces, self.n_verts, order=order)
+        if self.edit is None:
+            return encode_connectivity(self.given_faces, self.n_verts, order=order)
+        base = encode_connectivity(self.edit.base_faces, self.edit.n_base_verts, order=order)
+        return self.edit.apply(base, self.given_faces)
 
     @cached_property
     def order_kept(self) -> Order:
@@ -70,6 +78,11 @@ class CodedMesh:
     def order(self) -> Integers:
         """Given number of each internal vertex."""
         return self._connectivity.internal_to_given
+
+    @property
+    def keeps_order(self) -> bool:
+        """Whether decoded vertices and faces are in the given order."""
+        return self.order_kept is Order.KEEP
 
     @property
     def keeps_vertex_order(self) -> bool:
@@ -97,6 +110,8 @@ class CodedMesh:
         yield Section.CONNECTIVITY, self._connectivity.payload
         if self.order_kept is not Order.DROP:
             yield Section.ORDER, self._connectivity.order_payload
+        if self.edit is not None:
+            yield Section.EDIT, self.edit.payload
         if self.start_s:
             yield Section.START, write_start(self.start_s)
         yield from self._surface_sections
@@ -208,6 +223,8 @@ class Source:
         Encoded tracks, which `stream` places after the positions.
     whole_extent : Extent, optional
         Extent of the whole sequence if this one is a segment of it.
+    edit : MeshEdit, optional
+        See `CodedMesh`.
     """
 
     sequence: FrameSource
@@ -216,6 +233,7 @@ class Source:
     bounds: Mapping[str, TrackBound] = field(default_factory=dict)
     tracks: Sequence["CodedTrack"] = ()
     whole_extent: Extent | None = None
+    edit: MeshEdit | None = None
 
     @property
     def extent(self) -> Extent:
@@ -230,7 +248,8 @@ class Source:
         config = self.config
         if any(sequence.tracks[name].domain is not Domain.VERTEX for name in self.bounds):
             config = replace(config, order=config.order or "keep")
-        return CodedMesh(sequence.faces, sequence.n_verts, config, surface, sequence.start_s)
+        start_s = sequence.start_s
+        return CodedMesh(sequence.faces, sequence.n_verts, config, surface, start_s, self.edit)
 
     @cached_property
     def frame(self) -> BoundingFrame:

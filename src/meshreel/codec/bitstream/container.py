@@ -225,7 +225,7 @@ class StoredMeshes:
         listed = list(leading)
         mesh = [one for one in listed if one[0] in MESH_SECTIONS]
         own, ranges = mesh, b""
-        digests = _digests(header, mesh[:MAX_SHARED])
+        digests = _digests(_coded_counts(header, mesh), mesh[:MAX_SHARED])
         n_shared = sum(digest in self._prefixes for digest in digests)
         if n_shared:
             distance = number - self._prefixes[digests[n_shared - 1]]
@@ -268,9 +268,18 @@ def _without(
     return sections[:start] + sections[start + n_shared :], numbers
 
 
-def _digests(header: Header, sections: Sections) -> list[bytes]:
+def _coded_counts(header: Header, sections: Sections) -> tuple[int, int]:
+    """Return the numbers of vertices and faces that CONNECTIVITY describes."""
+    for section, payload in sections:
+        if section is Section.EDIT:
+            n_verts, after = read_varint(payload, 0)
+            return n_verts, read_varint(payload, after)[0]
+    return header.n_verts, header.n_faces
+
+
+def _digests(counts: tuple[int, int], sections: Sections) -> list[bytes]:
     """Return a digest of the first 1, 2, ... sections of a mesh."""
-    state = blake2b(_COUNTS.pack(header.n_verts, header.n_faces), digest_size=16)
+    state = blake2b(_COUNTS.pack(*counts), digest_size=16)
     digests = []
     for section, payload in sections:
         state.update(bytes([section]) + write_varint(len(payload)) + payload)

@@ -23,6 +23,7 @@ class Section(IntEnum):
     SHAPE = 4
     SEGMENT = 5
     REFERENCE = 6
+    EDIT = 7
     BLOCK = 16
     BASIS = 17
     ANCHORS = 18
@@ -57,7 +58,7 @@ SURFACE_SECTIONS = (
     Section.HARD_EDGES,
 )
 
-MESH_SECTIONS = (Section.CONNECTIVITY, Section.ORDER, *SURFACE_SECTIONS)
+MESH_SECTIONS = (Section.CONNECTIVITY, Section.ORDER, Section.EDIT, *SURFACE_SECTIONS)
 """Sections that a segment may share with an earlier one."""
 
 LOOK_SECTIONS = (Section.MATERIAL, Section.IMAGE)

@@ -1,0 +1,230 @@
+"""Meshes as edits of other ones: vertices and faces that are kept, dropped or inserted.
+
+A segment whose mesh is nearly that of an earlier one, as of a simulation that deletes elements or a
+character that changes props, then stores neither its connectivity nor its order again.
+"""
+
+from bisect import bisect_left
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Integers
+from meshreel.codec.bitstream.container import write_varint
+from meshreel.codec.connectivity.coder import CodedConnectivity
+from meshreel.codec.connectivity.order import inverse_permutation, matching_corners
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.kernel.integers import encode_integers
+from meshreel.model.sequence import Faces
+
+MAX_BYTES_PER_FACE = 1 / 16
+"""Size of an edit up to which it replaces the connectivity, which takes at least twice as much."""
+
+MAX_BASE_VERTS = 1 << 21
+"""So that the three vertices of a face fit 63 bits."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshEdit:
+    """A mesh as an edit of a base mesh, both in their given orders.
+
+    Attributes
+    ----------
+    base_faces : int32 array of shape (M_b, 3)
+    n_base_verts : int
+        V_b.
+    verts : int64 array of shape (V,)
+        Number of each vertex in the base, ascending, or -1 if it is new.
+    listed : int64 array of shape (M,)
+        Number of each face in the base, ascending, or -1 if it is new.
+    payload : bytes
+        Of the section EDIT.
+    """
+
+    base_faces: Faces
+    n_base_verts: int
+    verts: Integers
+    listed: Integers
+    payload: bytes
+
+    def apply(self, base: CodedConnectivity, faces: Faces) -> CodedConnectivity:
+        """Return the connectivity of the edited mesh, whose payloads remain those of the base.
+
+        Parameters
+        ----------
+        base : CodedConnectivity
+            Of the base mesh, with the order of its vertices and faces.
+        faces : int32 array of shape (M, 3)
+            The edited mesh.
+        """
+        kept = np.flatnonzero(self.verts >= 0)
+        rank = inverse_permutation(base.internal_to_given)[self.verts[kept]]
+        order = np.concatenate([kept[np.argsort(rank)], np.flatnonzero(self.verts < 0)])
+        to_internal = inverse_permutation(order).astype(np.int32)
+        number = np.full(self.n_base_verts, -1)
+        number[self.verts[kept]] = kept
+        to_given = base.internal_to_given[base.internal_faces]
+        internal_of = matching_corners(self.base_faces, to_given, self.n_base_verts) // 3
+        stored = np.sort(internal_of[self.listed[self.listed >= 0]])
+        internal = to_internal[
+            np.concatenate([number[to_given[stored]], faces[self.listed < 0]])
+        ].astype(np.int32)
+        twins = twin_sides(internal, len(order)).astype(np.int32)
+        return replace(base, internal_to_given=order, internal_faces=internal, internal_twins=twins)
+
+
+def find_edit(base_faces: Faces, n_base_verts: int, faces: Faces, n_verts: int) -> MeshEdit | None:
+    """Return the edit that turns a mesh into another one, or None if it is not small.
+
+    Vertices are dropped or inserted in one run, or keep their numbers.
+
+    Parameters
+    ----------
+    base_faces, faces : int32 arrays of shapes (M_b, 3) and (M, 3)
+    n_base_verts, n_verts : int
+        V_b and V.
+    """
+    if n_base_verts > MAX_BASE_VERTS or len(faces) > 2 * len(base_faces):
+        return None
+    keys = _keys(base_faces, n_base_verts)
+    by_key = np.argsort(keys, kind="stable")
+    sorted_keys = keys[by_key]
+    verts = _matched_vertices(sorted_keys, n_base_verts, faces, n_verts)
+    listed = _matched_faces(sorted_keys, by_key, n_base_verts, verts[faces])
+    if 2 * np.count_nonzero(listed < 0) > len(faces):
+        return None
+    steps = [*_steps(verts, n_base_verts), *_steps(listed, len(base_faces))]
+    corners = np.diff(faces[listed < 0].astype(np.int64).reshape(-1), prepend=0)
+    counts = n_base_verts, len(base_faces), len(steps[0]), len(steps[3]), len(corners) // 3
+    payload = b"".join(map(write_varint, counts)) + encode_integers([*steps, corners])
+    if len(payload) > MAX_BYTES_PER_FACE * len(faces):
+        return None
+    return MeshEdit(base_faces, n_base_verts, verts, listed, payload)
+
+
+def _keys(faces: npt.NDArray[np.integer], n_verts: int) -> Integers:
+    """Return a number for each face that no other oriented and rotated triangle has."""
+    wide = faces.astype(np.int64)
+    return (wide[:, 0] * n_verts + wide[:, 1]) * n_verts + wide[:, 2]
+
+
+def _matched_vertices(
+    sorted_keys: Integers, n_base_verts: int, faces: Faces, n_verts: int
+) -> Integers:
+    """Return the number of each vertex in the base, or -1.
+
+    Vertices before a split have equal numbers, those behind it end alike in both meshes. The split
+    is the one that keeps most faces.
+    """
+    shift = n_base_verts - n_verts
+    before = np.zeros(n_verts + 1, np.int64)  # faces that are kept if all vertices below are
+    behind = np.zeros(n_verts + 1, np.int64)
+    last = np.minimum(faces.max(axis=1) + 1, n_verts)
+    fits = _contains(sorted_keys, faces, n_base_verts)
+    np.add.at(before, last[fits], 1)
+    first = faces.min(axis=1)
+    fits = _contains(sorted_keys, faces + shift, n_base_verts)
+    np.add.at(behind, first[fits] + min(shift, 0), 1)
+    kept = np.cumsum(before) + np.cumsum(behind[::-1])[::-1]
+    low = min(n_verts, n_base_verts)
+    split = int(np.argmax(kept[: low + 1]))
+    numbers = np.arange(n_verts)
+    numbers[split:] += shift
+    if shift < 0:
+        numbers[split : split - shift] = -1
+    return numbers
+
+
+def _contains(sorted_keys: Integers, faces: Faces, n_verts: int) -> npt.NDArray[np.bool_]:
+    """Whether each face is one of those with these keys."""
+    keys = _keys(faces, n_verts)
+    at = np.searchsorted(sorted_keys, keys)
+    is_inside = (faces.min(axis=1) >= 0) & (faces.max(axis=1) < n_verts)
+    result: npt.NDArray[np.bool_] = is_inside & (
+        sorted_keys[np.minimum(at, len(sorted_keys) - 1)] == keys
+    )
+    return result
+
+
+def _matched_faces(
+    sorted_keys: Integers, by_key: Integers, n_verts: int, faces: Integers
+) -> Integers:
+    """Return the number of each face in the base, ascending, or -1."""
+    keys = _keys(faces, n_verts)
+    at = np.searchsorted(sorted_keys, keys) + _repetitions(keys)
+    found = at < len(sorted_keys)
+    at = np.minimum(at, len(sorted_keys) - 1)
+    found &= (sorted_keys[at] == keys) & (faces.min(axis=1) >= 0)
+    listed = np.where(found, by_key[at], -1)
+    ascending = _longest_ascending(listed[found])
+    listed[np.flatnonzero(found)[~ascending]] = -1
+    return listed
+
+
+def _repetitions(keys: Integers) -> Integers:
+    """Return how often each key occurs before it."""
+    order = np.argsort(keys, kind="stable")
+    starts = np.searchsorted(keys[order], keys[order])
+    result = np.empty(len(keys), np.int64)
+    result[order] = np.arange(len(keys)) - starts
+    return result
+
+
+def _longest_ascending(numbers: Integers) -> npt.NDArray[np.bool_]:
+    """Whether each number belongs to a longest ascending subsequence."""
+    selected = np.ones(len(numbers), bool)
+    if (np.diff(numbers) > 0).all():
+        return selected
+    ends: list[int] = []
+    at_end: list[int] = []
+    previous = []
+    for i, number in enumerate(numbers.tolist()):
+        place = bisect_left(ends, number)
+        previous.append(at_end[place - 1] if place else -1)
+        ends[place : place + 1] = [number]
+        at_end[place : place + 1] = [i]
+    selected[:] = False
+    i = at_end[-1]
+    while i >= 0:
+        selected[i] = True
+        i = previous[i]
+    return selected
+
+
+def _steps(numbers: Integers, n_base: int) -> list[Integers]:
+    """Return the numbers of items that each step keeps, then drops, then inserts."""
+    is_new = numbers < 0
+    # A step ends where the next item of the base is kept after others were not.
+    expected = np.concatenate([[0], np.maximum.accumulate(np.where(is_new, -1, numbers)) + 1])
+    starts_step = ~is_new & ((numbers != expected[:-1]) | np.concatenate([[False], is_new[:-1]]))
+    bounds = np.concatenate([[0], np.flatnonzero(starts_step), [len(numbers)]])
+    kept, dropped, inserted = [], [], []
+    for start, stop in pairwise(bounds):
+        n_new = int(np.count_nonzero(is_new[start:stop]))
+        next_number = int(numbers[stop]) if stop < len(numbers) else n_base
+        kept.append(stop - start - n_new)
+        dropped.append(next_number - int(expected[stop]))
+        inserted.append(n_new)
+    if not (dropped[-1] or inserted[-1]):  # all others are kept
+        kept, dropped, inserted = kept[:-1], dropped[:-1], inserted[:-1]
+    return [np.array(column, np.int64) for column in (kept, dropped, inserted)]
+
+
+class BaseMesh:
+    """The last mesh of a stream that is no edit, to which later ones are compared."""
+
+    def __init__(self) -> None:
+        self._faces: Faces | None = None
+        self._n_verts = 0
+
+    def edit_to(self, faces: Faces, n_verts: int) -> MeshEdit | None:
+        """Return an edit to the next mesh of the stream, or None, if it is the next base."""
+        base = self._faces
+        if base is not None and not (n_verts == self._n_verts and np.array_equal(faces, base)):
+            edit = find_edit(base, self._n_verts, faces, n_verts)
+            if edit is not None:
+                return edit
+        self._faces, self._n_verts = faces, n_verts
+        return None
