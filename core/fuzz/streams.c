@@ -6,11 +6,12 @@
 #include "fuzz.h"
 
 #define CAPACITY (1 << 18)
+#define MAX_STEPS 4
 #define MAX_SEGMENTS 4
 #define MAX_BLOCKS 4
 #define MAX_TRACKS 5
 
-enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, REFERENCE = 6, BLOCK = 16, BASIS = 17 };
+enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, REFERENCE = 6, EDIT = 7, BLOCK = 16, BASIS = 17 };
 enum { COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192 };
 enum { INDEX = 130, POLYGONS = 131, ATTRIBUTE = 132, GROUPS = 133, PARTS = 134, START = 135 };
 enum { MATERIAL = 136, IMAGE = 137, TRACK = 138, REEL = 7, GRID = 9 };
@@ -27,7 +28,11 @@ typedef struct {
 typedef struct {
     uint8_t *bytes;
     size_t size;
-    fuzz_mesh mesh;
+    fuzz_mesh mesh;  /* of the segment; if it is edited, with other faces than decoded */
+    fuzz_mesh base;  /* that CONNECTIVITY describes */
+    bool is_edited;
+    int32_t steps[2][3][MAX_STEPS]; /* of vertices and faces: kept, dropped, inserted */
+    int64_t n_steps[2];
     int method, order, n_tracks; /* including the positions */
     track tracks[MAX_TRACKS];
     int64_t n_frames[MAX_BLOCKS], n_blocks, n_polygons;
@@ -75,7 +80,7 @@ static void end_section(stream *s, int64_t id, size_t payload) {
         copy = fuzz_mutate(copy); /* under a valid checksum */
     }
     bool is_of_surface = id >= POLYGONS && id < TRACK && id != START;
-    s->n_of_mesh += id == CONNECTIVITY || id == ORDER || is_of_surface;
+    s->n_of_mesh += id == CONNECTIVITY || id == ORDER || id == EDIT || is_of_surface;
     s->size = payload;
     put_byte(s, id);
     put_varint(s, copy.size);
@@ -371,8 +376,39 @@ static void put_track(stream *s, int number) {
     end_section(s, TRACK, payload);
 }
 
+static void put_edit(stream *s) {
+    int64_t lengths[7], n_corners = 0, size = 0;
+    for (int kind = 0; kind < 2; kind++) {
+        size += 3 * s->n_steps[kind];
+        for (int64_t i = 0; kind && i < s->n_steps[kind]; i++) {
+            n_corners += 3 * s->steps[kind][2][i];
+        }
+    }
+    n_corners += fuzz_one_in(50) ? 3 : 0;
+    int32_t *values = fuzz_allocate(size + n_corners, sizeof *values), *next = values;
+    for (int row = 0; row < 6; row++) {
+        lengths[row] = s->n_steps[row / 3];
+        memcpy(next, s->steps[row / 3][row % 3], (size_t)lengths[row] * sizeof *next);
+        next += lengths[row];
+    }
+    lengths[6] = n_corners;
+    for (int64_t i = 0, last = 0; i < n_corners; i++) {
+        int64_t vertex = fuzz_one_in(100) ? -1 : fuzz_below(s->mesh.n_verts);
+        next[i] = (int32_t)(vertex - last);
+        last = vertex;
+    }
+    size_t payload = s->size;
+    put_varint(s, (uint64_t)s->base.n_verts);
+    put_varint(s, (uint64_t)s->base.n_faces);
+    put_varint(s, (uint64_t)s->n_steps[0]);
+    put_varint(s, (uint64_t)s->n_steps[1]);
+    put_varint(s, (uint64_t)(n_corners / 3));
+    put_rows(s, values, lengths, 7);
+    end_section(s, EDIT, payload);
+}
+
 static void put_mesh(stream *s) {
-    const fuzz_mesh *mesh = &s->mesh;
+    const fuzz_mesh *mesh = &s->base;
     size_t size = reel_connectivity_encode_memory(mesh->n_verts, mesh->n_faces);
     int64_t capacity = 96 * mesh->n_faces + 1024;
     uint8_t *out = fuzz_allocate(capacity, 1);
@@ -393,7 +429,10 @@ static void put_mesh(stream *s) {
         }
         end_section(s, ORDER, payload);
     }
-    s->n_polygons = mesh->n_faces;
+    if (s->is_edited) {
+        put_edit(s);
+    }
+    s->n_polygons = s->mesh.n_faces;
     if (fuzz_one_in(3)) {
         put_polygons(s);
     }
@@ -508,10 +547,38 @@ static void put_end(stream *s, const stream *index) {
 
 /* ---- segments ---- */
 
+/* Choose steps from `count` items to others; returns the number of these. Few items are dropped if
+   others depend on them. */
+static int64_t choose_steps(stream *s, int kind, int64_t count) {
+    int64_t left = count, result = count;
+    s->n_steps[kind] = fuzz_below(MAX_STEPS + 1);
+    for (int64_t i = 0; i < s->n_steps[kind]; i++) {
+        int64_t kept = fuzz_below(left + 1);
+        int64_t dropped = kind || fuzz_one_in(8) ? fuzz_below(left - kept + 1) : 0;
+        int64_t inserted = fuzz_one_in(2) ? fuzz_below(4) : 0;
+        left -= kept + dropped;
+        result += inserted - dropped;
+        s->steps[kind][0][i] = (int32_t)(fuzz_one_in(200) ? -1 : kept);
+        s->steps[kind][1][i] = (int32_t)dropped;
+        s->steps[kind][2][i] = (int32_t)inserted;
+    }
+    return result ? result : 1;
+}
+
 static void choose_mesh(stream *s) {
     s->mesh = fuzz_make_mesh(40);
     if (!s->mesh.n_faces) { /* a file has at least one face */
         s->mesh = (fuzz_mesh){3, 1, fuzz_copy((int32_t[3]){0, 1, 2}, 3, sizeof(int32_t)), NULL};
+    }
+    s->base = s->mesh;
+    s->is_edited = fuzz_one_in(4);
+    if (s->is_edited) {
+        s->mesh.n_verts = choose_steps(s, 0, s->base.n_verts);
+        s->mesh.n_faces = choose_steps(s, 1, s->base.n_faces);
+        s->mesh.faces = fuzz_allocate(3 * s->mesh.n_faces, sizeof *s->mesh.faces);
+        for (int64_t i = 0; i < 3 * s->mesh.n_faces; i++) {
+            s->mesh.faces[i] = (int32_t)fuzz_below(s->mesh.n_verts);
+        }
     }
     s->method = fuzz_one_in(40)  ? (int)fuzz_below(11)
                 : fuzz_one_in(4) ? 8 + (int)fuzz_below(2)
