@@ -22,6 +22,9 @@ from meshreel.model.sequence import Faces
 MAX_BYTES_PER_FACE = 1 / 16
 """Size of an edit up to which it replaces the connectivity, which takes at least twice as much."""
 
+N_SAMPLES = 128
+"""Faces that are compared first, because most pairs of meshes are unrelated."""
+
 MAX_BASE_VERTS = 1 << 21
 """So that the three vertices of a face fit 63 bits."""
 
@@ -89,6 +92,8 @@ def find_edit(base_faces: Faces, n_base_verts: int, faces: Faces, n_verts: int) 
     if n_base_verts > MAX_BASE_VERTS or len(faces) > 2 * len(base_faces):
         return None
     keys = _keys(base_faces, n_base_verts)
+    if not _has_many_of(keys, n_base_verts, faces, n_base_verts - n_verts):
+        return None
     by_key = np.argsort(keys, kind="stable")
     sorted_keys = keys[by_key]
     verts = _matched_vertices(sorted_keys, n_base_verts, faces, n_verts)
@@ -108,6 +113,14 @@ def _keys(faces: npt.NDArray[np.integer], n_verts: int) -> Integers:
     """Return a number for each face that no other oriented and rotated triangle has."""
     wide = faces.astype(np.int64)
     return (wide[:, 0] * n_verts + wide[:, 1]) * n_verts + wide[:, 2]
+
+
+def _has_many_of(keys: Integers, n_base_verts: int, faces: Faces, shift: int) -> bool:
+    """Whether a quarter of a sample of faces is in the base, with equal or shifted vertices."""
+    sample = faces[:: max(1, len(faces) // N_SAMPLES)]
+    wanted = np.unique(_keys(np.concatenate([sample, sample + shift]), n_base_verts))
+    at = np.minimum(np.searchsorted(wanted, keys), len(wanted) - 1)
+    return 4 * len(np.unique(at[wanted[at] == keys])) >= len(sample)
 
 
 def _matched_vertices(
