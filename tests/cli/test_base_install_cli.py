@@ -90,6 +90,7 @@ def test_base_installation_runs_every_base_command(tmp_path):
     assert meshreel.compare(original, near).max_error_percent <= 0.1
 
 
+@pytest.mark.slow
 def test_missing_extra_is_an_error_of_one_line_that_names_it(tmp_path):
     sequence = waving_grid()
     meshreel.save(sequence, tmp_path / "walk.npz")

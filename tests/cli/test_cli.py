@@ -300,6 +300,7 @@ def test_complete_blocks_are_decoded_when_the_end_of_a_stream_is_missing(reel, t
     assert "truncated" in run("info", cut).stdout
 
 
+@pytest.mark.slow
 def test_encode_streams_frame_files_when_memory_is_small(tmp_path):
     sequence = meshreel.simulate_flag(12)
     meshreel.save(sequence, tmp_path / "flag_%03d.obj")

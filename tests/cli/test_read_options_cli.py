@@ -34,6 +34,7 @@ def test_command_skips_the_bad_mesh_with_skip_bad(half_bad, tmp_path, command):
     assert meshreel.load(out).n_verts == 3
 
 
+@pytest.mark.slow
 def test_compare_export_and_render_skip_the_bad_mesh_with_skip_bad(half_bad, tmp_path):
     reel, page, png = tmp_path / "out.reel", tmp_path / "out.html", tmp_path / "out.png"
     run_json("encode", half_bad, "-o", reel, "--skip-bad")

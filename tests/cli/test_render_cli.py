@@ -168,6 +168,7 @@ def warm(flag):
     return flag
 
 
+@pytest.mark.slow
 def test_render_colors_the_mesh_by_a_track(warm, tmp_path):
     options = ["--track", "speed", "--component", "y", "--range", "5%:95%", "--frames", 6, *SMALL]
     made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)

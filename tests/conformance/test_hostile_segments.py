@@ -236,6 +236,7 @@ def test_references_to_many_sections_are_read():
     assert np.shares_memory(one.faces, other.faces)
 
 
+@pytest.mark.slow
 def test_shared_meshes_count_once_against_the_memory_limit():
     frames = [moving(grid(20, 20), 1, seed=number) for number in range(10)]
     data = join_streams(20 * [meshreel.encode(one, lossless=True) for one in frames])

@@ -85,6 +85,7 @@ def test_segments_equal_the_joined_streams():
     assert everything_of(stored("two_meshes_no_index")) == everything_of(data)
 
 
+@pytest.mark.slow
 def test_a_mesh_that_returns_is_stored_once():
     streams = returning()
     data = join_streams(streams)
@@ -304,6 +305,7 @@ def test_failing_reads_are_not_reported_as_damage(streams):
         assert not host.held
 
 
+@pytest.mark.slow
 def test_memory_of_many_segments_is_linear_and_limited():
     count = 3000
     stream = one_frame_each()[0]

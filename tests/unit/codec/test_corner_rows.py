@@ -54,6 +54,7 @@ def test_codes_refer_to_the_previous_corner_of_the_row():
     )
 
 
+@pytest.mark.slow
 def test_rows_of_a_vertex_with_many_corners_take_few_bytes():
     vertices = np.zeros(40_000, np.int64)
     rows = numbered_rows(np.arange(40_000) % 2, vertices, 1)

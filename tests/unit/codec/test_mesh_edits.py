@@ -134,6 +134,7 @@ def test_a_segment_alone_has_the_base_and_the_edit():
     np.testing.assert_array_equal(alone.vertices, decoded.segments[1].vertices)
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_any_edit_round_trips(draw):
     faces, n_verts = draw.draw(st.sampled_from(edits()))

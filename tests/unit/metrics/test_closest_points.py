@@ -26,6 +26,7 @@ def test_closest_points_are_exact_for_random_triangles(rng, n_triangles):
     assert_closest(rng.normal(size=(200, 3)), rng.normal(size=(n_triangles, 3, 3)))
 
 
+@pytest.mark.slow
 def test_closest_points_are_exact_for_points_on_far_from_and_near_a_surface(rng):
     vertices, faces = torus(12, 20)
     near = vertices[faces].mean(axis=1) + 0.01 * rng.normal(size=(len(faces), 3))

@@ -101,6 +101,7 @@ def test_other_triangulations_of_a_surface_have_distance_zero():
     assert {quality.psnr_db, quality.d1_psnr_db, quality.d2_psnr_db} == {np.inf}
 
 
+@pytest.mark.slow
 def test_figures_of_samples_equal_those_of_brute_force():
     shapes, n_samples = [torus(9, 15), torus(8, 17, bend=0.05)], 700
     sets = [triangle_set(vertices, faces, 1e-14) for vertices, faces in shapes]

@@ -59,6 +59,7 @@ def test_simulate_flag_stretches_no_edge_by_a_tenth(flag, side):
     assert stretch.max() < 1.1
 
 
+@pytest.mark.slow
 def test_simulate_flag_compresses_no_edge_by_a_fifth(flag, side):
     stretch = edge_lengths(flag, flag.vertices) / edge_lengths(flag, rest_positions(side, side))
     assert stretch.min() > 0.8

@@ -75,6 +75,7 @@ def test_registration_is_deterministic(raw, registered):
     assert np.array_equal(again.vertices, only_segment(registered).vertices)
 
 
+@pytest.mark.slow
 def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
     vertices, faces = capsule(20, 20)
     aside = np.array([0.7, 0, 0])

@@ -54,6 +54,7 @@ def test_surface_psnr_is_close_to_that_of_compare(registered):
     assert report.decoded.max_percent == pytest.approx(expected.worse.max_percent, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_measured_frames_are_few_and_named():
     found = register(capture(7, 0.5), ErrorBound(0.5))
     report = Report.measured(found, found.sequence)

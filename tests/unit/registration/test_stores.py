@@ -40,6 +40,7 @@ def memory_of(array):
     return array
 
 
+@pytest.mark.slow
 def test_an_interrupted_registration_continues_with_equal_results(raw, tmp_path):
     with pytest.raises(InterruptionError):
         register(raw, TOLERANCE, interrupt_after(4), tmp_path)

@@ -236,6 +236,7 @@ def test_velocities_of_live_frames_are_predicted(order):
     assert apart.max() <= headers(data)["v"].bound
 
 
+@pytest.mark.slow
 def test_single_frames_of_a_predicted_track_equal_the_decoded_whole():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.CENTRAL).astype(np.float32)

@@ -21,6 +21,7 @@ def plain_error(frames, n_targets):
     return np.linalg.norm(residuals, axis=2).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bound", [0.02, 0.003, 0.0003])
 def test_fit_morphs_meets_the_bound(flag, bound):
     found = fit_morphs(flag, bound)

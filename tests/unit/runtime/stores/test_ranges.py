@@ -157,6 +157,7 @@ def test_unreachable_server_is_named(web):
         meshreel.open("http://127.0.0.1:9/walk.reel")
 
 
+@pytest.mark.slow
 def test_segment_of_many_needs_one_request_for_the_index(web):
     sheet = waving_grid(1, 20, 20)
     rng = np.random.default_rng(2)
