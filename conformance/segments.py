@@ -13,7 +13,7 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-from conformance.sources import moving, of_boxes, of_everything
+from conformance.sources import grid, moving, of_boxes, of_everything
 from meshreel.codec import mesh_edits
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import (
@@ -126,13 +126,6 @@ def edits():
         (tangled, n),
         (body[:170], n),
     ]
-
-
-def grid(rows, columns):
-    """Return the triangles of a rectangular grid of vertices."""
-    at = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]
-    return np.stack([a, c, b, b, c, d], axis=-1).reshape(-1, 3)
 
 
 def edited(n_frames, **options):

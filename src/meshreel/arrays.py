@@ -1,4 +1,4 @@
-"""Array types shared by the whole package, and rows as bytes."""
+"""Array types shared by the whole package, repeated values, and rows as bytes."""
 
 from typing import Any
 
@@ -11,6 +11,15 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Values = npt.NDArray[Any]
 """Numbers of any type."""
+
+
+def n_equal_before(values: npt.NDArray[np.generic]) -> Integers:
+    """Return how many equal values precede each one; `values` has shape (N,)."""
+    order = np.argsort(values, kind="stable")
+    ordered = values[order]
+    result = np.empty(len(values), np.int64)
+    result[order] = np.arange(len(values)) - np.searchsorted(ordered, ordered)
+    return result
 
 
 def rows_as_bytes(*tables: npt.NDArray[np.generic]) -> npt.NDArray[np.void]:

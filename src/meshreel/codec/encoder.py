@@ -6,7 +6,7 @@ import numpy as np
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.joining import join_streams
-from meshreel.codec.mesh_edits import BaseMesh
+from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.option import takes_fields
 from meshreel.codec.reordering import without_reordering
 from meshreel.codec.source import Source
@@ -153,11 +153,11 @@ def encode_segments(
             whole_extent=sequence.extent,
         )
         sources.append(source)
-    base, edited = BaseMesh(), []
+    edits, edited = MeshEdits(), []
     for source in sources:
         keeps_order = source.mesh.keeps_order
         mesh = source.sequence.faces, source.sequence.n_verts
-        edited.append(replace(source, edit=base.edit_to(*mesh)) if keeps_order else source)
+        edited.append(replace(source, edit=edits.edit_to(*mesh)) if keeps_order else source)
     streams = list(config.method_row.encode_segments(edited, progress, engine))
     return join_streams(streams, name=sequence.name, start_s=sequence.start_s)
 

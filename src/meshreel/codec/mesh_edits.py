@@ -6,14 +6,15 @@ character that changes props, then stores neither its connectivity nor its order
 
 from bisect import bisect_left
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Integers, n_equal_before
 from meshreel.codec.bitstream.container import write_varint
-from meshreel.codec.connectivity.coder import CodedConnectivity
+from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.codec.connectivity.order import inverse_permutation, matching_corners
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.kernel.integers import encode_integers
@@ -30,14 +31,32 @@ MAX_BASE_VERTS = 1 << 21
 
 
 @dataclass(frozen=True, eq=False)
+class BaseMesh:
+    """A mesh that is no edit; all edits of it share its coded connectivity.
+
+    Attributes
+    ----------
+    faces : int32 array of shape (M_b, 3)
+    n_verts : int
+        V_b.
+    """
+
+    faces: Faces
+    n_verts: int
+
+    @cached_property
+    def connectivity(self) -> CodedConnectivity:
+        """Its connectivity, with the order of vertices and faces."""
+        return encode_connectivity(self.faces, self.n_verts, order="keep")
+
+
+@dataclass(frozen=True, eq=False)
 class MeshEdit:
     """A mesh as an edit of a base mesh, both in their given orders.
 
     Attributes
     ----------
-    base_faces : int32 array of shape (M_b, 3)
-    n_base_verts : int
-        V_b.
+    base : BaseMesh
     verts : int64 array of shape (V,)
         Number of each vertex in the base, ascending, or -1 if it is new.
     listed : int64 array of shape (M,)
@@ -46,30 +65,28 @@ class MeshEdit:
         Of the section EDIT.
     """
 
-    base_faces: Faces
-    n_base_verts: int
+    base: BaseMesh
     verts: Integers
     listed: Integers
     payload: bytes
 
-    def apply(self, base: CodedConnectivity, faces: Faces) -> CodedConnectivity:
-        """Return the connectivity of the edited mesh, whose payloads remain those of the base.
+    def connectivity_of(self, faces: Faces) -> CodedConnectivity:
+        """Return the connectivity of the edited mesh, whose payloads are those of the base.
 
         Parameters
         ----------
-        base : CodedConnectivity
-            Of the base mesh, with the order of its vertices and faces.
         faces : int32 array of shape (M, 3)
             The edited mesh.
         """
+        base, n_base_verts = self.base.connectivity, self.base.n_verts
         kept = np.flatnonzero(self.verts >= 0)
         rank = inverse_permutation(base.internal_to_given)[self.verts[kept]]
         order = np.concatenate([kept[np.argsort(rank)], np.flatnonzero(self.verts < 0)])
         to_internal = inverse_permutation(order).astype(np.int32)
-        number = np.full(self.n_base_verts, -1)
+        number = np.full(n_base_verts, -1)
         number[self.verts[kept]] = kept
         to_given = base.internal_to_given[base.internal_faces]
-        internal_of = matching_corners(self.base_faces, to_given, self.n_base_verts) // 3
+        internal_of = matching_corners(self.base.faces, to_given, n_base_verts) // 3
         stored = np.sort(internal_of[self.listed[self.listed >= 0]])
         internal = to_internal[
             np.concatenate([number[to_given[stored]], faces[self.listed < 0]])
@@ -78,17 +95,19 @@ class MeshEdit:
         return replace(base, internal_to_given=order, internal_faces=internal, internal_twins=twins)
 
 
-def find_edit(base_faces: Faces, n_base_verts: int, faces: Faces, n_verts: int) -> MeshEdit | None:
+def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
     """Return the edit that turns a mesh into another one, or None if it is not small.
 
     Vertices are dropped or inserted in one run, or keep their numbers.
 
     Parameters
     ----------
-    base_faces, faces : int32 arrays of shapes (M_b, 3) and (M, 3)
-    n_base_verts, n_verts : int
-        V_b and V.
+    base : BaseMesh
+    faces : int32 array of shape (M, 3)
+    n_verts : int
+        V.
     """
+    base_faces, n_base_verts = base.faces, base.n_verts
     if n_base_verts > MAX_BASE_VERTS or len(faces) > 2 * len(base_faces):
         return None
     keys = _keys(base_faces, n_base_verts)
@@ -106,7 +125,7 @@ def find_edit(base_faces: Faces, n_base_verts: int, faces: Faces, n_verts: int) 
     payload = b"".join(map(write_varint, counts)) + encode_integers([*steps, corners])
     if len(payload) > MAX_BYTES_PER_FACE * len(faces):
         return None
-    return MeshEdit(base_faces, n_base_verts, verts, listed, payload)
+    return MeshEdit(base, verts, listed, payload)
 
 
 def _keys(faces: npt.NDArray[np.integer], n_verts: int) -> Integers:
@@ -166,7 +185,7 @@ def _matched_faces(
 ) -> Integers:
     """Return the number of each face in the base, ascending, or -1."""
     keys = _keys(faces, n_verts)
-    at = np.searchsorted(sorted_keys, keys) + _repetitions(keys)
+    at = np.searchsorted(sorted_keys, keys) + n_equal_before(keys)
     found = at < len(sorted_keys)
     at = np.minimum(at, len(sorted_keys) - 1)
     found &= (sorted_keys[at] == keys) & (faces.min(axis=1) >= 0)
@@ -174,15 +193,6 @@ def _matched_faces(
     ascending = _longest_ascending(listed[found])
     listed[np.flatnonzero(found)[~ascending]] = -1
     return listed
-
-
-def _repetitions(keys: Integers) -> Integers:
-    """Return how often each key occurs before it."""
-    order = np.argsort(keys, kind="stable")
-    starts = np.searchsorted(keys[order], keys[order])
-    result = np.empty(len(keys), np.int64)
-    result[order] = np.arange(len(keys)) - starts
-    return result
 
 
 def _longest_ascending(numbers: Integers) -> npt.NDArray[np.bool_]:
@@ -225,19 +235,20 @@ def _steps(numbers: Integers, n_base: int) -> list[Integers]:
     return [np.array(column, np.int64) for column in (kept, dropped, inserted)]
 
 
-class BaseMesh:
-    """The last mesh of a stream that is no edit, to which later ones are compared."""
+class MeshEdits:
+    """Comparison of the meshes of a stream with the last one that is no edit."""
 
     def __init__(self) -> None:
-        self._faces: Faces | None = None
-        self._n_verts = 0
+        self._base: BaseMesh | None = None
 
     def edit_to(self, faces: Faces, n_verts: int) -> MeshEdit | None:
-        """Return an edit to the next mesh of the stream, or None, if it is the next base."""
-        base = self._faces
-        if base is not None and not (n_verts == self._n_verts and np.array_equal(faces, base)):
-            edit = find_edit(base, self._n_verts, faces, n_verts)
+        """Return an edit to the next mesh of the stream, or None if it is the next base."""
+        base = self._base
+        if base is not None:
+            if n_verts == base.n_verts and np.array_equal(faces, base.faces):
+                return None
+            edit = find_edit(base, faces, n_verts)
             if edit is not None:
                 return edit
-        self._faces, self._n_verts = faces, n_verts
+        self._base = BaseMesh(faces, n_verts)
         return None

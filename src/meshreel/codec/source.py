@@ -53,11 +53,10 @@ class CodedMesh:
 
     @cached_property
     def _connectivity(self) -> CodedConnectivity:
+        if self.edit is not None:
+            return self.edit.connectivity_of(self.given_faces)
         order = self.order_kept.name.lower()
-        if self.edit is None:
-            return encode_connectivity(self.given_faces, self.n_verts, order=order)
-        base = encode_connectivity(self.edit.base_faces, self.edit.n_base_verts, order=order)
-        return self.edit.apply(base, self.given_faces)
+        return encode_connectivity(self.given_faces, self.n_verts, order=order)
 
     @cached_property
     def order_kept(self) -> Order:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.block_writer import BlockWriter, LiveSegment
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig, config_of
-from meshreel.codec.mesh_edits import BaseMesh
+from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.methods import SEGMENT_METHODS
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
@@ -166,7 +166,7 @@ class Encoder:
         self._coded_mesh: _Mesh | None = None  # of the last block
         self._bounding_frame: BoundingFrame | None = None
         self._segment: LiveSegment | None = None
-        self._base = BaseMesh()
+        self._edits = MeshEdits()
         self._is_closed = False
         self._path = Path(output) if isinstance(output, str | os.PathLike) else None
         if self._path is not None:
@@ -416,7 +416,7 @@ class Encoder:
         start_s = self._start_s if is_first else 0.0  # times of further segments follow
         coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, start_s)
         if coded.keeps_order:
-            coded = replace(coded, edit=self._base.edit_to(mesh.faces, mesh.n_verts))
+            coded = replace(coded, edit=self._edits.edit_to(mesh.faces, mesh.n_verts))
         targets = self._targets_of(tracks, is_first=is_first)
         return LiveSegment(
             coded, self._bounding_frame, first, tracks, targets, self._fps, self._name

@@ -8,12 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import meshreel
-from conformance.segments import edits, grid
+from conformance.segments import edits
+from conformance.sources import grid
 from meshreel import MeshSequence, SegmentedSequence
 from meshreel.codec import mesh_edits
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.joining import separate_stream
-from meshreel.codec.mesh_edits import BaseMesh, find_edit
+from meshreel.codec.mesh_edits import BaseMesh, MeshEdits, find_edit
 from meshreel.codec.open_stream import OpenStream
 
 SHEET = grid(30, 40).astype(np.int32)
@@ -21,7 +22,7 @@ N_VERTS = 1200
 
 
 def edit_of(faces, n_verts=N_VERTS):
-    return find_edit(SHEET, N_VERTS, np.asarray(faces, np.int32), n_verts)
+    return find_edit(BaseMesh(SHEET, N_VERTS), np.asarray(faces, np.int32), n_verts)
 
 
 def frames_of(faces, n_verts, n_frames=2, seed=0):
@@ -77,19 +78,19 @@ def test_an_unrelated_mesh_is_no_edit(n_verts):
     assert edit_of(faces, n_verts) is None
 
 
-def test_vertices_that_are_numbered_anew_are_no_edit():
+def test_a_mesh_with_renumbered_vertices_is_no_edit():
     numbers = np.random.default_rng(2).permutation(N_VERTS)
     assert edit_of(numbers[SHEET]) is None
 
 
 def test_a_mesh_that_is_no_edit_is_the_next_base():
-    base, holes = BaseMesh(), np.delete(SHEET, slice(100, 160), axis=0)
+    edits_of_stream, holes = MeshEdits(), np.delete(SHEET, slice(100, 160), axis=0)
     other = SHEET[::-1].copy()
-    assert base.edit_to(SHEET, N_VERTS) is None
-    assert base.edit_to(holes, N_VERTS) is not None
-    assert base.edit_to(SHEET, N_VERTS) is None
-    assert base.edit_to(other, N_VERTS) is None
-    assert base.edit_to(holes, N_VERTS) is None
+    assert edits_of_stream.edit_to(SHEET, N_VERTS) is None
+    assert edits_of_stream.edit_to(holes, N_VERTS) is not None
+    assert edits_of_stream.edit_to(SHEET, N_VERTS) is None
+    assert edits_of_stream.edit_to(other, N_VERTS) is None
+    assert edits_of_stream.edit_to(holes, N_VERTS) is None
 
 
 @pytest.mark.parametrize("options", [{}, {"lossless": True}, {"block_frames": 1}])

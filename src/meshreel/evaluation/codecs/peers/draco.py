@@ -6,7 +6,7 @@ from importlib import import_module
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Integers, n_equal_before
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.codecs.peers.integer_deltas import pack_frames, unpack_frames
 from meshreel.evaluation.codecs.peers.protocol import Shape
@@ -110,10 +110,7 @@ def separate_equal(frame: Floats32) -> Floats32:
     while True:
         rows = positions.view(f"V{positions.itemsize * 3}").ravel()
         _, group = np.unique(rows, return_inverse=True)
-        order = np.argsort(group, kind="stable")
-        starts = np.searchsorted(group[order], group[order])
-        rank = np.empty(len(rows), np.int32)
-        rank[order] = np.arange(len(rows)) - starts
+        rank = n_equal_before(group).astype(np.int32)
         if not rank.any():
             return positions
         positions.view(np.int32)[:, 0] += rank
