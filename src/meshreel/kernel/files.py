@@ -2,11 +2,10 @@
 
 import ctypes
 import os
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from io import BytesIO
 from typing import Any, BinaryIO
 from weakref import finalize
@@ -22,10 +21,20 @@ from meshreel.errors import (
     UnsupportedVersionError,
 )
 from meshreel.kernel.exact import TYPES
-from meshreel.kernel.library import ALIGNMENT, library
+from meshreel.kernel.host import (
+    ALLOCATE,
+    ANNOUNCE,
+    READ,
+    RELEASE,
+    RUN,
+    HostMemory,
+    SourceReader,
+    run_tasks,
+)
+from meshreel.kernel.library import library
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.profiling import staged
-from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
+from meshreel.runtime.threads import fork_safe_lock, n_cores
 
 (
     OK,
@@ -55,12 +64,6 @@ Integers = npt.NDArray[np.int32]
 
 _U32, _U64, _SIZE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_size_t
 _POINTER, _DOUBLE = ctypes.c_void_p, ctypes.c_double
-_READ = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _POINTER, _SIZE)
-_ANNOUNCE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _U64)
-_ALLOCATE = ctypes.CFUNCTYPE(_POINTER, _POINTER, _SIZE)
-_RELEASE = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _SIZE)
-_RUN = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER, _U32)
-_TASK = ctypes.CFUNCTYPE(None, _POINTER, _U32)
 
 
 def fields_of(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -91,18 +94,18 @@ class _Source(ctypes.Structure):
     _fields_ = [
         ("bytes", ctypes.c_char_p),
         ("size", _U64),
-        ("read", _READ),
+        ("read", READ),
         ("user", _POINTER),
-        ("announce", _ANNOUNCE),
+        ("announce", ANNOUNCE),
     ]
 
 
 class _Host(ctypes.Structure):
     _fields_ = [
         ("user", _POINTER),
-        ("allocate", _ALLOCATE),
-        ("release", _RELEASE),
-        ("run", _RUN),
+        ("allocate", ALLOCATE),
+        ("release", RELEASE),
+        ("run", RUN),
         ("n_threads", _U32),
         ("reserved", _U32),
         ("memory_limit", _U64),
@@ -330,87 +333,6 @@ class FileModes:
     corrections: npt.NDArray[np.float64]
 
 
-class _Memory:
-    """Memory that the core holds, by its address."""
-
-    def __init__(self) -> None:
-        self._held: dict[int, npt.NDArray[np.uint8]] = {}
-        self.n_bytes = 0
-
-    def allocate(self, _: int | None, size: int) -> int | None:
-        try:
-            block = np.empty(size + ALIGNMENT, np.uint8)
-        except MemoryError:
-            return None
-        address: int = block.__array_interface__["data"][0]
-        address += -address % ALIGNMENT
-        self._held[address] = block
-        self.n_bytes += size
-        return address
-
-    def release(self, _: int | None, address: int, size: int) -> None:
-        del self._held[address]
-        self.n_bytes -= size
-
-
-def _run_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
-    """Call tasks 0..n_tasks - 1 of the core on all cores, in any order: `run` of `meshreel_host`.
-
-    The tasks call neither BLAS nor NumPy, so BLAS keeps its threads, unlike in `in_threads`.
-    """
-    work = partial(_TASK(task), shared)
-    # A thread of the pool must not wait for another: all of them could wait at once.
-    is_alone = n_tasks == 1 or threading.current_thread().name.startswith(POOL)
-    for _result in (map if is_alone else pool().map)(work, range(n_tasks)):
-        pass
-
-
-class _Reader:
-    """Reads bytes of a seekable file for the core; threads may share it."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._fetch: Callable[[int, int], None] | None = getattr(file, "fetch", None)
-        self._lock = fork_safe_lock()
-        self._failures: dict[int, BaseException] = {}
-
-    def bytes_at(self, offset: int, size: int) -> bytes:
-        """Bytes of the file, fewer at its end."""
-        with self._lock:
-            self._file.seek(offset)
-            return self._file.read(size)
-
-    def failure(self) -> BaseException | None:
-        """Return and clear the last exception of the file in this thread."""
-        return self._failures.pop(threading.get_ident(), None)
-
-    def read(self, _: int | None, offset: int, to: int, size: int) -> int:
-        try:
-            data = self.bytes_at(offset, size)
-        except BaseException as error:  # raised again by the call of the core that failed
-            return self._fail(error)
-        if len(data) != size:
-            end = offset + len(data)
-            return self._fail(
-                TruncatedStreamError(f"the file ended at byte {end}; it was longer when opened")
-            )
-        ctypes.memmove(to, data, size)
-        return 0
-
-    def announce(self, _: int | None, offset: int, size: int) -> int:
-        try:
-            if self._fetch is not None:
-                with self._lock:
-                    self._fetch(offset, offset + size)
-        except BaseException as error:
-            return self._fail(error)
-        return 0
-
-    def _fail(self, error: BaseException) -> int:
-        self._failures[threading.get_ident()] = error
-        return 1
-
-
 @cache
 def _function(name: str) -> Any:
     function = library()[f"meshreel_{name}"]
@@ -556,15 +478,15 @@ class OpenFile:
     def __init__(self, source: bytes | BinaryIO, limit_bytes: float) -> None:
         self._limit = limit_bytes
         self._source = source = source.getvalue() if type(source) is BytesIO else source
-        self._memory = _Memory()
+        self._memory = HostMemory()
         self._lock = fork_safe_lock()
-        self._reader = None if isinstance(source, bytes) else _Reader(source)
+        self._reader = None if isinstance(source, bytes) else SourceReader(source)
         n_threads = n_cores()
         self._host = _Host(
             None,
-            _ALLOCATE(self._memory.allocate),
-            _RELEASE(self._memory.release),
-            _RUN(_run_tasks) if n_threads > 1 else _RUN(),
+            ALLOCATE(self._memory.allocate),
+            RELEASE(self._memory.release),
+            RUN(run_tasks) if n_threads > 1 else RUN(),
             n_threads,
             0,
             int(min(limit_bytes, 2.0**62)),
@@ -627,11 +549,11 @@ class OpenFile:
 
     def _core_source(self) -> _Source:
         if isinstance(self._source, bytes):
-            return _Source(self._source, len(self._source), _READ(), None, _ANNOUNCE())
+            return _Source(self._source, len(self._source), READ(), None, ANNOUNCE())
         assert self._reader is not None
         size = self._source.seek(0, os.SEEK_END)
         # Kept: the core copies their addresses.
-        self._callbacks = _READ(self._reader.read), _ANNOUNCE(self._reader.announce)
+        self._callbacks = READ(self._reader.read), ANNOUNCE(self._reader.announce)
         read, announce = self._callbacks
         return _Source(None, size, read, None, announce)
 
