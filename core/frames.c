@@ -186,17 +186,17 @@ static void add_corrections(const frames_job *job, int64_t number, int64_t first
     job->corrections[number] = next;
 }
 
-/* Write values in model units, the columns of a vertex interleaved. */
-static void write_values(const frames_job *job, int64_t number, int64_t first, int count,
+/* Write values in model units, the columns of a vertex interleaved. Returns whether all are
+   finite. */
+static bool write_values(const frames_job *job, int64_t number, int64_t first, int count,
                          double (*sums)[TILE]) {
     int64_t start = job->n_columns * (number * job->n_verts + first);
 #ifdef REEL_HAS_WIDE
     if (job->widest > 2) {
-        (job->widest == 8 ? place_tile_8 : place_tile_4)(job, sums, start, count);
-        return;
+        return (job->widest == 8 ? place_tile_8 : place_tile_4)(job, sums, start, count);
     }
 #endif
-    place_tile_2(job, sums, start, count);
+    return place_tile_2(job, sums, start, count);
 }
 
 /* Write sums without scale and origin, each column separately. */
@@ -210,9 +210,11 @@ static void write_columns(const frames_job *job, int64_t number, int64_t first, 
     }
 }
 
-/* Write requested frames begin .. end - 1 of the vertices first .. first + count - 1. */
-static void write_tile(const frames_job *job, int64_t begin, int64_t end, int64_t first,
+/* Write requested frames begin .. end - 1 of the vertices first .. first + count - 1. Returns
+   whether all values in model units are finite. */
+static bool write_tile(const frames_job *job, int64_t begin, int64_t end, int64_t first,
                        int count, double (*sums)[TILE]) {
+    bool is_finite = true;
     const uint8_t *tile = job->packed + (size_t)(first / TILE) * job->tile_bytes;
     for (int64_t number = begin; number < end; number++) {
         sum_tile(job, tile, number, sums);
@@ -222,9 +224,10 @@ static void write_tile(const frames_job *job, int64_t begin, int64_t end, int64_
         if (job->layout == REEL_COLUMNS) {
             write_columns(job, number, first, count, sums);
         } else {
-            write_values(job, number, first, count, sums);
+            is_finite &= write_values(job, number, first, count, sums);
         }
     }
+    return is_finite;
 }
 
 /* Basis vectors of the requested frames, rounded to single precision. */
@@ -294,12 +297,13 @@ int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
+    bool is_finite = true;
     for (int64_t begin = 0; begin < n_requested; begin += FRAMES_PER_PASS) {
         int64_t end = n_requested - begin < FRAMES_PER_PASS ? n_requested : begin + FRAMES_PER_PASS;
         for (int64_t first = 0; first < n_verts; first += TILE) {
             int count = n_verts - first < TILE ? (int)(n_verts - first) : TILE;
-            write_tile(&job, begin, end, first, count, sums);
+            is_finite &= write_tile(&job, begin, end, first, count, sums);
         }
     }
-    return n_requested;
+    return is_finite;
 }

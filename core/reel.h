@@ -211,7 +211,7 @@ REEL_API int64_t reel_pack(const double *fields, int64_t mode_stride, int64_t ve
    with n_columns numbers of `offsets`. `placement` is the scale, and the origin of each column.
    Layouts: the columns of each vertex together, as 4 or 8 byte floats; or the first column of all
    frames, then the next, without scale and origin, as 8 byte floats. There is at least one column.
-   Returns n_requested. */
+   Returns 1 if all values are finite, else 0; those of REEL_COLUMNS are not checked. */
 enum reel_layout { REEL_COLUMNS = 0, REEL_VALUES_4 = 4, REEL_VALUES_8 = 8 };
 REEL_API size_t reel_frames_memory(int64_t n_columns, int64_t n_modes, int64_t n_requested);
 REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *basis,

@@ -18,7 +18,7 @@ typedef struct {
     uint8_t *out, *memory;
     size_t frame_bytes, memory_size;
     int32_t *frames;
-    int64_t *results;
+    int64_t *results; /* of each task: whether its values are finite, or a failure */
 } product;
 
 static void multiply_task(void *shared, uint32_t i) {
@@ -26,26 +26,28 @@ static void multiply_task(void *shared, uint32_t i) {
     const reel_track_state *state = p->state;
     int64_t begin = i * p->frames_per_task,
             end = begin + p->frames_per_task < p->count ? begin + p->frames_per_task : p->count;
-    p->results[i] = 0;
+    p->results[i] = true;
     for (int64_t from = begin; from < end && p->results[i] >= 0; from += MAX_FRAMES_PER_CALL) {
         int64_t count = end - from < MAX_FRAMES_PER_CALL ? end - from : MAX_FRAMES_PER_CALL;
         const int64_t *starts = state->current.corrections.starts
                                     ? state->current.corrections.starts + p->first + from
                                     : NULL;
-        p->results[i] = reel_frames(
+        int64_t are_finite = reel_frames(
             p->memory + i * p->memory_size, p->memory_size, state->current.basis,
             state->current.packed, (int64_t)state->current.group.precision, p->n_columns,
             (int64_t)state->current.group.n_frames, (int64_t)state->current.n_modes,
             state->items.graph.n_items, p->frames + from, count, starts,
             state->current.corrections.items, state->current.corrections.offsets, p->placement,
             p->layout, p->out + (size_t)from * p->frame_bytes);
+        p->results[i] = are_finite < 0 ? are_finite : p->results[i] & are_finite;
     }
 }
 
-/* Multiply the modes of some frames, into 4 or 8 byte floats. */
+/* Multiply the modes of some frames, into 4 or 8 byte floats. `are_finite`, unless NULL, becomes
+   whether all of them are. */
 static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track_state *state,
                     const reel_track *track, uint64_t first, uint64_t count, int64_t layout,
-                    void *out) {
+                    void *out, bool *are_finite) {
     uint32_t n_tasks = reel_threads(call) < count ? reel_threads(call) : (uint32_t)count;
     product p = {.decoder = decoder,
                  .state = state,
@@ -74,8 +76,13 @@ static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track
         p.frames[i] = (int32_t)(first + i);
     }
     reel_run(call, multiply_task, &p, n_tasks);
+    bool is_finite = true;
     for (uint32_t i = 0; i < n_tasks && !failed; i++) {
+        is_finite &= p.results[i] != 0;
         failed = reel_fail_core(call, p.results[i], 0, "the frames of a block are damaged");
+    }
+    if (are_finite) {
+        *are_finite = is_finite;
     }
     return failed;
 }
@@ -162,8 +169,10 @@ static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64
     reel_track_state *state = decoder->tracks;
     const reel_outline *outline = &decoder->file->outline;
     uint64_t n_items = state->items.graph.n_items;
+    bool is_finite;
     if (REEL_SMALL || outline->method == REEL_METHOD_REEL) {
-        int failed = multiply(call, decoder, state, decoder->file->tracks, first, count, size, out);
+        int failed = multiply(call, decoder, state, decoder->file->tracks, first, count, size, out,
+                              &is_finite);
         if (failed) {
             return failed;
         }
@@ -172,8 +181,9 @@ static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64
             store_exact(decoder, state, first + i, size,
                         (uint8_t *)out + (size_t)(3 * size * n_items * i));
         }
+        is_finite = are_finite(out, size, 3 * n_items * count);
     }
-    if (are_finite(out, size, 3 * n_items * count)) {
+    if (is_finite) {
         return MESHREEL_OK;
     }
     uint64_t at = reel_group_bytes(outline, state->current.block, 0).at;
@@ -282,7 +292,8 @@ static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_
     if (!failed && !track->info.is_exact) {
         decoded = reel_scratch(call, n * count, sizeof *decoded);
         failed = decoded
-                     ? multiply(call, decoder, state, track, first, count, REEL_VALUES_8, decoded)
+                     ? multiply(call, decoder, state, track, first, count, REEL_VALUES_8, decoded,
+                                NULL)
                      : call->error.code;
     }
     for (uint64_t t = 0; t < count && !failed; t++) {
@@ -348,7 +359,7 @@ static int rotated_normals(reel_call *call, meshreel_decoder *decoder, reel_trac
     if (failed || !rotations || !normals || !of_vertices || !summed_faces_of) {
         return call->error.code;
     }
-    failed = multiply(call, decoder, state, track, first, count, REEL_VALUES_8, rotations);
+    failed = multiply(call, decoder, state, track, first, count, REEL_VALUES_8, rotations, NULL);
     for (uint64_t t = 0; t < count && !failed; t++) {
         const uint8_t *positions = (const uint8_t *)p.numbers + 3 * n_verts * p.size * t;
         failed = surface_normals(call, file, state, domain, summed_faces_of, positions, of_vertices,
@@ -416,7 +427,7 @@ int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uin
                    (uint8_t *)out + t * n_items * item_bytes);
         }
     } else {
-        failed = multiply(call, decoder, state, track, first, count, track->size, out);
+        failed = multiply(call, decoder, state, track, first, count, track->size, out, NULL);
         if (!failed && track->info.kind == MESHREEL_TRACK_NORMAL) {
             to_unit_length(out, track->size, n_items * count);
         }

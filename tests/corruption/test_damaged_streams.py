@@ -15,6 +15,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.reel.normative.payloads import read_layout, write_layout
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
+from meshreel.formats.reel import open as open_reel
 from samples.costs import draws
 from samples.materials import dressed_sheet
 from samples.meshes import irregular_sequence, two_sheets, waving_grid
@@ -280,3 +281,15 @@ def test_a_material_with_a_missing_image_is_refused():
     kept = [part for part in parts_of(stream) if part[0] is not Section.IMAGE]
     with pytest.raises(CorruptStreamError, match="refers to an image that does not exist"):
         decode(raw_stream(stream.header, kept))
+
+
+@pytest.mark.parametrize("name", ["reel", "materials", "on a grid", "grid", "rows"])
+def test_positions_that_are_not_finite_are_refused(name, tmp_path):
+    stream = Stream(STREAMS[name])
+    header = replace(stream.header, scale=1e200)
+    path = tmp_path / "huge.reel"
+    path.write_bytes(raw_stream(header, parts_of(stream)))
+    with pytest.raises(CorruptStreamError, match="not finite"):
+        decode(path.read_bytes())
+    with open_reel(path) as reel, pytest.raises(CorruptStreamError, match="not finite"):
+        reel[0]

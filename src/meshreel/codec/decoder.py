@@ -218,7 +218,7 @@ def _decode_frames(
         decoded: dict[str, Track] = {}
         for track, out in zip(tracks.values(), values, strict=True):
             decoded[track.name] = Track(out, track.domain, track.kind, track.unit)
-        return MeshSequence(
+        return MeshSequence.of_finite(
             vertices,
             faces,
             opened.fps,

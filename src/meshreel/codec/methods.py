@@ -61,7 +61,7 @@ class FrameReader(Protocol):
         Raises
         ------
         CorruptStreamError
-            If a block is damaged.
+            If a block is damaged, or a position is not finite.
         MemoryLimitError
             If a block takes more memory than allowed.
         """

@@ -132,8 +132,10 @@ def fill_values(
     frames: range,
     placement: Sequence[float],
     moves: Moves | None = None,
-) -> None:
+) -> bool:
     """Fill an array with values of frames: (sum over modes + move) times scale plus origin.
+
+    Returns whether all values are finite.
 
     Parameters
     ----------
@@ -153,7 +155,7 @@ def fill_values(
     InvalidInputError
         If a frame does not exist.
     """
-    _frames(basis, fields, frames, moves, np.array(placement, np.float64), out, out.itemsize)
+    return _frames(basis, fields, frames, moves, np.array(placement, np.float64), out, out.itemsize)
 
 
 @dataclass(frozen=True)
@@ -286,13 +288,13 @@ def _frames(
     placement: Floats | None,
     out: npt.NDArray[np.floating],
     layout: int,
-) -> None:
+) -> bool:
     n_columns, n_frames, n_modes = basis.shape
     assert n_modes == fields.n_modes
     move_arrays: tuple[Argument, ...] = (None, None, None)
     if moves is not None:
         move_arrays = (moves.starts, moves.vertices, moves.displacements)
-    call(
+    are_finite = call(
         "reel_frames",
         np.ascontiguousarray(basis, np.float64),
         fields.data,
@@ -310,3 +312,4 @@ def _frames(
         what="frames",
         memory_of=("reel_frames_memory", n_columns, n_modes, len(frames)),
     )
+    return bool(are_finite)

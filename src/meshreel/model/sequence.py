@@ -142,7 +142,31 @@ class MeshSequence:
     tracks: Mapping[str, Track] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        vertices = validate_vertices(self.vertices)
+        self._validate(validate_vertices(self.vertices))
+
+    @classmethod
+    def of_finite(
+        cls,
+        vertices: Vertices,
+        faces: Faces,
+        fps: float,
+        name: str,
+        start_s: float,
+        surface: Surface,
+        tracks: Mapping[str, Track],
+    ) -> "MeshSequence":
+        """Return a sequence of positions of shape (T, V, 3) that the caller knows to be finite.
+
+        Decoders have checked them already; everything else is validated.
+        """
+        sequence = cls.__new__(cls)
+        vars(sequence).update(faces=faces, fps=fps, name=name, start_s=start_s)
+        vars(sequence).update(surface=surface, tracks=tracks)
+        sequence._validate(vertices)
+        return sequence
+
+    def _validate(self, vertices: Vertices) -> None:
+        """Validate all but the positions, and store the arrays as read-only views."""
         object.__setattr__(self, "vertices", read_only(vertices))
         object.__setattr__(self, "faces", read_only(validate_faces(self.faces, len(vertices[0]))))
         object.__setattr__(self, "fps", validate_fps(self.fps))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.open_stream import OpenStream, StoredBlock, whole_stream
-from meshreel.errors import InvalidInputError
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.integers import encode_integers
 from meshreel.paper.blocks import Dictionaries, read_anchor_vertices, read_coded_block, read_curves
 from meshreel.paper.decoded_block import DecodedBlock
@@ -117,12 +117,24 @@ class DecodedFrames:
         self._block(block)
 
     def fill(self, out: Vertices, first: int, track: int = 0) -> None:
-        """Fill an array of shape (n, V, 3) with frames starting at `first`; raises as `load`."""
+        """Fill an array of shape (n, V, 3) with frames starting at `first`.
+
+        Raises
+        ------
+        CorruptStreamError
+            If a block is damaged, or a position is not finite.
+        MemoryLimitError
+            As `PaperBlockDecoder.block`.
+        """
         stop = first + len(out)
         for number, (begin, end) in enumerate(pairwise(self._starts)):
             low, high = max(first, begin), min(stop, end)
             if low < high:
                 self._block(number).fill(out[low - first : high - first], low - begin)
+        if not np.isfinite(out).all():
+            raise CorruptStreamError(
+                f"frames {first}:{stop} decode to positions that are not finite"
+            )
 
     def close(self) -> None:
         """Clear the cache."""

@@ -59,6 +59,30 @@ def test_positions_of_all_frames_follow_the_format(block, dtype, summed):
     np.testing.assert_array_equal(columns, sums)
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("n_verts", [1, 64, 100])
+@pytest.mark.parametrize("vertex", [0, -1])
+def test_values_that_are_not_finite_are_found(dtype, n_verts, vertex):
+    basis, fields = block(3, 2, n_verts)
+    out = np.empty((3, n_verts, 3), dtype)
+    assert fill_values(out, basis, packed_fields(fields), range(3), PLACEMENT)
+    for value in (1e39, -1e39, 1e308, np.nan):
+        fields[1, vertex] = value
+        with np.errstate(over="ignore"):
+            is_finite = fill_values(out, 1e3 * basis, packed_fields(fields), range(3), PLACEMENT)
+        assert is_finite == np.isfinite(out).all()
+        assert is_finite == (dtype == np.float64 and abs(value) == 1e39)
+
+
+def test_padding_of_the_last_tile_is_not_checked():
+    basis, fields = block(1, 1, 65)
+    fields[0, 64], basis[:] = 1e40, 1.0
+    back_to_range = Moves(np.array([0, 1]), np.array([64], np.int32), np.full((1, 3), -1e40))
+    out = np.empty((1, 65, 3), np.float32)
+    assert fill_values(out, basis, packed_fields(fields), range(1), PLACEMENT, back_to_range)
+    assert np.isfinite(out).all()
+
+
 @given(blocks, st.data())
 def test_positions_do_not_depend_on_selected_frames_and_vertex_order(block, data):
     basis, fields = block
