@@ -6,7 +6,6 @@
 import ctypes
 import threading
 from collections.abc import Callable
-from functools import partial
 from typing import BinaryIO
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy.typing as npt
 
 from meshreel.errors import TruncatedStreamError
 from meshreel.kernel.library import ALIGNMENT
-from meshreel.runtime.threads import POOL, fork_safe_lock, pool
+from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
 
 _U32, _U64, _SIZE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_size_t
 _POINTER = ctypes.c_void_p
@@ -54,13 +53,26 @@ class HostMemory:
 def run_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
     """Call tasks 0..n_tasks - 1 of the core on all cores, in any order: `run` of `meshreel_host`.
 
-    The tasks call neither BLAS nor NumPy, so BLAS keeps its threads, unlike in `in_threads`.
+    The caller takes part, so that a thread that is slow to wake up delays nothing. The tasks call
+    neither BLAS nor NumPy, so BLAS keeps its threads, unlike in `in_threads`.
     """
-    work = partial(TASK(task), shared)
+    function, numbers = TASK(task), iter(range(n_tasks))
+
+    def work() -> None:
+        for number in numbers:  # the interpreter's lock gives each number to one thread
+            function(shared, number)
+
     # A thread of the pool must not wait for another: all of them could wait at once.
-    is_alone = n_tasks == 1 or threading.current_thread().name.startswith(POOL)
-    for _result in (map if is_alone else pool().map)(work, range(n_tasks)):
-        pass
+    is_alone = threading.current_thread().name.startswith(POOL)
+    n_others = 0 if is_alone else min(n_tasks, n_cores()) - 1
+    others = [pool().submit(work) for _ in range(n_others)]
+    try:
+        work()
+    finally:
+        work()  # what an interrupt left: the core continues when this returns
+        for other in others:
+            if not other.cancel():
+                other.result()
 
 
 class SourceReader:
