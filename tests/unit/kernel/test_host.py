@@ -1,4 +1,4 @@
-"""Threads that the binding lends to the core."""
+"""Memory and threads that the binding lends to the core."""
 
 import ctypes
 import threading
@@ -6,11 +6,59 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 
+import numpy as np
 import pytest
 
 from meshreel.kernel import host
-from meshreel.kernel.host import TASK, run_tasks
+from meshreel.kernel.host import TASK, HostMemory, run_tasks
 from meshreel.runtime.threads import POOL
+
+
+@pytest.fixture(autouse=True)
+def no_unused_blocks(monkeypatch):
+    """Begin without released blocks."""
+    monkeypatch.setattr(host, "_unused", {})
+
+
+def test_blocks_are_aligned_and_do_not_overlap():
+    memory, rng, held = HostMemory(), np.random.default_rng(0), {}
+    for _ in range(2000):
+        if held and rng.integers(2):
+            address = list(held)[rng.integers(len(held))]
+            size, value = held.pop(address)
+            assert ctypes.string_at(address, size) == bytes([value]) * size
+            memory.release(None, address, size)
+        else:
+            size, value = int(2 ** rng.uniform(0, 20)), int(rng.integers(256))
+            address = memory.allocate(None, size)
+            assert address % 64 == 0
+            ctypes.memset(address, value, size)
+            held[address] = size, value
+        assert memory.n_bytes == sum(size for size, _ in held.values())
+
+
+@pytest.mark.parametrize("size", [0, 1, 1000, 10**6, 10**7])
+def test_released_blocks_are_reused_by_other_files(size):
+    one, other = HostMemory(), HostMemory()
+    address = one.allocate(None, size)
+    one.release(None, address, size)
+    assert other.allocate(None, size) == address
+    assert host.unused_bytes() == 0
+
+
+def test_unused_blocks_are_bounded(monkeypatch):
+    monkeypatch.setattr(host, "MAX_UNUSED_BYTES", 10**6)
+    memory = HostMemory()
+    addresses = [(memory.allocate(None, size), size) for size in range(1000, 200_000, 7000)]
+    for address, size in addresses:
+        memory.release(None, address, size)
+    assert 800_000 < host.unused_bytes() <= 10**6
+
+
+def test_memory_that_the_system_lacks_is_no_address():
+    memory = HostMemory()
+    assert memory.allocate(None, 2**60) is None
+    assert memory.n_bytes == 0
 
 
 @pytest.fixture
