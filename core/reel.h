@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 16 /* changes whenever a function or struct below changes */
+#define REEL_ABI 17 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -382,6 +382,25 @@ REEL_API int64_t reel_order_decode(void *memory, size_t memory_size, const uint8
                                    const int32_t *faces, const int32_t *twins, int64_t n_verts,
                                    int64_t n_faces, int64_t with_faces, int32_t *corners,
                                    int32_t *sequence);
+
+/* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory:
+   blocks of an allocator that are kept when they are released, up to max_bytes of them, for any file
+   that shares the store. May be called from several threads. Functions of this section are not
+   pure: they change the structures. */
+#define REEL_BLOCK_SIZES 256
+typedef struct {
+    void *(*allocate)(size_t size); /* from several threads; returns NULL if it fails */
+    void (*release)(void *memory);
+    uint64_t max_bytes, n_bytes;    /* of released blocks */
+    void *blocks[REEL_BLOCK_SIZES]; /* released blocks by size */
+    uint8_t is_used;                /* a thread changes the lists */
+} reel_block_store;
+typedef struct {
+    reel_block_store *store;
+    uint64_t n_bytes; /* that the core holds */
+} reel_host_memory;
+REEL_API void *reel_host_allocate(void *user, size_t size);
+REEL_API void reel_host_release(void *user, void *memory, size_t size);
 
 #ifdef __cplusplus
 }

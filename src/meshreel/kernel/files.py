@@ -22,13 +22,12 @@ from meshreel.errors import (
 )
 from meshreel.kernel.exact import TYPES
 from meshreel.kernel.host import (
-    ALLOCATE,
     ANNOUNCE,
     READ,
-    RELEASE,
     RUN,
     HostMemory,
     SourceReader,
+    block_store,
     run_tasks,
 )
 from meshreel.kernel.library import library
@@ -103,8 +102,8 @@ class _Source(ctypes.Structure):
 class _Host(ctypes.Structure):
     _fields_ = [
         ("user", _POINTER),
-        ("allocate", ALLOCATE),
-        ("release", RELEASE),
+        ("allocate", _POINTER),
+        ("release", _POINTER),
         ("run", RUN),
         ("n_threads", _U32),
         ("reserved", _U32),
@@ -433,15 +432,18 @@ def _end(process: int, file: "OpenFile", handle: ctypes.c_void_p) -> None:
         _function("end")(handle)
 
 
-def _closer(file: "OpenFile") -> "finalize[[int, _Host, ctypes.c_void_p], OpenFile]":
+_Kept = tuple[_Host, HostMemory]
+
+
+def _closer(file: "OpenFile") -> "finalize[[int, _Kept, ctypes.c_void_p], OpenFile]":
     """Close the file in the core when the object is deleted, or when the result is called."""
-    closer = finalize(file, _close, os.getpid(), file._host, file.handle)
+    closer = finalize(file, _close, os.getpid(), (file._host, file._memory), file.handle)
     closer.atexit = False
     return closer
 
 
-def _close(process: int, host: _Host, handle: ctypes.c_void_p) -> None:
-    """Close a file of the core, which releases its memory through the callbacks of `host`."""
+def _close(process: int, kept: _Kept, handle: ctypes.c_void_p) -> None:
+    """Close a file of the core, which releases its memory: its host must still exist."""
     if process == os.getpid():
         _function("close")(handle)
 
@@ -478,14 +480,14 @@ class OpenFile:
     def __init__(self, source: bytes | BinaryIO, limit_bytes: float) -> None:
         self._limit = limit_bytes
         self._source = source = source.getvalue() if type(source) is BytesIO else source
-        self._memory = HostMemory()
+        self._memory = HostMemory(ctypes.pointer(block_store()))
         self._lock = fork_safe_lock()
         self._reader = None if isinstance(source, bytes) else SourceReader(source)
         n_threads = n_cores()
         self._host = _Host(
-            None,
-            ALLOCATE(self._memory.allocate),
-            RELEASE(self._memory.release),
+            ctypes.addressof(self._memory),
+            ctypes.cast(library().reel_host_allocate, _POINTER),
+            ctypes.cast(library().reel_host_release, _POINTER),
             RUN(run_tasks) if n_threads > 1 else RUN(),
             n_threads,
             0,
@@ -713,7 +715,7 @@ class OpenFile:
     @property
     def held_bytes(self) -> int:
         """Memory that the file, its segments and its decoders hold."""
-        return self._memory.n_bytes
+        return int(self._memory.n_bytes)
 
     def close(self) -> None:
         """Release what the file holds, after its decoders."""

@@ -6,80 +6,54 @@
 import ctypes
 import threading
 from collections.abc import Callable
+from functools import cache
 from typing import BinaryIO
 
-import numpy as np
-import numpy.typing as npt
-
 from meshreel.errors import TruncatedStreamError
-from meshreel.kernel.library import ALIGNMENT
 from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
 
 _U32, _U64, _SIZE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_size_t
 _POINTER = ctypes.c_void_p
 READ = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _POINTER, _SIZE)
 ANNOUNCE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _U64)
-ALLOCATE = ctypes.CFUNCTYPE(_POINTER, _POINTER, _SIZE)
-RELEASE = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _SIZE)
 RUN = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER, _U32)
 TASK = ctypes.CFUNCTYPE(None, _POINTER, _U32)
 
-
+N_BLOCK_SIZES = 256
 MAX_UNUSED_BYTES = 64 << 20
 
-Block = npt.NDArray[np.uint8]
 
-_unused: dict[int, list[Block]] = {}
-"""Released blocks, by size."""
-
-
-class HostMemory:
-    """Memory that the core holds, by its address.
+class BlockStore(ctypes.Structure):
+    """`reel_block_store`: released blocks that the next ones reuse.
 
     The system clears memory that is new to a process page by page, which takes a tenth of decoding.
-    Up to `MAX_UNUSED_BYTES` of released blocks are therefore kept for the next ones, of any file.
     """
 
-    def __init__(self) -> None:
-        self._held: dict[int, Block] = {}
-        self.n_bytes = 0
-
-    def allocate(self, _: int | None, size: int) -> int | None:
-        """Return the address of a block, or None: `allocate` of `meshreel_host`."""
-        try:
-            block = _block(_rounded(size) + ALIGNMENT)
-        except MemoryError:
-            return None
-        address: int = block.__array_interface__["data"][0]
-        address += -address % ALIGNMENT
-        self._held[address] = block
-        self.n_bytes += size
-        return address
-
-    def release(self, _: int | None, address: int, size: int) -> None:
-        """Release a block: `release` of `meshreel_host`."""
-        block = self._held.pop(address)
-        self.n_bytes -= size
-        if unused_bytes() + len(block) <= MAX_UNUSED_BYTES:
-            _unused.setdefault(len(block), []).append(block)
+    _fields_ = [
+        ("allocate", _POINTER),
+        ("release", _POINTER),
+        ("max_bytes", _U64),
+        ("n_bytes", _U64),
+        ("blocks", _POINTER * N_BLOCK_SIZES),
+        ("is_used", ctypes.c_uint8),
+    ]
 
 
-def unused_bytes() -> int:
-    """Size of the released blocks that are kept."""
-    return sum(size * len(blocks) for size, blocks in list(_unused.items()))
+class HostMemory(ctypes.Structure):
+    """`reel_host_memory`: memory that the core holds for a file; threads may share it."""
+
+    _fields_ = [("store", ctypes.POINTER(BlockStore)), ("n_bytes", _U64)]
 
 
-def _block(size: int) -> Block:
-    try:
-        return _unused[size].pop()
-    except (KeyError, IndexError):
-        return np.empty(size, np.uint8)
+@cache
+def block_store() -> BlockStore:
+    """The store of all files of this process.
 
-
-def _rounded(size: int) -> int:
-    """Round a size up to one of four per power of 2, so that blocks of similar sizes fit."""
-    step = 1 << max(size.bit_length() - 3, 6)
-    return -(-size // step) * step
+    Blocks come from an allocator of the interpreter that does not need its lock.
+    """
+    functions = ctypes.pythonapi.PyMem_RawMalloc, ctypes.pythonapi.PyMem_RawFree
+    allocate, release = (ctypes.cast(function, _POINTER) for function in functions)
+    return BlockStore(allocate, release, MAX_UNUSED_BYTES)
 
 
 def run_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:

@@ -10,55 +10,110 @@ import numpy as np
 import pytest
 
 from meshreel.kernel import host
-from meshreel.kernel.host import TASK, HostMemory, run_tasks
+from meshreel.kernel.host import TASK, BlockStore, HostMemory, block_store, run_tasks
+from meshreel.kernel.library import library
 from meshreel.runtime.threads import POOL
 
-
-@pytest.fixture(autouse=True)
-def no_unused_blocks(monkeypatch):
-    """Begin without released blocks."""
-    monkeypatch.setattr(host, "_unused", {})
+MAX_BYTES = 10**6
 
 
-def test_blocks_are_aligned_and_do_not_overlap():
-    memory, rng, held = HostMemory(), np.random.default_rng(0), {}
-    for _ in range(2000):
+@pytest.fixture
+def store():
+    """Return an empty store of blocks."""
+    original = block_store()
+    return BlockStore(original.allocate, original.release, MAX_BYTES)
+
+
+class Memory:
+    """The memory of a file, with the functions that the core calls."""
+
+    def __init__(self, store):
+        self.memory = HostMemory(ctypes.pointer(store))
+
+    def allocate(self, size):
+        function = library().reel_host_allocate
+        function.restype = ctypes.c_void_p
+        return function(ctypes.byref(self.memory), ctypes.c_size_t(size))
+
+    def release(self, address, size):
+        function = library().reel_host_release
+        function.restype = None
+        function(ctypes.byref(self.memory), ctypes.c_void_p(address), ctypes.c_size_t(size))
+
+
+def exchange_blocks(memory, seed, n_steps):
+    """Allocate and release blocks in random order; those that are held must keep their bytes."""
+    rng, held = np.random.default_rng(seed), {}
+    for _ in range(n_steps):
         if held and rng.integers(2):
             address = list(held)[rng.integers(len(held))]
             size, value = held.pop(address)
             assert ctypes.string_at(address, size) == bytes([value]) * size
-            memory.release(None, address, size)
+            memory.release(address, size)
         else:
             size, value = int(2 ** rng.uniform(0, 20)), int(rng.integers(256))
-            address = memory.allocate(None, size)
+            address = memory.allocate(size)
             assert address % 64 == 0
+            assert address not in held
             ctypes.memset(address, value, size)
             held[address] = size, value
-        assert memory.n_bytes == sum(size for size, _ in held.values())
+    return sum(size for size, _ in held.values())
 
 
-@pytest.mark.parametrize("size", [0, 1, 1000, 10**6, 10**7])
-def test_released_blocks_are_reused_by_other_files(size):
-    one, other = HostMemory(), HostMemory()
-    address = one.allocate(None, size)
-    one.release(None, address, size)
-    assert other.allocate(None, size) == address
-    assert host.unused_bytes() == 0
+def test_blocks_are_aligned_and_do_not_overlap(store):
+    memory = Memory(store)
+    held = 0
+    for seed in range(3):
+        held += exchange_blocks(memory, seed, 1000)
+        assert memory.memory.n_bytes == held
+    assert store.n_bytes <= MAX_BYTES
 
 
-def test_unused_blocks_are_bounded(monkeypatch):
-    monkeypatch.setattr(host, "MAX_UNUSED_BYTES", 10**6)
-    memory = HostMemory()
-    addresses = [(memory.allocate(None, size), size) for size in range(1000, 200_000, 7000)]
-    for address, size in addresses:
-        memory.release(None, address, size)
-    assert 800_000 < host.unused_bytes() <= 10**6
+def test_threads_share_a_store(store):
+    files = [Memory(store) for _ in range(4)]
+    with ThreadPoolExecutor(4) as threads:
+        held = list(threads.map(exchange_blocks, files, range(4), [500] * 4))
+    assert [one.memory.n_bytes for one in files] == held
+    assert store.n_bytes <= MAX_BYTES
+    assert not store.is_used
 
 
-def test_memory_that_the_system_lacks_is_no_address():
-    memory = HostMemory()
-    assert memory.allocate(None, 2**60) is None
-    assert memory.n_bytes == 0
+@pytest.mark.parametrize("size", [0, 1, 64, 65, 127, 128, 1000, 10**5, 8 * 10**5])
+def test_released_blocks_are_reused_by_other_files(store, size):
+    one, other = Memory(store), Memory(store)
+    address = one.allocate(size)
+    one.release(address, size)
+    assert size <= store.n_bytes <= max(1.25 * size, 64)
+    assert other.allocate(size) == address
+    assert store.n_bytes == 0
+    other.release(address, size)
+
+
+def test_released_blocks_are_bounded(store):
+    memory = Memory(store)
+    sizes = range(1000, 200_000, 7000)
+    blocks = [(memory.allocate(size), size) for size in sizes]
+    for address, size in blocks:
+        memory.release(address, size)
+    assert 0.8 * MAX_BYTES < store.n_bytes <= MAX_BYTES
+    assert memory.memory.n_bytes == 0
+    large = memory.allocate(2 * MAX_BYTES)
+    kept = store.n_bytes
+    memory.release(large, 2 * MAX_BYTES)
+    assert store.n_bytes == kept
+
+
+def test_a_store_in_use_delays_nobody(store):
+    memory, store.is_used = Memory(store), 1
+    exchange_blocks(memory, 0, 100)
+    assert store.n_bytes == 0
+
+
+@pytest.mark.parametrize("size", [2**60, 2**64 - 1])
+def test_memory_that_the_system_lacks_is_no_address(store, size):
+    memory = Memory(store)
+    assert memory.allocate(size) is None
+    assert memory.memory.n_bytes == 0
 
 
 @pytest.fixture
