@@ -11,12 +11,12 @@
 /* Where the neighbors of each state but the last end in a row. */
 typedef struct {
     int32_t of[REEL_STATES - 1];
-} reel_is_stripped;
+} reel_row_ends;
 
 /* Memory for graphs of up to n vertices and n_near neighbors. */
 typedef struct {
     int32_t *rows; /* neighbors of each vertex, sorted by state */
-    reel_is_stripped *ends;
+    reel_row_ends *ends;
     /* Per vertex: last search that visited it, its ring, and its number of shortest paths. */
     uint64_t *visits;
     int32_t *ring; /* current ring of the search */
