@@ -93,7 +93,8 @@ class Target:
 
 
 ELF = ("-O3", "-fPIC", "-shared")
-# No C library is linked: the few functions that compilers call exist in every process.
+# No C library is linked, so one wheel serves glibc and musl: the few functions that compilers call
+# exist in every process.
 FREESTANDING_ELF = (*ELF, "-nostdlib", "-s")
 MACH_O = ("-O3", "-fPIC", "-shared", "-Wl,-s", "-Wl,-install_name,@rpath/libreel.dylib")
 PE = ("-O3", "-shared", "-s")
@@ -161,17 +162,18 @@ TARGETS = {
         "libreel.so",
         FREESTANDING_ELF,
         "x86_64-linux-gnu.2.17",
-        "manylinux_2_17_x86_64.manylinux2014_x86_64",
+        "manylinux_2_17_x86_64.manylinux2014_x86_64.musllinux_1_1_x86_64",
     ),
     "linux-aarch64": Target(
         "libreel.so",
         FREESTANDING_ELF,
         "aarch64-linux-gnu.2.17",
-        "manylinux_2_17_aarch64.manylinux2014_aarch64",
+        "manylinux_2_17_aarch64.manylinux2014_aarch64.musllinux_1_1_aarch64",
     ),
     "macosx-arm64": Target("libreel.dylib", MACH_O, "aarch64-macos.11.0", "macosx_11_0_arm64"),
     "macosx-x86_64": Target("libreel.dylib", MACH_O, "x86_64-macos.11.0", "macosx_11_0_x86_64"),
     "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
+    "win-arm64": Target("reel.dll", PE, "aarch64-windows-gnu", "win_arm64"),
     # What most files contain; a page loads the whole module only for others.
     "wasm": wasm("reel.wasm", "-msimd128", "-DREEL_SMALL=1"),
     "wasm-whole": wasm("reel_whole.wasm", "-msimd128"),

@@ -1,14 +1,16 @@
 """Build and check a wheel for each platform: `python core/wheels.py`.
 
-Needs the packages `hatchling` and `ziglang`. The wheel for this machine is also run. The library
-for Linux on arm64 decodes all conformance streams if qemu-aarch64 and a cross compiler are
-installed (Debian: qemu-user, gcc-aarch64-linux-gnu).
+Needs the packages `hatchling` and `ziglang`. Each wheel that can run here runs the demo and decodes
+the conformance streams: that for this machine and, on Linux on x86-64, those for Linux on arm64 and
+for Windows, by qemu and Wine (`emulation.py`). With musl, a program in C decodes the streams. The
+output says what was not run, and why.
 """
 
 import argparse
 import os
 import platform
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -19,10 +21,12 @@ from pathlib import Path
 
 import abi
 import compile as core
+import emulation
 from binaries import read_binary
 
 ROOT = core.CORE.parent
 CHECK = ROOT / "conformance" / "check.c"
+STREAMS = ROOT / "conformance" / "streams"
 PAGE = {"meshreel/app/viewer/page/index.html", "meshreel/app/viewer/page/player.js"}
 HEADERS = {"meshreel/kernel/meshreel.h", "meshreel/kernel/meshreel_threads.hpp"}
 MACHINES = {
@@ -31,6 +35,7 @@ MACHINES = {
     "macosx-arm64": ("Mach-O", "arm64"),
     "macosx-x86_64": ("Mach-O", "x86_64"),
     "win-amd64": ("PE", "amd64"),
+    "win-arm64": ("PE", "arm64"),
 }
 MAY_IMPORT = {"bcmp", "memcmp", "memcpy", "memmove", "memset"}
 """Symbols that an ELF library may import from its process."""
@@ -38,18 +43,8 @@ SYSTEM = re.compile(
     r"kernel32\.dll|ntdll\.dll|ucrtbase\.dll|api-ms-win-crt-.*|/usr/lib/libSystem.*"
 )
 """Libraries that are part of Windows and of macOS."""
-TRIAL = """
-import sys, numpy as np, meshreel
-assert meshreel.__file__.startswith(sys.argv[1]), meshreel.__file__
-steps = np.linspace(0, 1, 9)
-x, y = map(np.ravel, np.meshgrid(steps, steps))
-vertices = np.stack([np.stack([x, y, np.sin(6 * x + t)], 1) for t in range(8)])
-at = (np.arange(8)[:, None] * 9 + np.arange(8)).ravel()
-faces = np.concatenate([np.stack([at, at + 1, at + 9], 1), np.stack([at + 1, at + 10, at + 9], 1)])
-given = meshreel.MeshSequence(vertices, faces)
-error = np.abs(meshreel.decode(meshreel.encode(given)).vertices - given.vertices).max()
-assert error < 0.01, error
-"""
+DEMO_FRAMES = 20
+"""Frames of the demo; an emulator takes seconds for each."""
 
 
 def make_wheel(target: str, folder: Path) -> Path:
@@ -117,49 +112,99 @@ def is_for_this_machine(target: str) -> bool:
     return target == f"{system}-{platform.machine().lower()}"
 
 
-def run_wheel(wheel: Path) -> None:
-    """Encode and decode with the contents of a wheel.
-
-    Raises
-    ------
-    subprocess.CalledProcessError
-        If encoding or decoding fails.
-    """
-    with tempfile.TemporaryDirectory() as work:
-        with zipfile.ZipFile(wheel) as archive:
-            archive.extractall(work)
-        environment = {**os.environ, "PYTHONPATH": work, "PYTHONSAFEPATH": "1"}
-        subprocess.run([sys.executable, "-c", TRIAL, work], check=True, env=environment)
-
-
-def run_emulated(wheel: Path) -> bool:
-    """Decode all conformance streams with an arm64 wheel; return False if that cannot run here.
+def try_wheel(wheel: Path, target: str) -> str:
+    """Run a wheel where that is possible; return what was run, or why it was not.
 
     Raises
     ------
     RuntimeError
-        If the results differ from those of the core compiled for this machine.
+        If the wheel does not run, or decodes a conformance stream to other values.
     """
-    compilers = shutil.which("cc"), shutil.which("aarch64-linux-gnu-gcc")
-    if None in compilers or shutil.which("qemu-aarch64") is None:
-        return False
-    library = "meshreel/kernel/" + core.TARGETS["linux-aarch64"].library
-    sources = [file for file in core.sources() if file.suffix == ".c"]
+    return "; ".join([_try_python(wheel, target), *_try_musl(wheel, target)])
+
+
+def _try_python(wheel: Path, target: str) -> str:
+    """Run the demo and decode the conformance streams, in Python."""
     with tempfile.TemporaryDirectory() as work:
-        with zipfile.ZipFile(wheel) as archive:
-            parts = [sources, [Path(archive.extract(library, work))]]
-        programs = [Path(work, "here"), Path(work, "there")]
-        for compiler, files, program in zip(compilers, parts, programs, strict=True):
-            command = [compiler, *core.FLAGS, f"-I{core.INCLUDE}", CHECK, *files, "-o", program]
-            subprocess.run([str(one) for one in command], check=True)
-        emulator = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]
-        for stream in sorted(CHECK.with_name("streams").glob("*.reel")):
-            outputs = Path(work, "here.out"), Path(work, "there.out")
-            for before, program, output in zip(([], emulator), programs, outputs, strict=True):
-                subprocess.run([*before, program, stream, output], check=True)
-            if outputs[0].read_bytes() != outputs[1].read_bytes():
-                raise RuntimeError(f"{wheel.name} decodes {stream.name} to other numbers")
-    return True
+        folder = Path(work)
+        try:
+            if is_for_this_machine(target):
+                python = emulation.python_here(folder)
+            elif is_for_this_machine("linux-x86_64") and target in emulation.PYTHONS:
+                python = emulation.PYTHONS[target](folder)
+            else:
+                return "not run: no Python for this platform runs here"
+            python.install(wheel)
+        except emulation.MissingError as error:
+            return f"not run: {error}"
+        where = python.run("-c", "import meshreel; print(meshreel.__file__)", folder=folder).strip()
+        if python.site.as_posix() not in where.replace("\\", "/"):
+            raise RuntimeError(f"{where} was imported instead of {wheel.name}")
+        python.run("-m", "meshreel", "demo", "--frames", str(DEMO_FRAMES), folder=folder)
+        python.run("-m", "conformance.check", folder=ROOT)
+        by = "" if python.command[0] == sys.executable else f" by {python.command[0]}"
+    return f"demo and conformance streams run{by}"
+
+
+def _try_musl(wheel: Path, target: str) -> list[str]:
+    """Decode the conformance streams with a program that is linked with musl."""
+    if not target.startswith("linux-") or not is_for_this_machine("linux-x86_64"):
+        return []
+    machine = target.removeprefix("linux-")
+    with tempfile.TemporaryDirectory() as work:
+        try:
+            before = emulation.musl_loader(machine, Path(work, "root"))
+        except emulation.MissingError as error:
+            return [f"with musl not run: {error}"]
+        decode_streams(wheel, target, f"{machine}-linux-musl", before, Path(work))
+    return ["conformance streams decoded with musl" + (f" by {before[0]}" if before else "")]
+
+
+def decode_streams(
+    wheel: Path, target: str, triple: str, before: Sequence[str], folder: Path
+) -> None:
+    """Decode all conformance streams with the library of a wheel, in a program in C.
+
+    Parameters
+    ----------
+    wheel : Path
+    target : str
+        Target of the wheel.
+    triple : str
+        What to compile the program for.
+    before : sequence of str
+        Words before the program.
+    folder : Path
+        For temporary files.
+
+    Raises
+    ------
+    RuntimeError
+        If it fails, or the values differ from those of the core compiled for this machine.
+    """
+    sources = [file for file in core.sources() if file.suffix == ".c"]
+    with zipfile.ZipFile(wheel) as archive:
+        name = f"meshreel/kernel/{core.TARGETS[target].library}"
+        library = Path(archive.extract(name, folder))
+    zig = core.zig()
+    assert zig is not None  # `main` requires it
+    expected, found = folder / "expected", folder / "found"
+    common: list[str | Path] = ["-O2", *core.FLAGS, f"-I{core.INCLUDE}", CHECK]
+    _run(*zig, *common, *sources, "-o", expected)
+    _run(*zig, "-target", triple, "-dynamic", *common, library, "-o", found)
+    for stream in sorted(STREAMS.glob("*.reel")):
+        outputs = folder / "expected.out", folder / "found.out"
+        _run(expected, stream, outputs[0])
+        _run(*before, found, stream, outputs[1])
+        if outputs[0].read_bytes() != outputs[1].read_bytes():
+            raise RuntimeError(f"{stream.name} is decoded to other values")
+
+
+def _run(*command: str | Path) -> None:
+    words = list(map(str, command))
+    done = subprocess.run(words, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{shlex.join(words)}: {done.stdout}{done.stderr}")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -175,13 +220,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for target in options.targets or MACHINES:
         wheel = make_wheel(target, options.output)
         problems = faults(wheel, target)
-        was_run = False
-        if is_for_this_machine(target) and not problems:
-            run_wheel(wheel)
-            was_run = True
-        elif target == "linux-aarch64" and not problems:
-            was_run = run_emulated(wheel)
-        outcome = "checked and run" if was_run else "checked, not run"
+        outcome = "checked"
+        if not problems:
+            try:
+                outcome = f"checked; {try_wheel(wheel, target)}"
+            except RuntimeError as error:
+                problems = [str(error)]
         print(f"{wheel.name}: {'; '.join(problems) or outcome}", flush=True)
         bad |= bool(problems)
     sys.exit(bad)
