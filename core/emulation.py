@@ -101,7 +101,7 @@ class Python:
 
 
 def python_here(folder: Path) -> Python:
-    """Return the Python that runs this, with packages of its own."""
+    """Return the Python that runs this, with a separate folder of packages."""
     site = folder / "site"
     return Python((sys.executable,), site, environment={"PYTHONPATH": os.fspath(site)})
 
