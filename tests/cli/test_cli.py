@@ -250,6 +250,7 @@ def test_existing_output_is_replaced_with_force(grid, tmp_path):
         (["info", "missing.npz"], ["there is no file or folder 'missing.npz'"]),
         (["compare", "{grid}", "missing.npz"], ["missing.npz"]),
         (["unknown"], ["unknown"]),
+        (["inof", "a.npz"], ["No such command 'inof'", "Did you mean 'info'?"]),
     ],
 )
 def test_program_fails_with_one_line_for_invalid_arguments(grid, reel, tmp_path, arguments, words):

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
@@ -19,6 +20,9 @@ Source = AnyPath | Sequence[AnyPath]
 
 MANIFESTS = (".manifest", ".json")
 """File extensions of UVOL manifests."""
+
+MIN_SIMILARITY = 0.8
+"""Similarity from which a name is suggested for one that does not exist."""
 
 READ_MANIFEST = Lazy("frames.uvol:read_manifest")
 
@@ -90,8 +94,25 @@ def find_files(source: Source) -> SourceFiles:
         return SourceFiles((path,), format_of(path), path.stem)
     if glob.has_magic(str(source)):
         return _from_pattern(str(source))
-    hint = "; to read numbered frames use a pattern such as dir/*.obj" if "%" in path.name else ""
-    raise InvalidInputError(f"there is no file or folder {str(source)!r}{hint or '; check it'}")
+    if "%" in path.name:
+        raise InvalidInputError(
+            f"there is no file or folder {str(source)!r}; to read numbered frames use a pattern "
+            "such as dir/*.obj"
+        )
+    raise InvalidInputError(missing_source(path))
+
+
+def missing_source(path: AnyPath) -> str:
+    """Return the message about a file that does not exist, with the most similar name beside it."""
+    path, message = Path(path), f"there is no file or folder {str(path)!r}"
+    try:
+        names = {other.name.lower(): other.name for other in path.parent.iterdir()}
+    except OSError:
+        return f"{message}; check it"
+    similar = get_close_matches(path.name.lower(), sorted(names), n=1, cutoff=MIN_SIMILARITY)
+    if not similar:
+        return f"{message}; check it"
+    return f"{message}; did you mean {str(path.with_name(names[similar[0]]))!r}?"
 
 
 def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Path]:
@@ -153,10 +174,13 @@ def _from_folder(folder: Path) -> SourceFiles:
     files = [path for path in folder.iterdir() if path.is_file() and path.name[0] != "."]
     frames = [path for path in files if path.suffix.lower() in FRAME_FORMATS]
     if not frames:
-        others = [path.name for path in files if extension_of(path) in FORMATS]
-        found = (
-            f"; it contains {natural_order(map(Path, others))[0]}: use that file" if others else ""
-        )
+        others = natural_order(Path(path.name) for path in files if extension_of(path) in FORMATS)
+        found = f"; it contains {others[0]}: use that file" if others else ""
+        if len(others) > 1:
+            found = (
+                f"; it contains {others[0]} and {len(others) - 1} more: name one, or encode all "
+                "of them with `meshreel batch`"
+            )
         raise FormatError(
             f"the folder {folder} contains no frames ({', '.join(FRAME_FORMATS)}){found}"
         )

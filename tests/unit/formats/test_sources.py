@@ -69,6 +69,13 @@ def test_error_for_a_missing_source_repeats_it(tmp_path, source, message):
         find_files(f"{tmp_path}/{source}")
 
 
+@pytest.mark.parametrize("name", ["wlak.glb", "WALKS.GLB", "walk.gltf"])
+def test_error_for_a_missing_file_suggests_a_similar_name(tmp_path, name):
+    touch(tmp_path, "walk.glb", "other.npz")
+    with pytest.raises(InvalidInputError, match=r"'.*'; did you mean '.*walk\.glb'\?$"):
+        find_files(tmp_path / name)
+
+
 def test_empty_list_is_rejected():
     with pytest.raises(InvalidInputError, match="the list of frame files is empty"):
         find_files([])
@@ -91,6 +98,7 @@ def test_error_names_a_missing_file_of_a_list(tmp_path):
         (["a.npz", "b.npz"], "*.npz", r"2 \.npz files, each a whole sequence; choose one"),
         (["a.txt"], ".", r"contains no frames \(\.obj, \.ply, .*\.drc\)$"),
         (["a.npz"], ".", r"contains no frames .*; it contains a\.npz: use that file"),
+        (["b.npz", "a.glb"], ".", r"it contains a\.glb and 1 more: name one, .*`meshreel batch`"),
     ],
 )
 def test_error_for_unsuitable_formats_lists_what_exists(tmp_path, files, source, message):

@@ -67,8 +67,9 @@ def main() -> None:
         _fail("not enough memory; encode with fewer --block-frames to need less")
     except FileNotFoundError as error:
         # The message is the same as that of `find_files`.
-        path = error.filename
-        _fail(f"there is no file or folder {str(path)!r}; check it" if path else str(error))
+        from meshreel.formats.sources import missing_source
+
+        _fail(missing_source(error.filename) if error.filename else str(error))
     except OSError as error:
         _fail(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
     except (KeyboardInterrupt, click.Abort):

@@ -59,6 +59,19 @@ class Program(click.Group):
         """The command, or None if there is no such command."""
         return command_named(cmd_name) if cmd_name in COMMANDS else None
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the arguments name; an error suggests similar names."""
+        name = args[0]
+        if name in COMMANDS:
+            return super().resolve_command(ctx, args)
+        from difflib import get_close_matches
+
+        similar = " or ".join(map(repr, get_close_matches(name, COMMANDS)))
+        suggestion = f" Did you mean {similar}?" if similar else ""
+        raise click.UsageError(f"No such command {name!r}.{suggestion}", ctx)
+
     def get_help(self, ctx: click.Context) -> str:
         """Help in panels, as wide as the terminal."""
         from meshreel.app.cli.help_panels import help_text
