@@ -103,7 +103,7 @@ def find_files(source: Source) -> SourceFiles:
 
 
 def missing_source(path: AnyPath) -> str:
-    """Return the message about a file that does not exist, with the most similar name beside it."""
+    """Return the message about a file that does not exist, and suggest the most similar name."""
     path, message = Path(path), f"there is no file or folder {str(path)!r}"
     try:
         names = {other.name.lower(): other.name for other in path.parent.iterdir()}
