@@ -152,7 +152,8 @@ class Segment:
     reasons : tuple of (int, str)
         The frames at which it ended, and why each could not be followed.
     is_near : bool
-        Whether one of them nearly met the tolerance.
+        Whether one of them nearly met the tolerance and has as many components as the key; with
+        more vertices, the key may follow it.
     """
 
     first: int
@@ -294,7 +295,8 @@ def _grow(
     earlier = courses[before].errors if before else []
     later = courses[after].errors if after else []
     kept = range(key - len(earlier), key + len(later) + 1)
-    ends = [(way[len(one.errors)], one.reason) for way, one in courses.items() if one.reason]
+    ends = {way[len(one.errors)]: one for way, one in courses.items() if one.reason}
+    n_components = frames.cleaned(key).n_components
     return Segment(
         kept.start,
         key,
@@ -302,8 +304,11 @@ def _grow(
         key_mesh,
         (*reversed(earlier), EXACT, *later),
         sum(one.n_folded for one in courses.values()),
-        tuple(sorted(ends)),
-        any(one.reason and one.excess < NEAR for one in courses.values()),
+        tuple(sorted((number, one.reason) for number, one in ends.items())),
+        any(
+            one.excess < NEAR and frames.cleaned(number).n_components == n_components
+            for number, one in ends.items()
+        ),
     )
 
 
@@ -320,7 +325,7 @@ class Follower:
     def follow(self, state: State, target: TriangleMesh) -> Followed | Lost:
         """Return the next frame, or why no attempt meets the tolerance."""
         reason, excess = "", np.inf
-        for attempt in ATTEMPTS:
+        for number, attempt in enumerate(ATTEMPTS):
             pose, posed = self.tracker.track(state, target, attempt)
             mesh = TriangleMesh(posed.positions, self._faces)
             for smoothness in SMOOTHNESS:
@@ -335,8 +340,11 @@ class Follower:
                     return Followed(following, mesh.vertices, errors, n_folded)
                 reason = reason or exceeded
                 excess = min(excess, errors.in_tolerances(self._tolerance))
-                if errors.p99 > LOST * self._tolerance.length:
+                is_lost = errors.p99 > LOST * self._tolerance.length
+                if is_lost:
                     break
+            if number and not is_lost:
+                break
         if self._orientation * target.orientation < 0:
             return Lost(INSIDE_OUT, np.inf)
         return Lost(reason, float(excess))

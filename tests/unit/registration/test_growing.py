@@ -1,0 +1,83 @@
+"""Frames are followed with as few attempts as they need."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel import MeshSequence
+from meshreel.codec.error_bounds import ErrorBound
+from meshreel.registration.growing import Followed, Follower, Lost
+from meshreel.registration.register import register
+from meshreel.registration.tracking import ATTEMPTS, Tracker
+from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.verification import Tolerance
+from samples.shapes import square
+
+TOLERANCE = Tolerance(0.003)
+
+
+def lifted(mesh, heights):
+    return TriangleMesh(mesh.vertices + heights[:, None] * [0.0, 0.0, 1.0], mesh.faces)
+
+
+def with_spike(plane):
+    radii = np.linalg.norm(plane.vertices[:, :2] - [0.5, 0.5], axis=1)
+    return lifted(plane, 0.05 * np.maximum(0, 1 - radii / 0.08))
+
+
+@pytest.fixture
+def plane():
+    return TriangleMesh(*square(0.0, 41))
+
+
+@pytest.fixture
+def n_attempts(monkeypatch):
+    """A list that grows by one with each attempt."""
+    counted, track = [], Tracker.track
+
+    def counting(self, state, target, attempt=ATTEMPTS[0]):
+        counted.append(attempt)
+        return track(self, state, target, attempt)
+
+    monkeypatch.setattr(Tracker, "track", counting)
+    return counted
+
+
+def test_an_easy_frame_takes_one_attempt(plane, n_attempts):
+    follower = Follower(plane, TOLERANCE)
+    raised = lifted(plane, 0.01 * plane.vertices[:, 0])
+    assert isinstance(follower.follow(follower.tracker.start(), raised), Followed)
+    assert n_attempts == [ATTEMPTS[0]]
+
+
+def test_a_frame_that_is_near_is_not_tried_from_a_stiff_start(plane, n_attempts):
+    """The key has no vertex at the spike, which exceeds the tolerance, but is near elsewhere."""
+    follower = Follower(TriangleMesh(*square(0.0, 6)), TOLERANCE)
+    assert isinstance(follower.follow(follower.tracker.start(), with_spike(plane)), Lost)
+    assert n_attempts == list(ATTEMPTS[:2])
+
+
+def test_a_frame_out_of_reach_is_tried_in_all_ways(plane, n_attempts):
+    follower = Follower(plane, TOLERANCE)
+    far = TriangleMesh(plane.vertices * [1.0, 1.0, -1.0] + [0.0, 0.0, 0.9], plane.faces[:, ::-1])
+    assert isinstance(follower.follow(follower.tracker.start(), far), Lost)
+    assert n_attempts == list(ATTEMPTS)
+
+
+@pytest.mark.parametrize("joins", [False, True])
+def test_only_a_key_with_the_components_of_the_next_frame_may_lack_vertices(plane, joins):
+    """More vertices help a key to follow a spike, but not a frame that joins its components."""
+    coarse, spiked = TriangleMesh(*square(0.0, 6)), with_spike(plane)
+    frames = []
+    for mesh in (coarse, spiked):
+        beside = mesh.vertices + np.array([1.2, 0.0, 0.0])
+        vertices = np.concatenate([mesh.vertices, beside])
+        faces = np.concatenate([mesh.faces, mesh.faces + len(mesh.vertices)])
+        if joins and mesh is spiked:
+            is_corner = np.isclose(np.abs(vertices[:, 0] - 1.1), 0.1) & (vertices[:, 1] < 0.03)
+            bridge = np.flatnonzero(is_corner)[[0, 2, 1]]
+            faces = np.concatenate([faces, bridge[None]])
+        frames.append(MeshSequence(vertices[None].astype(np.float32), faces.astype(np.int32)))
+    found = register(meshreel.concatenate(frames), ErrorBound(0.4))
+    assert [one.n_frames for one in found.segments] == [1, 1]
+    assert found.segments[0].is_near != joins
