@@ -31,6 +31,12 @@ SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
 LOST = 5.0
 """Errors in tolerances that no fit of details can mend."""
 
+MAX_FLATTENINGS = 4
+"""Largest number of times that the folds of a frame are flattened."""
+
+FLATTENED_SMOOTHNESS = 0.1
+"""Smoothness of the fits after folds were flattened."""
+
 NEAR = 2.0
 """Largest error, in tolerances, at the end of a segment whose key may lack vertices."""
 
@@ -334,9 +340,8 @@ class Follower:
                 errors = measure(mesh, target, self._tolerance)
                 exceeded = errors.exceeds(self._tolerance)
                 if not exceeded:
-                    mesh, errors = self._without_folds(mesh, target, errors)
+                    mesh, errors, n_folded = self._without_folds(mesh, target, errors)
                     following = self.tracker.arrive(state, pose, posed, mesh.vertices)
-                    n_folded = len(self._folds.find(mesh, target))
                     return Followed(following, mesh.vertices, errors, n_folded)
                 reason = reason or exceeded
                 excess = min(excess, errors.in_tolerances(self._tolerance))
@@ -351,11 +356,27 @@ class Follower:
 
     def _without_folds(
         self, mesh: TriangleMesh, target: TriangleMesh, errors: FrameErrors
-    ) -> tuple[TriangleMesh, FrameErrors]:
-        """Return the mesh with its folds flattened and its errors, if these meet the tolerance."""
-        flattened = self._folds.flattened(mesh, target)
-        if flattened is not mesh:
-            errors_of_flattened = measure(flattened, target, self._tolerance)
-            if not errors_of_flattened.exceeds(self._tolerance):
-                return flattened, errors_of_flattened
-        return mesh, errors
+    ) -> tuple[TriangleMesh, FrameErrors, int]:
+        """Return a mesh with fewer folds within the tolerance, its errors, and folds that remain.
+
+        Flattening may move the mesh off creases of the surface. If that exceeds the tolerance, the
+        mesh is fitted again, and folds that this causes are flattened in turn.
+        """
+        best, n_folded = (mesh, errors), len(self._folds.find(mesh, target))
+        for number in range(2 * MAX_FLATTENINGS):
+            if not n_folded:
+                break
+            flattens = number % 2 == 0
+            if flattens:
+                mesh = self._folds.flattened(mesh, target)
+            else:
+                fitted = self._fit.step(mesh, mesh.vertices, target, FLATTENED_SMOOTHNESS)
+                mesh = TriangleMesh(fitted, self._faces)
+            errors = measure(mesh, target, self._tolerance)
+            n_left = len(self._folds.find(mesh, target))
+            is_within = not errors.exceeds(self._tolerance)
+            if is_within and n_left < n_folded:
+                best, n_folded = (mesh, errors), n_left
+            if is_within and flattens:
+                break
+        return *best, n_folded

@@ -1,4 +1,4 @@
-"""Frames are followed with as few attempts as they need."""
+"""Frames are followed without folds, with as few attempts as they need."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,12 @@ import pytest
 import meshreel
 from meshreel import MeshSequence
 from meshreel.codec.error_bounds import ErrorBound
+from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Followed, Follower, Lost
 from meshreel.registration.register import register
 from meshreel.registration.tracking import ATTEMPTS, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
-from meshreel.registration.verification import Tolerance
+from meshreel.registration.verification import Tolerance, measure
 from samples.shapes import square
 
 TOLERANCE = Tolerance(0.003)
@@ -41,6 +42,21 @@ def n_attempts(monkeypatch):
 
     monkeypatch.setattr(Tracker, "track", counting)
     return counted
+
+
+def test_folds_at_a_crease_are_flattened_within_the_tolerance(plane):
+    creased = lifted(plane, np.abs(plane.vertices[:, 0] - 0.5))
+    is_patch = np.abs(creased.vertices[:, :2] - 0.5).max(axis=1) < 0.13
+    moved = creased.vertices + is_patch[:, None] * [0.0, 0.05, 0.0]
+    folded = TriangleMesh(moved, creased.faces)
+    folds, errors = Folds(creased), measure(folded, creased, TOLERANCE)
+    assert len(folds.find(folded, creased)) > 0
+    assert not errors.exceeds(TOLERANCE)
+    assert measure(folds.flattened(folded, creased), creased, TOLERANCE).exceeds(TOLERANCE)
+    mesh, errors, n_folded = Follower(creased, TOLERANCE)._without_folds(folded, creased, errors)
+    assert (n_folded, len(folds.find(mesh, creased))) == (0, 0)
+    assert errors == measure(mesh, creased, TOLERANCE)
+    assert not errors.exceeds(TOLERANCE)
 
 
 def test_an_easy_frame_takes_one_attempt(plane, n_attempts):
