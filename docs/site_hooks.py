@@ -44,7 +44,7 @@ OPTIONS_OF_ENCODING = "<!-- options of encoding -->"
 PLAYER = re.compile(r"<!-- player: (\w+) -->")
 FIGURES = re.compile(r"<!-- figures: (\w+) -->")
 SCRIPTS = ROOT / "npm" / "dist"
-PLAYER_SCRIPTS = ("player.js", "whole_wasm.js", "plain_wasm.js", "chunk.js")
+PLAYER_SCRIPTS = ("player.js", "whole_engine.js", "whole_wasm.js", "plain_wasm.js")
 """The player, and what it loads for files with tracks, and where there is no SIMD."""
 PLAYER_FOLDER = "player"
 """Place on the site of these scripts, and of the streams."""

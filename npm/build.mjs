@@ -66,23 +66,24 @@ async function shrink(script) {
   return (await minify(script, { module: true, ecma: 2020, compress: { passes: 3 } })).code;
 }
 
-/** Bundles the engine into one function, whose source text is the script of a worker. */
+/** Bundles an engine into one function, whose source text is the script of a worker. */
 const embedEngine = {
   name: "embed engine",
   setup(bundler) {
-    bundler.onLoad({ filter: /[\\/]engine_function\.ts$/ }, async () => {
+    bundler.onLoad({ filter: /[\\/](small|whole)_engine\.ts$/ }, async ({ path }) => {
+      const isSmall = path.endsWith("small_engine.ts");
       const { outputFiles } = await build({
-        entryPoints: [join(here, "src/engine/start.ts")],
+        stdin: { contents: 'import { start } from "./start.js"; start(port);', resolveDir: join(here, "src/engine") },
         bundle: true,
         minify: true,
         write: false,
-        format: "iife",
-        globalName: "engine",
+        format: "esm",
         // An old target: bundlers that lower newer syntax would add helpers outside of the function.
         target: "es2020",
+        define: { SMALL_ENGINE: String(isSmall) },
       });
-      const script = outputFiles[0].text;
-      return { contents: `export function startEngine(port) {${script}engine.start(port);}` };
+      const name = isSmall ? "startSmallEngine" : "startWholeEngine";
+      return { contents: await shrink(`export function ${name}(port) {${outputFiles[0].text}}`) };
     });
   },
 };
@@ -146,8 +147,19 @@ async function buildPackage() {
     entryPoints: ["src/index.ts"],
     splitting: true,
     outdir: dist,
-    plugins: [embedEngine, externalScripts(/\/local_file\.js$/)],
+    plugins: [embedEngine, externalScripts(/\/(\w+_wasm|whole_engine|local_file)\.js$/)],
     chunkNames: "[name]",
+  });
+  // Scripts of their own: gzip needs 0.9 kB more for base64 and code in one file.
+  const modulesOfCore = await build({
+    ...common,
+    entryPoints: [
+      ...["simd", "whole", "plain"].map((name) => `src/core/${name}_wasm.ts`),
+      "src/file/whole_engine.ts",
+    ],
+    entryNames: "[name]",
+    outdir: dist,
+    plugins: [embedEngine],
     define: embeddedModules,
   });
   const localFile = await build({
@@ -172,7 +184,7 @@ async function buildPackage() {
     entryPoints: ["src/player/index.ts"],
     outfile: join(dist, "player.js"),
     // These scripts of `meshreel` are loaded on demand.
-    plugins: [embedEngine, ownRenderer, externalScripts(/\/(plain_wasm|whole_wasm|local_file)\.js$/)],
+    plugins: [embedEngine, ownRenderer, externalScripts(/\/(plain_wasm|whole_wasm|whole_engine|local_file)\.js$/)],
     define: embeddedModules,
     footer: { js: `/* ${notice}\n*/` },
   });
@@ -191,7 +203,7 @@ async function buildPackage() {
   copyFileSync(join(here, "../THIRD_PARTY_LICENSES.md"), join(dist, "THIRD_PARTY_LICENSES.md"));
   writeFileSync(join(dist, "built"), ""); // marks a complete build
 
-  const files = [decoder, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+  const files = [decoder, modulesOfCore, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
   for (const file of files) {
     const bytes = readFileSync(join(here, file));
     const packed = gzipSync(bytes, { level: 9 }).length;

@@ -4,10 +4,13 @@ import { UnsupportedVersionError } from "../errors.js";
 import type { FileInfo, ReelInfo, SegmentInfo, TrackInfo } from "../types.js";
 import type { Library } from "./library.js";
 import { NUMBER_TYPES } from "./numbers.js";
+import { IS_SMALL, refuse } from "./scope.js";
 import { Struct } from "./struct.js";
 
-const METHODS = ["pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft", "reel", "lossless", "grid"];
-const REEL = 7;
+/** Methods that only the Python package decodes. The numbers of `METHODS` follow theirs. */
+const OTHER_METHODS = ["pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"];
+const METHODS = ["reel", "lossless", "grid"] as const;
+const FIRST_METHOD = 7;
 const KINDS = ["other", "vector", "velocity", "normal", "color", "uv", "scalar"] as const;
 const DOMAINS = ["vertex", "face", "corner"] as const;
 const STRUCT_BYTES = 64;
@@ -66,9 +69,10 @@ export function readSegments(
  */
 export function readFile(library: Library, handle: number): File {
   const { method, nPolygons, nBlocks, nTracks, nSegments: _, ...info } = readInfo(library, handle);
-  if (method < REEL) {
+  if (method < FIRST_METHOD) {
+    if (IS_SMALL) return refuse();
     throw new UnsupportedVersionError(
-      `the file uses the method ${METHODS[method]}; this package decodes reel, lossless and grid: ` +
+      `the file uses the method ${OTHER_METHODS[method]}; this package decodes reel, lossless and grid: ` +
       "encode the original again",
     );
   }
@@ -81,7 +85,7 @@ export function readFile(library: Library, handle: number): File {
     handle,
     info: {
       ...info,
-      method: METHODS[method] as ReelInfo["method"],
+      method: METHODS[method - FIRST_METHOD],
     },
     nPolygons,
     blocks: blocksByTrack.map((ofTracks) => ({ ...ofTracks[0], sizeBytes: totalBytes(ofTracks) })),

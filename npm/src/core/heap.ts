@@ -11,8 +11,7 @@ interface Span {
 /** Allocates the memory from address `start` upwards, first fit. */
 export class Heap {
   /** Free spans in ascending order; adjacent spans are merged. */
-  private readonly free: Span[] = [];
-  private end: number;
+  private free: Span[] = [];
   /** Bytes currently allocated. */
   usedBytes = 0;
 
@@ -20,7 +19,7 @@ export class Heap {
     private readonly memory: WebAssembly.Memory,
     start: number,
   ) {
-    this.end = alignUp(start);
+    this.addSpan(alignUp(start), memory.buffer.byteLength);
   }
 
   /**
@@ -29,49 +28,43 @@ export class Heap {
    */
   allocate(sizeBytes: number): number {
     const size = alignUp(sizeBytes);
-    const index = this.free.findIndex((span) => span.end - span.start >= size);
-    if (index >= 0) {
-      const span = this.free[index];
-      const { start } = span;
-      span.start += size;
-      if (span.start === span.end) this.free.splice(index, 1);
-      this.usedBytes += size;
-      return start;
-    }
-    const last = this.free.at(-1);
-    const start = last?.end === this.end ? last.start : this.end;
-    if (!this.grow(start + size)) return 0;
-    if (start < this.end) this.free.pop();
-    this.end = start + size;
+    const fits = ({ start, end }: Span): boolean => end - start >= size;
+    const span = this.free.find(fits) ?? (this.grow(size) ? this.free.find(fits) : undefined);
+    if (!span) return 0;
     this.usedBytes += size;
-    return start;
+    span.start += size;
+    return span.start - size;
   }
 
   /** Release memory; `sizeBytes` is the size that was allocated. */
   release(start: number, sizeBytes: number): void {
-    const span = { start, end: start + alignUp(sizeBytes) };
-    this.usedBytes -= span.end - span.start;
-    const found = this.free.findIndex((other) => other.start > start);
-    const index = found < 0 ? this.free.length : found;
-    this.free.splice(index, 0, span);
-    if (this.free[index + 1]?.start === span.end) {
-      span.end = this.free[index + 1].end;
-      this.free.splice(index + 1, 1);
-    }
-    if (this.free[index - 1]?.end === span.start) {
-      this.free[index - 1].end = span.end;
-      this.free.splice(index, 1);
-    }
+    const size = alignUp(sizeBytes);
+    this.usedBytes -= size;
+    this.addSpan(start, start + size);
   }
 
-  private grow(end: number): boolean {
-    const nPages = Math.ceil((end - this.memory.buffer.byteLength) / PAGE);
-    if (nPages <= 0) return true;
+  /** Grow the memory until a span of `size` bytes is free at its end; returns whether it could. */
+  private grow(size: number): boolean {
+    const end = this.memory.buffer.byteLength;
+    const last = this.free.at(-1);
+    const nFree = last?.end === end ? end - last.start : 0;
+    const nPages = Math.ceil((size - nFree) / PAGE);
     try {
       this.memory.grow(nPages);
-      return true;
     } catch {
       return false;
+    }
+    this.addSpan(end, end + nPages * PAGE);
+    return true;
+  }
+
+  private addSpan(start: number, end: number): void {
+    const spans = [...this.free, { start, end }].sort((one, other) => one.start - other.start);
+    this.free = [];
+    for (const span of spans) {
+      const last = this.free.at(-1);
+      if (last?.end === span.start) last.end = span.end;
+      else if (span.start < span.end) this.free.push(span);
     }
   }
 }

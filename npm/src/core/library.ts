@@ -9,6 +9,7 @@ import {
   UnsupportedVersionError,
 } from "../errors.js";
 import { Heap } from "./heap.js";
+import { IS_SMALL, refuse } from "./scope.js";
 import { Struct } from "./struct.js";
 
 /** The MESHREEL_ABI of `include/meshreel.h` that this package supports. */
@@ -146,7 +147,7 @@ export class Library {
   /** Call `work` with the address of temporary memory; returns its result. */
   withMemory<Result>(sizeBytes: number, work: (address: number) => Result): Result {
     const address = this.heap.allocate(sizeBytes);
-    if (!address) throw outOfMemory(sizeBytes);
+    if (!address) throw IS_SMALL ? refuse() : outOfMemory(sizeBytes);
     try {
       return work(address);
     } finally {
@@ -183,6 +184,7 @@ export class Library {
       const [code] = fields.uint32s(2);
       const [offset, size] = [fields.uint64(), fields.uint64()];
       if (code === UNREADABLE) throw new MissingBytes(offset, offset + size);
+      if (IS_SMALL) return refuse();
       if (code === LIMIT) {
         throw new MemoryLimitError(
           `decoding needs ${size} bytes of memory; the limit is ${this.memoryLimit}: open the file ` +

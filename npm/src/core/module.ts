@@ -53,10 +53,7 @@ async function compile(scope: Scope): Promise<WebAssembly.Module> {
 }
 
 function fromBase64(text: string): Uint8Array<ArrayBuffer> {
-  const binary = atob(text);
-  const bytes = new Uint8Array(binary.length);
-  for (let i = 0; i < bytes.length; i++) bytes[i] = binary.charCodeAt(i);
-  return bytes;
+  return Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
 }
 
 async function inflate(bytes: Uint8Array<ArrayBuffer>): Promise<ArrayBuffer> {

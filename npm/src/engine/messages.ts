@@ -71,23 +71,8 @@ export interface Port {
   postMessage(message: unknown, transfer: Transferable[]): void;
 }
 
-const ABORTED = "AbortError";
-
 /** Convert an error to a message. */
 export function toFailure(error: unknown): Failure {
-  if (!(error instanceof Error || error instanceof DOMException)) {
-    return { name: "Error", message: String(error) };
-  }
-  return { name: error.name, message: error.message };
-}
-
-/** Create the error of a failure; its class is the one of `errorClasses` with the same name. */
-export function toError(
-  { name, message }: Failure,
-  errorClasses: readonly (new (message: string) => Error)[],
-): Error {
-  const known = errorClasses.map((Class) => new Class(message)).find((error) => error.name === name);
-  if (known) return known;
-  if (name === ABORTED) return new DOMException(message, name) as unknown as Error;
-  return Object.assign(new Error(message), { name });
+  const { name = "Error", message = String(error) } = (error ?? {}) as Partial<Failure>;
+  return { name, message };
 }

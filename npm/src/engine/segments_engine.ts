@@ -2,6 +2,7 @@
 
 import { readSegments, type StoredSegment } from "../core/file.js";
 import type { Library } from "../core/library.js";
+import { IS_SMALL, refuse } from "../core/scope.js";
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
 import type { FileInfo } from "../types.js";
 import { Engine, fetchUntilDone, type Read } from "./engine.js";
@@ -68,16 +69,9 @@ export class SegmentsEngine {
     else if (!bytes.has(0, 1)) await fetch(0, size ?? Number.MAX_SAFE_INTEGER);
     const [nRead] = bytes.missing(0, Number.MAX_SAFE_INTEGER)!;
     const sizeBytes = isLarge ? size : nRead || (size ?? 0);
-    // Without an index, blocks are found section by section. Doubling the read-ahead each time keeps
-    // the number of requests small.
-    let readAhead = HEAD_BYTES;
-    const readMore: Read = (start, end, abortSignal) => {
-      const range = read(start, Math.min(end + readAhead, sizeBytes), abortSignal);
-      readAhead *= 2;
-      return range;
-    };
+    const readMore = IS_SMALL ? read : readAhead(read, sizeBytes);
     const handle = await fetchUntilDone(library, bytes, readMore, signal, () =>
-      openFile(library, sizeBytes, memory, bytes),
+      IS_SMALL ? library.open(sizeBytes, memory) : openFile(library, sizeBytes, memory, bytes),
     );
     const keepsBytes = isLarge || sizeBytes <= HEAD_BYTES;
     return new SegmentsEngine(library, handle, bytes, read, readMore, keepsBytes);
@@ -96,14 +90,12 @@ export class SegmentsEngine {
    */
   async segment(number: number | null, signal: AbortSignal): Promise<Engine> {
     const count = this.segments.length;
-    if (number === null && count > 1) {
+    const index = number ?? 0;
+    if (index >= count || (number === null && count > 1)) {
+      if (IS_SMALL) return refuse();
       throw new InvalidInputError(
         `the file has ${count} segments; open one of them: segment 0 to ${count - 1}`,
       );
-    }
-    const index = number ?? 0;
-    if (index >= count) {
-      throw new InvalidInputError(`segment must be an integer from 0 to ${count - 1}; got ${index}`);
     }
     const engine = this.engines.get(index) ?? (await this.openSegment(index, signal));
     this.engines.delete(index);
@@ -126,6 +118,7 @@ export class SegmentsEngine {
       }
       return engine;
     }
+    if (IS_SMALL) return refuse();
     const { offset, sizeBytes } = this.segments[index];
     const bytes = new Ranges(this.bytes.list());
     const gap = bytes.missing(offset, offset + Math.min(sizeBytes, HEAD_BYTES));
@@ -142,6 +135,19 @@ export class SegmentsEngine {
       throw error;
     }
   }
+}
+
+/**
+ * Return a `read` that also reads the bytes behind a range, twice as many each time: without an index,
+ * blocks are found section by section, and this keeps the number of requests small.
+ */
+function readAhead(read: Read, sizeBytes: number): Read {
+  let nAhead = HEAD_BYTES;
+  return (start, end, signal) => {
+    const range = read(start, Math.min(end + nAhead, sizeBytes), signal);
+    nAhead *= 2;
+    return range;
+  };
 }
 
 /** Open a file in the library; if it is not a `.reel` file, the error names its format. */

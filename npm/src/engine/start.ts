@@ -91,7 +91,7 @@ export function start(port: Port): void {
       const pending = reads.get(data.read);
       reads.delete(data.read);
       if ("bytes" in data) pending?.resolve(data.bytes);
-      else pending?.reject(Object.assign(new Error(data.failure.message), { name: data.failure.name }));
+      else pending?.reject(data.failure);
     } else {
       const controller = new AbortController();
       aborts.set(data.id, controller);

@@ -4,7 +4,7 @@ import { loadModule } from "../core/module.js";
 import type { Calls, Results } from "../engine/messages.js";
 import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
 import type { ByteSource, SegmentInfo } from "../types.js";
-import { startEngine } from "./engine_function.js";
+import { startSmallEngine } from "./small_engine.js";
 import { RemoteEngine } from "./remote_engine.js";
 
 /** Default memory limit in bytes: 2 GiB. */
@@ -52,7 +52,7 @@ export class FileEngines {
   ): Promise<{ engines: FileEngines; opened: Results["open"] }> {
     // The module compiles and the worker starts while bytes are being fetched.
     const opening = openSource(from, options);
-    const engine = new RemoteEngine(startEngine, opening, options.worker ?? true);
+    const engine = new RemoteEngine(startSmallEngine, opening, options.worker ?? true);
     try {
       const [source] = await Promise.all([opening, engine.sendModule(loadModule("small"))]);
       const engines = new FileEngines(engine, source, options);
@@ -131,12 +131,13 @@ export class FileEngines {
 
   /** Start an engine with the whole module, and open a segment in it. */
   private async startWhole(segment: number | null): Promise<RemoteEngine> {
-    const [module, ranges] = await Promise.all([
+    const [{ startWholeEngine }, module, ranges] = await Promise.all([
+      import("./whole_engine.js"),
       loadModule("whole"),
       this.positions.call("ranges", {}),
     ]);
     const { worker: inWorker = true } = this.options;
-    const engine = new RemoteEngine(startEngine, Promise.resolve(this.source), inWorker);
+    const engine = new RemoteEngine(startWholeEngine, Promise.resolve(this.source), inWorker);
     try {
       await engine.sendModule(Promise.resolve(module));
       await engine.call("open", { ...this.parameters(segment), ranges });

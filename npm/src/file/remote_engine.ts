@@ -3,15 +3,33 @@
 import {
   type Results,
   type Calls,
-  toError,
+  type Failure,
   toFailure,
   type FromEngine,
   type Port,
   type CallMessage,
   type ToEngine,
 } from "../engine/messages.js";
-import * as errors from "../errors.js";
+import {
+  CorruptStreamError,
+  InvalidInputError,
+  MemoryLimitError,
+  MeshReelError,
+  SourceError,
+  TruncatedStreamError,
+  UnsupportedVersionError,
+} from "../errors.js";
 import type { ByteSource } from "../types.js";
+
+const ERROR_CLASSES: Readonly<Record<string, new (message: string) => Error>> = {
+  CorruptStreamError,
+  InvalidInputError,
+  MemoryLimitError,
+  MeshReelError,
+  SourceError,
+  TruncatedStreamError,
+  UnsupportedVersionError,
+};
 
 interface PendingCall {
   readonly message: CallMessage;
@@ -110,7 +128,7 @@ export class RemoteEngine {
   private recover(reason: string): void {
     if (this.closed) return;
     if (this.hasResponded) {
-      this.close(new errors.MeshReelError(`the decoding worker stopped (${reason})`));
+      this.close(new MeshReelError(`the decoding worker stopped (${reason})`));
       return;
     }
     this.connection.close();
@@ -134,7 +152,7 @@ export class RemoteEngine {
       const pending = this.pending.get(message.id);
       this.pending.delete(message.id);
       if ("result" in message) pending?.resolve(message.result);
-      else pending?.reject(toError(message.failure, Object.values(errors)));
+      else pending?.reject(toError(message.failure));
     }
   }
 
@@ -150,6 +168,12 @@ export class RemoteEngine {
       this.reads.delete(id);
     }
   }
+}
+
+/** Create the error of a failure; of another name than those of `ERROR_CLASSES`, a DOMException. */
+function toError({ name, message }: Failure): Error {
+  const ErrorClass = ERROR_CLASSES[name];
+  return ErrorClass ? new ErrorClass(message) : new DOMException(message, name);
 }
 
 /** Start a worker whose script is the source text of `start`; null if workers are unavailable. */

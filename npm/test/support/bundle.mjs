@@ -17,7 +17,8 @@ export async function loadInternals() {
   try {
     const outfile = join(folder, "internals.mjs");
     const entryPoints = [join(here, "internals.ts")];
-    await build({ entryPoints, bundle: true, format: "esm", target: "es2022", outfile });
+    const define = { SMALL_ENGINE: "false" };
+    await build({ entryPoints, bundle: true, format: "esm", target: "es2022", outfile, define });
     return await import(pathToFileURL(outfile).href);
   } finally {
     rmSync(folder, { recursive: true });
