@@ -190,7 +190,11 @@ typedef struct {
 #define REEL_MAX_COUNT 256       /* the slow one by at least 1 / (REEL_MAX_COUNT + 1.5) */
 #define REEL_MIN_PROBABILITY 32U /* lower bound of the probability of either value, Q16 */
 
-/* Q16 adaptation rates 131072 / (2 n + 3) for n = 0..REEL_MAX_COUNT, rounded down. */
+/* Q16 adaptation rate after n bits: 131072 / (2 n + 3), rounded down. Dividing is as fast; without
+   the table the small build is 0.5 kB smaller after gzip. */
+#if REEL_SMALL
+REEL_INLINE uint32_t reel_adaptation_rate(uint32_t n) { return 131072U / (2U * n + 3U); }
+#else
 static const uint16_t reel_adaptation_rates[REEL_MAX_COUNT + 1] = {
     43690, 26214, 18724, 14563, 11915, 10082, 8738, 7710, 6898, 6241, 5698, 5242, 4854, 4519, 4228,
     3971,  3744,  3542,  3360,  3196,  3048,  2912, 2788, 2674, 2570, 2473, 2383, 2299, 2221, 2148,
@@ -212,6 +216,9 @@ static const uint16_t reel_adaptation_rates[REEL_MAX_COUNT + 1] = {
     255,   254,
 };
 
+REEL_INLINE uint32_t reel_adaptation_rate(uint32_t n) { return reel_adaptation_rates[n]; }
+#endif
+
 REEL_INLINE reel_model reel_model_of(uint32_t probability, int count) {
     return (reel_model){(uint16_t)probability, (uint16_t)probability, (uint16_t)count};
 }
@@ -224,7 +231,7 @@ REEL_INLINE uint32_t reel_probability(const reel_model *model) {
 }
 
 REEL_INLINE void reel_update_model(reel_model *model, int bit) {
-    uint32_t rate = reel_adaptation_rates[model->count];
+    uint32_t rate = reel_adaptation_rate(model->count);
     uint32_t fast = rate > 65536U >> REEL_FAST_SHIFT ? rate : 65536U >> REEL_FAST_SHIFT;
     uint32_t flip = bit ? 65535U : 0U; /* a 1 moves 65535 - p as a 0 moves p */
     uint32_t p = model->fast ^ flip, q = model->slow ^ flip;

@@ -30,6 +30,13 @@ static int fail_at_limit(reel_call *call, uint64_t at, uint64_t limit) {
                                    "the file ends inside a section; fetch it again");
 }
 
+/* Pages fetch the range and call again; they do not show the message. */
+static int unreadable(reel_call *call, reel_range range, const char *message) {
+    reel_record(call, MESHREEL_UNREADABLE, range.at, REEL_SMALL ? "" : message);
+    call->error.size = range.length;
+    return MESHREEL_UNREADABLE;
+}
+
 int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
     const meshreel_source *source = call->source;
     if (at > source->size || size > source->size - at) {
@@ -48,9 +55,7 @@ int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
         return MESHREEL_OK;
     }
     if (source->read(source->user, at, to, size)) {
-        reel_record(call, MESHREEL_UNREADABLE, at, "the function that reads the file failed");
-        call->error.size = size;
-        return MESHREEL_UNREADABLE;
+        return unreadable(call, (reel_range){at, size}, "the function that reads the file failed");
     }
     return MESHREEL_OK;
 }
@@ -61,9 +66,7 @@ int reel_announce(reel_call *call, reel_range range) {
         !source->announce(source->user, range.at, range.length)) {
         return MESHREEL_OK;
     }
-    reel_record(call, MESHREEL_UNREADABLE, range.at, "the function that announces a range failed");
-    call->error.size = range.length;
-    return MESHREEL_UNREADABLE;
+    return unreadable(call, range, "the function that announces a range failed");
 }
 
 int reel_view(reel_call *call, reel_range range, const uint8_t **result) {
