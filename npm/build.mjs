@@ -12,7 +12,7 @@
 import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
 import { execFile, execFileSync } from "node:child_process";
-import { copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { appendFileSync, copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { basename, dirname, join, relative, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
@@ -49,7 +49,7 @@ async function compile(target, name) {
 /** Compress a module to a zlib stream of its separate streams, in base64. */
 function pack(module) {
   return new Promise((resolve, reject) => {
-    zopfli.zlib(separateStreams(module), { numiterations: 15 }, (error, packed) =>
+    zopfli.zlib(separateStreams(module), { numiterations: 60 }, (error, packed) =>
       error ? reject(error) : resolve(Buffer.from(packed).toString("base64")),
     );
   });
@@ -186,12 +186,12 @@ async function buildPackage() {
     // These scripts of `meshreel` are loaded on demand.
     plugins: [embedEngine, ownRenderer, externalScripts(/\/(plain_wasm|whole_wasm|whole_engine|local_file)\.js$/)],
     define: embeddedModules,
-    footer: { js: `/* ${notice}\n*/` },
   });
-  for (const file of [decoder, three].flatMap(({ metafile }) => Object.keys(metafile.outputs))) {
+  for (const file of [decoder, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs))) {
     const path = join(here, file);
     writeFileSync(path, await shrink(readFileSync(path, "utf8")));
   }
+  appendFileSync(join(dist, "player.js"), `/* ${notice}\n*/\n`);
   // The player first: it also emits types of src/three, as seen with its own renderer.
   for (const part of ["player", "package"]) {
     run(process.execPath, "node_modules/typescript/bin/tsc", "--project", `tsconfig.${part}.json`);
@@ -262,7 +262,8 @@ async function buildPage(folder) {
   for (const { path, text } of scripts.outputFiles) {
     const { inputs, entryPoint } = scripts.metafile.outputs[relative(here, path)];
     const isLicensed = entryPoint?.endsWith("main.ts") || "src/webgl/surface_shader.ts" in inputs;
-    files[basename(path)] = text.replaceAll("</script", "<\\/script") + (isLicensed ? `/* ${notice}\n*/\n` : "");
+    const script = (await shrink(text)).replaceAll("</script", "<\\/script");
+    files[basename(path)] = script + (isLicensed ? `/* ${notice}\n*/\n` : "");
   }
   mkdirSync(folder, { recursive: true });
   for (const name of readdirSync(folder)) {
