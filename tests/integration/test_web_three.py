@@ -53,6 +53,7 @@ def script():
     built_package()
     command = [MODULES / ".bin" / "esbuild", PAGE, "--bundle", "--format=esm", "--target=es2022"]
     command += ["--define:SIMD_MODULE=null", "--define:PLAIN_MODULE=null"]  # nothing is decoded
+    command += ["--define:SMALL_ENGINE=false"]
     environment = {**os.environ, "NODE_PATH": str(MODULES)}
     done = subprocess.run(command, capture_output=True, env=environment, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -2,10 +2,11 @@
 
 import ctypes
 import os
+import threading
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from io import BytesIO
 from typing import Any, BinaryIO
 from weakref import finalize
@@ -25,15 +26,15 @@ from meshreel.kernel.host import (
     ANNOUNCE,
     READ,
     RUN,
+    TASK,
     HostMemory,
     SourceReader,
     block_store,
-    run_tasks,
 )
 from meshreel.kernel.library import library
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.profiling import staged
-from meshreel.runtime.threads import fork_safe_lock, n_cores
+from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
 
 (
     OK,
@@ -332,6 +333,31 @@ class FileModes:
     corrections: npt.NDArray[np.float64]
 
 
+def run_tasks(n_threads: int, _: int | None, task: int, shared: int | None, n_tasks: int) -> None:
+    """Call tasks 0..n_tasks - 1 of the core on some threads, in any order: `run` of the host.
+
+    The caller takes part, so that a thread that is slow to wake up delays nothing. The tasks call
+    neither BLAS nor NumPy, so BLAS keeps its threads, unlike in `in_threads`.
+    """
+    function, numbers = TASK(task), iter(range(n_tasks))
+
+    def work() -> None:
+        for number in numbers:  # the interpreter's lock gives each number to one thread
+            function(shared, number)
+
+    # A thread of the pool must not wait for another: all of them could wait at once.
+    is_alone = threading.current_thread().name.startswith(POOL)
+    n_others = 0 if is_alone else min(n_tasks, n_threads) - 1
+    others = [pool().submit(work) for _ in range(n_others)]
+    try:
+        work()
+    finally:
+        work()  # what an interrupt left: the core continues when this returns
+        for other in others:
+            if not other.cancel():
+                other.result()
+
+
 @cache
 def _function(name: str) -> Any:
     function = library()[f"meshreel_{name}"]
@@ -488,7 +514,7 @@ class OpenFile:
             ctypes.addressof(self._memory),
             ctypes.cast(library().reel_host_allocate, _POINTER),
             ctypes.cast(library().reel_host_release, _POINTER),
-            RUN(run_tasks) if n_threads > 1 else RUN(),
+            RUN(partial(run_tasks, n_threads)) if n_threads > 1 else RUN(),
             n_threads,
             0,
             int(min(limit_bytes, 2.0**62)),

@@ -1,4 +1,4 @@
-"""What the core's decoder requires of its host: memory, threads and the bytes of the file.
+"""What the core's decoder requires of its host: memory and the bytes of the file.
 
 `core/include/meshreel.h` describes these callbacks (`meshreel_host`, `meshreel_source`).
 """
@@ -10,7 +10,7 @@ from functools import cache
 from typing import BinaryIO
 
 from meshreel.errors import TruncatedStreamError
-from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
+from meshreel.runtime.threads import fork_safe_lock
 
 _U32, _U64, _SIZE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_size_t
 _POINTER = ctypes.c_void_p
@@ -54,31 +54,6 @@ def block_store() -> BlockStore:
     functions = ctypes.pythonapi.PyMem_RawMalloc, ctypes.pythonapi.PyMem_RawFree
     allocate, release = (ctypes.cast(function, _POINTER) for function in functions)
     return BlockStore(allocate, release, MAX_UNUSED_BYTES)
-
-
-def run_tasks(_: int | None, task: int, shared: int | None, n_tasks: int) -> None:
-    """Call tasks 0..n_tasks - 1 of the core on all cores, in any order: `run` of `meshreel_host`.
-
-    The caller takes part, so that a thread that is slow to wake up delays nothing. The tasks call
-    neither BLAS nor NumPy, so BLAS keeps its threads, unlike in `in_threads`.
-    """
-    function, numbers = TASK(task), iter(range(n_tasks))
-
-    def work() -> None:
-        for number in numbers:  # the interpreter's lock gives each number to one thread
-            function(shared, number)
-
-    # A thread of the pool must not wait for another: all of them could wait at once.
-    is_alone = threading.current_thread().name.startswith(POOL)
-    n_others = 0 if is_alone else min(n_tasks, n_cores()) - 1
-    others = [pool().submit(work) for _ in range(n_others)]
-    try:
-        work()
-    finally:
-        work()  # what an interrupt left: the core continues when this returns
-        for other in others:
-            if not other.cancel():
-                other.result()
 
 
 class SourceReader:

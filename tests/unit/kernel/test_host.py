@@ -9,8 +9,9 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from meshreel.kernel import host
-from meshreel.kernel.host import TASK, BlockStore, HostMemory, block_store, run_tasks
+from meshreel.kernel import files
+from meshreel.kernel.files import run_tasks
+from meshreel.kernel.host import TASK, BlockStore, HostMemory, block_store
 from meshreel.kernel.library import library
 from meshreel.runtime.threads import POOL
 
@@ -118,21 +119,20 @@ def test_memory_that_the_system_lacks_is_no_address(store, size):
 
 @pytest.fixture
 def use_cores(monkeypatch):
-    """Return a function that replaces the cores and the pool, and returns the new pool."""
+    """Return a function that replaces the pool by one of some threads, and returns it."""
     with ExitStack() as pools:
 
         def use(n_cores):
             pool = pools.enter_context(ThreadPoolExecutor(n_cores, POOL))
-            monkeypatch.setattr(host, "n_cores", lambda: n_cores)
-            monkeypatch.setattr(host, "pool", lambda: pool)
+            monkeypatch.setattr(files, "pool", lambda: pool)
             return pool
 
         yield use
 
 
-def run(function, n_tasks):
+def run(function, n_tasks, n_threads=2):
     task = TASK(function)
-    run_tasks(None, ctypes.cast(task, ctypes.c_void_p).value, None, n_tasks)
+    run_tasks(n_threads, None, ctypes.cast(task, ctypes.c_void_p).value, None, n_tasks)
 
 
 @pytest.mark.parametrize("n_cores", [1, 4])
@@ -140,7 +140,7 @@ def run(function, n_tasks):
 def test_every_task_runs_once(use_cores, n_cores, n_tasks):
     use_cores(n_cores)
     calls = []
-    run(lambda shared, number: calls.append(number), n_tasks)
+    run(lambda shared, number: calls.append(number), n_tasks, n_cores)
     assert Counter(calls) == Counter(range(n_tasks))
 
 
