@@ -4,7 +4,7 @@
 
 #define MAX_VARINT_BYTES 9
 #define PIECE 4096
-#define LONG_SECTION 16384 /* bytes from which computing tables pays */
+#define LONG_SECTION 256 /* bytes from which computing tables pays */
 #ifdef __wasm__ /* pages download the code of tables, and rarely check long sections */
 #define COMPUTES_TABLES 0
 #else
@@ -99,20 +99,17 @@ static uint32_t update_crc(uint32_t sum, const uint8_t *bytes, size_t size) {
     return sum;
 }
 
-/* CRC-32 of a byte that 0 to 3 bytes of 0 follow. */
+/* CRC-32 of a 4-bit value and the 28 - 4 k bits of 0 that follow it: of[k]. */
 typedef struct {
-    uint32_t of[4][256];
+    uint32_t of[8][16];
 } crc_tables;
 
 static void compute_tables(crc_tables *tables) {
-    for (uint32_t i = 0; i < 256; i++) {
-        uint32_t sum = i >> 4 ^ crc_table[i & 15U];
-        tables->of[0][i] = sum >> 4 ^ crc_table[sum & 15U];
-    }
-    for (int k = 1; k < 4; k++) {
-        for (uint32_t i = 0; i < 256; i++) {
-            uint32_t sum = tables->of[k - 1][i];
-            tables->of[k][i] = sum >> 8 ^ tables->of[0][sum & 255U];
+    reel_copy(tables->of[7], crc_table, sizeof crc_table);
+    for (int k = 6; k >= 0; k--) {
+        for (uint32_t i = 0; i < 16; i++) {
+            uint32_t sum = tables->of[k + 1][i];
+            tables->of[k][i] = sum >> 4 ^ crc_table[sum & 15U];
         }
     }
 }
@@ -124,8 +121,12 @@ static uint32_t update_long_crc(const crc_tables *tables, uint32_t sum, const ui
     for (; i + 4 <= size; i += 4) {
         sum ^= bytes[i] | (uint32_t)bytes[i + 1] << 8 | (uint32_t)bytes[i + 2] << 16 |
                (uint32_t)bytes[i + 3] << 24;
-        sum = tables->of[3][sum & 255U] ^ tables->of[2][sum >> 8 & 255U] ^
-              tables->of[1][sum >> 16 & 255U] ^ tables->of[0][sum >> 24];
+        uint32_t next = 0;
+#pragma GCC unroll 8
+        for (int k = 0; k < 8; k++) {
+            next ^= tables->of[k][sum >> 4 * k & 15U];
+        }
+        sum = next;
     }
     return update_crc(sum, bytes + i, size - i);
 }
