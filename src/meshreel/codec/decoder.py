@@ -1,26 +1,26 @@
 """Decode a stream to a mesh sequence."""
 
 from collections.abc import Hashable, Iterator
-from concurrent.futures import Future
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.memory import MemoryLimit, memory_limit
+from meshreel.codec.memory import memory_limit
+from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream, whole_file, whole_stream
-from meshreel.codec.reel_track import tracks_of_stream
+from meshreel.codec.surface.codes import DOMAINS
+from meshreel.codec.tracks import KINDS
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.files import OpenFile
+from meshreel.kernel.parts import SegmentFrames, decode_together
 from meshreel.model.frame_choice import frame_range, start_of
 from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import Faces, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.runtime.threads import results_in_order
 
 Mesh = tuple[Surface, Faces]
 
@@ -29,8 +29,8 @@ FRAMES_PER_REPORT = 256
 
 FACE_BYTES = 12
 
-SMALL_POSITIONS = 1 << 20
-"""Segments of up to this many positions are decoded in parallel, larger ones one at a time."""
+POSITIONS_OF_GROUP = 1 << 20
+"""Consecutive segments of up to this many positions together are decoded on one thread each."""
 
 
 def decode(
@@ -80,7 +80,7 @@ def decode(
     opened.require_mesh()
     selected = frame_range(frames, opened.n_frames)
     start_s = start_of(selected, opened.start_s, opened.fps)
-    return _decode_frames(opened, selected, start_s, n_modes, progress)
+    return _decode_parts([_Part(opened, selected, start_s, None)], n_modes, {}, progress)[0]
 
 
 def decode_segments(
@@ -100,132 +100,127 @@ def decode_segments(
     file = whole_file(bytes(data), limit)
     requested = frame_range(frames, file.info.n_frames)
     segments: list[MeshSequence] = []
+    meshes: dict[Hashable, Mesh] = {}
     needed_bytes = n_decoded = 0
 
     def parts() -> Iterator[_Part]:
         nonlocal needed_bytes
-        for part in _parts(file, limit, requested):
-            needed_bytes += part.size_bytes
-            stop = part.first_frame + part.frames.stop
-            limit.require(
-                needed_bytes, f"frames {requested.start}:{stop} of {part.number + 1} segments"
-            )
-            yield part
+        keys: set[Hashable] = set()
+        for number, place in enumerate(file.segments):
+            first = max(requested.start, place.first_frame)
+            stop = min(requested.stop, place.first_frame + place.n_frames)
+            if first >= stop:
+                continue
+            opened = OpenStream(file, limit, number)
+            opened.require_mesh()
+            selected = range(first - place.first_frame, stop - place.first_frame)
+            key = opened.mesh_key
+            needed_bytes += opened.frames_size_bytes(selected)
+            needed_bytes += 0 if key in keys else FACE_BYTES * opened.n_faces
+            keys.add(key)
+            limit.require(needed_bytes, f"frames {requested.start}:{stop} of {number + 1} segments")
+            start_s = start_of(selected, opened.start_s, opened.fps)
+            yield _Part(opened, selected, start_s, key)
 
-    def decode_one(part: _Part) -> tuple[_Part, MeshSequence]:
-        return part, part.decode(n_modes)
-
-    def is_small(part: _Part) -> bool:
-        return file.info.n_segments > 1 and part.n_positions <= SMALL_POSITIONS
-
-    for part, segment in results_in_order(decode_one, parts(), is_small):
-        needed_bytes += segment.surface.size_bytes if part.has_new_mesh else 0
-        n_decoded += segment.n_frames
-        segments.append(segment)
+    for group in _groups(parts()):
+        n_meshes = len(meshes)
+        segments += _decode_parts(group, n_modes, meshes, silent)
+        new_meshes = islice(meshes.values(), n_meshes, None)
+        needed_bytes += sum(surface.size_bytes for surface, _ in new_meshes)
+        n_decoded += sum(len(part.frames) for part in group)
         progress("decoding", Count(n_decoded, len(requested), "frames"))
     return SegmentedSequence(segments)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Frames of a segment, and the number and first frame of the segment in the stream.
+    """Frames of an open stream of one segment, and the time of the first.
 
-    `mesh` is pending until the first segment with this mesh is decoded: the one with
-    `has_new_mesh`.
+    Parts with the same `mesh_key` have the same mesh.
     """
 
     opened: OpenStream
     frames: range
-    number: int
-    first_frame: int
-    mesh: Future[Mesh]
-    has_new_mesh: bool
-
-    @property
-    def n_positions(self) -> int:
-        return len(self.frames) * self.opened.n_verts
-
-    @property
-    def size_bytes(self) -> int:
-        """Size of the decoded frames, tracks and new faces."""
-        faces_bytes = FACE_BYTES * self.opened.n_faces if self.has_new_mesh else 0
-        return self.opened.frames_size_bytes(self.frames) + faces_bytes
-
-    def decode(self, n_modes: int | None) -> MeshSequence:
-        start_s = start_of(self.frames, self.opened.start_s, self.opened.fps)
-        mesh = None if self.has_new_mesh else self.mesh.result()
-        try:
-            decoded = _decode_frames(self.opened, self.frames, start_s, n_modes, silent, mesh)
-        except BaseException as error:
-            if self.has_new_mesh:
-                self.mesh.set_exception(error)
-            raise
-        if self.has_new_mesh:
-            self.mesh.set_result((decoded.surface, decoded.faces))
-        return decoded
+    start_s: float
+    mesh_key: Hashable
 
 
-def _parts(file: OpenFile, limit: MemoryLimit, requested: range) -> Iterator[_Part]:
-    """Yield the requested frames of each segment."""
-    meshes: dict[Hashable, Future[Mesh]] = {}
-    for number, place in enumerate(file.segments):
-        first = max(requested.start, place.first_frame)
-        stop = min(requested.stop, place.first_frame + place.n_frames)
-        if first < stop:
-            opened = OpenStream(file, limit, number)
-            opened.require_mesh()
-            frames = range(first - place.first_frame, stop - place.first_frame)
-            has_new_mesh = opened.mesh_key not in meshes
-            mesh = meshes.setdefault(opened.mesh_key, Future())
-            yield _Part(opened, frames, number, place.first_frame, mesh, has_new_mesh)
+def _groups(parts: Iterator[_Part]) -> Iterator[list[_Part]]:
+    """Yield parts in order, small ones together."""
+    group: list[_Part] = []
+    n_positions = 0
+    for part in parts:
+        n_part = len(part.frames) * part.opened.n_verts
+        if group and n_positions + n_part > POSITIONS_OF_GROUP:
+            yield group
+            group, n_positions = [], 0
+        group.append(part)
+        n_positions += n_part
+    yield group
 
 
-def _decode_frames(
-    opened: OpenStream,
-    selected: range,
-    start_s: float,
-    n_modes: int | None,
-    progress: Progress,
-    mesh: Mesh | None = None,
-) -> MeshSequence:
-    """Return some frames of an open stream of one segment, with their tracks.
+def _decode_parts(
+    parts: list[_Part], n_modes: int | None, meshes: dict[Hashable, Mesh], progress: Progress
+) -> list[MeshSequence]:
+    """Decode a single part on all threads, or each of several on one; closes their streams.
 
-    `mesh` is that of another segment, if both store the same.
+    `meshes` are those of earlier segments by their keys; new ones are added.
     """
-    reader = opened.method.frames(opened, n_modes)
-    tracks = tracks_of_stream(opened, reader)
-    opened.require_frames(selected, with_tracks=True)
-    vertices = np.empty((len(selected), opened.n_verts, 3), opened.dtype)
-    values: list[npt.NDArray[Any]] = []
-    for track in tracks.values():
-        values.append(np.empty((len(selected), *track.shape[1:]), track.dtype))
-    for block, (start, stop) in enumerate(pairwise(opened.starts)):
-        first, last = max(start, selected.start), min(stop, selected.stop)
-        if first >= last:
-            continue
-        reader.load(block)
-        # The reader holds this block until the next one: decode its tracks now.
-        for number, out in enumerate(values, start=1):
-            reader.fill(out[first - selected.start : last - selected.start], first, number)
-        for begin in range(first, last, FRAMES_PER_REPORT):
-            end = min(begin + FRAMES_PER_REPORT, last)
-            reader.fill(vertices[begin - selected.start : end - selected.start], begin)
-            progress("decoding", Count(end - selected.start, len(selected), "frames"))
-    try:
-        surface, faces = mesh or (opened.surface, opened.file.faces)
-        reader.close()
-        opened.file.close()
-        decoded: dict[str, Track] = {}
-        for track, out in zip(tracks.values(), values, strict=True):
-            decoded[track.name] = Track(out, track.domain, track.kind, track.unit)
-        return MeshSequence.of_finite(
-            vertices,
-            faces,
-            opened.fps,
-            opened.name,
-            start_s,
-            surface,
-            decoded,
+    readers: list[FrameReader] = []
+    arrays: list[list[npt.NDArray[Any]]] = []  # positions, and values of each track
+    for part in parts:
+        opened, n_frames = part.opened, len(part.frames)
+        readers.append(opened.method.frames(opened, n_modes))
+        opened.require_frames(part.frames, with_tracks=True)
+        arrays.append([])
+        for track in opened.file.tracks:
+            shape = n_frames, track.n_items, track.n_columns
+            arrays[-1].append(np.empty(shape, track.dtype))
+    if len(parts) > 1:
+        decode_together(
+            [
+                SegmentFrames(
+                    part.opened.file,
+                    part.frames.start,
+                    values,
+                    n_modes or 0,
+                    part.opened.has_surface,
+                )
+                for part, values in zip(parts, arrays, strict=True)
+            ]
         )
-    except InvalidInputError as error:
-        raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error
+    else:
+        (reader,), (values,), selected = readers, arrays, parts[0].frames
+        for block, (start, stop) in enumerate(pairwise(opened.starts)):
+            first, last = max(start, selected.start), min(stop, selected.stop)
+            if first >= last:
+                continue
+            reader.load(block)
+            # The reader holds this block until the next one: decode its tracks now.
+            for number, out in enumerate(values[1:], start=1):
+                reader.fill(out[first - selected.start : last - selected.start], first, number)
+            for begin in range(first, last, FRAMES_PER_REPORT):
+                end = min(begin + FRAMES_PER_REPORT, last)
+                reader.fill(values[0][begin - selected.start : end - selected.start], begin)
+                progress("decoding", Count(end - selected.start, n_frames, "frames"))
+    sequences: list[MeshSequence] = []
+    for part, reader, (vertices, *values) in zip(parts, readers, arrays, strict=True):
+        opened = part.opened
+        try:
+            if part.mesh_key not in meshes:
+                meshes[part.mesh_key] = opened.surface, opened.file.faces
+            surface, faces = meshes[part.mesh_key]
+            reader.close()
+            opened.file.close()
+            tracks: dict[str, Track] = {}
+            for track, out in zip(opened.tracks, values, strict=True):
+                kind, domain = KINDS[track.kind], DOMAINS[track.domain]
+                tracks[track.name] = Track(out, domain, kind, track.unit)
+            sequences.append(
+                MeshSequence.of_finite(
+                    vertices, faces, opened.fps, opened.name, part.start_s, surface, tracks
+                )
+            )
+        except InvalidInputError as error:
+            raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error
+    return sequences

@@ -4,6 +4,7 @@ from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
+from operator import attrgetter
 from typing import BinaryIO, TypeVar
 
 import numpy as np
@@ -196,6 +197,12 @@ class OpenStream:
         stored = (one.offset for one in self.leading if one.id in MESH_SECTIONS)
         return self.order_kept, *sorted(stored)
 
+    @property
+    def has_surface(self) -> bool:
+        """Whether it stores more than triangles."""
+        ids = map(attrgetter("id"), self.leading)
+        return not set(SURFACE_SECTIONS).isdisjoint(ids)
+
     @cached_property
     def surface(self) -> Surface:
         """Polygons, attributes, groups, hard edges, parts and materials of the mesh.
@@ -207,10 +214,7 @@ class OpenStream:
         MemoryLimitError
             If it takes more memory than allowed.
         """
-        for section in self.leading:
-            if section.id in SURFACE_SECTIONS:
-                return decoded_surface(self.file)
-        return PLAIN  # without decoding the faces
+        return decoded_surface(self.file) if self.has_surface else PLAIN
 
     def payload(self, section: FileSection) -> bytes:
         """Read the payload of a section."""
@@ -277,11 +281,12 @@ def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:
     UnsupportedVersionError
         If this build does not know the code.
     """
-    if code in list(choices):
+    try:
         return choices(code)
-    raise UnsupportedVersionError(
-        f"{choices.__name__.lower()} {code} is unknown to this build; upgrade meshreel"
-    )
+    except ValueError:
+        raise UnsupportedVersionError(
+            f"{choices.__name__.lower()} {code} is unknown to this build; upgrade meshreel"
+        ) from None
 
 
 def whole_stream(

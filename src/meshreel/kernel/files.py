@@ -80,7 +80,9 @@ class Text(ctypes.Structure):
         return ctypes.string_at(self.bytes, self.size).decode() if self.size else ""
 
 
-class _Error(ctypes.Structure):
+class Error(ctypes.Structure):
+    """`meshreel_error`."""
+
     _fields_ = [
         ("code", ctypes.c_int32),
         ("reserved", _U32),
@@ -124,7 +126,7 @@ class _Info(ctypes.Structure):
             "n_frames n_verts n_triangles n_faces n_corners n_blocks longest_block n_tracks "
             "number_bytes method laplacian order is_whole n_segments",
         ),
-        ("damage", _Error),
+        ("damage", Error),
     ]
 
 
@@ -463,7 +465,7 @@ _Kept = tuple[_Host, HostMemory]
 
 def _closer(file: "OpenFile") -> "finalize[[int, _Kept, ctypes.c_void_p], OpenFile]":
     """Close the file in the core when the object is deleted, or when the result is called."""
-    closer = finalize(file, _close, os.getpid(), (file._host, file._memory), file.handle)
+    closer = finalize(file, _close, os.getpid(), (file.host, file._memory), file.handle)
     closer.atexit = False
     return closer
 
@@ -492,6 +494,8 @@ class OpenFile:
         Of the file that a segment is part of; else as `info`.
     offset, first_frame : int
         Byte and frame of the whole at which it begins: 0 but of a segment behind the first.
+    host : meshreel_host
+        Shared by all segments; its memory functions may be called on any thread.
 
     Raises
     ------
@@ -510,7 +514,7 @@ class OpenFile:
         self._lock = fork_safe_lock()
         self._reader = None if isinstance(source, bytes) else SourceReader(source)
         n_threads = n_cores()
-        self._host = _Host(
+        self.host = _Host(
             ctypes.addressof(self._memory),
             ctypes.cast(library().reel_host_allocate, _POINTER),
             ctypes.cast(library().reel_host_release, _POINTER),
@@ -525,7 +529,7 @@ class OpenFile:
         self.call(
             "open",
             ctypes.byref(self._core_source()),
-            ctypes.byref(self._host),
+            ctypes.byref(self.host),
             ctypes.byref(self.handle),
         )
         self.is_open = True
@@ -608,21 +612,23 @@ class OpenFile:
         MeshReelError
             By its code; or what the file raised when it was read.
         """
-        error = _Error()
-        code = _function(name)(*arguments, ctypes.byref(error))
-        if code == OK:
-            return
-        failure = None if self._reader is None else self._reader.failure()
-        if code == UNREADABLE and failure is not None:
-            raise failure
-        if code == LIMIT:
-            raise MemoryLimitError(
+        error = Error()
+        if _function(name)(*arguments, ctypes.byref(error)) != OK:
+            raise self.failure(error)
+
+    def failure(self, error: Error) -> BaseException:
+        """The exception for an error of the core; what the file raised if it was read."""
+        raised = None if self._reader is None else self._reader.failure()
+        if error.code == UNREADABLE and raised is not None:
+            return raised
+        if error.code == LIMIT:
+            return MemoryLimitError(
                 f"decoding would take {size_text(error.size)} of memory; it may take "
                 f"{size_text(self._limit)}; if you trust the stream, allow more with memory="
             )
-        if code == NO_MEMORY:
-            raise MemoryError(f"decoding takes {error.size} bytes, which the system does not have")
-        raise _stream_error(error)
+        if error.code == NO_MEMORY:
+            return MemoryError(f"decoding takes {error.size} bytes, which the system does not have")
+        return _stream_error(error)
 
     @staged("connectivity")
     def read_mesh(self) -> None:
@@ -783,7 +789,7 @@ def _file_section(found: _Section) -> FileSection:
     )
 
 
-def _stream_error(error: _Error) -> Exception:
+def _stream_error(error: Error) -> Exception:
     """The exception of a failure of the core."""
     kinds: dict[int, type[Exception]] = {
         TRUNCATED: TruncatedStreamError,

@@ -347,8 +347,8 @@ def validate_faces(faces: Any, n_verts: int) -> Faces:
         raise InvalidInputError(f"faces must have shape (M, 3); got {array.shape}")
     if not np.issubdtype(array.dtype, np.integer):
         raise InvalidInputError(f"faces must be integers; got {array.dtype}")
-    outside = (array < 0) | (array >= n_verts)
-    if outside.any():
+    if array.min() < 0 or array.max() >= n_verts:
+        outside = (array < 0) | (array >= n_verts)
         row = int(np.argmax(outside.any(axis=1)))
         raise InvalidInputError(
             f"face {row} is {array[row].tolist()}; indices must be in 0..{n_verts - 1}"

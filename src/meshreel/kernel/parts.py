@@ -1,0 +1,77 @@
+"""Decoding of many small segments in one call of the core, `core/reader/parts.h`.
+
+Ten calls for each segment would take the interpreter's lock as long as the core decodes it.
+"""
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy.typing as npt
+
+from meshreel.kernel.files import OK, Error, OpenFile
+from meshreel.kernel.library import library
+from meshreel.runtime.profiling import staged
+
+
+class _Part(ctypes.Structure):
+    _fields_ = [
+        ("file", ctypes.c_void_p),
+        *((name, ctypes.c_uint32) for name in ("first", "count", "n_modes", "with_surface")),
+        ("values", ctypes.POINTER(ctypes.c_void_p)),
+        ("error", Error),
+    ]
+
+
+@dataclass(frozen=True)
+class SegmentFrames:
+    """Frames of an open segment.
+
+    Attributes
+    ----------
+    file : OpenFile
+        With one segment; nothing else may use it meanwhile.
+    first : int
+    values : list of arrays of shape (T, N, C)
+        One for each track, contiguous and of its number type; receives frames first..first+T-1.
+    n_modes : int
+        As of `FrameDecoder`.
+    with_surface : bool
+        Whether to decode the surface too.
+    """
+
+    file: OpenFile
+    first: int
+    values: list[npt.NDArray[Any]]
+    n_modes: int
+    with_surface: bool
+
+
+@staged("segments")
+def decode_together(segments: Sequence[SegmentFrames]) -> None:
+    """Decode mesh and frames of each segment on one thread.
+
+    Parameters
+    ----------
+    segments : sequence of SegmentFrames
+        At least one; all of one file in memory.
+
+    Raises
+    ------
+    MeshReelError
+        As `OpenFile` and `FrameDecoder`, for the first segment that fails.
+    """
+    parts = (_Part * len(segments))()
+    for part, one in zip(parts, segments, strict=True):
+        assert all(values.flags.c_contiguous for values in one.values)
+        addresses = (ctypes.c_void_p * len(one.values))(
+            *(values.ctypes.data for values in one.values)
+        )
+        part.file, part.first, part.count = one.file.handle, one.first, len(one.values[0])
+        part.n_modes, part.with_surface, part.values = one.n_modes, one.with_surface, addresses
+    host = ctypes.byref(segments[0].file.host)
+    library().reel_decode_parts(parts, ctypes.c_uint32(len(parts)), host)
+    for part, one in zip(parts, segments, strict=True):
+        if part.error.code != OK:
+            raise one.file.failure(part.error)

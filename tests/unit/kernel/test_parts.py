@@ -1,0 +1,109 @@
+"""Segments that are decoded together equal those decoded alone."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.codec import decoder
+from meshreel.errors import CorruptStreamError
+from meshreel.kernel.files import OpenFile
+from meshreel.kernel.parts import SegmentFrames, decode_together
+from meshreel.model.segments import SegmentedSequence
+from meshreel.model.sequence import MeshSequence
+from meshreel.model.tracks import Track
+from meshreel.runtime import threads
+
+METHODS = ("reel", "lossless", "grid")
+
+
+def segments_of(n_segments=5, n_frames=3, *, with_tracks=True):
+    """Return segments whose faces differ, with velocities and values of faces."""
+    segments = []
+    for number in range(n_segments):
+        flag = meshreel.simulate_flag(n_frames, n_rows=5 + number, n_columns=6)
+        velocity = np.gradient(flag.vertices, axis=0) * flag.fps
+        heat = np.random.default_rng(number).random((n_frames, flag.n_faces, 1))
+        tracks = {"velocity": Track(velocity, kind="velocity"), "heat": heat}
+        segments.append(
+            MeshSequence(flag.vertices, flag.faces, flag.fps, tracks=tracks if with_tracks else {})
+        )
+    return SegmentedSequence(segments)
+
+
+@pytest.fixture(params=[1, None], ids=["one core", "all cores"])
+def cores(request, monkeypatch):
+    monkeypatch.setattr(threads, "_core_limit", request.param)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.usefixtures("cores")
+def test_segments_decoded_together_equal_those_decoded_alone(method):
+    given = segments_of(with_tracks=method != "grid")
+    options = {"step": 1e-3} if method == "grid" else {}
+    data = meshreel.encode(given, method, **options)
+    together = meshreel.decode_segments(data)
+    assert len(together.segments) == len(given.segments)
+    for number, segment in enumerate(together.segments):
+        alone = meshreel.decode(data, segment=number)
+        np.testing.assert_array_equal(segment.vertices, alone.vertices)
+        np.testing.assert_array_equal(segment.faces, alone.faces)
+        assert list(segment.tracks) == list(alone.tracks)
+        for name, track in segment.tracks.items():
+            np.testing.assert_array_equal(track.values, alone.tracks[name].values)
+
+
+@pytest.mark.usefixtures("cores")
+def test_ranges_of_frames_and_modes_are_those_of_single_segments():
+    data = meshreel.encode(segments_of(n_frames=8))
+    part = meshreel.decode_segments(data, frames=slice(6, 30), n_modes=1).segments
+    assert [one.n_frames for one in part] == [2, 8, 8, 6]
+    first = meshreel.decode(data, segment=0, frames=slice(6, 8), n_modes=1)
+    last = meshreel.decode(data, segment=3, frames=slice(0, 6), n_modes=1)
+    np.testing.assert_array_equal(part[0].vertices, first.vertices)
+    np.testing.assert_array_equal(part[-1].vertices, last.vertices)
+
+
+def test_groups_contain_consecutive_segments(monkeypatch):
+    given = segments_of(with_tracks=False)
+    data = meshreel.encode(given)
+    whole = meshreel.decode_segments(data)
+    sizes = []
+
+    def recorded(segments):
+        sizes.append(len(segments))
+        decode_together(segments)
+
+    monkeypatch.setattr(decoder, "decode_together", recorded)
+    n_two = sum(one.n_frames * one.n_verts for one in given.segments[:2])
+    monkeypatch.setattr(decoder, "POSITIONS_OF_GROUP", n_two)
+    apart = meshreel.decode_segments(data)
+    assert sizes == [2]  # the others exceed the limit together, and are decoded one by one
+    for one, other in zip(whole.segments, apart.segments, strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
+
+
+def test_first_damaged_segment_raises():
+    given = segments_of(with_tracks=False)
+    data = bytearray(meshreel.encode(given, "lossless"))
+    place = OpenFile(bytes(data), 1e9).segments[3]
+    data[place.offset + place.size_bytes - 8] ^= 1
+    with pytest.raises(CorruptStreamError) as alone:
+        meshreel.decode(bytes(data), segment=3)
+    with pytest.raises(CorruptStreamError) as together:
+        meshreel.decode_segments(bytes(data))
+    assert str(together.value) == str(alone.value)
+
+
+def test_files_remain_usable_after_a_failure():
+    data = meshreel.encode(segments_of(3, with_tracks=False))
+    whole = OpenFile(data, 1e9)
+    files = [whole.segment(number) for number in range(3)]
+    frames = [np.empty((3, one.info.n_verts, 3), np.float32) for one in files]
+    requests = [
+        SegmentFrames(one, first, [out], 0, with_surface=True)
+        for one, first, out in zip(files, (0, 2, 0), frames, strict=True)
+    ]
+    with pytest.raises(meshreel.InvalidInputError, match="frames do not exist"):
+        decode_together(requests)
+    np.testing.assert_array_equal(frames[2], meshreel.decode(data, segment=2).vertices)
+    assert files[1].faces.shape == (files[1].info.n_triangles, 3)
