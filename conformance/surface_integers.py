@@ -68,7 +68,10 @@ def read_surface_integers(data, n_rows, width, triangles, twins):
         for k in range(width):
             near_sum = sum(abs(one[k]) for one in near)
             mean = near_sum * (48 // len(near)) if near else recent[k]
-            expected = (3 * mean + 48 * own if k else 4 * mean) + 2 * recent[k] + 72
+            column = [one[k] for one in rows]
+            prediction = predict(column, around[number], parallelograms[number], weights)
+            deviation = mean_deviation(column, parallelograms[number], prediction, mean)
+            expected = 2 * recent[k] + 72 + 2 * deviation + (mean + 48 * own if k else 2 * mean)
             octave = expected.bit_length() - 1
             size = 2 * (octave - 6) + (expected >> (octave - 1)) % 2
             vote = sum((one[k] > 0) - (one[k] < 0) for one in near)
@@ -77,8 +80,6 @@ def read_surface_integers(data, n_rows, width, triangles, twins):
             own = (own + limited) // 2 if k else limited
             recent[k] += (48 * limited - recent[k]) // 8
             own_residuals.append(-limited if residual < 0 else limited)
-            column = [one[k] for one in rows]
-            prediction = predict(column, around[number], parallelograms[number], weights)
             row.append(signed(prediction + residual))
         rows.append(tuple(row))
         coded.append(own_residuals)
@@ -116,3 +117,12 @@ def predict(column, around, parallelograms, weights):
     f, g = weights[2 * k - 2 : 2 * k]
     value = clip(p + (f * (p - q) + g * (r - p)), -MAX_PREDICTION, MAX_PREDICTION)
     return int(value - 0.5 if value < 0 else value + 0.5)
+
+
+def mean_deviation(column, parallelograms, prediction, mean):
+    """Return 48 times the mean distance of parallelograms from a prediction; without any, `mean`."""
+    if not parallelograms:
+        return mean
+    points = [column[a] + column[b] - column[third] for a, b, third in parallelograms]
+    total = float(sum(abs(point - prediction) for point in points))
+    return int(min(total * (48.0 / len(points)), 48.0 * LARGEST))

@@ -242,6 +242,25 @@ REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t
     return round_group(near + (f * (near - means.opposite) + g * (means.around - near)));
 }
 
+/* The mean distance of parallelograms from the prediction, for each column, in 1/48; there is at
+   least one. */
+REEL_INLINE vec4i mean_deviation(const surface_coder *coder, int64_t group, int64_t n_groups,
+                                 vec4i predicted) {
+    const vec4d most = {48.0 * LARGEST, 48.0 * LARGEST, 48.0 * LARGEST, 48.0 * LARGEST};
+    const row_group *rows = coder->rows + group;
+    vec4d prediction = __builtin_convertvector(predicted, vec4d), sum = {0};
+    for (int32_t i = 0; i < coder->n_parallelograms; i++) {
+        const parallelogram *one = &coder->parallelograms[i];
+        vec4d difference = rows[one->a * n_groups].values + rows[one->b * n_groups].values -
+                           rows[one->c * n_groups].values - prediction;
+        sum += (vec4d)((vec4l)difference & INT64_MAX);
+    }
+    sum *= 48.0 / (double)coder->n_parallelograms;
+    vec4l is_less = sum < most;
+    sum = (vec4d)(((vec4l)sum & is_less) | ((vec4l)most & ~is_less));
+    return __builtin_convertvector(sum, vec4i);
+}
+
 /* ---- residuals ---- */
 
 /* Code a magnitude of 0..2^31-1 of a predicted size. */
@@ -302,11 +321,17 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
     int32_t value[LANES] = {0}, coded[LANES] = {0};
     vec4i predicted = predict_group(coder, row, group, n_groups);
     near_residuals near = sum_near(coder, group, n_groups);
+    bool has_deviation = coder->n_parallelograms != 0;
+    vec4i deviation = {0};
+    if (has_deviation) {
+        deviation = mean_deviation(coder, group, n_groups, predicted);
+    }
     for (int k = 0; k < LANES && LANES * group + k < n_columns; k++) {
         int64_t column = LANES * group + k;
         int32_t *recent = &coder->recent[column];
         int32_t mean = near.n ? near.sizes[k] * shares[near.n] : *recent;
-        float expected = (float)((column ? 3 * mean + 48 * *own : 4 * mean) + 2 * *recent + 72);
+        int32_t sum = 2 * (has_deviation ? deviation[k] : mean) + 2 * *recent + 72;
+        float expected = (float)(sum + (column ? mean + 48 * *own : 2 * mean));
         int32_t bits;
         __builtin_memcpy(&bits, &expected, sizeof bits);
         int size = (bits >> 22) - 2 * (127 + 6); /* half octaves above 64 */
