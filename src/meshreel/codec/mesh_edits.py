@@ -4,19 +4,18 @@ A segment whose mesh is nearly that of an earlier one, as of a simulation that d
 character that changes props, then stores neither its connectivity nor its order again.
 """
 
-from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Integers, n_equal_before
 from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.codec.connectivity.order import inverse_permutation, matching_corners
 from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.mesh_matching import MAX_VERTS, FaceIndex, longest_ascending
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.sequence import Faces
 
@@ -25,9 +24,6 @@ MAX_BYTES_PER_FACE = 1 / 16
 
 N_SAMPLES = 128
 """Faces that are compared first, because most pairs of meshes are unrelated."""
-
-MAX_BASE_VERTS = 1 << 21
-"""So that the three vertices of a face fit 63 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +44,11 @@ class BaseMesh:
     def connectivity(self) -> CodedConnectivity:
         """Its connectivity, with the order of vertices and faces."""
         return encode_connectivity(self.faces, self.n_verts, order="keep")
+
+    @cached_property
+    def index(self) -> FaceIndex:
+        """Its faces by their vertices."""
+        return FaceIndex(self.faces, self.n_verts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,15 +109,12 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
         V.
     """
     base_faces, n_base_verts = base.faces, base.n_verts
-    if n_base_verts > MAX_BASE_VERTS or len(faces) > 2 * len(base_faces):
+    if n_base_verts > MAX_VERTS or len(faces) > 2 * len(base_faces):
         return None
-    keys = _keys(base_faces, n_base_verts)
-    if not _has_many_of(keys, n_base_verts, faces, n_base_verts - n_verts):
+    if not _has_many_of(base.index, faces, n_base_verts - n_verts):
         return None
-    by_key = np.argsort(keys, kind="stable")
-    sorted_keys = keys[by_key]
-    verts = _matched_vertices(sorted_keys, n_base_verts, faces, n_verts)
-    listed = _matched_faces(sorted_keys, by_key, n_base_verts, verts[faces])
+    verts = _split_vertices(base.index, faces, n_verts)
+    listed = _matched_faces(base.index, verts[faces])
     if 2 * np.count_nonzero(listed < 0) > len(faces):
         return None
     steps = [*_steps(verts, n_base_verts), *_steps(listed, len(base_faces))]
@@ -128,39 +126,31 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
     return MeshEdit(base, verts, listed, payload)
 
 
-def _keys(faces: npt.NDArray[np.integer], n_verts: int) -> Integers:
-    """Return a number for each face that no other oriented and rotated triangle has."""
-    wide = faces.astype(np.int64)
-    return (wide[:, 0] * n_verts + wide[:, 1]) * n_verts + wide[:, 2]
-
-
-def _has_many_of(keys: Integers, n_base_verts: int, faces: Faces, shift: int) -> bool:
+def _has_many_of(index: FaceIndex, faces: Faces, shift: int) -> bool:
     """Whether a quarter of a sample of faces is in the base, with equal or shifted vertices."""
     sample = faces[:: max(1, len(faces) // N_SAMPLES)]
-    wanted = np.unique(_keys(np.concatenate([sample, sample + shift]), n_base_verts))
-    at = np.minimum(np.searchsorted(wanted, keys), len(wanted) - 1)
-    return 4 * len(np.unique(at[wanted[at] == keys])) >= len(sample)
+    wanted = np.unique(index.keys(np.concatenate([sample, sample + shift])))
+    at = np.minimum(np.searchsorted(wanted, index.own_keys), len(wanted) - 1)
+    return 4 * len(np.unique(at[wanted[at] == index.own_keys])) >= len(sample)
 
 
-def _matched_vertices(
-    sorted_keys: Integers, n_base_verts: int, faces: Faces, n_verts: int
-) -> Integers:
+def _split_vertices(index: FaceIndex, faces: Faces, n_verts: int) -> Integers:
     """Return the number of each vertex in the base, or -1.
 
     Vertices before a split have equal numbers, those behind it end alike in both meshes. The split
     is the one that keeps most faces.
     """
-    shift = n_base_verts - n_verts
+    shift = index.n_verts - n_verts
     before = np.zeros(n_verts + 1, np.int64)  # faces that are kept if all vertices below are
     behind = np.zeros(n_verts + 1, np.int64)
     last = np.minimum(faces.max(axis=1) + 1, n_verts)
-    fits = _contains(sorted_keys, faces, n_base_verts)
+    fits = index.contains(faces)
     np.add.at(before, last[fits], 1)
     first = faces.min(axis=1)
-    fits = _contains(sorted_keys, faces + shift, n_base_verts)
+    fits = index.contains(faces + shift)
     np.add.at(behind, first[fits] + min(shift, 0), 1)
     kept = np.cumsum(before) + np.cumsum(behind[::-1])[::-1]
-    low = min(n_verts, n_base_verts)
+    low = min(n_verts, index.n_verts)
     split = int(np.argmax(kept[: low + 1]))
     numbers = np.arange(n_verts)
     numbers[split:] += shift
@@ -169,51 +159,17 @@ def _matched_vertices(
     return numbers
 
 
-def _contains(sorted_keys: Integers, faces: Faces, n_verts: int) -> npt.NDArray[np.bool_]:
-    """Whether each face is one of those with these keys."""
-    keys = _keys(faces, n_verts)
-    at = np.searchsorted(sorted_keys, keys)
-    is_inside = (faces.min(axis=1) >= 0) & (faces.max(axis=1) < n_verts)
-    result: npt.NDArray[np.bool_] = is_inside & (
-        sorted_keys[np.minimum(at, len(sorted_keys) - 1)] == keys
-    )
-    return result
-
-
-def _matched_faces(
-    sorted_keys: Integers, by_key: Integers, n_verts: int, faces: Integers
-) -> Integers:
+def _matched_faces(index: FaceIndex, faces: Integers) -> Integers:
     """Return the number of each face in the base, ascending, or -1."""
-    keys = _keys(faces, n_verts)
-    at = np.searchsorted(sorted_keys, keys) + n_equal_before(keys)
-    found = at < len(sorted_keys)
-    at = np.minimum(at, len(sorted_keys) - 1)
-    found &= (sorted_keys[at] == keys) & (faces.min(axis=1) >= 0)
-    listed = np.where(found, by_key[at], -1)
-    ascending = _longest_ascending(listed[found])
+    keys = index.keys(faces)
+    at = np.searchsorted(index.sorted_keys, keys) + n_equal_before(keys)
+    found = at < len(index.faces)
+    at = np.minimum(at, len(index.faces) - 1)
+    found &= (index.sorted_keys[at] == keys) & (faces.min(axis=1) >= 0)
+    listed = np.where(found, index.by_key[at], -1)
+    ascending = longest_ascending(listed[found])
     listed[np.flatnonzero(found)[~ascending]] = -1
     return listed
-
-
-def _longest_ascending(numbers: Integers) -> npt.NDArray[np.bool_]:
-    """Whether each number belongs to a longest ascending subsequence."""
-    selected = np.ones(len(numbers), bool)
-    if (np.diff(numbers) > 0).all():
-        return selected
-    ends: list[int] = []
-    at_end: list[int] = []
-    previous = []
-    for i, number in enumerate(numbers.tolist()):
-        place = bisect_left(ends, number)
-        previous.append(at_end[place - 1] if place else -1)
-        ends[place : place + 1] = [number]
-        at_end[place : place + 1] = [i]
-    selected[:] = False
-    i = at_end[-1]
-    while i >= 0:
-        selected[i] = True
-        i = previous[i]
-    return selected
 
 
 def _steps(numbers: Integers, n_base: int) -> list[Integers]:
