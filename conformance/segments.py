@@ -134,7 +134,7 @@ def edited(n_frames, **options):
     for seed, (faces, n_verts) in enumerate(edits()):
         sequence = moving(faces, n_frames, seed=seed, n_more=n_verts - int(faces.max()) - 1)
         segments.append(sequence)
-    with patch.object(mesh_edits, "MAX_BYTES_PER_FACE", 1):
+    with patch.object(mesh_edits, "SMALL_BYTES_PER_FACE", 1):
         return meshreel.encode(SegmentedSequence(segments), order="keep", **options)
 
 

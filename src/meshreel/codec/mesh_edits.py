@@ -15,12 +15,20 @@ from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.codec.connectivity.order import inverse_permutation, matching_corners
 from meshreel.codec.connectivity.triangles import twin_sides
-from meshreel.codec.mesh_matching import MAX_VERTS, FaceIndex, longest_ascending
+from meshreel.codec.mesh_matching import (
+    MAX_VERTS,
+    FaceIndex,
+    longest_ascending,
+    match_vertices,
+)
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.sequence import Faces
 
-MAX_BYTES_PER_FACE = 1 / 16
-"""Size of an edit up to which it replaces the connectivity, which takes at least twice as much."""
+SMALL_BYTES_PER_FACE = 1 / 16
+"""Size of an edit up to which no smaller one is searched for."""
+
+MAX_SIZE = 1 / 2
+"""Size of a larger edit up to which it replaces connectivity and order, relative to theirs."""
 
 N_SAMPLES = 128
 """Faces that are compared first, because most pairs of meshes are unrelated."""
@@ -99,8 +107,6 @@ class MeshEdit:
 def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
     """Return the edit that turns a mesh into another one, or None if it is not small.
 
-    Vertices are dropped or inserted in one run, or keep their numbers.
-
     Parameters
     ----------
     base : BaseMesh
@@ -108,21 +114,44 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
     n_verts : int
         V.
     """
-    base_faces, n_base_verts = base.faces, base.n_verts
-    if n_base_verts > MAX_VERTS or len(faces) > 2 * len(base_faces):
+    if base.n_verts > MAX_VERTS or len(faces) > 2 * len(base.faces):
         return None
-    if not _has_many_of(base.index, faces, n_base_verts - n_verts):
+    found = []
+    if _has_many_of(base.index, faces, base.n_verts - n_verts):
+        edit = _edit_with(base, faces, _split_vertices(base.index, faces, n_verts))
+        if edit is not None and len(edit.payload) <= SMALL_BYTES_PER_FACE * len(faces):
+            return edit
+        found.append(edit)
+    verts = match_vertices(base.index, faces, n_verts)
+    if verts is not None:
+        found.append(_edit_with(base, faces, verts))
+    edits = [one for one in found if one is not None]
+    smallest = min(edits, key=lambda one: len(one.payload), default=None)
+    if smallest is None or not _is_worthwhile(smallest, faces, n_verts):
         return None
-    verts = _split_vertices(base.index, faces, n_verts)
+    return smallest
+
+
+def _is_worthwhile(edit: MeshEdit, faces: Faces, n_verts: int) -> bool:
+    """Whether an edit takes few bytes compared with the connectivity and the order of the mesh.
+
+    Those of the base usually take fewer bytes, and are coded only once for all edits.
+    """
+    if len(edit.payload) <= MAX_SIZE * edit.base.connectivity.size_bytes:
+        return True
+    own = encode_connectivity(faces, n_verts, order="keep")
+    return len(edit.payload) <= MAX_SIZE * own.size_bytes
+
+
+def _edit_with(base: BaseMesh, faces: Faces, verts: Integers) -> MeshEdit | None:
+    """Return the edit in which vertices have these numbers, or None if most faces are new."""
     listed = _matched_faces(base.index, verts[faces])
     if 2 * np.count_nonzero(listed < 0) > len(faces):
         return None
-    steps = [*_steps(verts, n_base_verts), *_steps(listed, len(base_faces))]
+    steps = [*_steps(verts, base.n_verts), *_steps(listed, len(base.faces))]
     corners = np.diff(faces[listed < 0].astype(np.int64).reshape(-1), prepend=0)
-    counts = n_base_verts, len(base_faces), len(steps[0]), len(steps[3]), len(corners) // 3
+    counts = base.n_verts, len(base.faces), len(steps[0]), len(steps[3]), len(corners) // 3
     payload = b"".join(map(write_varint, counts)) + encode_integers([*steps, corners])
-    if len(payload) > MAX_BYTES_PER_FACE * len(faces):
-        return None
     return MeshEdit(base, verts, listed, payload)
 
 

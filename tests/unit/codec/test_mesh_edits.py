@@ -152,5 +152,9 @@ def test_any_edit_round_trips(draw):
     at = int(rng.integers(0, len(kept) + 1))
     changed = np.concatenate([kept[:at], new, kept[at:]])
     if len(changed):
-        with patch.object(mesh_edits, "MAX_BYTES_PER_FACE", 100):
+        small = draw.draw(st.sampled_from([0, 100]))  # any edit, from either search
+        with (
+            patch.object(mesh_edits, "SMALL_BYTES_PER_FACE", small),
+            patch.object(mesh_edits, "MAX_SIZE", 100),
+        ):
             round_trip((faces, n_verts), (changed, count), step=0.01)

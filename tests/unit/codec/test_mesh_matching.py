@@ -1,0 +1,226 @@
+"""Vertices of a mesh as those of another one, of which it lost and gained some in many places."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import meshreel
+from conformance.sources import grid
+from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.mesh_edits import BaseMesh, MeshEdits, find_edit
+from meshreel.codec.mesh_matching import FaceIndex, longest_ascending, match_vertices
+from meshreel.model.segments import SegmentedSequence
+from meshreel.model.sequence import MeshSequence
+from samples.d3plot import Model, state, write_family
+from samples.ensight import block, case, geometry, part
+
+SHEET = grid(40, 50).astype(np.int32)
+N_VERTS = 2000
+
+
+def irregular(n_rows=40, n_columns=50, seed=0):
+    """A sheet with diagonals and an order of faces that repeat nowhere."""
+    rng = np.random.default_rng(seed)
+    low = (np.arange(n_rows - 1)[:, None] * n_columns + np.arange(n_columns - 1)).ravel()
+    right, up, far = low + 1, low + n_columns, low + n_columns + 1
+    turned = np.stack([low, right, far, low, far, up], axis=1)
+    other = np.stack([low, right, up, right, far, up], axis=1)
+    chosen = np.where(rng.random(len(low))[:, None] < 0.5, turned, other)
+    return chosen.reshape(-1, 3)[rng.permutation(2 * len(low))].astype(np.int32)
+
+
+def without(faces, n_verts, dropped):
+    """Return the faces that have none of these vertices, and the numbers of those in use."""
+    kept = faces[~np.isin(faces, dropped).any(axis=1)]
+    used, numbers = np.unique(kept, return_inverse=True)
+    return numbers.reshape(-1, 3).astype(np.int32), used
+
+
+def places(n_verts, count, seed=3):
+    return np.random.default_rng(seed).choice(n_verts, count, replace=False)
+
+
+def matched(faces, others, n_verts):
+    return match_vertices(FaceIndex(faces, N_VERTS), others, n_verts)
+
+
+@pytest.mark.parametrize("faces", [SHEET, irregular()], ids=["regular", "irregular"])
+@pytest.mark.parametrize("count", [2, 10, 40])
+def test_vertices_dropped_in_many_places_are_found(faces, count):
+    others, used = without(faces, N_VERTS, places(N_VERTS, count))
+    np.testing.assert_array_equal(matched(faces, others, len(used)), used)
+
+
+@pytest.mark.parametrize("faces", [SHEET, irregular()], ids=["regular", "irregular"])
+def test_numbers_may_be_in_any_order_over_the_surface(faces):
+    shuffled = np.random.default_rng(1).permutation(N_VERTS)[faces].astype(np.int32)
+    others, used = without(shuffled, N_VERTS, places(N_VERTS, 20))
+    found = matched(shuffled, others, len(used))
+    is_known = found >= 0
+    np.testing.assert_array_equal(found[is_known], used[is_known])
+    assert is_known.mean() > 0.99
+
+
+def test_inserted_vertices_have_no_number():
+    """The reverse of dropping them, but for gaps that the new vertices do not fill."""
+    fewer, used = without(irregular(), N_VERTS, places(N_VERTS, 20))
+    found = match_vertices(FaceIndex(fewer, len(used)), irregular(), N_VERTS)
+    expected = np.full(N_VERTS, -1)
+    expected[used] = np.arange(len(used))
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_vertices_are_dropped_and_inserted_at_once():
+    faces = irregular()
+    base, used = without(faces, N_VERTS, places(N_VERTS, 10, seed=5))
+    others, used_hat = without(faces, N_VERTS, places(N_VERTS, 10, seed=6))
+    found = match_vertices(FaceIndex(base, len(used)), others, len(used_hat))
+    both = np.isin(used_hat, used)
+    expected = np.where(both, np.searchsorted(used, used_hat), -1)
+    assert (found == expected).mean() > 0.98
+    assert (np.diff(found[found >= 0]) > 0).all()
+
+
+def test_components_are_found_apart():
+    faces = np.concatenate([irregular(20, 50, seed=i) + 1000 * i for i in range(2)])
+    others, used = without(faces, N_VERTS, [30, 400, 401, 990, 1020, 1500, 1970])
+    np.testing.assert_array_equal(matched(faces, others, len(used)), used)
+
+
+def test_a_vertex_dropped_at_each_end_costs_few_others():
+    faces = irregular()
+    others, used = without(faces, N_VERTS, [3, 400, 1990])
+    assert (matched(faces, others, len(used)) == used).mean() > 0.97
+
+
+def test_isolated_vertices_keep_their_places():
+    shifted = np.where(SHEET >= 700, SHEET + 2, SHEET)  # 700 and 701 are in no face
+    others = shifted[~np.isin(shifted, [100, 1500]).any(axis=1)]
+    kept = np.delete(np.arange(N_VERTS + 2), [100, 1500])
+    numbers = np.full(N_VERTS + 2, -1)
+    numbers[kept] = np.arange(N_VERTS)
+    found = match_vertices(FaceIndex(shifted, N_VERTS + 2), numbers[others].astype(np.int32), 2000)
+    np.testing.assert_array_equal(found, kept)
+
+
+def test_repeated_and_degenerate_faces_do_not_confuse():
+    faces = irregular()
+    odd = np.concatenate([faces, faces[::7], np.repeat(faces[::11, :1], 3, axis=1)])
+    odd[5:50:9, 1] = odd[5:50:9, 0]
+    others, used = without(odd, N_VERTS, places(N_VERTS, 20))
+    np.testing.assert_array_equal(matched(odd, others, len(used)), used)
+
+
+@pytest.mark.parametrize("faces", [SHEET, irregular()], ids=["regular", "irregular"])
+def test_unrelated_meshes_are_refused(faces):
+    rng = np.random.default_rng(4)
+    numbers = rng.permutation(N_VERTS)
+    others = numbers[faces][rng.permutation(len(faces))].astype(np.int32)
+    assert matched(faces, others, N_VERTS) is None
+    random = rng.integers(0, N_VERTS, faces.shape).astype(np.int32)
+    assert matched(faces, random, N_VERTS) is None
+
+
+@given(st.lists(st.integers(0, 30), max_size=40))
+def test_longest_ascending_subsequence_is_longest(numbers):
+    selected = np.array(numbers, np.int64)[longest_ascending(np.array(numbers, np.int64))]
+    assert (np.diff(selected) > 0).all()
+    lengths = []
+    for i, number in enumerate(numbers):
+        lengths.append(1 + max((lengths[j] for j in range(i) if numbers[j] < number), default=0))
+    assert len(selected) == max(lengths, default=0)
+
+
+@given(st.integers(0, 10**6), st.integers(0, 30), st.integers(0, 30))
+def test_numbers_ascend_whatever_is_dropped(seed, n_dropped, n_inserted):
+    faces = irregular(12, 15)
+    base, used = without(faces, 180, places(180, n_inserted, seed))
+    others, used_hat = without(faces, 180, places(180, n_dropped, seed + 1))
+    found = match_vertices(FaceIndex(base, len(used)), others, len(used_hat))
+    if found is not None:
+        assert found.shape == used_hat.shape
+        numbered = found[found >= 0]
+        assert (np.diff(numbered) > 0).all()
+        assert numbered.max(initial=0) < len(used)
+
+
+def test_a_mesh_that_lost_vertices_in_many_places_is_an_edit():
+    faces = irregular()
+    others, used = without(faces, N_VERTS, places(N_VERTS, 20))
+    found = find_edit(BaseMesh(faces, N_VERTS), others, len(used))
+    np.testing.assert_array_equal(found.verts, used)
+    assert (found.listed >= 0).all()
+    own = encode_connectivity(others, len(used), order="keep")
+    assert len(found.payload) < own.size_bytes / 20
+
+
+def test_an_edit_that_is_larger_than_half_of_the_mesh_is_the_next_base():
+    faces, edits = irregular(), MeshEdits()
+    others, used = without(faces, N_VERTS, places(N_VERTS, 20))
+    rng = np.random.default_rng(9)
+    new = rng.integers(0, len(used), (1500, 3)).astype(np.int32)
+    assert edits.edit_to(faces, N_VERTS) is None
+    assert edits.edit_to(np.concatenate([others, new[:20]]), len(used)) is not None
+    assert edits.edit_to(np.concatenate([others, new]), len(used)) is None
+
+
+def eroded_quads(n_states):
+    """Quads of a sheet of 30 x 30 nodes, and which of them exist in each state."""
+    first = (np.arange(29)[:, None] * 30 + np.arange(29)).ravel()[:, None]
+    quads = first + np.array([0, 1, 31, 30])
+    lost = np.random.default_rng(2).permutation(29 * 29)
+    exists = np.ones((n_states, len(quads)), bool)
+    for number in range(n_states):
+        centers = lost[: 4 * number]
+        near = np.isin(quads, quads[centers][:, 0]).any(axis=1)  # all quads at these nodes
+        exists[number] = ~near
+    nodes = np.stack([np.arange(900) % 30, np.arange(900) // 30, 0 * np.arange(900)], axis=1)
+    return nodes.astype(float), quads, exists
+
+
+def d3plot_of(folder, nodes, quads, exists):
+    shells = np.concatenate([quads, np.zeros_like(quads[:, :1])], axis=1)
+    model = Model(nodes, shells=shells, control={15: 4, 20: 1, 36: -10_003})
+    states = [state(i, nodes * (1 + i / 9), alive) for i, alive in enumerate(exists)]
+    return write_family(folder / "d3plot", model, [states])
+
+
+def ensight_of(folder, nodes, quads, exists):
+    for number, alive in enumerate(exists):
+        used, numbers = np.unique(quads[alive], return_inverse=True)
+        elements = block("<", "quad4", numbers.reshape(-1, 4))
+        one = part("<", 1, "sheet", nodes[used] * (1 + number / 9), elements)
+        (folder / f"g{3 + 2 * number:03}").write_bytes(geometry("<", one))
+    path = folder / "a.case"
+    path.write_text(case("1 g***", times=range(len(exists))))
+    return path
+
+
+@pytest.mark.parametrize("write", [d3plot_of, ensight_of])
+def test_eroded_elements_of_solvers_are_edits(tmp_path, write):
+    found = meshreel.load_segments(write(tmp_path, *eroded_quads(4)))
+    assert found.n_segments == 4
+    edits, base = MeshEdits(), found.segments[0]
+    assert edits.edit_to(base.faces, base.n_verts) is None
+    for segment in found.segments[1:]:
+        assert segment.n_verts < base.n_verts
+        edit = edits.edit_to(segment.faces, segment.n_verts)
+        assert (edit.listed >= 0).all()
+    data = meshreel.encode(found, order="keep")
+    for segment, original in zip(
+        meshreel.decode_segments(data).segments, found.segments, strict=True
+    ):
+        np.testing.assert_array_equal(segment.faces, original.faces)
+
+
+def test_eroded_segments_share_their_connectivity():
+    faces = irregular()
+    frames = np.random.default_rng(0).normal(size=(2, N_VERTS, 3)).astype(np.float32)
+    segments, sizes = [], []
+    for count in (0, 5, 15, 30):
+        others, used = without(faces, N_VERTS, places(N_VERTS, count))
+        segments.append(MeshSequence(frames[:, used], others))
+        sizes.append(len(meshreel.encode(segments[-1], order="keep")))
+    own = encode_connectivity(faces, N_VERTS, order="keep").size_bytes
+    assert len(meshreel.encode(SegmentedSequence(segments), order="keep")) < sum(sizes) - 2.5 * own
