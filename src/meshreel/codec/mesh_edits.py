@@ -114,7 +114,7 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
     n_verts : int
         V.
     """
-    if base.n_verts > MAX_VERTS or len(faces) > 2 * len(base.faces):
+    if base.n_verts > MAX_VERTS or not 0 < len(faces) <= 2 * len(base.faces):
         return None
     found = []
     if _has_many_of(base.index, faces, base.n_verts - n_verts):

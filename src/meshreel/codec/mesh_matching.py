@@ -41,8 +41,11 @@ Many of them share faces only if the numbers follow the surface; more are more o
 N_BLOCKS = 64
 """Blocks of vertices that are searched for in the base by the numbers of their faces."""
 
-MAX_ROUNDS = 8
-"""Rounds of guessing."""
+MAX_SHIFTS = 4096
+"""Difference of the numbers of vertices up to which blocks are searched for, which takes time."""
+
+MAX_ROUNDS, MIN_GROWTH = 8, 1.002
+"""Rounds of guessing, and how many times the faces of the last round one must find to go on."""
 
 ENOUGH = 0.9
 """Share of the faces of the smaller mesh at which no other guess is tried."""
@@ -180,7 +183,10 @@ def _numbers_by_degrees(degrees: Integers, others: Integers) -> Integers:
 
     Only in one place each; the more vertices precede a block, the further its numbers shift.
     """
+    numbers = np.full(len(others), -1)
     shift, size = len(degrees) - len(others), min(BLOCK_SIZE, len(degrees), len(others))
+    if abs(shift) > MAX_SHIFTS:
+        return numbers
     starts = np.unique(np.linspace(0, len(others) - size, N_BLOCKS).astype(np.int64))
     blocks = others[starts[:, None] + np.arange(size)]
     shifts = np.arange(min(shift, 0), max(shift, 0) + 1)
@@ -196,7 +202,6 @@ def _numbers_by_degrees(degrees: Integers, others: Integers) -> Integers:
     of_block = shifts[n_equal[found].argmax(axis=1)]
     rank = np.abs(of_block) * len(starts) + found  # shifts may repeat
     kept = longest_ascending(rank)
-    numbers = np.full(len(others), -1)
     for start, own in zip(starts[found[kept]], of_block[kept], strict=True):
         numbers[start : start + size] = np.arange(start, start + size) + own
     numbered = np.flatnonzero(numbers >= 0)
@@ -219,7 +224,7 @@ def _verified(base: FaceIndex, mesh: FaceIndex, numbers: Integers) -> tuple[Inte
         )
         is_wrong = (mesh.degrees > 0) & ((support == 0) | (2 * support < tests))
         numbers = np.where(is_wrong, -1, numbers)
-        if n_found == len(faces) or n_found <= 1.002 * n_last:
+        if n_found == len(faces) or n_found < MIN_GROWTH * n_last:
             break
         n_last = n_found
         guessed = _continued(numbers, base.n_verts, reach=REACH)

@@ -1,5 +1,7 @@
 """Vertices of a mesh as those of another one, of which it lost and gained some in many places."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 import meshreel
 from conformance.sources import grid
+from meshreel.codec import mesh_matching
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.mesh_edits import BaseMesh, MeshEdits, find_edit
 from meshreel.codec.mesh_matching import FaceIndex, longest_ascending, match_vertices
@@ -92,6 +95,27 @@ def test_a_vertex_dropped_at_each_end_costs_few_others():
     faces = irregular()
     others, used = without(faces, N_VERTS, [3, 400, 1990])
     assert (matched(faces, others, len(used)) == used).mean() > 0.97
+
+
+def test_vertices_dropped_at_both_ends_cost_few_others():
+    faces = irregular()
+    others, used = without(faces, N_VERTS, [*range(6), 700, *range(N_VERTS - 6, N_VERTS)])
+    assert (matched(faces, others, len(used)) == used).mean() > 0.97
+
+
+def test_blocks_are_searched_for_only_in_meshes_of_similar_size():
+    faces = irregular()
+    others, used = without(faces, N_VERTS, [30, 700, 1500])
+    degrees = [FaceIndex(faces, N_VERTS).degrees, FaceIndex(others, len(used)).degrees]
+    found = mesh_matching._numbers_by_degrees(*degrees)
+    assert (found == used)[found >= 0].mean() > 0.9
+    with patch.object(mesh_matching, "MAX_SHIFTS", 2):
+        assert (mesh_matching._numbers_by_degrees(*degrees) == -1).all()
+
+
+@pytest.mark.parametrize(("faces", "others"), [(0, 1), (100, 0), (0, 0)])
+def test_a_mesh_without_faces_is_neither_an_edit_nor_a_base(faces, others):
+    assert find_edit(BaseMesh(SHEET[:faces], N_VERTS), SHEET[:others], N_VERTS) is None
 
 
 def test_isolated_vertices_keep_their_places():
