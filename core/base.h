@@ -13,6 +13,11 @@
 #define REEL_INLINE REEL_WRAPPER
 #endif
 
+/* Functions of headers that all builds inline, or of which small builds link one copy for all files. */
+#ifndef REEL_SHARED
+#define REEL_SHARED REEL_INLINE
+#endif
+
 #ifndef REEL_CALLED
 #define REEL_CALLED static __attribute__((noinline))
 #endif
@@ -47,7 +52,7 @@ typedef struct {
     bool failed;
 } reel_arena;
 
-REEL_INLINE reel_arena reel_arena_of(void *memory, size_t size) {
+REEL_SHARED reel_arena reel_arena_of(void *memory, size_t size) {
     return (reel_arena){.base = memory, .size = size, .used = 0, .failed = false};
 }
 
@@ -66,11 +71,11 @@ REEL_INLINE reel_arena reel_arena_of(void *memory, size_t size) {
 
 /* Bytes that an array of `count` items of `item` bytes takes in an arena. The caller bounds the
    product. */
-REEL_INLINE size_t reel_array_bytes(size_t count, size_t item) {
+REEL_SHARED size_t reel_array_bytes(size_t count, size_t item) {
     return (count * item + REEL_GAP + REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
 }
 
-REEL_INLINE void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
+REEL_SHARED void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
     size_t size = reel_array_bytes(count, item);
     if (size > arena->size - arena->used) {
         reel_rare();
@@ -83,13 +88,13 @@ REEL_INLINE void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
     return block;
 }
 
-REEL_INLINE void reel_zero(void *target, size_t size) { __builtin_memset(target, 0, size); }
+REEL_SHARED void reel_zero(void *target, size_t size) { __builtin_memset(target, 0, size); }
 
-REEL_INLINE void reel_copy(void *target, const void *source, size_t size) {
+REEL_SHARED void reel_copy(void *target, const void *source, size_t size) {
     __builtin_memcpy(target, source, size);
 }
 
-REEL_INLINE bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t size) {
+REEL_SHARED bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t size) {
     size_t i = 0;
     while (i < size && a[i] == b[i]) {
         i++;
@@ -98,6 +103,6 @@ REEL_INLINE bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t siz
 }
 
 /* Number of significant bits: 0 for 0, 1 for 1, 2 for 2 and 3. */
-REEL_INLINE int reel_bit_length(uint32_t value) { return value ? 32 - __builtin_clz(value) : 0; }
+REEL_SHARED int reel_bit_length(uint32_t value) { return value ? 32 - __builtin_clz(value) : 0; }
 
 #endif

@@ -31,7 +31,7 @@ REEL_INLINE bool reel_is_encoder(const reel_range_coder *coder) {
 #endif
 }
 
-REEL_INLINE uint32_t reel_read_word(reel_range_coder *coder) {
+REEL_SHARED uint32_t reel_read_word(reel_range_coder *coder) {
     uint32_t word = 0;
     size_t left = coder->position < coder->size ? coder->size - coder->position : 0;
     for (size_t i = 0; i < 4; i++) { /* bytes past the end read as 0 */
@@ -45,7 +45,7 @@ REEL_INLINE reel_range_coder reel_start_encoder(uint8_t *out, size_t capacity) {
     return (reel_range_coder){.range = UINT64_MAX, .out = out, .size = capacity, .writes = true};
 }
 
-REEL_INLINE reel_range_coder reel_start_decoder(const uint8_t *in, size_t size) {
+REEL_SHARED reel_range_coder reel_start_decoder(const uint8_t *in, size_t size) {
     reel_range_coder coder = {.range = UINT64_MAX, .in = in, .size = size};
     coder.low = (uint64_t)reel_read_word(&coder) << 32;
     coder.low |= reel_read_word(&coder);
@@ -114,7 +114,7 @@ REEL_INLINE int reel_code_bit(reel_range_coder *coder, uint32_t probability, int
 }
 
 /* Code the lowest `count` bits (0..28) of a value as equiprobable bits. */
-REEL_INLINE uint32_t reel_code_raw(reel_range_coder *coder, int count, uint32_t value) {
+REEL_SHARED uint32_t reel_code_raw(reel_range_coder *coder, int count, uint32_t value) {
     uint32_t max = (1U << count) - 1;
     coder->range >>= count; /* at least 2^4 */
     if (reel_is_encoder(coder)) {
@@ -166,7 +166,7 @@ REEL_INLINE int64_t reel_finish_encoder(reel_range_coder *coder) {
 }
 
 /* Finish decoding; returns the size of the stream, or a failure if bytes other than 0 follow. */
-REEL_INLINE int64_t reel_finish_decoder(const reel_range_coder *coder) {
+REEL_SHARED int64_t reel_finish_decoder(const reel_range_coder *coder) {
     for (size_t i = coder->position; i < coder->size; i++) {
         if (coder->in[i]) {
             return reel_failure(REEL_CORRUPT, i);
@@ -175,7 +175,7 @@ REEL_INLINE int64_t reel_finish_decoder(const reel_range_coder *coder) {
     return (int64_t)coder->size;
 }
 
-REEL_INLINE int64_t reel_finish(reel_range_coder *coder) {
+REEL_SHARED int64_t reel_finish(reel_range_coder *coder) {
     return reel_is_encoder(coder) ? reel_finish_encoder(coder) : reel_finish_decoder(coder);
 }
 

@@ -127,6 +127,9 @@ WASM = (
     "-DREEL_INLINE=static inline",  # a third smaller than forced inlining
     "-DREEL_CALLED=static",
 )
+# The linker keeps one copy of a weak function: 4 % smaller after gzip and up to 1 % slower. Not for
+# the whole module, which would decode lossless files 11 % more slowly.
+SMALL = ("-DREEL_SMALL=1", "-DREEL_SHARED=__attribute__((weak))")
 # wasm-ld optimizes the whole program. `zig cc` does not forward the flags of its optimizer.
 WASM_LINKER = (
     "--no-entry",
@@ -175,7 +178,7 @@ TARGETS = {
     "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
     "win-arm64": Target("reel.dll", PE, "aarch64-windows-gnu", "win_arm64"),
     # What most files contain; a page loads the whole module only for others.
-    "wasm": wasm("reel.wasm", "-msimd128", "-DREEL_SMALL=1"),
+    "wasm": wasm("reel.wasm", "-msimd128", *SMALL),
     "wasm-whole": wasm("reel_whole.wasm", "-msimd128"),
     "wasm-plain": wasm("reel_plain.wasm"),  # for engines without SIMD
 }

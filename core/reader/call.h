@@ -76,7 +76,7 @@ void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), voi
               uint32_t n_tasks);
 
 /* Number of threads to divide work among. */
-REEL_INLINE uint32_t reel_threads(const reel_call *call) {
+REEL_SHARED uint32_t reel_threads(const reel_call *call) {
 #ifdef __wasm__ /* the host has no threads, see page.c */
     (void)call;
     return 1;
