@@ -147,7 +147,7 @@ async function buildPackage() {
     entryPoints: ["src/index.ts"],
     splitting: true,
     outdir: dist,
-    plugins: [embedEngine, externalScripts(/\/(\w+_wasm|whole_engine|local_file)\.js$/)],
+    plugins: [embedEngine, externalScripts(/\/(\w+_wasm|whole_engine|local_file|remote)\.js$/)],
     chunkNames: "[name]",
   });
   // Scripts of their own: gzip needs 0.9 kB more for base64 and code in one file.
@@ -161,6 +161,12 @@ async function buildPackage() {
     outdir: dist,
     plugins: [embedEngine],
     define: embeddedModules,
+  });
+  const remote = await build({
+    ...common,
+    entryPoints: ["src/source/remote.ts"],
+    outdir: dist,
+    plugins: [externalIndex],
   });
   const localFile = await build({
     ...common,
@@ -187,7 +193,7 @@ async function buildPackage() {
     plugins: [embedEngine, ownRenderer, externalScripts(/\/(plain_wasm|whole_wasm|whole_engine|local_file)\.js$/)],
     define: embeddedModules,
   });
-  for (const file of [decoder, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs))) {
+  for (const file of [decoder, remote, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs))) {
     const path = join(here, file);
     writeFileSync(path, await shrink(readFileSync(path, "utf8")));
   }
@@ -203,7 +209,7 @@ async function buildPackage() {
   copyFileSync(join(here, "../THIRD_PARTY_LICENSES.md"), join(dist, "THIRD_PARTY_LICENSES.md"));
   writeFileSync(join(dist, "built"), ""); // marks a complete build
 
-  const files = [decoder, modulesOfCore, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+  const files = [decoder, modulesOfCore, remote, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
   for (const file of files) {
     const bytes = readFileSync(join(here, file));
     const packed = gzipSync(bytes, { level: 9 }).length;

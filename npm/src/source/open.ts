@@ -1,11 +1,9 @@
 // Opens the source of the bytes of a file.
 
-import { InvalidInputError, SourceError } from "../errors.js";
+import { SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
-import { HttpTransport, parseResponse } from "./http_transport.js";
 import { BlobSource, clampRange, MemorySource } from "./memory.js";
-import { RemoteSource } from "./remote.js";
-import { fileChangedError, errorReason, type Transport } from "./transport.js";
+import { fileChangedError, errorReason } from "./transport.js";
 
 /**
  * A source: an address (in Node also a `file:` URL), a response of `fetch`, a blob, or bytes.
@@ -45,15 +43,9 @@ export interface SourceOptions {
  */
 export async function openSource(
   from: SourceInput,
-  {
-    signal,
-    headers,
-    credentials,
-    cache = "no-store",
-    retries = 3,
-    stallSeconds = 20,
-  }: SourceOptions = {},
+  options: SourceOptions = {},
 ): Promise<ByteSource> {
+  const { signal } = options;
   signal?.throwIfAborted();
   if (from instanceof Blob) return new BlobSource(from);
   if (from instanceof ArrayBuffer) return new MemorySource(new Uint8Array(from));
@@ -63,53 +55,12 @@ export async function openSource(
     const shared = { SourceError, clampRange, fileChangedError, errorReason };
     return openLocalFile(String(from), shared, signal);
   }
-  const server = createTransport(from, { headers, credentials, cache });
-  const nRetries = from instanceof Response ? 0 : retries;
-  const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
-  signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
-  try {
-    // The first response tells whether the server supports ranges.
-    await source.read(0, 1);
-  } catch (error) {
-    source.close();
-    throw error;
-  }
-  return source;
+  // A separate script, since pages that pass bytes do not need it.
+  const { openRemote } = await import("./remote.js");
+  return openRemote(from, options);
 }
 
 /** Whether this is Node, whose `fetch` does not support `file:` URLs. */
 function isNode(): boolean {
   return !!(globalThis as { process?: { versions?: { node?: string } } }).process?.versions?.node;
-}
-
-function createTransport(from: string | URL | Response, init: RequestInit): Transport {
-  if (typeof from === "string" || from instanceof URL) return new HttpTransport(String(from), init);
-  if (from instanceof Response) return responseTransport(from);
-  throw new InvalidInputError(
-    `a source cannot be opened from ${Object.prototype.toString.call(from)}; pass an address, a` +
-      " Response, a Blob, an ArrayBuffer or a Uint8Array",
-  );
-}
-
-/** A transport for the response of a caller, which can be read only once. */
-function responseTransport(response: Response): Transport {
-  const name = response.url || "the response";
-  const part = parseResponse(response);
-  if (response.bodyUsed || response.body?.locked) {
-    throw new InvalidInputError(`${name} has been read already; pass an unread response`);
-  }
-  if (!response.ok || !part || part.start > 0 || part.end !== part.size) {
-    throw new SourceError(`${name} does not contain a whole file (HTTP ${response.status})`);
-  }
-  let isUsed = false;
-  const ask = async () => {
-    if (isUsed) {
-      throw new SourceError(
-        `${name} cannot be requested again; open the address instead`,
-      );
-    }
-    isUsed = true;
-    return part;
-  };
-  return { name, size: part.size, hasRanges: false, request: ask };
 }

@@ -1,14 +1,48 @@
-// Reads a remote file by ranges.
+// Reads a remote file by ranges. Loaded on demand.
 
+import { InvalidInputError, SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
 import { Download } from "./download.js";
+import { HttpTransport, parseResponse } from "./http_transport.js";
 import { clampRange } from "./memory.js";
+import type { SourceOptions } from "./open.js";
 import type { RetryPolicy, Transport } from "./transport.js";
 
 /** Bytes of the first request. They are kept, since opening a file reads them in small steps. */
 const HEAD_BYTES = 65536;
 /** Files up to this size are downloaded entirely, without waiting for further reads. */
 const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
+
+/**
+ * Open an address or a response; see `openSource`.
+ *
+ * @throws InvalidInputError for other values.
+ */
+export async function openRemote(
+  from: string | URL | Response,
+  {
+    signal,
+    headers,
+    credentials,
+    cache = "no-store",
+    retries = 3,
+    stallSeconds = 20,
+  }: SourceOptions,
+): Promise<ByteSource> {
+  signal?.throwIfAborted();
+  const server = createTransport(from, { headers, credentials, cache });
+  const nRetries = from instanceof Response ? 0 : retries;
+  const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
+  signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
+  try {
+    // The first response tells whether the server supports ranges.
+    await source.read(0, 1);
+  } catch (error) {
+    source.close();
+    throw error;
+  }
+  return source;
+}
 
 /** A range of bytes and the download that contains it. */
 interface RangeRead {
@@ -113,4 +147,36 @@ function untilAborted<T>(work: Promise<T>, signal?: AbortSignal): Promise<T> {
     signal.addEventListener("abort", abort);
     work.then(resolve, reject).finally(() => signal.removeEventListener("abort", abort));
   });
+}
+
+function createTransport(from: string | URL | Response, init: RequestInit): Transport {
+  if (typeof from === "string" || from instanceof URL) return new HttpTransport(String(from), init);
+  if (from instanceof Response) return responseTransport(from);
+  throw new InvalidInputError(
+    `a source cannot be opened from ${Object.prototype.toString.call(from)}; pass an address, a` +
+      " Response, a Blob, an ArrayBuffer or a Uint8Array",
+  );
+}
+
+/** A transport for the response of a caller, which can be read only once. */
+function responseTransport(response: Response): Transport {
+  const name = response.url || "the response";
+  const part = parseResponse(response);
+  if (response.bodyUsed || response.body?.locked) {
+    throw new InvalidInputError(`${name} has been read already; pass an unread response`);
+  }
+  if (!response.ok || !part || part.start > 0 || part.end !== part.size) {
+    throw new SourceError(`${name} does not contain a whole file (HTTP ${response.status})`);
+  }
+  let isUsed = false;
+  const ask = async () => {
+    if (isUsed) {
+      throw new SourceError(
+        `${name} cannot be requested again; open the address instead`,
+      );
+    }
+    isUsed = true;
+    return part;
+  };
+  return { name, size: part.size, hasRanges: false, request: ask };
 }
