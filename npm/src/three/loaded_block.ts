@@ -1,17 +1,24 @@
 // Blocks without their fields, which only the backend holds.
 
 import type { BlockFields } from "../types.js";
+import type { Corrections } from "./corrections.js";
+
+/** The script of corrections. */
+type CorrectionsScript = typeof import("./corrections.js");
 
 /** A block without its fields. */
 export interface LoadedBlock extends Omit<BlockFields, "fields"> {
   /** Mean of the weights over its frames: nModes x 3. */
   readonly meanWeights: Float32Array;
+  /** Null if it has no corrections. */
+  readonly corrections: CorrectionsScript | null;
 }
 
-/** Remove the fields of a block. */
-export function withoutFields(block: BlockFields): LoadedBlock {
+/** Remove the fields of a block, and load the script of corrections if it has some. */
+export async function withoutFields(block: BlockFields): Promise<LoadedBlock> {
   const { fields: _, ...rest } = block;
-  return { ...rest, meanWeights: meanWeights(block) };
+  const corrections = block.correctionVertices.length ? await import("./corrections.js") : null;
+  return { ...rest, meanWeights: meanWeights(block), corrections };
 }
 
 function meanWeights({ weights, nModes, nFrames }: BlockFields): Float32Array {
@@ -42,16 +49,14 @@ export interface WeightedBlock {
 export interface Picture {
   /** One block, or the two blocks between which the picture lies. */
   readonly blocks: readonly WeightedBlock[];
-  /**
-   * Offsets of corrected vertices, three numbers each. Blocks are not corrected if some of their
-   * modes are inactive.
-   */
-  readonly corrections: ReadonlyMap<number, readonly number[]>;
+  /** Corrections of vertices; null if no block has some. */
+  readonly corrections: Corrections | null;
 }
 
 /** Compute the operands of the picture at a moment. */
 export function composePicture(moment: Moment): Picture {
-  return { blocks: weightedBlocks(moment), corrections: blendCorrections(moment) };
+  const script = moment.block.corrections ?? moment.next.corrections;
+  return { blocks: weightedBlocks(moment), corrections: script?.blendCorrections(moment) ?? null };
 }
 
 function weightedBlocks({ block, t, next, nextT, fraction, nActiveModes }: Moment): WeightedBlock[] {
@@ -66,15 +71,11 @@ function weightedBlocks({ block, t, next, nextT, fraction, nActiveModes }: Momen
 }
 
 function frameWeights(block: LoadedBlock, t: number, factor: number, nActiveModes: number): Float32Array {
-  const { nModes, weights, meanWeights } = block;
-  const resting = usesAllModes(block, nActiveModes) ? Infinity : 3 * nActiveModes;
+  const { nModes, nBlockModes, weights, meanWeights } = block;
+  const resting = nActiveModes >= nBlockModes ? Infinity : 3 * nActiveModes;
   return weights
     .subarray(3 * nModes * t, 3 * nModes * (t + 1))
     .map((one, i) => factor * (i < resting ? one : meanWeights[i]));
-}
-
-function usesAllModes({ nBlockModes }: LoadedBlock, nActiveModes: number): boolean {
-  return nActiveModes >= nBlockModes;
 }
 
 /** Mean of all vertices in a picture, relative to the center of the file; ignores corrections. */
@@ -86,23 +87,4 @@ export function meanPosition({ blocks }: Picture): [number, number, number] {
     });
   }
   return mean;
-}
-
-function blendCorrections(moment: Moment): Map<number, number[]> {
-  const { block, t, next, nextT, fraction, nActiveModes } = moment;
-  const sums = new Map<number, number[]>();
-  const add = (from: LoadedBlock, frame: number, factor: number) => {
-    if (!usesAllModes(from, nActiveModes)) return;
-    for (let i = from.correctionStarts[frame]; i < from.correctionStarts[frame + 1]; i++) {
-      const vertex = from.correctionVertices[i];
-      const sum = sums.get(vertex) ?? [0, 0, 0];
-      sums.set(
-        vertex,
-        sum.map((one, axis) => one + factor * from.correctionOffsets[3 * i + axis]),
-      );
-    }
-  };
-  add(block, t, 1 - fraction);
-  if (fraction > 0) add(next, nextT, fraction);
-  return sums;
 }

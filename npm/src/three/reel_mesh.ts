@@ -138,11 +138,12 @@ export class ReelMesh extends THREE.Mesh<
         upload: async (block, number) => {
           const segment = this.#segments.get(number) as MeshSegment;
           const colors = this.#pendingColors.get(block);
+          const loaded = await withoutFields(block);
+          const loadedColors = colors && (await withoutFields(colors));
           const canHold = (one: BlockFields) => segment.backend?.canHold(one);
           if (!(canHold(block) && canHold(colors ?? block))) await this.#switchToCpu();
-          const loaded = withoutFields(block);
           segment.backend?.upload(block, loaded);
-          if (colors) this.#colors?.addBlock(colors, withoutFields(colors), loaded);
+          if (loadedColors) this.#colors?.addBlock(colors, loadedColors, loaded);
           this.#segmentOf.set(loaded, segment);
           return loaded;
         },

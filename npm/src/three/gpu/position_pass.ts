@@ -4,15 +4,13 @@
 import * as THREE from "three";
 
 import type { BlockFields } from "../../types.js";
+import type { CorrectedPoints, TextureUniform } from "../corrections.js";
 import type { LoadedBlock, Picture, WeightedBlock } from "../loaded_block.js";
 import { Pass, passMaterial } from "./pass.js";
 import { dataTexture, type VertexGrid } from "./vertex_grid.js";
 
 /** Fields of four modes share a texel. */
 export const MODES_PER_TEXEL = 4;
-
-/** Width of the texture of corrections. */
-const CORRECTIONS_WIDTH = 1024;
 
 // A picture between the last frame of a block and the first frame of the next uses both blocks.
 const POSITION_SHADER = `
@@ -40,20 +38,6 @@ void main() {
   position = vec4(sum + shift, 1.0);
 }`;
 
-// Corrected vertices are drawn again, as points over their texels, since not every GPU can blend
-// floats. A texel of corrections has the vertex and the bits of three floats.
-const correctedVertex = (grid: VertexGrid) => `${grid.glsl}
-uniform usampler2D corrections;
-flat out vec3 correction;
-void main() {
-  ivec2 place = ivec2(gl_VertexID & ${CORRECTIONS_WIDTH - 1}, gl_VertexID >> ${Math.log2(CORRECTIONS_WIDTH)});
-  uvec4 found = texelFetch(corrections, place, 0);
-  vec2 texel = vec2(texelOf(int(found.x))) + 0.5;
-  gl_Position = vec4(texel / vec2(${grid.width}, ${grid.height}) * 2.0 - 1.0, 0.0, 1.0);
-  gl_PointSize = 1.0;
-  correction = uintBitsToFloat(found.yzw);
-}`;
-
 /** Computes the positions of pictures. */
 export class PositionPass {
   readonly #renderer: THREE.WebGLRenderer;
@@ -62,14 +46,14 @@ export class PositionPass {
   readonly #uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
     nextFields: { value: null as THREE.DataArrayTexture | null },
-    weights: { value: dataTexture(new Float32Array(12), 3) },
-    corrections: { value: dataTexture(new Uint32Array(4 * CORRECTIONS_WIDTH), CORRECTIONS_WIDTH) },
+    weights: { value: null as THREE.DataTexture | null },
     nGroups: { value: 0 },
     nNextGroups: { value: 0 },
     shift: { value: new THREE.Vector3() },
   };
   readonly #pass: Pass;
-  readonly #corrected: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
+  /** Null until a picture has corrections. */
+  #corrected: CorrectedPoints | null = null;
 
   /** @param shift - added to all positions, in model units */
   constructor(
@@ -80,10 +64,7 @@ export class PositionPass {
     this.#renderer = renderer;
     this.#grid = grid;
     this.#uniforms.shift.value.set(...shift);
-    const material = passMaterial(correctedVertex(grid), POSITION_SHADER, this.#uniforms);
-    this.#corrected = new THREE.Points(new THREE.BufferGeometry(), material);
     this.#pass = new Pass(renderer, grid, POSITION_SHADER, this.#uniforms);
-    this.#pass.add(this.#corrected);
   }
 
   /** Computed positions, four numbers per texel of the grid. */
@@ -127,6 +108,7 @@ export class PositionPass {
 
   dispose(): void {
     for (const block of this.#fields.keys()) this.release(block);
+    this.#corrected?.dispose();
     this.#pass.dispose();
   }
 
@@ -141,40 +123,35 @@ export class PositionPass {
       });
       row += layersFor(block.nModes);
     }
-    setTextureData(this.#uniforms.weights, data);
+    setTextureData(this.#uniforms.weights, data, 3);
     this.#uniforms.nGroups.value = nGroups;
     this.#uniforms.nNextGroups.value = nNextGroups;
   }
 
   #setCorrections(corrections: Picture["corrections"]): void {
-    const { size } = corrections;
-    this.#corrected.visible = size > 0;
-    if (size === 0) return;
-    this.#corrected.geometry.setDrawRange(0, size);
-    const data = new Uint32Array(4 * CORRECTIONS_WIDTH * Math.ceil(size / CORRECTIONS_WIDTH));
-    const floats = new Float32Array(data.buffer);
-    let at = 0;
-    for (const [vertex, offset] of corrections) {
-      data[at] = vertex;
-      floats.set(offset, at + 1);
-      at += 4;
+    if (corrections && !this.#corrected) {
+      const createMaterial = (vertexShader: string, uniforms: Record<string, TextureUniform>) =>
+        passMaterial(vertexShader, POSITION_SHADER, { ...this.#uniforms, ...uniforms });
+      this.#corrected = corrections.createPoints(this.#grid, createMaterial, setTextureData);
+      this.#pass.add(this.#corrected.object);
     }
-    setTextureData(this.#uniforms.corrections, data);
+    this.#corrected?.set(corrections?.offsets);
   }
 }
 
 /** Set the data of a texture, replacing it if the size differs. */
 function setTextureData(
-  uniform: { value: THREE.DataTexture },
+  uniform: TextureUniform,
   data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
+  width: number,
 ): void {
-  const { image } = uniform.value;
-  if (image.data?.length === data.length) {
-    image.data = data;
-    uniform.value.needsUpdate = true;
+  const texture = uniform.value;
+  if (texture?.image.data?.length === data.length) {
+    texture.image.data = data;
+    texture.needsUpdate = true;
   } else {
-    uniform.value.dispose();
-    uniform.value = dataTexture(data, image.width);
+    texture?.dispose();
+    uniform.value = dataTexture(data, width);
   }
 }
 
