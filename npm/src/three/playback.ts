@@ -46,8 +46,6 @@ export type PlaybackEvent = {
   [Type in keyof PlaybackEvents]: { type: Type } & PlaybackEvents[Type];
 }[keyof PlaybackEvents];
 
-const NO_RANGE_OF_VIDEO = "a range cannot be played in sync with a video; remove one of them";
-
 /** What is played. */
 export interface PlayedFile {
   readonly name: string;
@@ -77,7 +75,7 @@ export interface Display {
 export interface MasterClock {
   /**
    * State of its picture at the current time: not available yet, captured, or captured with an
-   * unknown frame. `Playback.follow` has been called for captured pictures.
+   * unknown frame. Captured pictures belong to the position of the clock.
    */
   readonly picture: "pending" | "captured" | "unknown";
   /** Show the captured picture; returns false if it is shown already. */
@@ -88,6 +86,8 @@ export interface MasterClock {
   seek(position: number): void;
   /** @throws InvalidInputError if it does not support the speed. */
   setSpeed(speed: number): void;
+  /** @throws InvalidInputError if it does not support them. */
+  requireSupport(loop: Loop, speed: number, range: FrameRange | null): void;
   /** Pause while the mesh is not loaded, and resume afterwards. */
   setBlocked(isHeld: boolean): void;
   /** Called before each redraw of the page. */
@@ -184,7 +184,7 @@ export class Playback {
 
   /** @throws InvalidInputError if a video drives the time and does not support the loop. */
   setLoop(loop: Loop): void {
-    if (this.#masterClock) requireForward(loop, this.clock.speed);
+    this.#masterClock?.requireSupport(loop, this.clock.speed, null);
     this.clock.loop = loop;
   }
 
@@ -193,7 +193,7 @@ export class Playback {
     if (!Number.isFinite(speed)) {
       throw new InvalidInputError(`speed must be a finite number; got ${speed}`);
     }
-    if (this.#masterClock) requireForward(this.clock.loop, speed);
+    this.#masterClock?.requireSupport(this.clock.loop, speed, null);
     this.#masterClock?.setSpeed(speed);
     this.clock.speed = speed;
   }
@@ -214,7 +214,7 @@ export class Playback {
             `got start ${start} and nFrames ${nFrames}`,
         );
       }
-      if (this.#masterClock) throw new InvalidInputError(NO_RANGE_OF_VIDEO);
+      this.#masterClock?.requireSupport(this.clock.loop, this.clock.speed, range);
     }
     this.clock.range = range;
     this.show();
@@ -262,40 +262,14 @@ export class Playback {
    * Set what drives the time; null: the clock.
    *
    * @param nFrames - frames to play, at most those of the file
-   * @throws InvalidInputError if playback is backwards or of a range, which videos do not support.
+   * @throws InvalidInputError if it does not support the loop, the speed or the range.
    */
   setMasterClock(masterClock: MasterClock | null, nFrames = this.nFrames): void {
-    if (masterClock) requireForward(this.clock.loop, this.clock.speed);
-    if (masterClock && this.clock.range) throw new InvalidInputError(NO_RANGE_OF_VIDEO);
+    const { loop, speed, range } = this.clock;
+    masterClock?.requireSupport(loop, speed, range);
     this.#masterClock = masterClock;
     this.clock.nFrames = nFrames;
     if (this.clock.position > nFrames - 1) this.clock.seek(nFrames - 1);
-  }
-
-  /** Called by the master clock at a new position in frames, whose picture is pending or captured. */
-  follow(position: number): void {
-    this.clock.seek(position);
-    this.show();
-  }
-
-  /** Called by the master clock at the end of the last frame. */
-  finish(): void {
-    const { clock } = this;
-    if (!this.isPlaying) {
-      clock.seek(clock.end - 1);
-      this.#masterClock?.seek(clock.position);
-    } else if (clock.loop === "once") {
-      this.isPlaying = false;
-      this.#masterClock?.pause();
-      clock.goToEnd();
-      this.#send({ type: "ended" });
-    } else {
-      clock.seek(0);
-      this.#masterClock?.seek(0);
-      this.#masterClock?.play();
-      this.#send({ type: "loop" });
-    }
-    this.show();
   }
 
   /** Load all blocks again. Must be called once the display is ready, and when it lost its data. */
@@ -412,11 +386,4 @@ export class Playback {
 /** Number the blocks of a segment that begins at a frame. */
 function playedBlocks(blocks: readonly BlockInfo[], segment: number, first: number): PlayedBlock[] {
   return blocks.map(({ start, nFrames }, block) => ({ start: first + start, nFrames, segment, block }));
-}
-
-/** @throws InvalidInputError if playback is backwards, which videos do not support. */
-function requireForward(loop: Loop, speed: number): void {
-  if (loop !== "pingpong" && speed >= 0) return;
-  const what = speed < 0 ? `the speed ${speed}` : 'the loop "pingpong"';
-  throw new InvalidInputError(`videos play only forwards; got ${what}`);
 }

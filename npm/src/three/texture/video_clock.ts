@@ -1,6 +1,7 @@
 // A video as master clock: the mesh shows the frame that belongs to the displayed image.
 
 import { InvalidInputError, MeshReelError } from "../../errors.js";
+import type { FrameRange, Loop } from "../clock.js";
 import type { MasterClock, Playback, PlaybackEvent } from "../playback.js";
 import { commonLength, frameAtTime, seekTime } from "./frame_times.js";
 import { videoError } from "./texture_source.js";
@@ -121,6 +122,15 @@ export class VideoClock implements MasterClock {
     }
   }
 
+  requireSupport(loop: Loop, speed: number, range: FrameRange | null): void {
+    if (loop === "pingpong" || speed < 0) {
+      const what = speed < 0 ? `the speed ${speed}` : 'the loop "pingpong"';
+      throw new InvalidInputError(`videos play only forwards; got ${what}`);
+    }
+    if (!range) return;
+    throw new InvalidInputError("a range cannot be played in sync with a video; remove one of them");
+  }
+
   setBlocked(isBlocked: boolean): void {
     if (this.#isBlocked === isBlocked) return;
     this.#isBlocked = isBlocked;
@@ -175,7 +185,7 @@ export class VideoClock implements MasterClock {
       if (video.paused && !video.ended && !this.#isBlocked && playback.isPlaying) playback.pause();
     });
     on("ended", () => {
-      if (video.ended && playback.isPlaying) playback.finish();
+      if (video.ended && playback.isPlaying) this.#finish();
     });
     on("seeking", () => {
       const target = this.#targetTime;
@@ -239,12 +249,39 @@ export class VideoClock implements MasterClock {
     const isOver = position !== null && position >= nFrames;
     if (position !== null && !isOver) {
       this.picture = "captured";
-      return playback.follow(position);
+      return this.#follow(position);
     }
     picture.discard();
     this.picture = "unknown";
-    if (isOver && !picture.hasFrameNumbers) return playback.finish();
+    if (isOver && !picture.hasFrameNumbers) return this.#finish();
     send({ type: "unreadable", time: shownS });
+    playback.show();
+  }
+
+  /** Make the mesh follow to a position in frames, whose picture is pending or captured. */
+  #follow(position: number): void {
+    const { playback } = this.#options;
+    playback.clock.seek(position);
+    playback.show();
+  }
+
+  /** Repeat or stop at the end of the last frame. */
+  #finish(): void {
+    const { playback, send } = this.#options;
+    const { clock } = playback;
+    if (!playback.isPlaying) {
+      clock.seek(clock.end - 1);
+      this.seek(clock.position);
+    } else if (clock.loop === "once") {
+      playback.pause();
+      clock.goToEnd();
+      send({ type: "ended" });
+    } else {
+      clock.seek(0);
+      this.seek(0);
+      this.play();
+      send({ type: "loop" });
+    }
     playback.show();
   }
 
@@ -269,7 +306,7 @@ export class VideoClock implements MasterClock {
     const { video, playback, offset } = this.#options;
     this.#targetTime = this.#queuedPosition = null;
     this.#expectPicture();
-    playback.follow(frameAtTime(video.currentTime - offset, playback.clock.fps));
+    this.#follow(frameAtTime(video.currentTime - offset, playback.clock.fps));
   }
 
   #onSeeked(): void {
