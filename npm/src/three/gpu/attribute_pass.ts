@@ -1,99 +1,65 @@
-// Copies computed textures to vertex buffers by transform feedback, so that every material of
-// three.js works without changes to its shader.
+// Computes attributes from textures by transform feedback into vertex buffers, so that every material
+// of three.js works without changes to its shader.
 
 import * as THREE from "three";
 
-import { PRECISION, type VertexGrid } from "./vertex_grid.js";
+import { PRECISION } from "./vertex_grid.js";
 
 /** Computes attributes of a geometry from textures. */
 export interface AttributeShader {
-  /** Names of the textures. In GLSL, the variable of that name is the texel of the vertex, a vec3. */
+  /** Names of the textures. */
   readonly textures: readonly string[];
+  /** Names of the inputs: one unsigned integer per vertex. */
+  readonly inputs: readonly string[];
   /** Names and widths of the attributes. */
   readonly attributes: readonly (readonly [name: string, width: 2 | 3])[];
-  /** GLSL that sets the attributes. */
+  /** GLSL that declares the textures, and whose function `main` sets the attributes. */
   readonly glsl: string;
 }
 
-export const POSITION_AND_NORMAL: AttributeShader = {
-  textures: ["positions", "normals"],
-  attributes: [
-    ["position", 3],
-    ["normal", 3],
-  ],
-  glsl: "position = positions; normal = normals;",
-};
-
-/** The texel of each vertex in all textures but the first. */
-export interface Rows {
-  readonly grid: VertexGrid;
-  readonly numbers: Uint32Array;
-}
-
-const vertexShader = (
-  grid: VertexGrid,
-  rowGrid: VertexGrid,
-  { textures, attributes, glsl }: AttributeShader,
-) =>
+const vertexShader = ({ inputs, attributes, glsl }: AttributeShader) =>
   `#version 300 es
-${PRECISION}${grid.glsl}${rowGrid.glslOf("rowTexelOf")}
-${textures.map((name) => `uniform sampler2D ${name}Texels;`).join("")}
+${PRECISION}${inputs.map((name, i) => `layout(location = ${i}) in uint ${name};`).join("")}
 ${attributes.map(([name, width]) => `out vec${width} ${name};`).join("")}
-layout(location = 0) in uint source;
-layout(location = 1) in uint row;
-void main() {
-  ivec2 texel = texelOf(int(source));
-  ivec2 rowTexel = rowTexelOf(int(row));
-  ${textures.map((name, i) => fetchTexel(name, i ? "rowTexel" : "texel")).join("")}
-  ${glsl}
-}`;
-
-const fetchTexel = (name: string, texel: string) =>
-  `vec3 ${name} = texelFetch(${name}Texels, ${texel}, 0).xyz;`;
+${glsl}`;
 
 const FRAGMENT = `#version 300 es
 ${PRECISION}
 out vec4 color;
 void main() { color = vec4(0.0); }`;
 
-/** Copies computed textures to the attributes of a geometry. */
+/** Computes attributes of a geometry. */
 export class AttributePass {
   readonly #renderer: THREE.WebGLRenderer;
-  readonly #sources: Uint32Array;
+  readonly #nVerts: number;
   readonly #gl: WebGL2RenderingContext;
   readonly #program: WebGLProgram;
   readonly #array: WebGLVertexArrayObject;
   readonly #feedback: WebGLTransformFeedback;
-  /** Source and row of each vertex. */
   readonly #inputs: readonly WebGLBuffer[];
   readonly #buffers: readonly WebGLBuffer[];
 
   /**
-   * @param sources - the texel of each vertex of the geometry
    * @param shader - the attributes to add to the geometry
-   * @param rows - default: the sources
+   * @param inputs - numbers of each vertex, by input of the shader
    * @throws Error if the driver rejects the program
    */
   constructor(
     renderer: THREE.WebGLRenderer,
-    grid: VertexGrid,
-    sources: Uint32Array,
     geometry: THREE.BufferGeometry,
     shader: AttributeShader,
-    rows: Rows = { grid, numbers: sources },
+    inputs: readonly Uint32Array[],
   ) {
     this.#renderer = renderer;
-    this.#sources = sources;
+    const nVerts = (this.#nVerts = inputs[0].length);
     const gl = (this.#gl = renderer.getContext() as WebGL2RenderingContext);
     const { textures, attributes } = shader;
     const names = attributes.map(([name]) => name);
-    this.#program = linkProgram(gl, vertexShader(grid, rows.grid, shader), names);
+    this.#program = linkProgram(gl, vertexShader(shader), names);
     renderer.state.useProgram(this.#program);
-    textures.forEach((name, i) => {
-      gl.uniform1i(gl.getUniformLocation(this.#program, `${name}Texels`), i);
-    });
+    textures.forEach((name, i) => gl.uniform1i(gl.getUniformLocation(this.#program, name), i));
     this.#array = gl.createVertexArray();
-    this.#inputs = [sources, rows.numbers].map((numbers) => {
+    this.#inputs = inputs.map((numbers) => {
       const buffer = gl.createBuffer();
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.STATIC_DRAW);
@@ -105,8 +71,8 @@ export class AttributePass {
     this.#buffers = attributes.map(([name, width], i) => {
       const buffer = gl.createBuffer();
       gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, i, buffer);
-      gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 4 * width * sources.length, gl.DYNAMIC_COPY);
-      const attribute = new THREE.GLBufferAttribute(buffer, gl.FLOAT, width, 4, sources.length);
+      gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 4 * width * nVerts, gl.DYNAMIC_COPY);
+      const attribute = new THREE.GLBufferAttribute(buffer, gl.FLOAT, width, 4, nVerts);
       open.setAttribute(name, attribute);
       return buffer;
     });
@@ -132,7 +98,7 @@ export class AttributePass {
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
-    gl.drawArrays(gl.POINTS, 0, this.#sources.length);
+    gl.drawArrays(gl.POINTS, 0, this.#nVerts);
     gl.endTransformFeedback();
     gl.disable(gl.RASTERIZER_DISCARD);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
@@ -148,7 +114,7 @@ export class AttributePass {
   }
 }
 
-/** Return the WebGL texture of a three.js texture that has been rendered to. */
+/** Return the WebGL texture of a three.js texture that has been rendered to or initialized. */
 function webglTexture(renderer: THREE.WebGLRenderer, texture: THREE.Texture): WebGLTexture {
   return (renderer.properties.get(texture) as { __webglTexture: WebGLTexture }).__webglTexture;
 }

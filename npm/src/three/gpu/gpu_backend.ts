@@ -5,9 +5,8 @@ import * as THREE from "three";
 import type { BlockFields } from "../../types.js";
 import type { LoadedBlock, Picture } from "../loaded_block.js";
 import type { MeshSetup, Backend, AttributeSetup, AttributeBackend } from "../backend.js";
-import { AttributePass, POSITION_AND_NORMAL } from "./attribute_pass.js";
-import { cornerTextureHeight, normalPass } from "./normal_pass.js";
-import type { Pass } from "./pass.js";
+import { AttributePass } from "./attribute_pass.js";
+import { cornerTextureHeight, createCorners, normalShader } from "./normals.js";
 import { MODES_PER_TEXEL, PositionPass } from "./position_pass.js";
 import { VertexGrid } from "./vertex_grid.js";
 
@@ -19,12 +18,11 @@ export interface Renderer {
 /** Whether a renderer can decode a mesh: it uses WebGL 2 and renders to float textures. */
 export function canDecode(
   renderer: Renderer,
-  { info, triangles, drawing }: MeshSetup,
+  { info, triangles }: MeshSetup,
 ): renderer is THREE.WebGLRenderer {
   if (!isWebGL(renderer)) return false;
   const { capabilities, extensions } = renderer;
-  const nRows = drawing.shading?.vertices.length ?? info.nVerts;
-  const requiredSize = Math.max(new VertexGrid(nRows).height, cornerTextureHeight(triangles));
+  const requiredSize = Math.max(new VertexGrid(info.nVerts).height, cornerTextureHeight(triangles));
   return extensions.has("EXT_color_buffer_float") && requiredSize <= capabilities.maxTextureSize;
 }
 
@@ -32,13 +30,13 @@ function isWebGL(renderer: Renderer): renderer is THREE.WebGLRenderer {
   return "isWebGLRenderer" in renderer;
 }
 
-/** Computes positions and normals of pictures in render passes. */
+/** Computes positions of vertices of the file in a render pass, and from them the attributes. */
 export class GpuBackend implements Backend {
   readonly isOnGpu = true;
   readonly #renderer: THREE.WebGLRenderer;
   readonly #geometry: THREE.BufferGeometry;
   readonly #positions: PositionPass;
-  readonly #normals: Pass;
+  readonly #corners: THREE.DataTexture;
   readonly #attributes: AttributePass;
   readonly #sources: Uint32Array;
   readonly #maxModes: number;
@@ -46,11 +44,12 @@ export class GpuBackend implements Backend {
   /** @throws Error if the driver rejects a program */
   constructor(
     renderer: THREE.WebGLRenderer,
-    { info, triangles, drawing, shift }: MeshSetup,
+    setup: MeshSetup,
     geometry: THREE.BufferGeometry,
   ) {
     this.#renderer = renderer;
     this.#geometry = geometry;
+    const { info, drawing, shift } = setup;
     const gl = renderer.getContext() as WebGL2RenderingContext;
     const maxLayers = gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS) as number;
     // Weights of two blocks are rows of one texture.
@@ -58,14 +57,11 @@ export class GpuBackend implements Backend {
     this.#maxModes = MODES_PER_TEXEL * Math.min(maxLayers, maxRows);
     const grid = new VertexGrid(info.nVerts);
     this.#sources = drawing.sources;
-    const { shading, sources, rows } = drawing;
-    const rowGrid = shading ? new VertexGrid(shading.vertices.length) : grid;
-    const ofRows = { grid: rowGrid, numbers: rows };
-    this.#attributes = new AttributePass(renderer, grid, sources, geometry, POSITION_AND_NORMAL, ofRows);
+    const { corners, inputs } = createCorners(setup);
+    this.#corners = corners;
+    this.#attributes = new AttributePass(renderer, geometry, normalShader(grid, info.diagonal), inputs);
     this.#positions = new PositionPass(renderer, grid, shift);
-    const { texture } = this.#positions.target;
-    const grids = [grid, rowGrid] as const;
-    this.#normals = normalPass(renderer, grids, texture, triangles, shading, info.diagonal);
+    renderer.initTexture(corners);
   }
 
   canHold(block: BlockFields): boolean {
@@ -82,8 +78,7 @@ export class GpuBackend implements Backend {
 
   show(picture: Picture): void {
     this.#positions.run(picture);
-    this.#normals.run();
-    this.#attributes.run(this.#positions.target.texture, this.#normals.target.texture);
+    this.#attributes.run(this.#positions.target.texture, this.#corners);
   }
 
   read(into: Float32Array): void {
@@ -93,9 +88,17 @@ export class GpuBackend implements Backend {
   createAttribute(setup: AttributeSetup): AttributeBackend {
     const { nItems, items, name, width, glsl } = setup;
     const [renderer, geometry, grid] = [this.#renderer, this.#geometry, new VertexGrid(nItems)];
-    const shader = { textures: ["value"], attributes: [[name, width]], glsl } as const;
+    const shader = {
+      ...{ textures: ["values"], inputs: ["item"], attributes: [[name, width] as const] },
+      glsl: `${grid.glsl}
+uniform sampler2D values;
+void main() {
+  vec3 value = texelFetch(values, texelOf(int(item)), 0).xyz;
+  ${glsl}
+}`,
+    };
     const previous = geometry.getAttribute(name) as THREE.BufferAttribute | undefined;
-    const attribute = new AttributePass(renderer, grid, items, geometry, shader);
+    const attribute = new AttributePass(renderer, geometry, shader, [items]);
     const sums = new PositionPass(renderer, grid, [0, 0, 0]);
     return {
       upload: (block, loaded) => sums.upload(block, loaded),
@@ -115,7 +118,7 @@ export class GpuBackend implements Backend {
 
   dispose(): void {
     this.#positions.dispose();
-    this.#normals.dispose();
+    this.#corners.dispose();
     this.#attributes.dispose();
   }
 }

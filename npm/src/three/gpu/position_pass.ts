@@ -1,13 +1,12 @@
-// Computes positions on the GPU: per vertex, the sum over the modes of field times weight, plus a
-// correction.
+// Computes positions on the GPU, one texel per vertex: the sum over the modes of field times weight,
+// plus a correction.
 
 import * as THREE from "three";
 
 import type { BlockFields } from "../../types.js";
 import type { CorrectedPoints, TextureUniform } from "../corrections.js";
 import type { LoadedBlock, Picture, WeightedBlock } from "../loaded_block.js";
-import { Pass, passMaterial } from "./pass.js";
-import { dataTexture, type VertexGrid } from "./vertex_grid.js";
+import { dataTexture, PRECISION, type VertexGrid } from "./vertex_grid.js";
 
 /** Fields of four modes share a texel. */
 export const MODES_PER_TEXEL = 4;
@@ -38,10 +37,27 @@ void main() {
   position = vec4(sum + shift, 1.0);
 }`;
 
+// A triangle that covers the target. Points that are drawn over it have other corrections.
+const FULL_SCREEN_TRIANGLE = `
+flat out vec3 correction;
+void main() {
+  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+  correction = vec3(0.0);
+}`;
+
+const CAMERA = new THREE.Camera();
+
+type PassObject = THREE.Object3D & {
+  readonly geometry: THREE.BufferGeometry;
+  readonly material: THREE.RawShaderMaterial;
+};
+
 /** Computes the positions of pictures. */
 export class PositionPass {
   readonly #renderer: THREE.WebGLRenderer;
   readonly #grid: VertexGrid;
+  /** Computed positions, four numbers per texel of the grid. */
+  readonly target: THREE.WebGLRenderTarget;
   readonly #fields = new Map<LoadedBlock, THREE.DataArrayTexture>();
   readonly #uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
@@ -51,7 +67,8 @@ export class PositionPass {
     nNextGroups: { value: 0 },
     shift: { value: new THREE.Vector3() },
   };
-  readonly #pass: Pass;
+  readonly #scene = new THREE.Scene();
+  readonly #objects: PassObject[] = [];
   /** Null until a picture has corrections. */
   #corrected: CorrectedPoints | null = null;
 
@@ -64,12 +81,10 @@ export class PositionPass {
     this.#renderer = renderer;
     this.#grid = grid;
     this.#uniforms.shift.value.set(...shift);
-    this.#pass = new Pass(renderer, grid, POSITION_SHADER, this.#uniforms);
-  }
-
-  /** Computed positions, four numbers per texel of the grid. */
-  get target(): THREE.WebGLRenderTarget {
-    return this.#pass.target;
+    this.target = grid.target();
+    const triangle = new THREE.BufferGeometry();
+    triangle.setDrawRange(0, 3);
+    this.#add(new THREE.Mesh(triangle, this.#createMaterial(FULL_SCREEN_TRIANGLE)));
   }
 
   /** Upload the fields of a block to the GPU and release the copy in memory. */
@@ -87,13 +102,24 @@ export class PositionPass {
     this.#fields.delete(block);
   }
 
+  /** Compute the positions of a picture; must not be called while the renderer is drawing. */
   run({ blocks: shares, corrections }: Picture): void {
     const [fields, nextFields = fields] = shares.map(({ block }) => this.#fields.get(block) ?? null);
     this.#uniforms.fields.value = fields;
     this.#uniforms.nextFields.value = nextFields;
     this.#setWeights(shares);
     this.#setCorrections(corrections);
-    this.#pass.run();
+    const renderer = this.#renderer;
+    const before = renderer.getRenderTarget();
+    const face = renderer.getActiveCubeFace();
+    const level = renderer.getActiveMipmapLevel();
+    const { xr } = renderer;
+    const isXrEnabled = xr.enabled;
+    xr.enabled = false;
+    renderer.setRenderTarget(this.target);
+    renderer.render(this.#scene, CAMERA);
+    renderer.setRenderTarget(before, face, level);
+    xr.enabled = isXrEnabled;
   }
 
   /** Read the positions of vertices back, three numbers per vertex. */
@@ -109,7 +135,32 @@ export class PositionPass {
   dispose(): void {
     for (const block of this.#fields.keys()) this.release(block);
     this.#corrected?.dispose();
-    this.#pass.dispose();
+    this.#uniforms.weights.value?.dispose();
+    this.target.dispose();
+    for (const { geometry, material } of this.#objects) {
+      geometry.dispose();
+      material.dispose();
+    }
+  }
+
+  /** Add an object that is drawn over the computed texels. */
+  #add(object: PassObject): void {
+    object.frustumCulled = false;
+    object.renderOrder = this.#objects.push(object);
+    this.#scene.add(object);
+  }
+
+  /** Create a material; the target has no depth buffer, and blending is off. */
+  #createMaterial(
+    vertexShader: string,
+    uniforms: Record<string, THREE.IUniform> = {},
+  ): THREE.RawShaderMaterial {
+    return new THREE.RawShaderMaterial({
+      glslVersion: THREE.GLSL3,
+      vertexShader: PRECISION + vertexShader,
+      fragmentShader: PRECISION + POSITION_SHADER,
+      uniforms: { ...this.#uniforms, ...uniforms },
+    });
   }
 
   #setWeights(shares: readonly WeightedBlock[]): void {
@@ -130,10 +181,12 @@ export class PositionPass {
 
   #setCorrections(corrections: Picture["corrections"]): void {
     if (corrections && !this.#corrected) {
-      const createMaterial = (vertexShader: string, uniforms: Record<string, TextureUniform>) =>
-        passMaterial(vertexShader, POSITION_SHADER, { ...this.#uniforms, ...uniforms });
-      this.#corrected = corrections.createPoints(this.#grid, createMaterial, setTextureData);
-      this.#pass.add(this.#corrected.object);
+      this.#corrected = corrections.createPoints(
+        this.#grid,
+        (vertexShader, uniforms) => this.#createMaterial(vertexShader, uniforms),
+        setTextureData,
+      );
+      this.#add(this.#corrected.object);
     }
     this.#corrected?.set(corrections?.offsets);
   }

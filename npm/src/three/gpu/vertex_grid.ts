@@ -27,13 +27,8 @@ export class VertexGrid {
 
   /** GLSL function `texelOf`, which maps a vertex to its texel. */
   get glsl(): string {
-    return this.glslOf("texelOf");
-  }
-
-  /** The same function under another name. */
-  glslOf(name: string): string {
     return `
-ivec2 ${name}(int vertex) {
+ivec2 texelOf(int vertex) {
   return ivec2(vertex & ${this.width - 1}, vertex >> ${Math.log2(this.width)});
 }`;
   }
