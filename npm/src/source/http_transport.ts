@@ -3,7 +3,7 @@
 
 import { InvalidInputError, SourceError } from "../errors.js";
 import { fileChangedError, TransientError, errorReason } from "./transport.js";
-import type { ResponseBody, Transport } from "./transport.js";
+import type { FirstRequest, ResponseBody, Transport } from "./transport.js";
 
 /** Identifies a version of a file. */
 interface Version {
@@ -32,12 +32,14 @@ export class HttpTransport implements Transport {
   private version: Version | null = null;
 
   /**
-   * Sends no request. The first request determines whether the server supports ranges; it must start
+   * Sends no request. The first one determines whether the server supports ranges; it must start
    * at byte 0, and returns the whole file if there is no support.
    */
   constructor(
     readonly name: string,
     private readonly init: RequestInit,
+    /** The first request, if it has been sent; its response is used once. */
+    private first: FirstRequest | null = null,
   ) {}
 
   get size(): number | null {
@@ -91,7 +93,11 @@ export class HttpTransport implements Transport {
       );
     }
     try {
-      return await fetch(request);
+      const { first } = this;
+      this.first = null;
+      if (first?.range !== range) return await fetch(request);
+      signal.addEventListener("abort", () => first.abort.abort(signal.reason));
+      return await first.response;
     } catch (error) {
       // Browsers hide the reason. It may be the Range header, which a server must allow for other
       // origins: try again without it.

@@ -3,7 +3,7 @@
 import { SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
 import { BlobSource, clampRange, MemorySource } from "./memory.js";
-import { fileChangedError, errorReason } from "./transport.js";
+import { errorReason, fileChangedError, type FirstRequest, HEAD_BYTES } from "./transport.js";
 
 /**
  * A source: an address (in Node also a `file:` URL), a response of `fetch`, a blob, or bytes.
@@ -55,9 +55,32 @@ export async function openSource(
     const shared = { SourceError, clampRange, fileChangedError, errorReason };
     return openLocalFile(String(from), shared, signal);
   }
-  // A separate script, since pages that pass bytes do not need it.
-  const { openRemote } = await import("./remote.js");
-  return openRemote(from, options);
+  const first = from instanceof Response ? null : sendFirstRequest(from, options);
+  try {
+    // A separate script, since pages that pass bytes do not need it.
+    const { openRemote } = await import("./remote.js");
+    return await openRemote(from, options, first);
+  } catch (error) {
+    first?.abort.abort(error);
+    throw error;
+  }
+}
+
+/** Request the first bytes while the script is loaded that reads addresses. */
+function sendFirstRequest(
+  address: string | URL,
+  { headers: given, credentials, cache = "no-store" }: SourceOptions,
+): FirstRequest {
+  const abort = new AbortController();
+  const range = `bytes=0-${HEAD_BYTES - 1}`;
+  const send = async (): Promise<Response> => {
+    const headers = new Headers(given);
+    headers.set("range", range);
+    return fetch(address, { headers, credentials, cache, signal: abort.signal });
+  };
+  const response = send();
+  response.catch(() => {}); // reported when the response is used
+  return { range, response, abort };
 }
 
 /** Whether this is Node, whose `fetch` does not support `file:` URLs. */

@@ -6,16 +6,15 @@ import { Download } from "./download.js";
 import { HttpTransport, parseResponse } from "./http_transport.js";
 import { clampRange } from "./memory.js";
 import type { SourceOptions } from "./open.js";
-import type { RetryPolicy, Transport } from "./transport.js";
+import { type FirstRequest, HEAD_BYTES, type RetryPolicy, type Transport } from "./transport.js";
 
-/** Bytes of the first request. They are kept, since opening a file reads them in small steps. */
-const HEAD_BYTES = 65536;
 /** Files up to this size are downloaded entirely, without waiting for further reads. */
 const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
 
 /**
  * Open an address or a response; see `openSource`.
  *
+ * @param first - the request that has been sent to an address
  * @throws InvalidInputError for other values.
  */
 export async function openRemote(
@@ -28,9 +27,10 @@ export async function openRemote(
     retries = 3,
     stallSeconds = 20,
   }: SourceOptions,
+  first: FirstRequest | null,
 ): Promise<ByteSource> {
   signal?.throwIfAborted();
-  const server = createTransport(from, { headers, credentials, cache });
+  const server = createTransport(from, { headers, credentials, cache }, first);
   const nRetries = from instanceof Response ? 0 : retries;
   const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
   signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
@@ -149,8 +149,14 @@ function untilAborted<T>(work: Promise<T>, signal?: AbortSignal): Promise<T> {
   });
 }
 
-function createTransport(from: string | URL | Response, init: RequestInit): Transport {
-  if (typeof from === "string" || from instanceof URL) return new HttpTransport(String(from), init);
+function createTransport(
+  from: string | URL | Response,
+  init: RequestInit,
+  first: FirstRequest | null,
+): Transport {
+  if (typeof from === "string" || from instanceof URL) {
+    return new HttpTransport(String(from), init, first);
+  }
   if (from instanceof Response) return responseTransport(from);
   throw new InvalidInputError(
     `a source cannot be opened from ${Object.prototype.toString.call(from)}; pass an address, a` +

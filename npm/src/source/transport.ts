@@ -31,6 +31,17 @@ export interface Transport {
   request(start: number, end: number, signal: AbortSignal): Promise<ResponseBody>;
 }
 
+/** Bytes of the first request. They are kept, since opening a file reads them in small steps. */
+export const HEAD_BYTES = 65536;
+
+/** The first request of an address. */
+export interface FirstRequest {
+  /** Its Range header. */
+  readonly range: string;
+  readonly response: Promise<Response>;
+  readonly abort: AbortController;
+}
+
 /** A failure that may be temporary: of the network, or of an overloaded server. */
 export class TransientError extends SourceError {}
 
