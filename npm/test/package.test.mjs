@@ -1,7 +1,7 @@
 // The published package: its size, and decoding with and without SIMD.
 
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 import { pathToFileURL } from "node:url";
@@ -20,8 +20,9 @@ const MAX_REMOTE_BYTES = 3_800;
 /** Limit of the gzipped whole module and whole engine. */
 const MAX_WHOLE_BYTES = 60_700;
 
-/** Limit of the gzipped part for three.js. */
+/** Limit of the gzipped part for three.js, and with the script of images of materials. */
 const MAX_THREE_BYTES = 12_400;
+const MAX_THREE_WITH_IMAGES_BYTES = 13_200;
 
 /** Limit of the gzipped script with <reel-player>, and of the page until its first picture. */
 const MAX_PLAYER_BYTES = 96_000;
@@ -70,12 +71,17 @@ test("the decoder is small enough for a page", () => {
   assert.ok(whole <= MAX_WHOLE_BYTES, `${whole} bytes`);
   const three = gzipSync(readFileSync(join(DIST, "three.js")), { level: 9 }).length;
   assert.ok(three <= MAX_THREE_BYTES, `${three} bytes`);
+  const withImages = three + gzippedBytes([readFileSync(join(DIST, "three_material_images.js"))]);
+  assert.ok(withImages <= MAX_THREE_WITH_IMAGES_BYTES, `${withImages} bytes`);
 });
 
 test("the player and the page are small until the first picture", () => {
   const player = gzippedBytes(scripts("player.js").values());
   assert.ok(player <= MAX_PLAYER_BYTES, `${player} bytes`);
-  const page = gzippedBytes([...scripts("player.js", PAGE).values(), readFileSync(join(PAGE, "index.html"))]);
+  const names = readdirSync(PAGE).filter((name) => /^(index\.html|remote-\w+\.js)$/.test(name));
+  assert.equal(names.length, 2);
+  const others = names.map((name) => readFileSync(join(PAGE, name), "utf8"));
+  const page = gzippedBytes([...scripts("player.js", PAGE).values(), ...others]);
   assert.ok(page <= MAX_PLAYER_BYTES, `${page} bytes`);
 });
 
