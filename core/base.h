@@ -13,7 +13,8 @@
 #define REEL_INLINE REEL_WRAPPER
 #endif
 
-/* Functions of headers that all builds inline, or of which small builds link one copy for all files. */
+/* Functions of headers that all builds inline, or of which small builds link one copy for all
+   files. */
 #ifndef REEL_SHARED
 #define REEL_SHARED REEL_INLINE
 #endif
