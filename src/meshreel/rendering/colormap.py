@@ -1,19 +1,9 @@
-"""Color maps for numbers, and color bars."""
+"""Color maps for numbers."""
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image as PillowImage
-from PIL import ImageDraw
 
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.lettering import (
-    INK,
-    Ink,
-    draw_lines,
-    font_of_size,
-    line_height_px,
-    spell_out,
-)
 
 Image = npt.NDArray[np.uint8]
 
@@ -80,7 +70,7 @@ def colorize(values: npt.ArrayLike, low: float, high: float, colormap: str | Non
     numbers = np.asarray(values, np.float64)
     if numbers.ndim != 1:
         raise InvalidInputError(f"values must have shape (N,); got {numbers.shape}")
-    _check_range(low, high)
+    check_range(low, high)
     is_0_inside = low < 0 < high
     name = colormap or ("diverging" if is_0_inside else "sequential")
     check_colormap(name)
@@ -97,67 +87,6 @@ def colorize(values: npt.ArrayLike, low: float, high: float, colormap: str | Non
     return np.where(is_number[:, None], rgb, NOT_A_NUMBER).astype(np.uint8)
 
 
-def draw_color_bar(
-    low: float,
-    high: float,
-    *,
-    unit: str = "",
-    colormap: str | None = None,
-    height: int = 800,
-    background: Ink = (255, 255, 255),
-    ink: Ink = INK,
-) -> Image:
-    """A color bar for a heat map, labeled at both ends and at round numbers between them.
-
-    Parameters
-    ----------
-    low, high : float
-        As for `colorize`.
-    unit : str
-        Printed after the numbers at the ends.
-    colormap : str, optional
-        As for `colorize`.
-    height : int
-        In pixels, at least 80; the width follows from the labels.
-    background, ink : three integers
-        Colors of the background and the text, sRGB in 0..255.
-
-    Returns
-    -------
-    uint8 array of shape (height, width, 3)
-
-    Raises
-    ------
-    InvalidInputError
-        If `low` exceeds `high`, the height is too small, or the map is unknown.
-    """
-    _check_range(low, high)
-    if height < 80:
-        raise InvalidInputError(f"a color bar needs a height of at least 80 pixels; got {height}")
-    font = font_of_size(min(max(height / 36, 13), 26))
-    line = line_height_px(font)
-    ticks = _ticks_with_ends(low, high, 6 if height >= 240 else 3)
-    symbol = spell_out({"degrees": "°"}.get(unit, unit))
-    labels = [short_number(tick, high - low) for tick in ticks]
-    for end in {0, len(labels) - 1}:
-        labels[end] = f"{labels[end]} {symbol}".strip()
-    bar_width, pad = line, line // 2
-    widest = max(font.getlength(label) for label in labels)
-    width = round(bar_width + 4 * pad + widest)
-    top, bottom = line, height - line
-    picture = PillowImage.new("RGB", (width, height), background)
-    numbers = np.linspace(high, low, bottom - top) if high > low else np.full(bottom - top, low)
-    column = colorize(numbers, low, high, colormap)[:, None]
-    picture.paste(PillowImage.fromarray(np.repeat(column, bar_width, axis=1)), (pad, top))
-    canvas = ImageDraw.Draw(picture)
-    for tick, label in zip(ticks, labels, strict=True):
-        share = (tick - low) / (high - low) if high > low else 0.0
-        y = round(bottom - 1 - share * (bottom - 1 - top))
-        canvas.line([(pad + bar_width, y), (pad + bar_width + pad // 2, y)], fill=ink)
-        draw_lines(canvas, (2 * pad + bar_width, y - 0.4 * line), [label], font, ink=ink)
-    return np.asarray(picture)
-
-
 def round_up(value: float) -> float:
     """Round up to 1, 1.5, 2, 3, 4, 5, 6 or 8 times a power of ten; 0 becomes 1."""
     if value <= 0:
@@ -167,18 +96,10 @@ def round_up(value: float) -> float:
     return next(factor * power for factor in factors if factor * power >= value * (1 - 1e-9))
 
 
-def _check_range(low: float, high: float) -> None:
+def check_range(low: float, high: float) -> None:
+    """Raise InvalidInputError unless the ends of a range are finite and in order."""
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
         raise InvalidInputError(f"low and high must be finite, low first; got {low} and {high}")
-
-
-def _ticks_with_ends(low: float, high: float, max_ticks: int) -> list[float]:
-    """Both ends of the range, and round numbers in between that are not too close to them."""
-    if high == low:
-        return [low]
-    gap = 0.5 * (high - low) / max_ticks
-    inner = [tick for tick in _round_ticks(low, high, max_ticks) if low + gap < tick < high - gap]
-    return [low, *inner, high]
 
 
 def short_number(value: float, span: float) -> str:
@@ -189,14 +110,3 @@ def short_number(value: float, span: float) -> str:
     rounded = round(value, n_decimals) + 0.0  # no -0
     n_digits = int(np.ceil(np.log10(max(abs(rounded), span)))) + n_decimals
     return f"{rounded:.{max(n_digits, 4)}g}"
-
-
-def _round_ticks(low: float, high: float, max_ticks: int) -> list[float]:
-    """At most this many multiples of 1, 2 or 5 times a power of ten in the range, or its ends."""
-    min_step = (high - low) / (max_ticks - 1)
-    power = 10.0 ** np.floor(np.log10(min_step))
-    factors = (1, 2, 5, 10)
-    step = power * next(factor for factor in factors if factor * power >= min_step * (1 - 1e-9))
-    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
-    ticks = [float(number * step) + 0.0 for number in np.arange(first, last + 1)]
-    return ticks if len(ticks) > 1 else [low, high]

@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image as PillowImage
 from PIL import ImageDraw
 
-from meshreel.rendering.colormap import draw_color_bar
+from meshreel.rendering.color_bars import draw_color_bar
 from meshreel.rendering.layout import Layout, Parts, Size, grid_shape, plan_layout, sheet_font_px
 from meshreel.rendering.lettering import INK, Ink, draw_lines, wrap_text
 from meshreel.rendering.painting import Color, Image
