@@ -28,6 +28,7 @@ from meshreel.formats.segments import FACES_CHANGE
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of
 from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.runtime.extras import REGISTER_PILLOW
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
 from meshreel.runtime.stores.transfer import read_whole
@@ -243,7 +244,6 @@ def register(
     FormatError
         If a texture cannot be read, or its output has another format.
     """
-    from meshreel.formats.baked_textures import TextureJob
     from meshreel.registration.register import register as register_sequence  # imports SciPy
 
     if (texture is None) != (texture_output is None):
@@ -253,6 +253,9 @@ def register(
         frames = _source(local, None, matches_frames=False, warns_of_changes=False)
         job = None
         if texture is not None and texture_output is not None:
+            REGISTER_PILLOW.load()
+            from meshreel.formats.baked_textures import TextureJob
+
             job = TextureJob.checked(texture, texture_output, frames, overwrite=overwrite)
         registration = register_sequence(
             frames, bound, progress, None if folder is None else Path(folder)

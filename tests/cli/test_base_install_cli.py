@@ -14,9 +14,9 @@ from samples.meshes import waving_grid
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
 
 OPTIONAL = (
-    "scipy", "cholespy", "matplotlib", "imageio_ffmpeg", "DracoPy", "blosc2", "fpzip", "pcodec",
-    "pysz", "zfpy", "meshoptimizer", "distributed", "alembic3d", "imath", "pxr", "h5py", "fsspec",
-    "imagecodecs", "OpenEXR",
+    "scipy", "cholespy", "igl", "xatlas", "matplotlib", "PIL", "imageio_ffmpeg", "DracoPy",
+    "blosc2", "fpzip", "pcodec", "pysz", "zfpy", "meshoptimizer", "distributed", "alembic3d",
+    "imath", "pxr", "h5py", "fsspec", "imagecodecs", "OpenEXR", "torch",
 )  # fmt: skip
 """Modules of the extras that users install."""
 
@@ -45,7 +45,7 @@ decode near.reel -o walk.pvd
 decode near.reel -o frames/frame_%02d.obj
 encode frames/ -o part.reel --fps 30
 convert walk.glb -o back.npz
-render near.reel -o walk.png --size 320x180
+formats
 export near.reel -o walk.html --original walk.npz
 batch demo streams
 """
@@ -57,7 +57,10 @@ MISSING = {
     "paper walk.npz --quick": "paper",
     "compare walk.npz other.npz": "surfaces",
     "evaluate walk.npz --quick": "plot",
+    "render walk.reel -o walk.png": "render",
+    "render walk.reel -o walk.gif": "render",
     "render walk.reel -o walk.mp4": "video",
+    "register walk.npz -o other.reel --texture images": "register",
     "decode walk.reel -o walk.abc": "alembic",
     "decode walk.reel -o walk.usdc": "usd",
     "decode walk.reel -o walk.vtkhdf": "hdf",
@@ -77,6 +80,14 @@ def run_without_extras(folder, lines):
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder)
     assert done.returncode == 0, done.stderr
     return done.stderr.splitlines()
+
+
+def test_base_commands_import_no_optional_library(tmp_path):
+    lines = ["demo --frames 2", "info meshreel-demo/flag.reel"]
+    lines += ["export meshreel-demo/flag.reel -o flag.html --original meshreel-demo/flag.npz"]
+    messages = run_without_extras(tmp_path, lines)
+    assert messages == ["exit 0"] * len(lines)
+    assert not (tmp_path / "meshreel-demo" / "flag.png").exists()
 
 
 @pytest.mark.slow
@@ -107,6 +118,6 @@ def test_missing_extra_is_an_error_of_one_line_that_names_it(tmp_path):
         assert f"pip install 'meshreel[{extra}]'" in message, command
 
 
-def test_base_dependencies_exclude_those_of_the_paper():
+def test_base_dependencies_exclude_those_of_extras():
     stated = " ".join(PROJECT["project"]["dependencies"])
-    assert not [name for name in ("scipy", "cholespy") if name in stated]
+    assert not [name for name in ("scipy", "cholespy", "pillow") if name in stated]

@@ -133,6 +133,18 @@ def test_only_the_paper_imports_its_solvers():
     assert {name for name in users if unit_of(name) != "paper"} == {"runtime.extras"}
 
 
+def test_only_code_that_draws_or_bakes_imports_pillow():
+    users = {
+        name_of(path)
+        for path in FILES
+        if "PIL" in path.read_text(encoding="utf-8")
+        and "PIL" in imported_libraries(path.read_text(encoding="utf-8"))
+    }
+    baking = {"registration.baking", "formats.baked_textures"}
+    others = {name for name in users if unit_of(name) != "rendering"} - baking
+    assert others == {"runtime.extras", "app.cli.render_options"}
+
+
 def test_picture_shows_the_table():
     drawn = runpy.run_path(str(DOCS / "architecture_picture.py"))["picture"](PAGE)
     assert drawn == (DOCS / "images" / "architecture.svg").read_text(encoding="utf-8")

@@ -17,14 +17,14 @@ from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.model.segments import AnySequence, HasSegments
 from meshreel.registration.baking import Size, bake, check_textured, with_atlases
 from meshreel.registration.register import Registration
-from meshreel.rendering.film_files import require_ffmpeg, write_mp4
+from meshreel.rendering.film_files import write_mp4
 from meshreel.rendering.films import UNKNOWN_FPS
 from meshreel.runtime.counting import counted
+from meshreel.runtime.extras import VIDEO
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.outputs.checks import check_extension, check_output_paths
 from meshreel.runtime.progress import Progress, silent
 
-READING = "reading a video"
 VIDEOS = (".mp4", ".mov", ".webm", ".mkv", ".avi")
 WRITTEN = (".mp4", ".png")
 
@@ -116,7 +116,7 @@ class TextureJob:
         job = cls(textures, path, overwrite)
         check_extension(path, WRITTEN)
         if job.is_video:
-            require_ffmpeg()
+            VIDEO.load()
         check_output_paths(
             job.paths, overwrite=overwrite, inputs=textures.paths, makes_folder=not job.is_video
         )
@@ -187,7 +187,7 @@ def _texture_files(source: Source) -> tuple[Path, ...]:
 
 def _n_pictures(path: Path) -> int:
     try:
-        n_frames, _ = require_ffmpeg(READING).count_frames_and_secs(str(path))
+        n_frames, _ = VIDEO.load().count_frames_and_secs(str(path))
     except (OSError, RuntimeError) as error:
         raise FormatError(f"{path} is not a video that ffmpeg reads") from error
     return int(n_frames)
@@ -196,7 +196,7 @@ def _n_pictures(path: Path) -> int:
 def _decoded(path: Path) -> Generator[PillowImage.Image, None, None]:
     """Yield every stored picture of a video."""
     command = [
-        require_ffmpeg(READING).get_ffmpeg_exe(), "-v", "quiet", "-i", str(path),
+        VIDEO.load().get_ffmpeg_exe(), "-v", "quiet", "-i", str(path),
         "-fps_mode", "passthrough", "-f", "image2pipe", "-c:v", "ppm", "-",
     ]  # fmt: skip
     with Popen(command, stdin=DEVNULL, stdout=PIPE) as decoder:

@@ -1,12 +1,11 @@
-"""Write films to .mp4 (extra [video]) and .gif (Pillow), picture by picture."""
+"""Write films to .mp4 (extra [video]) and .gif (extra [render]), picture by picture."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
 from tempfile import TemporaryFile
-from typing import IO, Any, BinaryIO
+from typing import IO, BinaryIO
 
 import numpy as np
 from PIL import GifImagePlugin, ImageChops
@@ -14,6 +13,7 @@ from PIL import Image as PillowImage
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.rendering.films import Film
+from meshreel.runtime.extras import VIDEO
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -26,22 +26,6 @@ N_PALETTE_PICTURES = 6
 _NEAR_BACKGROUND = 8
 
 _QUALITY = "18"  # of x264: visually nearly lossless
-
-
-def require_ffmpeg(purpose: str = "writing .mp4") -> Any:
-    """Return imageio_ffmpeg; call it before long work to fail early.
-
-    Raises
-    ------
-    FormatError
-        If it is not installed.
-    """
-    try:
-        return import_module("imageio_ffmpeg")
-    except ImportError as error:
-        raise FormatError(
-            f"{purpose} needs imageio-ffmpeg: pip install 'meshreel[video]'; images work without it"
-        ) from error
 
 
 def save_film(
@@ -93,7 +77,7 @@ def write_mp4(
     overwrite: bool = False,
 ) -> None:
     """Write RGB pictures of one size as H.264, atomically; errors as `save_mp4`."""
-    ffmpeg = require_ffmpeg()
+    ffmpeg = VIDEO.load()
     width, height = size
     if width % 2 or height % 2:
         raise InvalidInputError(f"an .mp4 needs an even width and height; got {width} x {height}")

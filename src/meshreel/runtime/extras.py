@@ -34,6 +34,11 @@ class Extra:
         """Whether the library is installed; does not import it."""
         return find_spec(self.module) is not None
 
+    @property
+    def command(self) -> str:
+        """The command that installs it."""
+        return f"pip install 'meshreel[{self.name}]'"
+
     def load(self, submodule: str = "") -> ModuleType:
         """Import the library, or a submodule.
 
@@ -46,8 +51,7 @@ class Extra:
             return import_module(f"{self.module}.{submodule}" if submodule else self.module)
         except ImportError as error:
             raise self.error(
-                f"this needs {self.library} ({error}); "
-                f"install it with: pip install 'meshreel[{self.name}]'"
+                f"this needs {self.library} ({error}); install it with: {self.command}"
             ) from error
 
 
@@ -65,4 +69,7 @@ REGISTER_SCIPY = Extra("register", "SciPy", "scipy", InvalidInputError)
 REGISTER_XATLAS = Extra("register", "xatlas", "xatlas", InvalidInputError)
 SURFACES = Extra("surfaces", "SciPy", "scipy", InvalidInputError)  # to compare changing faces
 PEERS = Extra("peers", "SciPy", "scipy", InvalidInputError)  # to compare curves
+REGISTER_PILLOW = Extra("register", "Pillow", "PIL", InvalidInputError)  # to bake textures
+RENDER = Extra("render", "Pillow", "PIL", InvalidInputError)
+VIDEO = Extra("video", "imageio-ffmpeg", "imageio_ffmpeg")  # it brings ffmpeg
 TORCH = Extra("torch", "PyTorch", "torch", InvalidInputError)

@@ -8,7 +8,7 @@ from PIL import Image, ImageSequence
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering import film_files
-from meshreel.rendering.film_files import require_ffmpeg, save_film, save_gif, save_mp4
+from meshreel.rendering.film_files import save_film, save_gif, save_mp4
 from meshreel.rendering.films import film
 from meshreel.rendering.scenes import Scene
 from meshreel.rendering.views import View
@@ -103,10 +103,10 @@ def test_mp4_with_an_odd_side_is_rejected(grid, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_error_names_the_extra_of_a_missing_library(monkeypatch):
+def test_error_names_the_extra_of_a_missing_library(grid, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(FormatError, match=r"pip install 'meshreel\[video\]'"):
-        require_ffmpeg()
+        save_mp4(make_film(grid), tmp_path / "a.mp4")
 
 
 def test_existing_film_is_not_overwritten(grid, tmp_path):

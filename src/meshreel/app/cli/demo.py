@@ -1,9 +1,14 @@
 """`meshreel demo`: encode, decode and compare the simulated flag."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import option
+
+if TYPE_CHECKING:
+    from meshreel.rendering.scenes import Scene
+    from meshreel.runtime.progress import Progress
 
 N_POSES = 3
 """Number of frames in the picture, including the one with the largest error."""
@@ -27,7 +32,8 @@ def demo_command(
 ) -> None:
     """Simulate a flag, compress and decompress it, and show the error.
 
-    Writes flag.npz (the original), flag.reel and flag.png (original and decoded side by side).
+    Writes flag.npz (the original), flag.reel and, if the extra [render] is installed, flag.png
+    (original and decoded side by side).
 
     Example:
 
@@ -42,18 +48,18 @@ def demo_command(
     from meshreel.formats.save import save
     from meshreel.metrics.compare import compare
     from meshreel.model.flag import simulate_flag
-    from meshreel.rendering.picture import save_png
     from meshreel.rendering.scenes import Scene
-    from meshreel.rendering.shots import representative_frames
-    from meshreel.rendering.stills import still
-    from meshreel.rendering.views import View
+    from meshreel.runtime.extras import RENDER
     from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.outputs.checks import check_output_folder, check_output_path
 
     check_output_folder(out)
     out.mkdir(parents=True, exist_ok=True)
     raw, reel, picture = (out / f"flag.{extension}" for extension in ("npz", "reel", "png"))
-    for path in (raw, reel, picture):
+    outputs = {"original": raw, "stream": reel}
+    if RENDER.is_installed:
+        outputs["picture"] = picture
+    for path in outputs.values():
         check_output_path(path, overwrite=force)
     with progress_bar() as progress:
         sequence = simulate_flag(frames, progress=progress)
@@ -64,23 +70,41 @@ def demo_command(
         decoded = decode(data, progress=progress)
         quality = compare(sequence, decoded, progress=progress)
         stream = info(data)
-        caption = (
-            f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, "
-            f"KG error {quality.kg_error_percent:.2f} %"
-        )
         scene = Scene(decoded, sequence, "distance")
         largest = scene.scales(range(frames), progress).heat
         assert largest is not None  # the scene has a heat map
-        poses = sorted({*representative_frames(range(frames), N_POSES - 1), largest.frame})
-        image = still(scene, poses, View(), caption=caption, progress=progress)
-        save_png(image, picture, overwrite=force)
+        poses = []
+        if RENDER.is_installed:
+            caption = (
+                f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, "
+                f"KG error {quality.kg_error_percent:.2f} %"
+            )
+            poses = _draw(scene, largest.frame, caption, picture, force=force, progress=progress)
+    paths = {name: str(path) for name, path in outputs.items()}
     if as_json:
-        paths = {"original": str(raw), "stream": str(reel), "picture": str(picture)}
         worst = {"max_error_frame": largest.frame, "picture_frames": poses}
         print_json({**paths, **size_figures(stream), **quality.as_dict(), **worst})
         return
     rows = {**size_rows(stream), **quality_rows(quality)}
     rows["largest error"] += f", in frame {largest.frame}"
     print_table("The flag, compressed", rows)
-    print_table("Written", {"original": str(raw), "stream": str(reel), "picture": str(picture)})
+    if not poses:
+        paths["picture"] = f"not drawn; {RENDER.command}"
+    print_table("Written", paths)
     print_line(f"To see it move: meshreel view {reel} --original {raw}")
+
+
+def _draw(
+    scene: "Scene", worst: int, caption: str, path: Path, *, force: bool, progress: "Progress"
+) -> list[int]:
+    """Draw some frames, among them the worst; return their numbers."""
+    from meshreel.rendering.picture import save_png
+    from meshreel.rendering.shots import representative_frames
+    from meshreel.rendering.stills import still
+    from meshreel.rendering.views import View
+
+    numbers = range(scene.sequence.n_frames)
+    poses = sorted({*representative_frames(numbers, N_POSES - 1), worst})
+    image = still(scene, poses, View(), caption=caption, progress=progress)
+    save_png(image, path, overwrite=force)
+    return poses

@@ -100,13 +100,13 @@ def register_command(
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.config import EncoderConfig
     from meshreel.codec.error_bounds import METERS, bound_of
-    from meshreel.formats.baked_textures import TextureJob
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.reel import open_segments
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.sources import files_of_source
     from meshreel.registration.register import register
     from meshreel.registration.report import Report
+    from meshreel.runtime.extras import REGISTER_PILLOW
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     if texture_output is not None and texture is None:
@@ -128,6 +128,9 @@ def register_command(
         raw = open_for_encoding(source, config.memory_bytes, reading)
         folder, job = path.with_suffix(".registration"), None
         if texture is not None:
+            REGISTER_PILLOW.load()
+            from meshreel.formats.baked_textures import TextureJob
+
             baked = texture_output or path.with_suffix(".mp4")
             job = TextureJob.checked(texture, baked, raw, overwrite=force)
         registration = register(raw, bound, progress, folder)

@@ -40,7 +40,7 @@ VIEW, BACKGROUND = "30,12", "white"
     type=Path,
     required=True,
     completion=pictures,
-    help="A picture (.png) or a film (.mp4, .gif); .mp4 needs [video].",
+    help="A picture (.png) or a film (.mp4, .gif).",
 )
 @option(
     "--original",
@@ -77,7 +77,7 @@ VIEW, BACKGROUND = "30,12", "white"
     type=int,
     metavar="INDEX",
     help="Plot the track over time at this vertex, face or corner instead of drawing the mesh; "
-    "writes a .png, needs [plot].",
+    "writes a .png.",
     panel=COLORS,
 )
 @option(
@@ -141,6 +141,8 @@ def render_command(
     --original, each frame has a row: original, decoded and, with --heatmap, the error. --track
     colors the mesh by one of its tracks. The faces may change.
 
+    Pictures and .gif need the extra [render], .mp4 needs [video], and --at needs [plot].
+
     Examples:
 
     - `meshreel render walk.reel -o walk.png`
@@ -175,10 +177,9 @@ def render_command(
     from meshreel.rendering.plots import plot_track
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.views import guess_up, parse_view
-    from meshreel.runtime.outputs.checks import check_output_path
+    from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
-    extension = _checked_extension(output)
-    is_film = extension != ".png"
+    is_film = check_extension(output, EXTENSIONS) != ".png"
     _check_combination(original, heatmap, turntable, follow, is_film=is_film)
     look = track_look(track, component, range, colormap, heatmap, at)
     if at is not None:
@@ -189,6 +190,8 @@ def render_command(
             "--background": background if background != BACKGROUND else None,
         }  # fmt: skip
         check_plot(options, is_film=is_film)
+    else:
+        _load_libraries(output)
     files = [file for path in (source, original) if path for file in files_of_source(path)]
     check_output_path(output, overwrite=force, inputs=files)
     size_px, color = picture_size(size), parse_color(background)
@@ -267,15 +270,13 @@ def _draw(
     return {"size_px": list(picture.size), "frames": numbers}
 
 
-def _checked_extension(output: Path) -> str:
-    """The extension of the output in lower case; raises if a required library is missing."""
-    from meshreel.rendering.film_files import require_ffmpeg
-    from meshreel.runtime.outputs.checks import check_extension
+def _load_libraries(output: Path) -> None:
+    """Load the libraries that draw and write the output; raises if one is missing."""
+    from meshreel.runtime.extras import RENDER, VIDEO
 
-    extension = check_extension(output, EXTENSIONS)
-    if extension == ".mp4":
-        require_ffmpeg()
-    return extension
+    if output.suffix.lower() == ".mp4":
+        VIDEO.load()
+    RENDER.load()
 
 
 def _check_combination(

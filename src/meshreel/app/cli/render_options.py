@@ -64,7 +64,7 @@ def picture_size(text: str | None) -> tuple[int, int] | None:
 
 
 def parse_color(text: str) -> tuple[int, int, int]:
-    """The color of a CSS name or #rrggbb."""
+    """The color of a CSS name or #rrggbb; needs Pillow."""
     from PIL import ImageColor
 
     try:

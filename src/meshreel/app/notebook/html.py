@@ -16,10 +16,9 @@ from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering.picture import side_by_side
 from meshreel.rendering.scenes import ChosenFrames, Scene
-from meshreel.rendering.shots import framing_of, spread_frames
 from meshreel.rendering.views import View, guess_up
+from meshreel.runtime.extras import RENDER
 
 MAX_PLAYED, MAX_ENCODED = 2_500_000, 300_000
 """Limits of positions in all frames of a file, or of a sequence, which must be encoded first, to
@@ -92,18 +91,22 @@ def _page_text(api: Api, page: Page) -> str:
 
 
 def _picture_and_figures(animation: MeshSequence | ReelFile) -> str:
-    rows = rows_of(animation)
-    picture = _picture_html(animation)
-    if not picture:
+    rows, picture = rows_of(animation), ""
+    if animation.n_faces > MAX_DRAWN_FACES:
         rows["picture"] = "omitted: too many faces"
+    elif not RENDER.is_installed:
+        rows["picture"] = f"needs {RENDER.library}: {RENDER.command}"
+    else:
+        picture = _picture_html(animation)
     rows["to play it"] = "show()"
     return heading_and_rows(animation.name, rows) + picture
 
 
 def _picture_html(animation: MeshSequence | ReelFile) -> str:
-    """HTML of a picture of some poses; empty for a mesh that takes too long to draw."""
-    if animation.n_faces > MAX_DRAWN_FACES:
-        return ""
+    """HTML of a picture of some poses."""
+    from meshreel.rendering.picture import side_by_side
+    from meshreel.rendering.shots import spread_frames
+
     n_poses = N_POSES if animation.n_faces <= MAX_FACES else 1
     numbers = spread_frames(range(animation.n_frames), n_poses)
     frames = np.stack([animation.read(number, number + 1)[0] for number in numbers])
@@ -117,6 +120,8 @@ def _picture_html(animation: MeshSequence | ReelFile) -> str:
 
 
 def _panels(poses: MeshSequence) -> list[np.ndarray]:
+    from meshreel.rendering.shots import framing_of
+
     scene = Scene(poses)
     frames = ChosenFrames(poses, range(poses.n_frames))
     framing = framing_of(View(guess_up(poses.extent)), frames)

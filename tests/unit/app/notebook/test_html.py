@@ -2,6 +2,7 @@
 
 import base64
 import re
+import sys
 from html import unescape
 from io import BytesIO
 
@@ -71,6 +72,15 @@ def test_picture_and_figures_are_shown_when_the_player_is_too_large(reel, monkey
     assert f"{reel.info().ratio:.0f} x smaller" in html
     picture = picture_in(html)
     assert 0.1 < (picture != 255).any(axis=2).mean() < 0.9
+
+
+def test_figures_name_the_extra_of_the_picture_when_pillow_is_missing(reel, monkeypatch):
+    monkeypatch.setattr(notebook, "MAX_PLAYED", 100)
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    html = reel._repr_html_()
+    assert "<img" not in html
+    assert "needs Pillow: pip install &#x27;meshreel[render]&#x27;" in html
+    assert f"{reel.info().ratio:.0f} x smaller" in html
 
 
 def test_picture_is_shown_when_the_page_is_not_built(monkeypatch):
