@@ -6,10 +6,7 @@ python bench/read_files.py FOLDER
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-
+from meshreel.app.cli.console import print_columns
 from meshreel.errors import MeshReelError
 from meshreel.formats.load import load
 from meshreel.formats.registry import FORMATS
@@ -23,7 +20,7 @@ def read(path: Path) -> tuple[str, ...]:
     except MeshReelError as error:
         return ("-", "-", "-", f"error: {error}".replace(f"{path}: ", "").replace(f"{path} ", ""))
     counts = (sequence.n_frames, sequence.n_verts, sequence.n_faces)
-    return (*map(str, counts), "\n".join(notes))
+    return (*map(str, counts), "; ".join(notes))
 
 
 def main() -> None:
@@ -31,11 +28,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
-    table = Table("file", "frames", "vertices", "faces", "notes")
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.suffix.lower() in FORMATS:
-            table.add_row(str(path.relative_to(folder)), *map(escape, read(path)))
-    Console(width=None).print(table)
+    rows = [
+        (str(path.relative_to(folder)), *read(path))
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.suffix.lower() in FORMATS
+    ]
+    print_columns(str(folder), ("file", "frames", "vertices", "faces", "notes"), rows)
 
 
 if __name__ == "__main__":

@@ -42,8 +42,8 @@ TARGETS = {
 }
 """Name of each platform in `core/compile.py`."""
 
-NOT_NEEDED = frozenset({"click", "numpy", "rich"})
-"""Blender includes NumPy; the others are for the command line."""
+NOT_NEEDED = frozenset({"click", "numpy"})
+"""Blender includes NumPy; Click is for the command line."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

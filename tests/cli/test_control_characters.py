@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 import meshreel
 from meshreel.app.cli import console
@@ -262,9 +261,8 @@ def test_progress_lines_escape_the_stage():
 
 def test_progress_bar_escapes_the_stage(monkeypatch):
     stream = io.StringIO()
-    terminal = Console(file=stream, force_terminal=True, width=400, color_system=None)
     monkeypatch.setattr(console, "SHOW_AFTER_S", 0)
-    with console._bar(terminal) as report:
+    with console.progress_line(stream) as report:
         report(f"reading \x9b\x07\u202e\n{MARKUP}", 0.5)
         wait_for(escaped(f"reading \x9b\x07\u202e\n{MARKUP}"), stream)
     shown = stream.getvalue()

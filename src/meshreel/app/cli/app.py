@@ -13,6 +13,9 @@ from meshreel.errors import MeshReelError
 
 NAME = "meshreel"
 COMPLETION_VARIABLE = "_MESHREEL_COMPLETE"
+HELP_WIDTH = 100
+"""Largest width of the help in columns."""
+
 SHELLS = ("bash", "zsh", "fish")
 
 
@@ -30,7 +33,12 @@ def _print_completion(context: click.Context, _param: click.Parameter, shell: st
         context.exit()
 
 
-@click.group(NAME, cls=Program, invoke_without_command=True)
+@click.group(
+    NAME,
+    cls=Program,
+    invoke_without_command=True,
+    context_settings={"max_content_width": HELP_WIDTH},
+)
 @click.option(
     "--version",
     is_flag=True,

@@ -41,11 +41,11 @@ class Command(click.Command):
                 refuse_address(arg, f"every file of `meshreel {self.name}`")
         return super().parse_args(ctx, args)
 
-    def get_help(self, ctx: click.Context) -> str:
-        """Help in panels, as wide as the terminal."""
-        from meshreel.app.cli.help_panels import help_text
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help in panels."""
+        from meshreel.app.cli.help_panels import write_help
 
-        return help_text(self, ctx)
+        write_help(self, ctx, formatter)
 
 
 class Program(click.Group):
@@ -72,11 +72,11 @@ class Program(click.Group):
         suggestion = f" Did you mean {similar}?" if similar else ""
         raise click.UsageError(f"No such command {name!r}.{suggestion}", ctx)
 
-    def get_help(self, ctx: click.Context) -> str:
-        """Help in panels, as wide as the terminal."""
-        from meshreel.app.cli.help_panels import help_text
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help in panels."""
+        from meshreel.app.cli.help_panels import write_help
 
-        return help_text(self, ctx)
+        write_help(self, ctx, formatter)
 
 
 def command(function: Callable[..., Any]) -> click.Command:

@@ -1,9 +1,10 @@
 """Output of commands: progress on stderr; figures on stdout, as tables or JSON.
 
-Control characters in text are escaped, and rich markup is not interpreted.
+Control characters in text are escaped.
 """
 
 import json
+import shutil
 import sys
 import threading
 import time
@@ -11,33 +12,26 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    SpinnerColumn,
-    TaskProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-)
-from rich.progress import Progress as Bar
-from rich.table import Table
-from rich.text import Text
+import click
 
 from meshreel.app.cli.messages import all_with_option_names, escaped, with_option_names
+from meshreel.app.cli.tables import Row, table_lines, text_bar, text_width
 from meshreel.runtime.counting import singular
 from meshreel.runtime.progress import Count, Progress
 
 MIN_ELAPSED_S = 2.0
 """Elapsed time before the remaining time is shown, because early estimates are unstable."""
 
-SHOW_AFTER_S = 1.0
+SHOW_AFTER_S, REFRESH_S = 1.0, 0.1
+"""Time until the progress bar is shown, and between its updates."""
+
+PROGRESS_BAR = 20
+"""Width of the progress bar in columns."""
 
 MIN_BAR, MAX_BAR = 8, 40
 """Limits of the width of the longest bar in columns; narrow terminals show no bars."""
 
 _BORDERS_AND_SHARE = "│  │  │ 100.0 % │  │"
-
-_EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 Cell = str | list[str]
 """Text of a table cell, or its lines."""
@@ -106,43 +100,11 @@ def clock_text(seconds: float) -> str:
 def progress_bar() -> Iterator[Progress]:
     """A progress callback that reports on stderr.
 
-    On a terminal, a bar appears after a second with the stage, the elapsed time and, for counted
-    items, their number, rate and remaining time. Otherwise see `progress_lines`.
+    On a terminal, a line appears after a second with the stage, a bar, the elapsed time and, for
+    counted items, their number, rate and remaining time. Otherwise see `progress_lines`.
     """
-    console = Console(stderr=True)
-    with _bar(console) if console.is_terminal else progress_lines() as report:
+    with progress_line(sys.stderr) if sys.stderr.isatty() else progress_lines() as report:
         yield report
-
-
-@contextmanager
-def _bar(console: Console) -> Iterator[Progress]:
-    bar = Bar(
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[words]}", style="progress.remaining"),
-        console=console,
-        transient=True,
-    )
-    # Each stage reaches 1, but rich stops its clock when the total is reached.
-    task = bar.add_task("", total=1 + 1e-9, words="")
-    clock = PaceClock()
-    timer = threading.Timer(SHOW_AFTER_S, bar.start)
-    timer.daemon = True
-    timer.start()
-
-    def report(stage: str, fraction: float) -> None:
-        words = clock.words(fraction)
-        bar.update(task, description=escaped(stage), completed=float(fraction), words=words)
-
-    try:
-        yield report
-    finally:
-        timer.cancel()
-        timer.join()
-        bar.stop()
 
 
 def print_json(figures: Mapping[str, Any]) -> None:
@@ -174,73 +136,55 @@ def _message(value: Any) -> Any:
 
 def print_table(title: str, rows: Mapping[str, str] | Mapping[str, Cell]) -> None:
     """Print a table of names and values on stdout."""
-    table = Table(show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(justify="right")
-    for name, value in rows.items():
-        table.add_row(_text(name), _text(value))
-    _print_titled(Console(), title, table)
+    _print_titled(title, [(_lines(name), _lines(value)) for name, value in rows.items()])
 
 
 def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print a table on stdout, with names in the first column and figures in the others."""
-    table = Table()
-    for number, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if number else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*map(_text, row))
-    _print_titled(Console(), title, table)
+    _print_titled(title, [[_lines(cell) for cell in row] for row in rows], headings)
 
 
 def print_bars(title: str, sizes: Mapping[str, int]) -> None:
     """Print sizes in bytes on stdout with shares and bars that fit the terminal."""
-    console = Console()
-    total = sum(sizes.values()) or 1
-    table = Table(show_header=False)
-    table.add_column(overflow="fold")
-    names = max(_text(name).cell_len for name in sizes)
-    texts = [f"{size} B" for size in sizes.values()]
-    for min_width in (max(map(len, texts)), len("100.0 %")):
-        table.add_column(justify="right", no_wrap=True, min_width=min_width)
-    width = console.width - names - max(map(len, texts)) - len(_BORDERS_AND_SHARE)
-    if width >= MIN_BAR:
-        table.add_column(no_wrap=True)
-    for (name, size), text in zip(sizes.items(), texts, strict=True):
-        share = size / max(sizes.values())
-        bar = text_bar(share, min(width, MAX_BAR), ascii_only=console.options.ascii_only)
-        cells: list[Text | str] = [_text(name), text, f"{100 * size / total:.1f} %", bar]
-        table.add_row(*cells[: len(table.columns)])
-    _print_titled(console, title, table)
+    total, largest = sum(sizes.values()) or 1, max(sizes.values()) or 1
+    names = max(text_width(escaped(name)) for name in sizes)
+    texts = max(len(f"{size} B") for size in sizes.values())
+    width = min(_terminal_width() - names - texts - len(_BORDERS_AND_SHARE), MAX_BAR)
+    rows = []
+    for name, size in sizes.items():
+        row = [_lines(name), [f"{size} B"], [f"{100 * size / total:.1f} %"]]
+        if width >= MIN_BAR:
+            bar = text_bar(size / largest, width, ascii_only=_is_ascii_only(sys.stdout))
+            row.append([bar.ljust(width)])
+        rows.append(row)
+    _print_titled(title, rows)
 
 
-def _print_titled(console: Console, title: str, table: Table) -> None:
+def _print_titled(title: str, rows: Sequence[Row], headings: Sequence[str] = ()) -> None:
     """Print a table under its title, which is not wrapped so that paths can be copied."""
-    console.print(_text(title), style="bold", soft_wrap=True)
-    console.print(table)
+    click.echo(click.style(escaped(title), bold=True))
+    ascii_only = _is_ascii_only(sys.stdout)
+    for line in table_lines(rows, headings, width=_terminal_width(), ascii_only=ascii_only):
+        click.echo(line)
 
 
-def _text(cell: Cell) -> Text:
-    """Return escaped text for rich, without markup and emoji codes."""
-    return Text("\n".join(map(escaped, [cell] if isinstance(cell, str) else cell)))
+def _lines(cell: Cell) -> list[str]:
+    """Return the escaped lines of a cell."""
+    return [escaped(line) for line in ([cell] if isinstance(cell, str) else cell)]
 
 
-def text_bar(share: float, width: int, *, ascii_only: bool = False) -> str:
-    """A bar over a share of a width in columns, in eighths of a column unless `ascii_only`.
+def _terminal_width() -> int:
+    return shutil.get_terminal_size().columns
 
-    Shares above 0 are always visible.
-    """
-    if ascii_only:
-        return "#" * max(round(share * width), 1 if share > 0 else 0)
-    eighths = max(round(8 * share * width), 1 if share > 0 else 0)
-    whole, rest = divmod(eighths, 8)
-    return _EIGHTHS[8] * whole + (_EIGHTHS[rest] if rest else "")
+
+def _is_ascii_only(stream: TextIO) -> bool:
+    return not (stream.encoding or "").lower().startswith("utf")
 
 
 def print_notes(notes: list[str]) -> None:
     """Print notes on stderr, one line each."""
-    console = Console(stderr=True)
     for note in all_with_option_names(notes):
-        console.print(_text(f"note: {note}"), soft_wrap=not console.is_terminal)
+        click.echo(escaped(f"note: {note}"), err=True)
 
 
 @contextmanager
@@ -261,6 +205,59 @@ def progress_lines(
     first_line_s, interval_s : float
         Time until the first line, and between lines.
     """
+
+    def write(stage: str, fraction: float, clock: PaceClock, elapsed: str) -> None:
+        line = f"meshreel: {escaped(_state(stage, fraction, clock))} ({elapsed} so far)"
+        print(line, file=stream or sys.stderr, flush=True)
+
+    with _reporting(write, first_line_s, interval_s) as report:
+        yield report
+
+
+@contextmanager
+def progress_line(stream: TextIO) -> Iterator[Progress]:
+    """A progress callback that keeps one line of a terminal up to date, and removes it at the end.
+
+    Example: "encoding, try 3  ████      20 %  0:42  35 of 175 frames, 8.4 frames/s, 0:17 left".
+    """
+    shown = 0
+
+    def replace_line(line: str) -> None:
+        nonlocal shown
+        width = text_width(line)
+        print(f"\r{line}{' ' * (shown - width)}", end="", file=stream, flush=True)
+        shown = width
+
+    def write(stage: str, fraction: float, clock: PaceClock, elapsed: str) -> None:
+        share = min(max(float(fraction), 0.0), 1.0)
+        bar = text_bar(share, PROGRESS_BAR, ascii_only=_is_ascii_only(stream))
+        words = [escaped(stage), bar.ljust(PROGRESS_BAR), f"{share:4.0%}", elapsed]
+        line = "  ".join([*words, clock.words(fraction)]).rstrip()
+        while text_width(line) >= _terminal_width():  # a longer line could not be removed
+            line = line[:-1]
+        replace_line(line)
+
+    try:
+        with _reporting(write, SHOW_AFTER_S, REFRESH_S) as report:
+            yield report
+    finally:
+        replace_line("")
+        print("\r", end="", file=stream, flush=True)
+
+
+@contextmanager
+def _reporting(
+    write: Callable[[str, float, PaceClock, str], None], first_s: float, interval_s: float
+) -> Iterator[Progress]:
+    """A progress callback, and a thread that writes its latest state even between calls.
+
+    Parameters
+    ----------
+    write : callable
+        Called with stage, fraction, clock and elapsed time.
+    first_s, interval_s : float
+        Time until the first call of `write`, and between calls.
+    """
     began_s, clock = time.monotonic(), PaceClock()
     latest: list[tuple[str, float]] = [("working", 0.0)]
     is_over = threading.Event()
@@ -269,16 +266,14 @@ def progress_lines(
         clock.words(fraction)  # starts to measure the pace
         latest[0] = stage, fraction
 
-    def write() -> None:
-        wait_s = first_line_s
+    def write_regularly() -> None:
+        wait_s = first_s
         while not is_over.wait(wait_s):
-            elapsed = clock_text(time.monotonic() - began_s)
             with suppress(OSError, ValueError):  # the stream may be closed
-                line = f"meshreel: {escaped(_state(*latest[0], clock))} ({elapsed} so far)"
-                print(line, file=stream or sys.stderr, flush=True)
+                write(*latest[0], clock, clock_text(time.monotonic() - began_s))
             wait_s = interval_s
 
-    writer = threading.Thread(target=write, name="meshreel-progress", daemon=True)
+    writer = threading.Thread(target=write_regularly, name="meshreel-progress", daemon=True)
     writer.start()
     try:
         yield report

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
+from meshreel.app.cli.console import print_columns
+from meshreel.app.cli.messages import print_line
 from meshreel.runtime.profiling import Profile, StageTime
 
+HEADINGS = ("stage", "seconds", "share", "other threads", "calls")
 NOTE = (
     "Indented stages are parts of the stage above. Other threads run in parallel to these seconds."
 )
@@ -14,18 +14,11 @@ NOTE = (
 
 def print_profile(profile: Profile) -> None:
     """Print the profile on stdout."""
-    table = Table(title="seconds by stage", title_justify="left", title_style="bold")
-    table.add_column("stage", no_wrap=True)
-    for name in ("seconds", "share", "other threads", "calls"):
-        table.add_column(name, justify="right")
-    for time in profile.stages:
-        table.add_row(*_cells(time, profile.wall_s))
-    table.add_row("(everything else)", *_seconds_and_share(profile.unnamed_s, profile.wall_s))
-    table.add_section()
-    table.add_row("total", *_seconds_and_share(profile.wall_s, profile.wall_s))
-    console = Console()
-    console.print(table)
-    console.print(NOTE, highlight=False)
+    rows = [_cells(time, profile.wall_s) for time in profile.stages]
+    for name, seconds in (("(everything else)", profile.unnamed_s), ("total", profile.wall_s)):
+        rows.append([name, *_seconds_and_share(seconds, profile.wall_s), "", ""])
+    print_columns("seconds by stage", HEADINGS, rows)
+    print_line(NOTE)
 
 
 def profile_figures(profile: Profile) -> dict[str, Any]:

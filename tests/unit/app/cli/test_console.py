@@ -6,24 +6,10 @@ from meshreel.app.cli.console import (
     pace_text,
     print_bars,
     print_notes,
-    text_bar,
 )
 from meshreel.runtime.progress import Count
 
 SIZES = {"header": 77, "connectivity": 2786, "order": 33711, "coefficients": 26462, "empty": 0}
-
-
-@pytest.mark.parametrize(
-    ("share", "width", "bar"),
-    [(1.0, 4, "████"), (0.5, 4, "██"), (0.5, 1, "▌"), (1e-9, 4, "▏"), (0.0, 4, "")],
-)
-def test_text_bar_has_a_resolution_of_one_eighth(share, width, bar):
-    assert text_bar(share, width) == bar
-
-
-@pytest.mark.parametrize(("share", "bar"), [(1.0, "####"), (0.4, "##"), (1e-9, "#"), (0.0, "")])
-def test_text_bar_is_ascii_on_ascii_terminals(share, bar):
-    assert text_bar(share, 4, ascii_only=True) == bar
 
 
 @pytest.mark.parametrize("columns", [120, 80, 60, 40])
@@ -44,7 +30,7 @@ def test_bars_are_aligned_and_complete_on_narrow_terminals(monkeypatch, capsys, 
         assert n_blocks[3] == pytest.approx(n_blocks[2] * 26462 / 33711, abs=1)
 
 
-def test_note_is_not_wrapped_without_a_terminal(capsys):
+def test_note_is_printed_once_and_not_wrapped(capsys):
     note = "left out: " + ", ".join(f"field {number}" for number in range(40))
     print_notes([note, note])
     assert capsys.readouterr().err == f"note: {note}\n"

@@ -1,4 +1,4 @@
-"""Progress lines without a terminal."""
+"""Progress lines, with and without a terminal."""
 
 import io
 import threading
@@ -6,7 +6,8 @@ import time
 
 import pytest
 
-from meshreel.app.cli.console import progress_lines
+from meshreel.app.cli import console
+from meshreel.app.cli.console import progress_line, progress_lines
 from meshreel.runtime.progress import Count
 
 
@@ -66,3 +67,55 @@ def test_end_does_not_wait_for_the_next_line():
     with progress_lines(Lines(), first_line_s=30, interval_s=30):
         pass
     assert time.monotonic() - began < 5
+
+
+def screen_of(text, width):
+    """Return what a terminal shows on the line that a text rewrites; it must not break the line."""
+    shown = [" "] * width
+    for piece in text.split("\r"):
+        assert len(piece) < width
+        shown[: len(piece)] = piece
+    return "".join(shown).rstrip()
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr(console, "SHOW_AFTER_S", 0.001)
+    monkeypatch.setattr(console, "REFRESH_S", 0.001)
+    return Lines()
+
+
+def wait_for_line(terminal, line):
+    deadline = time.monotonic() + 20
+    while screen_of(terminal.getvalue(), 100) != line:
+        assert time.monotonic() < deadline, terminal.getvalue()[-200:]
+        time.sleep(0.005)
+
+
+def test_line_on_a_terminal_is_replaced_and_removed(terminal):
+    with progress_line(terminal) as progress:
+        progress("encoding, try 3", Count(35, 175, "frames"))
+        line = "encoding, try 3  ####                   20%  0:00  35 of 175 frames"
+        wait_for_line(terminal, line)
+        progress("order", 1.0)
+        wait_for_line(terminal, f"order  {'#' * 20}  100%  0:00")
+    assert screen_of(terminal.getvalue(), 100) == ""
+
+
+def test_line_on_a_terminal_is_cut_to_its_width(terminal):
+    with progress_line(terminal) as progress:
+        progress("reading " + "歩" * 80, 0.5)
+        wait_for = "reading " + "歩" * 45
+        deadline = time.monotonic() + 20
+        while wait_for not in terminal.getvalue():
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+    assert "歩" * 46 not in terminal.getvalue()
+
+
+def test_short_work_shows_no_line_on_a_terminal(terminal, monkeypatch):
+    monkeypatch.setattr(console, "SHOW_AFTER_S", 60)
+    with progress_line(terminal) as progress:
+        progress("reading", 0.5)
+    assert terminal.getvalue().strip("\r") == ""
