@@ -1,5 +1,6 @@
 """`meshreel convert`, `encode --split` and `formats`."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,15 @@ def test_formats_lists_every_extension_as_json():
     assert all(one["is_installed"] == (one["extra"] is None) or one["extra"]
                for one in listed.values())  # fmt: skip
     assert run("formats").returncode == 0
+
+
+def test_formats_says_when_an_extra_is_only_for_writing(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    for module in ("alembic3d", "h5py"):
+        monkeypatch.setitem(sys.modules, module, None)
+    rows = {line.split()[1]: line for line in run("formats").stdout.splitlines()[4:-1]}
+    assert rows[".abc"].endswith("for reading; to write: pip install 'meshreel[alembic]' │")
+    assert "reading" not in rows[".h5"]
 
 
 @pytest.fixture

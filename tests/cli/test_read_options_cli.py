@@ -87,3 +87,30 @@ def test_command_rejects_the_option_when_it_does_not_apply(tmp_path, command, fl
     }[command]
     done = run(command, *arguments, flag)
     assert_fails(done, flag, "original" if command == "view" else "has no effect on")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--size 15 kB", "a space separates 15 from its unit; write --size 15kB"),
+        ("--max-error 0.5 mm --unit m", "write --max-error 0.5mm"),
+        ("--memory=1 GiB", "write --memory 1GiB"),
+        ("--register .2 %", "write --register .2%"),
+    ],
+)
+def test_space_before_a_unit_is_an_error_that_shows_how_to_write_it(tmp_path, words, message):
+    meshreel.save(waving_grid(2), tmp_path / "a.npz")
+    done = run("encode", "a.npz", *words.split(), "-o", "b.reel", cwd=tmp_path)
+    assert_fails(done, message)
+
+
+def test_file_named_like_a_unit_is_an_input(tmp_path):
+    meshreel.save(waving_grid(2), tmp_path / "mm" / "f_%d.obj")
+    run_json("encode", "--fps", 25, "mm", "-o", "b.reel", cwd=tmp_path)
+    assert meshreel.load(tmp_path / "b.reel").fps == 25
+
+
+@pytest.mark.parametrize("command", ["encode", "register"])
+def test_output_without_its_option_is_an_error_that_names_it(tmp_path, command):
+    meshreel.save(waving_grid(2), tmp_path / "a.npz")
+    assert_fails(run(command, "a.npz", "b.reel", cwd=tmp_path), "to write this file, use -o b.reel")

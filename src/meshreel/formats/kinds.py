@@ -136,7 +136,7 @@ class SequenceFormat:
         Writes the file of a format whose faces are the same in all frames; None if the format is
         read-only or has `write_segments`.
     extra : Extra, optional
-        Library required for reading and writing.
+        Library required for writing and, unless `reads_without_extra`, for reading.
     reads : set of ReadOption
         Read options that have an effect on the format.
     writes : set of WriteOption
@@ -160,6 +160,7 @@ class SequenceFormat:
         Writes the file of a format whose faces may change; replaces `write`.
     other_files : function of a path, optional
         Returns the existing files that continue a file, for formats that split a sequence.
+    reads_without_extra : bool, default False
     """
 
     extension: str
@@ -178,6 +179,7 @@ class SequenceFormat:
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
     write_segments: WriteSegments | None = None
     other_files: Callable[[Path], list[Path]] = no_files
+    reads_without_extra: bool = False
 
 
 @dataclass(frozen=True)
@@ -224,6 +226,7 @@ def scene_format(
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None,
     write_segments: WriteSegments | None = None,
     other_files: Callable[[Path], list[Path]] = no_files,
+    reads_without_extra: bool = False,
 ) -> SequenceFormat:
     """Return a `SequenceFormat` for files with several meshes or changing faces.
 
@@ -238,4 +241,5 @@ def scene_format(
         holds_materials=holds_materials, has_image_folder=has_image_folder,
         holds_tracks=holds_tracks, data_files=data_files, list_animations=list_animations,
         write_segments=write_segments, other_files=other_files,
+        reads_without_extra=reads_without_extra,
     )  # fmt: skip

@@ -139,6 +139,7 @@ SEQUENCE_FORMATS = {
             Lazy("alembic.meshes:read_meshes"),
             None,
             ALEMBIC,
+            reads_without_extra=True,
             write_segments=Lazy("alembic.write:write_alembic"),
             holds_tracks=ALL_TRACKS,
         ),
@@ -276,6 +277,21 @@ FOLDER_FORMATS = {
 """Formats whose outputs are folders."""
 
 
+PROGRAMS = {
+    ".fbx": "the program that wrote it",
+    ".blend": "Blender",
+    ".ma": "Maya",
+    ".mb": "Maya",
+    ".max": "3ds Max",
+    ".c4d": "Cinema 4D",
+    ".hip": "Houdini",
+    ".hiplc": "Houdini",
+    ".hipnc": "Houdini",
+    ".dae": "the program that wrote it",
+}
+"""Extensions of scenes that only their programs read completely, and these programs."""
+
+
 def extension_of(path: str | os.PathLike[str]) -> str:
     """Return the extension that selects the format of a path, in lower case; empty for none."""
     name = Path(path).name.lower()
@@ -297,6 +313,23 @@ def format_of(path: Path) -> FrameFormat | SequenceFormat:
             f"known are {', '.join(FORMATS)}"
         )
     return FORMATS[extension]
+
+
+def input_format_of(path: Path) -> FrameFormat | SequenceFormat:
+    """Return the format of an input by its extension.
+
+    Raises
+    ------
+    FormatError
+        If the extension is unknown; for `PROGRAMS` the message lists formats to export.
+    """
+    extension = extension_of(path)
+    if extension in PROGRAMS:
+        raise FormatError(
+            f"{path}: {extension} files cannot be read; export the animation from "
+            f"{PROGRAMS[extension]} as Alembic (.abc), USD (.usdc) or glTF (.glb)"
+        )
+    return format_of(path)
 
 
 def output_format_of(path: Path) -> FrameFormat | SequenceFormat | FolderFormat:
@@ -343,6 +376,8 @@ def described_formats() -> list[dict[str, Any]]:
             "writes_changing_faces": holds_segments(one),
             "extra": extra.name if extra else None,
             "library": extra.library if extra else None,
+            "reads_without_extra": extra is None
+            or (isinstance(one, SequenceFormat) and one.reads_without_extra),
             "is_installed": extra is None or extra.is_installed,
         }
         for one in (*FORMATS.values(), *FOLDER_FORMATS.values())

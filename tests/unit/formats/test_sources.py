@@ -83,15 +83,21 @@ def test_empty_list_is_rejected():
 
 def test_error_names_a_missing_file_of_a_list(tmp_path):
     touch(tmp_path, "a.obj")
-    with pytest.raises(InvalidInputError, match=r"there is no file '.*b\.obj'"):
+    with pytest.raises(InvalidInputError, match=r"there is no file or folder '.*b\.obj'"):
         find_files([tmp_path / "a.obj", tmp_path / "b.obj"])
 
 
 @pytest.mark.parametrize(
     ("files", "source", "message"),
     [
-        (["a.fbx"], "a.fbx", r"unknown file extension \.fbx; known are \.obj, \.ply, .*\.npz"),
-        (["a.fbx"], "*.fbx", r"unknown file extension \.fbx"),
+        (["a.txt"], "a.txt", r"unknown file extension \.txt; known are \.obj, \.ply, .*\.npz"),
+        (["a.txt"], "*.txt", r"unknown file extension \.txt"),
+        (["a.fbx"], "a.fbx", r"\.fbx files cannot be read; export .* as Alembic \(\.abc\), USD"),
+        (
+            ["a.Blend"],
+            "*.Blend",
+            r"\.blend files cannot be read; export the animation from Blender",
+        ),
         (["README"], "README", r"unknown file extension \(none\)"),
         (["a.obj", "b.obj", "a.ply"], ".", r"\(2 \.obj and 1 \.ply\); choose one with a pattern"),
         (["a.obj", "a.ply"], "*", r"\(1 \.obj and 1 \.ply\)"),

@@ -55,3 +55,9 @@ def test_described_formats_name_their_extra():
     assert extras[".abc"] == "alembic"
     assert extras[".h5"] == "hdf"
     assert extras[".glb"] is extras[".obj"] is None
+
+
+def test_described_formats_name_those_that_are_read_without_their_extra():
+    read = {one["extension"] for one in described_formats() if one["reads_without_extra"]}
+    assert {".abc", ".obj"} <= read
+    assert not {".usd", ".h5", ".drc", ".vat"} & read

@@ -1,7 +1,9 @@
 """The commands of the program, each imported when it runs or shows its help."""
 
+import re
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import click
@@ -25,6 +27,8 @@ COMMANDS = (
 )
 """In the order of the help. Module `meshreel.app.cli.encode` defines `encode_command`."""
 
+NUMBER = re.compile(r"\d*\.?\d+(e[+-]?\d+)?")
+
 WITH_ADDRESSES = frozenset({"encode", "register", "batch", "decode", "convert", "info", "compare"})
 """Commands that accept addresses of remote files."""
 
@@ -33,9 +37,10 @@ class Command(click.Command):
     """A command with help in panels."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse arguments; reject addresses unless the command accepts them."""
+        """Parse arguments; reject split values, and addresses unless the command accepts them."""
         from meshreel.runtime.stores.address import refuse_address
 
+        _refuse_split_values(ctx, args)
         if self.name not in WITH_ADDRESSES:
             for arg in args:
                 refuse_address(arg, f"every file of `meshreel {self.name}`")
@@ -77,6 +82,20 @@ class Program(click.Group):
         from meshreel.app.cli.help_panels import write_help
 
         write_help(self, ctx, formatter)
+
+
+def _refuse_split_values(ctx: click.Context, args: list[str]) -> None:
+    """Raise UsageError if a space separates the unit of an option from its number."""
+    words = [word for arg in args for word in (arg.split("=", 1) if arg[:2] == "--" else [arg])]
+    for option, number, unit in zip(words, words[1:], words[2:], strict=False):
+        if option[:2] == "--" and NUMBER.fullmatch(number) and not Path(unit).exists():
+            from meshreel.codec.error_bounds import METERS, MODEL_UNITS
+            from meshreel.codec.memory import UNITS
+
+            if unit in {*UNITS, *METERS, MODEL_UNITS, "%", "deg"}:
+                raise click.UsageError(
+                    f"a space separates {number} from its unit; write {option} {number}{unit}", ctx
+                )
 
 
 def command(function: Callable[..., Any]) -> click.Command:

@@ -31,13 +31,21 @@ def formats_command(
             row["holds"],
             "yes" if row["reads"] else "no",
             _write_text(row),
-            "yes" if row["is_installed"] else f"pip install 'meshreel[{row['extra']}]'",
+            _installed_text(row),
         )
         for row in formats
     ]
     print_columns(
         "formats", ("extension", "format", "contents", "read", "write", "installed"), rows
     )
+
+
+def _installed_text(row: dict[str, Any]) -> str:
+    """Whether the library of a format is installed, or the command that installs it."""
+    if row["is_installed"]:
+        return "yes"
+    command = f"pip install 'meshreel[{row['extra']}]'"
+    return f"for reading; to write: {command}" if row["reads_without_extra"] else command
 
 
 def _write_text(row: dict[str, Any]) -> str:
