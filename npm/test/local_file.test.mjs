@@ -1,16 +1,16 @@
-// Local files in Node, opened by `file:` URLs, and how bundlers for browsers treat them.
+// Local files in Node, opened by paths and `file:` URLs, and how bundlers for browsers treat them.
 
 import assert from "node:assert/strict";
 import { appendFileSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import files from "node:fs/promises";
 import { syncBuiltinESMExports } from "node:module";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { join, relative } from "node:path";
 import { after, test } from "node:test";
-import { pathToFileURL } from "node:url";
+import { fileURLToPath, pathToFileURL } from "node:url";
 import { build } from "esbuild";
 
-import { InvalidInputError, ReelFile, SourceError } from "../dist/index.js";
+import { ReelFile, SourceError } from "../dist/index.js";
 import { PACKAGE } from "./support/bundle.mjs";
 import { streamBytes, expectedOf, sha } from "./support/streams.mjs";
 import { largeTracks } from "./support/track_streams.mjs";
@@ -28,6 +28,8 @@ function writeTemporary(name, bytes) {
 for (const [what, convert] of [
   ["a URL object", (url) => url],
   ["a string", String],
+  ["a path", fileURLToPath],
+  ["a relative path", (url) => relative(process.cwd(), fileURLToPath(url))],
 ]) {
   test(`frames of a file opened by ${what} are right`, async () => {
     const name = "blocks";
@@ -80,7 +82,8 @@ test("a missing file is an error that contains its path", async () => {
 test("a folder and a URL without a valid path are errors", async () => {
   await assert.rejects(ReelFile.open(pathToFileURL(FOLDER)), { name: "SourceError", message: /check/ });
   await assert.rejects(ReelFile.open("file://host.example/a%2Fb"), { name: "SourceError" });
-  await assert.rejects(ReelFile.open("walk.reel"), InvalidInputError);
+  await assert.rejects(ReelFile.open("no.reel"), { name: "SourceError", message: /no\.reel.*ENOENT.*check/ });
+  await assert.rejects(ReelFile.open("http://["), { name: "InvalidInputError", message: /in Node/ });
 });
 
 test("reading a changed or closed file is an error", async () => {

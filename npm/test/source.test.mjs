@@ -623,7 +623,7 @@ describe("a server that provides no file", { concurrency: true }, () => {
   });
 
   test("because the address is invalid causes an error immediately", async () => {
-    await rejects("x", openSource("walk.reel"), /walk.reel cannot be/, errors.InvalidInputError);
+    await rejects("x", openSource("http://["), /http:.*cannot be/, errors.InvalidInputError);
   });
 });
 

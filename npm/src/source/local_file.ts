@@ -84,7 +84,7 @@ function withPath(error: unknown, url: string, { SourceError, errorReason }: Mai
 }
 
 /**
- * Open the file of a `file:` URL.
+ * Open the file of a path or a `file:` URL.
  *
  * @param signal - Closes the file.
  * @throws SourceError if it cannot be read, or is not a regular file.
@@ -99,7 +99,7 @@ export async function openLocalFile(
     // A computed name keeps bundlers for browsers from resolving a module of Node.
     const files = ["node:fs", "promises"].join("/");
     const { open } = await import(/* webpackIgnore: true */ /* @vite-ignore */ files);
-    const opened: Handle = (handle = await open(new URL(url)));
+    const opened: Handle = (handle = await open(/^file:/i.test(url) ? new URL(url) : url));
     const stat = await opened.stat();
     if (!stat.isFile()) throw new Error("it is not a regular file");
     signal?.throwIfAborted();

@@ -6,7 +6,7 @@ import { BlobSource, clampRange, MemorySource } from "./memory.js";
 import { errorReason, fileChangedError, type FirstRequest, HEAD_BYTES } from "./transport.js";
 
 /**
- * A source: an address (in Node also a `file:` URL), a response of `fetch`, a blob, or bytes.
+ * A source: an address (in Node also a path or a `file:` URL), a response of `fetch`, a blob, or bytes.
  */
 export type SourceInput = string | URL | Response | ArrayBuffer | Uint8Array | Blob;
 
@@ -50,7 +50,7 @@ export async function openSource(
   if (from instanceof Blob) return new BlobSource(from);
   if (from instanceof ArrayBuffer) return new MemorySource(new Uint8Array(from));
   if (from instanceof Uint8Array) return new MemorySource(from);
-  if (/^file:/i.test(String(from)) && isNode()) {
+  if (isNode() && (/^file:/i.test(String(from)) || isPath(from))) {
     const { openLocalFile } = await import("./local_file.js");
     const shared = { SourceError, clampRange, fileChangedError, errorReason };
     return openLocalFile(String(from), shared, signal);
@@ -86,4 +86,9 @@ function sendFirstRequest(
 /** Whether this is Node, whose `fetch` does not support `file:` URLs. */
 function isNode(): boolean {
   return !!(globalThis as { process?: { versions?: { node?: string } } }).process?.versions?.node;
+}
+
+/** Whether this is an address without scheme or page: a path; one letter is a drive of Windows. */
+function isPath(from: SourceInput): boolean {
+  return typeof from === "string" && !globalThis.location && !/^\w\w+:/.test(from);
 }
