@@ -114,12 +114,14 @@ def test_formats_lists_every_extension_as_json():
 
 
 def test_formats_says_when_an_extra_is_only_for_writing(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("COLUMNS", "100")
     for module in ("alembic3d", "h5py"):
         monkeypatch.setitem(sys.modules, module, None)
-    rows = {line.split()[1]: line for line in run("formats").stdout.splitlines()[4:-1]}
-    assert rows[".abc"].endswith("for reading; to write: pip install 'meshreel[alembic]' │")
-    assert "reading" not in rows[".h5"]
+    shown = run("formats").stdout
+    rows = {line.split()[1]: line for line in shown.splitlines() if line.startswith("│ .")}
+    assert rows[".abc"].endswith(" [alembic], to write │")
+    assert rows[".h5"].endswith(" [hdf] │")
+    assert "pip install 'meshreel[alembic]'; 'meshreel[formats]' installs all" in shown
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ def formats_command(
     - `meshreel formats`
     """
     from meshreel.app.cli.console import print_columns, print_json
+    from meshreel.app.cli.messages import print_line
     from meshreel.formats.registry import described_formats
 
     formats = described_formats()
@@ -38,14 +39,19 @@ def formats_command(
     print_columns(
         "formats", ("extension", "format", "contents", "read", "write", "installed"), rows
     )
+    missing = [row["extra"] for row in formats if not row["is_installed"]]
+    if missing:
+        print_line(
+            f"[{missing[0]}] is an extra: pip install 'meshreel[{missing[0]}]'; "
+            "'meshreel[formats]' installs all of them"
+        )
 
 
 def _installed_text(row: dict[str, Any]) -> str:
-    """Whether the library of a format is installed, or the command that installs it."""
+    """Whether the library of a format is installed, or the extra that installs it."""
     if row["is_installed"]:
         return "yes"
-    command = f"pip install 'meshreel[{row['extra']}]'"
-    return f"for reading; to write: {command}" if row["reads_without_extra"] else command
+    return f"[{row['extra']}], to write" if row["reads_without_extra"] else f"[{row['extra']}]"
 
 
 def _write_text(row: dict[str, Any]) -> str:
