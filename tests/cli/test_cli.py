@@ -242,7 +242,7 @@ def test_existing_output_is_replaced_with_force(grid, tmp_path):
         (["encode", "{grid}", "-o", "a.reel", "--method", "zip"], ["zip", "pca-qp"]),
         (["encode"], ["INPUT"]),
         (["decode", "missing.reel", "-o", "a.npz"], ["missing.reel"]),
-        (["decode", "{grid}", "-o", "a.npz"], ["not a .reel stream"]),
+        (["decode", "{grid}", "-o", "a.npz"], ["not a .reel file", "meshreel convert"]),
         (["decode", "{reel}", "-o", "no/such/a.npz"], ["no/such"]),
         (["decode", "{reel}", "-o", "a.xyz"], [".xyz", ".npz"]),
         (["decode", "{reel}", "-o", "a.npz", "--frames", "90:99"], ["frames 0:12"]),

@@ -114,3 +114,18 @@ def test_file_named_like_a_unit_is_an_input(tmp_path):
 def test_output_without_its_option_is_an_error_that_names_it(tmp_path, command):
     meshreel.save(waving_grid(2), tmp_path / "a.npz")
     assert_fails(run(command, "a.npz", "b.reel", cwd=tmp_path), "to write this file, use -o b.reel")
+
+
+def test_decode_of_another_format_is_an_error_that_names_convert(tmp_path):
+    meshreel.save(waving_grid(2), tmp_path / "a.npz")
+    done = run("decode", "a.npz", "-o", "b.glb", cwd=tmp_path)
+    assert_fails(done, "a.npz is not a .reel file; meshreel convert writes it")
+
+
+def test_option_in_percent_accepts_the_sign(tmp_path):
+    meshreel.save(waving_grid(2), tmp_path / "a.npz")
+    sizes = [
+        run_json("encode", "a.npz", "--kg", kg, "-o", f"{kg}.reel", cwd=tmp_path)["size_bytes"]
+        for kg in ("0.5", "0.5%")
+    ]
+    assert sizes[0] == sizes[1]

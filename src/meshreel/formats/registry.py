@@ -278,7 +278,7 @@ FOLDER_FORMATS = {
 
 
 PROGRAMS = {
-    ".fbx": "the program that wrote it",
+    ".fbx": "other programs",
     ".blend": "Blender",
     ".ma": "Maya",
     ".mb": "Maya",
@@ -287,7 +287,7 @@ PROGRAMS = {
     ".hip": "Houdini",
     ".hiplc": "Houdini",
     ".hipnc": "Houdini",
-    ".dae": "the program that wrote it",
+    ".dae": "other programs",
 }
 """Extensions of scenes that only their programs read completely, and these programs."""
 
@@ -304,32 +304,20 @@ def format_of(path: Path) -> FrameFormat | SequenceFormat:
     Raises
     ------
     FormatError
-        If the extension is unknown.
+        If the extension is unknown; for `PROGRAMS` the message lists formats that they exchange.
     """
     extension = extension_of(path)
+    if extension in PROGRAMS:
+        raise FormatError(
+            f"{path}: {extension} files are neither read nor written; exchange animations with "
+            f"{PROGRAMS[extension]} as Alembic (.abc), USD (.usdc) or glTF (.glb)"
+        )
     if extension not in FORMATS:
         raise FormatError(
             f"{path}: unknown file extension {extension or '(none)'}; "
             f"known are {', '.join(FORMATS)}"
         )
     return FORMATS[extension]
-
-
-def input_format_of(path: Path) -> FrameFormat | SequenceFormat:
-    """Return the format of an input by its extension.
-
-    Raises
-    ------
-    FormatError
-        If the extension is unknown; for `PROGRAMS` the message lists formats to export.
-    """
-    extension = extension_of(path)
-    if extension in PROGRAMS:
-        raise FormatError(
-            f"{path}: {extension} files cannot be read; export the animation from "
-            f"{PROGRAMS[extension]} as Alembic (.abc), USD (.usdc) or glTF (.glb)"
-        )
-    return format_of(path)
 
 
 def output_format_of(path: Path) -> FrameFormat | SequenceFormat | FolderFormat:

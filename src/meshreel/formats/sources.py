@@ -12,7 +12,7 @@ from pathlib import Path
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import refuse_pipe
 from meshreel.formats.kinds import FrameFormat, Lazy, SequenceFormat
-from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of, input_format_of
+from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of, format_of
 from meshreel.runtime.stores.address import refuse_address
 
 AnyPath = str | os.PathLike[str]
@@ -91,7 +91,7 @@ def find_files(source: Source) -> SourceFiles:
     if path.suffix.lower() in MANIFESTS and path.exists():
         return _from_manifest(path)
     if path.exists():
-        return SourceFiles((path,), input_format_of(path), path.stem)
+        return SourceFiles((path,), format_of(path), path.stem)
     if glob.has_magic(str(source)):
         return _from_pattern(str(source))
     if "%" in path.name:
@@ -163,7 +163,7 @@ def _from_list(paths: list[Path]) -> SourceFiles:
                 if path.is_dir()
                 else missing_source(path)
             )
-        input_format_of(path)
+        format_of(path)
     return _of_one_format(paths, "the list")
 
 
@@ -198,7 +198,7 @@ def _from_pattern(pattern: str) -> SourceFiles:
         raise InvalidInputError(f"the pattern {pattern!r} matches no file; check it")
     known = [path for path in files if extension_of(path) in FORMATS]
     if not known:
-        input_format_of(files[0])
+        format_of(files[0])
     return _of_one_format(known, f"the pattern {pattern!r}")
 
 
@@ -210,7 +210,7 @@ def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
             f"{origin} contains files of several formats ({kinds}); "
             f"choose one with a pattern such as {paths[0].parent / f'*{paths[0].suffix}'}"
         )
-    found = input_format_of(paths[0])
+    found = format_of(paths[0])
     if isinstance(found, SequenceFormat) and len(paths) > 1:
         raise FormatError(
             f"{origin} contains {len(paths)} {found.extension} files, each a whole "

@@ -103,7 +103,12 @@ def test_check_output_rejects_a_number_field_for_npz(tmp_path):
 
 
 def test_check_output_lists_the_known_extensions(tmp_path):
-    with pytest.raises(FormatError, match=r"unknown file extension \.fbx; known are \.obj, \.ply"):
+    with pytest.raises(FormatError, match=r"unknown file extension \.txt; known are \.obj, \.ply"):
+        check_output(tmp_path / "a.txt", overwrite=False)
+
+
+def test_check_output_lists_formats_that_other_programs_exchange(tmp_path):
+    with pytest.raises(FormatError, match=r"with other programs as Alembic .*, USD .* or glTF"):
         check_output(tmp_path / "a.fbx", overwrite=False)
 
 

@@ -96,6 +96,7 @@ def decode_command(
 
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
     from meshreel.app.cli.profile import print_profile, profile_figures
+    from meshreel.app.cli.read_options import refuse_other_formats
     from meshreel.app.cli.write_options import (
         checked_bound,
         chosen_frames,
@@ -128,6 +129,7 @@ def decode_command(
             target.local,
             overwrite=force, start_number=start_number, inputs=inputs, options=options,
         )  # fmt: skip
+        refuse_other_formats(Path(source), "meshreel convert writes it in another format")
         with (
             progress_bar() as progress,
             profiled() as times,

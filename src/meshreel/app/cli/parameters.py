@@ -38,6 +38,8 @@ class Number(click.ParamType):  # type: ignore[type-arg]  # not generic in older
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float:
         """Parse a number; the error names the allowed range."""
+        if isinstance(value, str) and self._unit == "in percent":
+            value = value.removesuffix("%")
         try:
             number = self._kind(value)
         except ValueError:

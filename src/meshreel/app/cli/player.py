@@ -86,17 +86,10 @@ def _check_is_encoded(source: Path) -> None:
     """Reject an input of `encode` in place of a stream."""
     from shlex import quote
 
-    from meshreel.app.cli.read_options import is_stream_file, output_stem
-    from meshreel.errors import InvalidInputError
-    from meshreel.formats.registry import FORMATS, extension_of
+    from meshreel.app.cli.read_options import output_stem, refuse_other_formats
 
-    is_input = source.is_dir() or (source.is_file() and extension_of(source) in FORMATS)
-    if is_input and not is_stream_file(str(source)):
-        output = f"{output_stem(str(source))}.reel"
-        raise InvalidInputError(
-            f"{source} is not a .reel file; encode it first: meshreel encode {quote(str(source))} "
-            f"-o {quote(output)}"
-        )
+    given, output = quote(str(source)), quote(f"{output_stem(str(source))}.reel")
+    refuse_other_formats(source, f"encode it first: meshreel encode {given} -o {output}")
 
 
 def _check_options_of_original(original: str | None, reading: "ReadOptions") -> None:

@@ -175,3 +175,13 @@ def is_stream_file(source: str) -> bool:
         return False
     with path.open("rb") as file:
         return file.read(len(MAGIC)) == MAGIC
+
+
+def refuse_other_formats(source: Path, remedy: str) -> None:
+    """Raise InvalidInputError, with a remedy, for an input of `encode` in place of a stream."""
+    from meshreel.errors import InvalidInputError
+    from meshreel.formats.registry import FORMATS, extension_of
+
+    is_input = source.is_dir() or (source.is_file() and extension_of(source) in FORMATS)
+    if is_input and not is_stream_file(str(source)):
+        raise InvalidInputError(f"{source} is not a .reel file; {remedy}")
