@@ -8,14 +8,19 @@ body on a grid, with noise, and extracts a mesh from each frame. Needs the extra
 """
 
 import argparse
+import sys
 import tempfile
 from pathlib import Path
 
-import igl
 import numpy as np
 import numpy.typing as npt
 
 import meshreel
+
+try:
+    import igl
+except ModuleNotFoundError as error:
+    sys.exit(f"this example needs libigl: pip install 'meshreel[register]' ({error})")
 
 Floats = npt.NDArray[np.float64]
 
