@@ -12,6 +12,7 @@ from meshreel.metrics.compare import require_comparable
 from meshreel.model.sequence import FrameSource
 from meshreel.model.tracks import track_by_name
 from meshreel.rendering.track_colors import TrackColors, TrackLook
+from meshreel.runtime.extras import PLOT
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -140,13 +141,7 @@ def require_matplotlib() -> Any:
     InvalidInputError
         If matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InvalidInputError(
-            "drawing plots needs matplotlib: pip install 'meshreel[plot]'"
-        ) from error
-    return Figure
+    return PLOT.load("figure").Figure
 
 
 def blank_figure(width_in: float, height_in: float) -> "Figure":

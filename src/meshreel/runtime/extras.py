@@ -70,6 +70,7 @@ REGISTER_XATLAS = Extra("register", "xatlas", "xatlas", InvalidInputError)
 SURFACES = Extra("surfaces", "SciPy", "scipy", InvalidInputError)  # to compare changing faces
 PEERS = Extra("peers", "SciPy", "scipy", InvalidInputError)  # to compare curves
 REGISTER_PILLOW = Extra("register", "Pillow", "PIL", InvalidInputError)  # to bake textures
+PLOT = Extra("plot", "matplotlib", "matplotlib", InvalidInputError)
 RENDER = Extra("render", "Pillow", "PIL", InvalidInputError)
 VIDEO = Extra("video", "imageio-ffmpeg", "imageio_ffmpeg")  # it brings ffmpeg
 TORCH = Extra("torch", "PyTorch", "torch", InvalidInputError)
