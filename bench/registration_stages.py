@@ -60,7 +60,12 @@ VARIANTS: dict[str, list[Change]] = {
     "fit to the raw surface only": [(fitting, "rows_from_surface", rows_of_nothing)],
     "fit from the raw surface only": [(fitting, "rows_to_surface", rows_of_nothing)],
     "as fine as possible in every frame": [(growing, "SMOOTHNESS", growing.SMOOTHNESS[-1:])],
-    "folds stay": [(folds.Folds, "flattened", lambda self, mesh, target: mesh)],
+    "folds stay": [
+        (folds.Folds, "flattened", lambda self, mesh, target: mesh),
+        (folds.Folds, "opened", lambda self, mesh, target: mesh),
+    ],
+    "folds are only flattened": [(folds.Folds, "opened", lambda self, mesh, target: mesh)],
+    "folds are only opened": [(folds.Folds, "flattened", lambda self, mesh, target: mesh)],
 }
 
 

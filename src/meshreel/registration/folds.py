@@ -1,24 +1,41 @@
 """Faces that fold over while a mesh follows a surface, and their repair."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
+from meshreel.model.sequence import Faces
 from meshreel.registration.fitting import uniform_laplacian
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.runtime.extras import REGISTER_SCIPY
 
-MAX_ROUNDS = 20
-"""Largest number of repairs of a mesh."""
+FLATTENING_ROUNDS = 12
+OPENING_ROUNDS = 16
+"""Largest number of rounds of the two repairs."""
 
-WIDER = 6, 13
-"""First rounds in which the neighbors of folded faces move too, and the neighbors of those."""
+FLATTENINGS_PER_RING = 2
+OPENINGS_PER_RING = 4
+"""Rounds after which one more ring of vertices around the remaining folds moves too."""
 
-N_SMOOTHINGS = 2
-RELAXATION = 0.7
-"""Steps of a round, and the share of the way to the mean of its neighbors that a vertex moves."""
+HOLD = 1e-6
+"""Weight of the present position of a vertex that is flattened, for components that move whole."""
+
+MIN_AREA = 0.1
+"""Smallest area of a face that opening accepts, as seen along the normal of the surface, relative
+to the mean area of the faces around it."""
+
+AREA_WEIGHT = 2.0
+DISTANCE_WEIGHT = 0.3
+SMOOTHNESS = 0.1
+DAMPING = 0.1
+"""Weights of smaller areas, of distances to the surface, of the Laplacian of the change, and of the
+change."""
 
 
 class Folds:
-    """Finds and flattens folds: faces that oppose both a neighbor and the surface they follow.
+    """Finds and repairs folds: faces that oppose both a neighbor and the surface they follow.
 
     Neighbors that oppose each other in the key do not count: creases and errors of the raw mesh.
 
@@ -43,27 +60,115 @@ class Folds:
         return np.asarray(found[np.einsum("nc,nc->n", *normals) < 0])
 
     def flattened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
-        """Return the mesh with its folds smoothed; some remain where the surface forces them.
+        """Return the mesh with the vertices of folds at the means of their neighbors.
 
-        Each round moves the vertices of folded faces toward the means of their neighbors, which
-        unfolds a patch whose boundary is convex (W. T. Tutte, "How to Draw a Graph", 1963).
+        That unfolds a patch whose boundary is convex (W. T. Tutte, "How to Draw a Graph", 1963),
+        but moves it off creases of the surface. Some folds remain where the surface forces them.
         """
-        for number in range(MAX_ROUNDS):
+        sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
+        for number in range(FLATTENING_ROUNDS):
             folded = self.find(mesh, target)
             if not len(folded):
                 break
-            moves = np.zeros(len(mesh.vertices), bool)
-            moves[mesh.faces[folded]] = True
-            for first in WIDER:
-                if number >= first:
-                    moves[mesh.faces[moves[mesh.faces].any(axis=1)]] = True
-            positions = mesh.vertices
-            for _ in range(N_SMOOTHINGS):
-                smoothed = positions - RELAXATION * (self._laplacian @ positions)
-                positions = np.where(moves[:, None], smoothed, positions)
+            moves = _vertices_around(mesh, folded, number // FLATTENINGS_PER_RING)
+            rows, positions = self._laplacian[moves], mesh.vertices.copy()
+            held = HOLD * sparse.identity(rows.shape[0])
+            right = HOLD * positions[moves] - rows[:, ~moves] @ positions[~moves]
+            positions[moves] = linalg.spsolve((rows[:, moves] + held).tocsc(), right)
             mesh = TriangleMesh(positions, mesh.faces)
         return mesh
+
+    def opened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
+        """Return the mesh with folds turned until they agree with the surface; some may remain.
+
+        The vertices stay near the surface, also at creases; but where it is rough, new folds may
+        arise, which `flattened` removes.
+        """
+        for number in range(OPENING_ROUNDS):
+            folded = self.find(mesh, target)
+            if not len(folded):
+                break
+            moves = _vertices_around(mesh, folded, 1 + number // OPENINGS_PER_RING)
+            positions = mesh.vertices.copy()
+            positions[moves] += self._opening_step(mesh, target, moves)
+            mesh = TriangleMesh(positions, mesh.faces)
+        return mesh
+
+    def _opening_step(
+        self, mesh: TriangleMesh, target: TriangleMesh, moves: npt.NDArray[np.bool_]
+    ) -> Floats:
+        """Return a Gauss-Newton step of the vertices that move, of shape (N, 3).
+
+        It enlarges small areas, and reduces distances of vertices and of centroids from the planes
+        of the surface.
+        """
+        sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
+        chosen, own = np.flatnonzero(moves[mesh.faces].any(axis=1)), np.flatnonzero(moves)
+        faces, corners = mesh.faces[chosen], mesh.vertices[mesh.faces[chosen]]
+        middles = corners.mean(axis=1)
+        normals, heights = _planes(target, middles)
+        across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+        gradients = 0.5 * np.cross(normals[:, None], across)
+        missing = -0.5 * np.einsum("nkc,nkc->n", gradients, corners)
+        areas = _mean_areas_around(mesh)[chosen]
+        missing += MIN_AREA * areas
+        small = missing > 0
+        scale = AREA_WEIGHT / np.sqrt(areas[small])
+        directions, own_heights = _planes(target, mesh.vertices[own])
+        rows = [
+            _rows(faces[small], scale[:, None, None] * gradients[small], moves),
+            _rows(faces, np.repeat(DISTANCE_WEIGHT / 3 * normals[:, None], 3, axis=1), moves),
+            _rows(own[:, None], DISTANCE_WEIGHT * directions[:, None], moves),
+        ]
+        residuals = scale * missing[small], DISTANCE_WEIGHT * heights, DISTANCE_WEIGHT * own_heights
+        jacobian = sparse.vstack(rows)
+        laplacian = SMOOTHNESS * self._laplacian[moves][:, moves]
+        smoothness = laplacian.T @ laplacian + DAMPING * sparse.identity(len(own))
+        normal = jacobian.T @ jacobian + sparse.kron(smoothness, np.eye(3))
+        right = jacobian.T @ np.concatenate(residuals)
+        return np.asarray(linalg.spsolve(normal.tocsc(), right)).reshape(-1, 3)
 
     def _opposes(self, mesh: TriangleMesh) -> npt.NDArray[np.bool_]:
         """Whether the face beyond each side has an opposing normal, of shape (3 M,)."""
         return np.asarray(mesh.cosines_across(self._neighbors) < 0)
+
+
+def _vertices_around(mesh: TriangleMesh, faces: Indices, n_rings: int) -> npt.NDArray[np.bool_]:
+    """Whether each vertex belongs to these faces, or to rings of faces around them."""
+    found = np.zeros(len(mesh.vertices), bool)
+    found[mesh.faces[faces]] = True
+    for _ in range(n_rings):
+        found[mesh.faces[found[mesh.faces].any(axis=1)]] = True
+    return found
+
+
+def _planes(target: TriangleMesh, points: Floats) -> tuple[Floats, Floats]:
+    """Return the normals of the closest faces, and the distances of their planes along them."""
+    found = target.closest(points)
+    normals = target.face_normals[found.faces]
+    return normals, np.asarray(np.einsum("nc,nc->n", normals, found.points - points))
+
+
+def _mean_areas_around(mesh: TriangleMesh) -> Floats:
+    """Return the mean area of the faces at the corners of each face, of shape (M,)."""
+    counts = np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices))
+    return np.asarray((3 * mesh.vertex_areas / np.maximum(counts, 1))[mesh.faces].mean(axis=1))
+
+
+def _rows(vertices: Faces | Indices, values: Floats, moves: npt.NDArray[np.bool_]) -> Any:
+    """Return derivatives with respect to the positions of the vertices that move, as a matrix.
+
+    Parameters
+    ----------
+    vertices : integer array of shape (N, K)
+    values : float64 array of shape (N, K, 3)
+        Derivatives of N numbers with respect to the positions of their K vertices.
+    moves : bool array of shape (V,)
+    """
+    sparse = REGISTER_SCIPY.load("sparse")
+    n_rows, n_verts, _ = values.shape
+    columns = 3 * vertices[:, :, None].astype(np.int64) + np.arange(3)
+    ends = np.arange(0, 3 * n_verts * n_rows + 1, 3 * n_verts)
+    shape = n_rows, 3 * len(moves)
+    rows = sparse.csr_matrix((values.ravel(), columns.ravel(), ends), shape)
+    return rows[:, np.flatnonzero(np.repeat(moves, 3))]

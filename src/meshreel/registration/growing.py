@@ -31,11 +31,8 @@ SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
 LOST = 5.0
 """Errors in tolerances that no fit of details can mend."""
 
-MAX_FLATTENINGS = 4
-"""Largest number of times that the folds of a frame are flattened."""
-
-FLATTENED_SMOOTHNESS = 0.1
-"""Smoothness of the fits after folds were flattened."""
+MAX_REPAIRS = 2
+"""Largest number of times that the folds of a frame are opened and flattened."""
 
 NEAR = 2.0
 """Largest error, in tolerances, at the end of a segment whose key may lack vertices."""
@@ -359,24 +356,18 @@ class Follower:
     ) -> tuple[TriangleMesh, FrameErrors, int]:
         """Return a mesh with fewer folds within the tolerance, its errors, and folds that remain.
 
-        Flattening may move the mesh off creases of the surface. If that exceeds the tolerance, the
-        mesh is fitted again, and folds that this causes are flattened in turn.
+        Opening keeps the mesh near the surface. Flattening also mends places where the surface is
+        too rough for that, but moves the mesh off creases.
         """
         best, n_folded = (mesh, errors), len(self._folds.find(mesh, target))
-        for number in range(2 * MAX_FLATTENINGS):
+        for repair in (self._folds.opened, self._folds.flattened) * MAX_REPAIRS:
             if not n_folded:
                 break
-            flattens = number % 2 == 0
-            if flattens:
-                mesh = self._folds.flattened(mesh, target)
-            else:
-                fitted = self._fit.step(mesh, mesh.vertices, target, FLATTENED_SMOOTHNESS)
-                mesh = TriangleMesh(fitted, self._faces)
-            errors = measure(mesh, target, self._tolerance)
-            n_left = len(self._folds.find(mesh, target))
-            is_within = not errors.exceeds(self._tolerance)
-            if is_within and n_left < n_folded:
+            repaired = repair(mesh, target)
+            errors = measure(repaired, target, self._tolerance)
+            if errors.exceeds(self._tolerance):
+                continue
+            mesh, n_left = repaired, len(self._folds.find(repaired, target))
+            if n_left < n_folded:
                 best, n_folded = (mesh, errors), n_left
-            if is_within and flattens:
-                break
         return *best, n_folded

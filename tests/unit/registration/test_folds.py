@@ -1,4 +1,4 @@
-"""Faces that fold over are found and flattened."""
+"""Faces that fold over are found, flattened and opened."""
 
 import numpy as np
 import pytest
@@ -30,8 +30,38 @@ def test_a_patch_drawn_across_its_neighbors_is_folded_and_flattened(plane):
     assert np.array_equal(flattened.vertices[is_far], plane.vertices[is_far])
 
 
+def test_opening_unfolds_along_a_crease_that_flattening_leaves(plane):
+    """The crease is as sharp as that of a roof, and the fold crosses it."""
+    creased = TriangleMesh(plane.vertices.copy(), plane.faces)
+    creased.vertices[:, 2] = np.abs(plane.vertices[:, 0] - 0.5)
+    is_patch = np.abs(plane.vertices[:, :2] - 0.5).max(axis=1) < 0.13
+    folded = with_moved_vertices(creased, is_patch, [0.0, 0.1, 0.0])
+    folds = Folds(creased)
+    assert len(folds.find(folded, creased)) == 10
+    distances = []
+    for repair in (folds.flattened, folds.opened):
+        mesh = repair(folded, creased)
+        assert len(folds.find(mesh, creased)) == 0
+        distances.append(creased.closest(mesh.vertices).distances.max())
+    flattened, opened = distances
+    assert opened < 0.2 * flattened
+
+
+def test_a_component_may_unfold_as_a_whole(plane):
+    """Every vertex of the triangle moves, so that no neighbor holds it."""
+    corners = np.array([[0.2, 0.2, 0.01], [0.3, 0.2, 0.01], [0.2, 0.3, 0.01], [0.3, 0.3, 0.01]])
+    key = TriangleMesh(corners, np.array([[0, 1, 2], [1, 3, 2]], np.int32))
+    folded = TriangleMesh(corners.copy(), key.faces)
+    folded.vertices[3] = [0.2, 0.2, 0.02]
+    folds = Folds(key)
+    assert len(folds.find(folded, plane)) == 1
+    assert np.isfinite(folds.flattened(folded, plane).vertices).all()
+    assert len(folds.find(folds.opened(folded, plane), plane)) == 0
+
+
 def test_a_mesh_without_folds_stays(plane):
-    assert Folds(plane).flattened(plane, plane) is plane
+    folds = Folds(plane)
+    assert folds.flattened(plane, plane) is folds.opened(plane, plane) is plane
 
 
 def test_neighbors_that_oppose_in_the_key_are_not_folded(plane):

@@ -44,7 +44,7 @@ def n_attempts(monkeypatch):
     return counted
 
 
-def test_folds_at_a_crease_are_flattened_within_the_tolerance(plane):
+def test_folds_at_a_crease_are_opened_within_the_tolerance(plane):
     creased = lifted(plane, np.abs(plane.vertices[:, 0] - 0.5))
     is_patch = np.abs(creased.vertices[:, :2] - 0.5).max(axis=1) < 0.13
     moved = creased.vertices + is_patch[:, None] * [0.0, 0.05, 0.0]
