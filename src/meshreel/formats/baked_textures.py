@@ -15,7 +15,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
 from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.model.segments import AnySequence, HasSegments
-from meshreel.registration.baking import Size, bake, check_textured, with_atlases
+from meshreel.registration.baking import COMBINE, Size, bake, check_textured, with_atlases
 from meshreel.registration.register import Registration
 from meshreel.rendering.film_files import write_mp4
 from meshreel.rendering.films import UNKNOWN_FPS
@@ -102,15 +102,17 @@ class TextureJob:
         ------
         InvalidInputError
             If the number of textures is not that of the frames, a frame has no texture
-            coordinates, or the output cannot or must not be written.
+            coordinates or several images, or the output cannot or must not be written.
         FormatError
             As `open_textures`; also if writing a video needs an extra.
         """
         textures, path = open_textures(source), Path(output)
         if textures.n_frames != raw.n_frames:
+            is_several = textures.n_frames % raw.n_frames == 0
             raise InvalidInputError(
                 f"there are {counted(textures.n_frames, 'texture')} for "
                 f"{counted(raw.n_frames, 'frame')}; each frame needs one"
+                + (f"; {COMBINE}" if is_several else "")
             )
         check_textured(raw)
         job = cls(textures, path, overwrite)

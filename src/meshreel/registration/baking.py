@@ -36,6 +36,12 @@ PADDING = 4
 CHUNK_TEXELS = 1 << 18
 """Texels that are baked at once; bounds the working memory to about 100 MB."""
 
+COMBINE = (
+    "combine the images of each frame into one, and move its texture coordinates accordingly (the "
+    "texture atlas of a modeling program), or register without textures"
+)
+"""What to do with frames of several images."""
+
 Size = tuple[int, int]
 """Width and height in texels."""
 
@@ -105,7 +111,10 @@ def _cross(first: Floats, second: Floats) -> Floats:
 
 
 def check_textured(raw: AnySequence) -> None:
-    """Raise `InvalidInputError` with the first frame that lacks texture coordinates."""
+    """Raise `InvalidInputError` with the first frame whose texture cannot be baked.
+
+    It lacks texture coordinates, or its faces have several images.
+    """
     first = 0
     for segment in segments_of(raw):
         changing = [one for one in segment.tracks.values() if one.kind is TrackKind.UV]
@@ -113,7 +122,24 @@ def check_textured(raw: AnySequence) -> None:
             raise InvalidInputError(
                 f"frame {first} has no texture coordinates, so its texture cannot be baked"
             )
+        if (n_images := _n_color_images(segment.surface)) > 1:
+            raise InvalidInputError(
+                f"the materials of frame {first} have {n_images} color images, but only one image "
+                f"per frame can be baked; {COMBINE}"
+            )
         first += segment.n_frames
+
+
+def _n_color_images(surface: Surface) -> int:
+    """Return the number of images that color the faces."""
+    used = {
+        group.labels[number]
+        for group in surface.groups
+        if group.name == "material"
+        for number in np.unique(group.numbers[group.numbers >= 0]).tolist()
+    }
+    textures = [one.base_color_texture for one in surface.materials if one.name in used]
+    return len({one.image for one in textures if one is not None})
 
 
 def with_atlases(registration: Registration, size: Size) -> tuple[Registration, int]:

@@ -80,6 +80,12 @@ def test_textures_that_do_not_fit_are_errors(source, output, message, raw, folde
         TextureJob.checked(str(folder / source), folder / output, raw[0], overwrite=False)
 
 
+def test_several_images_per_frame_are_an_error(raw, folder, tmp_path):
+    images = [folder / f"frame_{number}.png" for number in (8, 8, 9, 9, 10, 10)]
+    with pytest.raises(InvalidInputError, match=r"6 textures for 3 frames; .* combine the"):
+        TextureJob.checked(images, tmp_path / "%d.png", raw[0], overwrite=False)
+
+
 def test_inputs_are_never_replaced(raw, tmp_path):
     raw[1][0].save(tmp_path / "frame_2.png")
     images = [tmp_path / "frame_2.png"] * 3

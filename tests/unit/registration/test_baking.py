@@ -7,7 +7,17 @@ import pytest
 from PIL import Image as PillowImage
 
 import meshreel
-from meshreel import InvalidInputError, Kind, Material, MeshSequence, Surface, Track
+from meshreel import (
+    FaceGroups,
+    Image,
+    InvalidInputError,
+    Kind,
+    Material,
+    MeshSequence,
+    Surface,
+    Texture,
+    Track,
+)
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.baking import Atlas, bake, check_textured, sampled, with_atlases
 from meshreel.registration.register import register
@@ -128,6 +138,28 @@ def test_too_few_images_are_an_error(textured, registered):
 def test_frames_without_texture_coordinates_are_an_error(textured):
     sequence = meshreel.concatenate([textured[0], capture(1)])
     with pytest.raises(InvalidInputError, match="frame 4 has no texture coordinates"):
+        check_textured(sequence)
+
+
+@pytest.mark.parametrize("n_used", [1, 2])
+def test_frames_whose_faces_have_several_images_are_an_error(textured, n_used):
+    raw, _ = textured
+    first = raw.segments[0]
+    numbers = np.arange(len(first.faces), dtype=np.int32) % n_used
+    surface = replace(
+        first.surface,
+        groups=(FaceGroups("material", ("skin", "cloth"), numbers),),
+        materials=tuple(
+            Material(name, base_color_texture=Texture(image))
+            for image, name in enumerate(["skin", "cloth"])
+        ),
+        images=(Image("skin", "image/png", b"1"), Image("cloth", "image/png", b"2")),
+    )
+    sequence = meshreel.concatenate([raw[:1], replace(first, surface=surface)])
+    if n_used == 1:
+        check_textured(sequence)
+        return
+    with pytest.raises(InvalidInputError, match=r"frame 1 have 2 color images.*combine"):
         check_textured(sequence)
 
 
