@@ -6,9 +6,13 @@ import pytest
 import meshreel
 from meshreel import MeshSequence
 from meshreel.codec.error_bounds import ErrorBound
+from meshreel.registration import growing
+from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.folds import Folds
-from meshreel.registration.growing import Followed, Follower, Lost
+from meshreel.registration.growing import Followed, Follower, Frames, Lost, Segment
+from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
+from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
@@ -97,3 +101,27 @@ def test_only_a_key_with_the_components_of_the_next_frame_may_lack_vertices(plan
     found = register(meshreel.concatenate(frames), ErrorBound(0.4))
     assert [one.n_frames for one in found.segments] == [1, 1]
     assert found.segments[0].is_near != joins
+
+
+@pytest.mark.parametrize(("n_frames", "is_refined_kept"), [(20, False), (60, True)])
+def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
+    plane, n_frames, is_refined_kept, monkeypatch
+):
+    """Its vertices move in every frame: twice the frames do not pay for twice the vertices."""
+    spiked = with_spike(plane)
+
+    def grow(frames, key, key_mesh, name, *_):
+        n_followed = 10 if name == "0" else n_frames
+        positions = np.zeros((n_followed, len(key_mesh.mesh.vertices), 3))
+        return Segment(0, key, positions, key_mesh, (), 0, (), is_near=True)
+
+    def refined(self, _):
+        return KeyMesh.of_mesh(TriangleMesh(*square(0.0, 57)))
+
+    monkeypatch.setattr(growing, "_grow", grow)
+    monkeypatch.setattr(KeyMesh, "refined", refined)
+    cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
+    frames = Frames(60, lambda _: cleaned, np.zeros(3), 1.0, np.dtype(np.float32))
+    chosen = growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
+    n_verts = {1681: False, 3249: True}
+    assert n_verts[len(chosen.key_mesh.mesh.vertices)] == is_refined_kept
