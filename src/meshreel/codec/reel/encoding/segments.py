@@ -19,8 +19,10 @@ from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import results_in_order
 
-SMALL_POSITIONS = 1 << 20
-"""Segments of up to this many positions are coded in parallel, larger ones one at a time."""
+TINY_POSITIONS, SMALL_POSITIONS = 1 << 10, 1 << 20
+"""Segments with numbers of positions between these are coded in parallel. Larger ones are coded one
+at a time on all cores; tiny ones one at a time on one, since their threads would mostly wait for
+the interpreter's lock."""
 
 EncodeOne = Callable[[Source, Progress, Engine | None], bytes]
 
@@ -62,19 +64,19 @@ def encode_segments(
     total, done = sum(source.n_frames for source in sources), 0
 
     def encode_one(source: Source) -> tuple[bytes, int]:
-        if _is_small(source):  # in parallel in this process, without workers
+        if _n_positions(source) <= SMALL_POSITIONS:  # in this process, without workers
             return encode(source, silent, None), source.n_frames
         return encode(source, _after(progress, done, total), engine), source.n_frames
 
     progress("encoding", Count(done, total, "frames"))
-    for stream, n_frames in results_in_order(encode_one, sources, _is_small):
+    for stream, n_frames in results_in_order(encode_one, sources, _is_parallel):
         yield stream
         done += n_frames
         progress("encoding", Count(done, total, "frames"))
 
 
-def _is_small(source: Source) -> bool:
-    return _n_positions(source) <= SMALL_POSITIONS
+def _is_parallel(source: Source) -> bool:
+    return TINY_POSITIONS < _n_positions(source) <= SMALL_POSITIONS
 
 
 def _after(progress: Progress, n_done: int, total: int) -> Progress:
@@ -106,7 +108,7 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
         def encode_one(source: Source) -> bytes:
             return whole.encode(source, silent, None, step=step)
 
-        streams = results_in_order(encode_one, sources, _is_small)
+        streams = results_in_order(encode_one, sources, _is_parallel)
         size_bytes = len(join_streams(list(streams)))
         if kind is TargetKind.SIZE:
             return float(size_bytes)
