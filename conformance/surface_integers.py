@@ -120,7 +120,10 @@ def predict(column, around, parallelograms, weights):
 
 
 def mean_deviation(column, parallelograms, prediction, mean):
-    """Return 48 times the mean distance of parallelograms from a prediction; without any, `mean`."""
+    """Return 48 times the mean distance of parallelograms from a prediction.
+
+    Without parallelograms this is `mean`.
+    """
     if not parallelograms:
         return mean
     points = [column[a] + column[b] - column[third] for a, b, third in parallelograms]
