@@ -212,15 +212,21 @@ REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n
     means->around = around * (1.0 / (double)coder->n_around);
 }
 
+/* Reduce numbers to a limit. */
+REEL_INLINE void limit_group(vec4d *values, double limit) {
+    const vec4d limits = {limit, limit, limit, limit};
+    vec4l is_less = *values < limits;
+    *values = (vec4d)(((vec4l)*values & is_less) | ((vec4l)limits & ~is_less));
+}
+
 /* The integers nearest to numbers, at most MAX_PREDICTION in size; halves are rounded away
    from 0. */
 REEL_INLINE vec4i round_group(vec4d value) {
     const vec4d half = {0.5, 0.5, 0.5, 0.5};
-    const vec4d most = {MAX_PREDICTION, MAX_PREDICTION, MAX_PREDICTION, MAX_PREDICTION};
     vec4l sign = (vec4l)value & INT64_MIN;
     vec4d size = (vec4d)((vec4l)value ^ sign);
-    vec4l is_less = size < most;
-    size = (vec4d)(((vec4l)size & is_less) | ((vec4l)most & ~is_less)) + half;
+    limit_group(&size, MAX_PREDICTION);
+    size += half;
     return __builtin_convertvector((vec4d)((vec4l)size | sign), vec4i);
 }
 
@@ -246,7 +252,6 @@ REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t
    least one. */
 REEL_INLINE vec4i mean_deviation(const surface_coder *coder, int64_t group, int64_t n_groups,
                                  vec4i predicted) {
-    const vec4d most = {48.0 * LARGEST, 48.0 * LARGEST, 48.0 * LARGEST, 48.0 * LARGEST};
     const row_group *rows = coder->rows + group;
     vec4d prediction = __builtin_convertvector(predicted, vec4d), sum = {0};
     for (int32_t i = 0; i < coder->n_parallelograms; i++) {
@@ -256,8 +261,7 @@ REEL_INLINE vec4i mean_deviation(const surface_coder *coder, int64_t group, int6
         sum += (vec4d)((vec4l)difference & INT64_MAX);
     }
     sum *= 48.0 / (double)coder->n_parallelograms;
-    vec4l is_less = sum < most;
-    sum = (vec4d)(((vec4l)sum & is_less) | ((vec4l)most & ~is_less));
+    limit_group(&sum, 48.0 * LARGEST);
     return __builtin_convertvector(sum, vec4i);
 }
 
