@@ -45,12 +45,8 @@ static void decode_part(void *shared, uint32_t i) {
     file->host = host;
 }
 
-void reel_decode_parts(reel_part *parts, uint32_t n_parts, const meshreel_host *host) {
-    if (host->run && host->n_threads > 1) {
-        host->run(host->user, decode_part, parts, n_parts);
-    } else {
-        for (uint32_t i = 0; i < n_parts; i++) {
-            decode_part(parts, i);
-        }
-    }
+void reel_decode_parts(reel_part *parts, uint32_t n_parts) {
+    meshreel_host host = parts->file->host; /* `decode_part` changes that of the file */
+    reel_call call = reel_begin_call(NULL, &host, 0);
+    reel_run(&call, decode_part, parts, n_parts);
 }

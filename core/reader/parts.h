@@ -16,8 +16,8 @@ typedef struct {
     meshreel_error error;  /* receives the result */
 } reel_part;
 
-/* Decode the parts, each on one thread of the host. Unlike in meshreel.h the hosts of the files must
-   allow `allocate` and `release` on any thread. */
-REEL_API void reel_decode_parts(reel_part *parts, uint32_t n_parts, const meshreel_host *host);
+/* Decode at least one part, each on one thread. All segments must be of one file, whose host must
+   allow `allocate` and `release` on any thread, unlike in meshreel.h. */
+REEL_API void reel_decode_parts(reel_part *parts, uint32_t n_parts);
 
 #endif

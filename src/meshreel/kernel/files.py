@@ -465,7 +465,7 @@ _Kept = tuple[_Host, HostMemory]
 
 def _closer(file: "OpenFile") -> "finalize[[int, _Kept, ctypes.c_void_p], OpenFile]":
     """Close the file in the core when the object is deleted, or when the result is called."""
-    closer = finalize(file, _close, os.getpid(), (file.host, file._memory), file.handle)
+    closer = finalize(file, _close, os.getpid(), (file._host, file._memory), file.handle)
     closer.atexit = False
     return closer
 
@@ -494,8 +494,6 @@ class OpenFile:
         Of the file that a segment is part of; else as `info`.
     offset, first_frame : int
         Byte and frame of the whole at which it begins: 0 but of a segment behind the first.
-    host : meshreel_host
-        Shared by all segments; its memory functions may be called on any thread.
 
     Raises
     ------
@@ -514,7 +512,7 @@ class OpenFile:
         self._lock = fork_safe_lock()
         self._reader = None if isinstance(source, bytes) else SourceReader(source)
         n_threads = n_cores()
-        self.host = _Host(
+        self._host = _Host(
             ctypes.addressof(self._memory),
             ctypes.cast(library().reel_host_allocate, _POINTER),
             ctypes.cast(library().reel_host_release, _POINTER),
@@ -529,7 +527,7 @@ class OpenFile:
         self.call(
             "open",
             ctypes.byref(self._core_source()),
-            ctypes.byref(self.host),
+            ctypes.byref(self._host),
             ctypes.byref(self.handle),
         )
         self.is_open = True

@@ -70,8 +70,7 @@ def decode_together(segments: Sequence[SegmentFrames]) -> None:
         )
         part.file, part.first, part.count = one.file.handle, one.first, len(one.values[0])
         part.n_modes, part.with_surface, part.values = one.n_modes, one.with_surface, addresses
-    host = ctypes.byref(segments[0].file.host)
-    library().reel_decode_parts(parts, ctypes.c_uint32(len(parts)), host)
+    library().reel_decode_parts(parts, ctypes.c_uint32(len(parts)))
     for part, one in zip(parts, segments, strict=True):
         if part.error.code != OK:
             raise one.file.failure(part.error)
