@@ -80,7 +80,7 @@ def decode(
     opened.require_mesh()
     selected = frame_range(frames, opened.n_frames)
     start_s = start_of(selected, opened.start_s, opened.fps)
-    return _decode_parts([_Part(opened, selected, start_s, None)], n_modes, {}, progress)[0]
+    return _decode_parts([_Part(opened, selected, start_s)], n_modes, {}, progress)[0]
 
 
 def decode_segments(
@@ -116,11 +116,12 @@ def decode_segments(
             selected = range(first - place.first_frame, stop - place.first_frame)
             key = opened.mesh_key
             needed_bytes += opened.frames_size_bytes(selected)
-            needed_bytes += 0 if key in keys else FACE_BYTES * opened.n_faces
+            has_new_mesh = key not in keys
+            needed_bytes += FACE_BYTES * opened.n_faces if has_new_mesh else 0
             keys.add(key)
             limit.require(needed_bytes, f"frames {requested.start}:{stop} of {number + 1} segments")
             start_s = start_of(selected, opened.start_s, opened.fps)
-            yield _Part(opened, selected, start_s, key)
+            yield _Part(opened, selected, start_s, key, has_new_mesh)
 
     for group in _groups(parts()):
         n_meshes = len(meshes)
@@ -136,13 +137,14 @@ def decode_segments(
 class _Part:
     """Frames of an open stream of one segment, and the time of the first.
 
-    Parts with the same `mesh_key` have the same mesh.
+    Parts with the same `mesh_key` have the same mesh, which is decoded for the first of them.
     """
 
     opened: OpenStream
     frames: range
     start_s: float
-    mesh_key: Hashable
+    mesh_key: Hashable = None
+    has_new_mesh: bool = True
 
 
 def _groups(parts: Iterator[_Part]) -> Iterator[list[_Part]]:
@@ -184,7 +186,7 @@ def _decode_parts(
                     part.frames.start,
                     values,
                     n_modes or 0,
-                    part.opened.has_surface,
+                    part.has_new_mesh and part.opened.has_surface,
                 )
                 for part, values in zip(parts, arrays, strict=True)
             ]
@@ -207,7 +209,7 @@ def _decode_parts(
     for part, reader, (vertices, *values) in zip(parts, readers, arrays, strict=True):
         opened = part.opened
         try:
-            if part.mesh_key not in meshes:
+            if part.has_new_mesh:
                 meshes[part.mesh_key] = opened.surface, opened.file.faces
             surface, faces = meshes[part.mesh_key]
             reader.close()
