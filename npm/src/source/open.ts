@@ -45,7 +45,7 @@ export async function openSource(
   from: SourceInput,
   options: SourceOptions = {},
 ): Promise<ByteSource> {
-  const { signal } = options;
+  const { signal, headers, credentials, cache = "no-store" } = options;
   signal?.throwIfAborted();
   if (from instanceof Blob) return new BlobSource(from);
   if (from instanceof ArrayBuffer) return new MemorySource(new Uint8Array(from));
@@ -55,11 +55,12 @@ export async function openSource(
     const shared = { SourceError, clampRange, fileChangedError, errorReason };
     return openLocalFile(String(from), shared, signal);
   }
-  const first = from instanceof Response ? null : sendFirstRequest(from, options);
+  const init = { headers, credentials, cache };
+  const first = from instanceof Response ? null : sendFirstRequest(from, init);
   try {
     // A separate script, since pages that pass bytes do not need it.
     const { openRemote } = await import("./remote.js");
-    return await openRemote(from, options, first);
+    return await openRemote(from, init, options, first);
   } catch (error) {
     first?.abort.abort(error);
     throw error;
@@ -67,16 +68,13 @@ export async function openSource(
 }
 
 /** Request the first bytes while the script is loaded that reads addresses. */
-function sendFirstRequest(
-  address: string | URL,
-  { headers: given, credentials, cache = "no-store" }: SourceOptions,
-): FirstRequest {
+function sendFirstRequest(address: string | URL, init: RequestInit): FirstRequest {
   const abort = new AbortController();
   const range = `bytes=0-${HEAD_BYTES - 1}`;
   const send = async (): Promise<Response> => {
-    const headers = new Headers(given);
+    const headers = new Headers(init.headers);
     headers.set("range", range);
-    return fetch(address, { headers, credentials, cache, signal: abort.signal });
+    return fetch(address, { ...init, headers, signal: abort.signal });
   };
   const response = send();
   response.catch(() => {}); // reported when the response is used

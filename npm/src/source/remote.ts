@@ -14,23 +14,18 @@ const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
 /**
  * Open an address or a response; see `openSource`.
  *
+ * @param init - options of all requests
  * @param first - the request that has been sent to an address
  * @throws InvalidInputError for other values.
  */
 export async function openRemote(
   from: string | URL | Response,
-  {
-    signal,
-    headers,
-    credentials,
-    cache = "no-store",
-    retries = 3,
-    stallSeconds = 20,
-  }: SourceOptions,
+  init: RequestInit,
+  { signal, retries = 3, stallSeconds = 20 }: SourceOptions,
   first: FirstRequest | null,
 ): Promise<ByteSource> {
   signal?.throwIfAborted();
-  const server = createTransport(from, { headers, credentials, cache }, first);
+  const server = createTransport(from, init, first);
   const nRetries = from instanceof Response ? 0 : retries;
   const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
   signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
