@@ -50,8 +50,9 @@ VARIANTS: dict[str, list[Change]] = {
     "no constant velocity": [
         (growing, "ATTEMPTS", tuple(one._replace(predicts=False) for one in ATTEMPTS))
     ],
-    "stiff stages in every frame": [(growing, "ATTEMPTS", ATTEMPTS[1:])],
+    "stiff stages in every frame": [(growing, "ATTEMPTS", ATTEMPTS[2:])],
     "first attempt only": [(growing, "ATTEMPTS", ATTEMPTS[:1])],
+    "folds are not opened to meet the tolerance": [(growing, "NEARLY_MET", 0.0)],
     "boundaries do not attract": [
         (tracking, "TANGENTIAL_AT_BOUNDARY", tracking.TANGENTIAL),
     ],

@@ -15,6 +15,7 @@ from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
+from meshreel.registration.graph import Posed
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import Course, TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, State, Tracker
@@ -27,6 +28,12 @@ MARGIN = 4
 
 SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
 """Smoothness of the steps of the fit, which end when the tolerance is met."""
+
+SMOOTHNESS_OF_OPENED = 0.03
+"""Smoothness of the step after folds were opened."""
+
+NEARLY_MET = 1.6
+"""Largest error, in tolerances, for which opening folds may suffice to meet it."""
 
 LOST = 5.0
 """Errors in tolerances that no fit of details can mend."""
@@ -333,29 +340,51 @@ class Follower:
 
     def follow(self, state: State, target: TriangleMesh) -> Followed | Lost:
         """Return the next frame, or why no attempt meets the tolerance."""
-        reason, excess = "", np.inf
-        for number, attempt in enumerate(ATTEMPTS):
+        reason, excess, is_lost = "", np.inf, False
+        for attempt in ATTEMPTS:
+            if attempt.if_lost not in (None, is_lost):
+                continue
             pose, posed = self.tracker.track(state, target, attempt)
-            mesh = TriangleMesh(posed.positions, self._faces)
-            for smoothness in SMOOTHNESS:
-                positions = self._fit.step(mesh, posed.positions, target, smoothness)
-                mesh = TriangleMesh(positions, self._faces)
-                errors = measure(mesh, target, self._tolerance)
-                exceeded = errors.exceeds(self._tolerance)
-                if not exceeded:
-                    mesh, errors, n_folded = self._without_folds(mesh, target, errors)
-                    following = self.tracker.arrive(state, pose, posed, mesh.vertices)
-                    return Followed(following, mesh.vertices, errors, n_folded)
-                reason = reason or exceeded
-                excess = min(excess, errors.in_tolerances(self._tolerance))
-                is_lost = errors.p99 > LOST * self._tolerance.length
-                if is_lost:
-                    break
-            if number and not is_lost:
-                break
+            mesh, errors = self._fitted(posed, target)
+            exceeded = errors.exceeds(self._tolerance)
+            if not exceeded:
+                mesh, errors, n_folded = self._without_folds(mesh, target, errors)
+                following = self.tracker.arrive(state, pose, posed, mesh.vertices)
+                return Followed(following, mesh.vertices, errors, n_folded)
+            in_tolerances = errors.in_tolerances(self._tolerance)
+            if in_tolerances < excess:
+                reason, excess = exceeded, in_tolerances
+            is_lost = errors.p99 > LOST * self._tolerance.length
         if self._orientation * target.orientation < 0:
             return Lost(INSIDE_OUT, np.inf)
-        return Lost(reason, float(excess))
+        return Lost(reason, excess)
+
+    def _fitted(self, posed: Posed, target: TriangleMesh) -> tuple[TriangleMesh, FrameErrors]:
+        """Return the posed mesh after the steps of the fit that come nearest, and its errors.
+
+        They end when the tolerance is met. If it nearly is, folds may cover what is beyond it: they
+        are opened, and the mesh is fitted again.
+        """
+
+        def fitted(mesh: TriangleMesh, smoothness: float) -> tuple[TriangleMesh, FrameErrors]:
+            positions = self._fit.step(mesh, posed.positions, target, smoothness)
+            mesh = TriangleMesh(positions, self._faces)
+            return mesh, measure(mesh, target, self._tolerance)
+
+        def excess(one: tuple[TriangleMesh, FrameErrors]) -> float:
+            return one[1].in_tolerances(self._tolerance)
+
+        found = [fitted(TriangleMesh(posed.positions, self._faces), SMOOTHNESS[0])]
+        for smoothness in SMOOTHNESS[1:]:
+            mesh, errors = found[-1]
+            if not errors.exceeds(self._tolerance) or errors.p99 > LOST * self._tolerance.length:
+                break
+            found.append(fitted(mesh, smoothness))
+        best = min(found, key=excess)
+        if 1 < excess(best) < NEARLY_MET and len(self._folds.find(best[0], target)):
+            opened = self._folds.opened(best[0], target)
+            best = min(best, fitted(opened, SMOOTHNESS_OF_OPENED), key=excess)
+        return best
 
     def _without_folds(
         self, mesh: TriangleMesh, target: TriangleMesh, errors: FrameErrors

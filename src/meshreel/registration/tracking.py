@@ -50,10 +50,14 @@ class Attempt(NamedTuple):
         Whether constant velocity is considered.
     stages : tuple of Stage
         Coarse to fine.
+    if_lost : bool or None
+        Whether it requires that the previous attempt lost the surface, or that it did not; None:
+        neither.
     """
 
     predicts: bool
     stages: tuple[Stage, ...]
+    if_lost: bool | None = None
 
 
 LIGHT = Stage(0.4, 0.02, 3)
@@ -61,11 +65,12 @@ STAGES = Stage(3.0, 0.1, 5), Stage(1.0, 0.05, 4), LIGHT, Stage(0.15, 0.02, 4)
 
 ATTEMPTS = (
     Attempt(True, (LIGHT,)),
+    Attempt(True, (LIGHT._replace(n_steps=15),), if_lost=False),
     Attempt(True, STAGES),
-    Attempt(False, (Stage(10.0, 0.2, 10), *STAGES)),
+    Attempt(False, (Stage(10.0, 0.2, 10), *STAGES), if_lost=True),
 )
-"""The ways to follow a frame, tried in order until one meets the tolerance. The last one, from a
-stiff start, is for frames in which the others lose the surface."""
+"""The ways to follow a frame, tried in order until one meets the tolerance: more steps where the
+first ones nearly do, and a stiff start where all lose the surface."""
 
 DAMPING = 1e-6
 """Weight of the squared step of each node, which holds nodes that nothing else holds."""
