@@ -13,28 +13,39 @@ export interface Backend {
   upload(block: BlockFields, loaded: LoadedBlock): void;
   release(block: LoadedBlock): void;
   show(picture: Picture): void;
-  /** Read the current positions, three numbers per vertex of the drawing. */
-  read(into: Float32Array): void;
-  /** Create another attribute from other fields; the caller disposes of it. */
-  createAttribute(setup: AttributeSetup): AttributeBackend;
+  /** Read the current positions of vertices of the file, three numbers each. */
+  read(vertices: Uint32Array, into: Float32Array): void;
+  /** Create an attribute from other fields; the caller disposes of it, and deletes the attribute. */
+  createAttribute(setup: ItemAttributeSetup): AttributeBackend;
   dispose(): void;
 }
 
-/** An attribute that is computed from sums of fields. */
+/** Attributes that are computed from sums of fields, three numbers per item. */
 export interface AttributeSetup {
   readonly nItems: number;
-  /** Item of each vertex of the drawing. */
-  readonly items: Uint32Array;
-  /** Name of the attribute. An existing one of this name is restored by `dispose`. */
-  readonly name: string;
-  /** Numbers per vertex. */
-  readonly width: 2 | 3;
-  /** GLSL that sets the attribute from `value`, a vec3; must match `evaluate`. */
+  /** Added to the sums. */
+  readonly shift: readonly [number, number, number];
+  /** Vertices of the geometry. */
+  readonly nVerts: number;
+  /** Names and numbers per vertex. */
+  readonly attributes: readonly (readonly [name: string, width: 2 | 3])[];
+  /** Pairs of integers for the shader. */
+  readonly table: Uint32Array;
+  /**
+   * GLSL that declares the attributes, and whose function `main` sets those of the vertex
+   * `gl_VertexID`. `sumOf(item)` is the sum of an item, and `pairAt(entry)` an entry of the table.
+   */
   readonly glsl: string;
-  evaluate(createAttribute: Float32Array, from: number): readonly number[];
 }
 
-/** Computes such an attribute, which is 0 until the first picture. */
+/** An attribute that depends only on the item of each vertex. */
+export interface ItemAttributeSetup extends AttributeSetup {
+  readonly items: Uint32Array;
+  /** Compute the same as the GLSL from the sum that starts at a place. */
+  evaluate(sums: Float32Array, from: number): readonly number[];
+}
+
+/** Computes attributes, which are 0 until the first picture. */
 export interface AttributeBackend {
   upload(block: BlockFields, loaded: LoadedBlock): void;
   release(block: LoadedBlock): void;

@@ -3,7 +3,6 @@
 
 import * as THREE from "three";
 
-import type { VertexGrid } from "./gpu/vertex_grid.js";
 import type { LoadedBlock, Moment } from "./loaded_block.js";
 
 /** Corrections of a picture. */
@@ -33,24 +32,21 @@ export function blendCorrections(moment: Moment): Corrections {
   return { offsets, createPoints: (...args) => new CorrectedPoints(...args) };
 }
 
-/** Width of the texture of corrections. */
-const WIDTH = 1024;
-
-// A texel of corrections has the vertex and the bits of three floats.
-const vertexShader = (grid: VertexGrid) => `${grid.glsl}
-uniform usampler2D corrections;
+// An entry has the vertex and its offset. The shader knows the size of the target from that of fields.
+const VERTEX_SHADER = `
+uniform isampler2DArray fields;
+uniform sampler2D corrections;
 flat out vec3 correction;
 void main() {
-  ivec2 place = ivec2(gl_VertexID & ${WIDTH - 1}, gl_VertexID >> ${Math.log2(WIDTH)});
-  uvec4 found = texelFetch(corrections, place, 0);
+  vec4 found = texelFetch(corrections, texelOf(gl_VertexID), 0);
   vec2 texel = vec2(texelOf(int(found.x))) + 0.5;
-  gl_Position = vec4(texel / vec2(${grid.width}, ${grid.height}) * 2.0 - 1.0, 0.0, 1.0);
+  gl_Position = vec4(texel / vec2(textureSize(fields, 0)) * 2.0 - 1.0, 0.0, 1.0);
   gl_PointSize = 1.0;
-  correction = uintBitsToFloat(found.yzw);
+  correction = found.yzw;
 }`;
 
-/** A uniform with a texture of texels of four numbers. */
-export interface TextureUniform {
+/** A uniform with a table of floats. */
+export interface TableUniform {
   value: THREE.DataTexture | null;
 }
 
@@ -60,23 +56,22 @@ export interface TextureUniform {
  */
 export class CorrectedPoints {
   readonly object: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
-  readonly #uniform: TextureUniform = { value: null };
-  readonly #setData: (uniform: TextureUniform, data: Uint32Array<ArrayBuffer>, width: number) => void;
+  readonly #uniform: TableUniform = { value: null };
+  readonly #setTable: (uniform: TableUniform, data: Float32Array) => void;
 
   /**
    * @param createMaterial - creates the material of the pass with another vertex shader
-   * @param setData - sets the data of a texture, or creates it
+   * @param setTable - sets the first entries of a table, or creates it
    */
   constructor(
-    grid: VertexGrid,
     createMaterial: (
       vertexShader: string,
-      uniforms: Record<string, TextureUniform>,
+      uniforms: Record<string, TableUniform>,
     ) => THREE.RawShaderMaterial,
-    setData: (uniform: TextureUniform, data: Uint32Array<ArrayBuffer>, width: number) => void,
+    setTable: (uniform: TableUniform, data: Float32Array) => void,
   ) {
-    this.#setData = setData;
-    const material = createMaterial(vertexShader(grid), { corrections: this.#uniform });
+    this.#setTable = setTable;
+    const material = createMaterial(VERTEX_SHADER, { corrections: this.#uniform });
     this.object = new THREE.Points(new THREE.BufferGeometry(), material);
   }
 
@@ -86,18 +81,11 @@ export class CorrectedPoints {
     this.object.visible = size > 0;
     if (!offsets || size === 0) return;
     this.object.geometry.setDrawRange(0, size);
-    const data = new Uint32Array(4 * WIDTH * Math.ceil(size / WIDTH));
-    const floats = new Float32Array(data.buffer);
-    let at = 0;
-    for (const [vertex, offset] of offsets) {
-      data[at] = vertex;
-      floats.set(offset, at + 1);
-      at += 4;
-    }
-    this.#setData(this.#uniform, data, WIDTH);
+    const entries = [...offsets].flatMap(([vertex, offset]) => [vertex, ...offset]);
+    this.#setTable(this.#uniform, Float32Array.from(entries));
   }
 
-  /** Free the texture; the pass disposes of the object. */
+  /** Free the table; the pass disposes of the object. */
   dispose(): void {
     this.#uniform.value?.dispose();
   }

@@ -5,7 +5,7 @@ import * as THREE from "three";
 import type { BlockFields } from "../types.js";
 import { computeNormals, computePositions } from "./cpu_frames.js";
 import type { LoadedBlock, Picture } from "./loaded_block.js";
-import type { MeshSetup, Backend, AttributeSetup, AttributeBackend } from "./backend.js";
+import type { AttributeBackend, Backend, ItemAttributeSetup, MeshSetup } from "./backend.js";
 
 /** Computes positions and normals on the CPU; three.js uploads them to the GPU. */
 export class CpuBackend implements Backend {
@@ -60,30 +60,27 @@ export class CpuBackend implements Backend {
     }
   }
 
-  read(into: Float32Array): void {
-    gather(this.#positions, this.#setup.drawing.sources, into);
+  read(vertices: Uint32Array, into: Float32Array): void {
+    gather(this.#positions, vertices, into);
   }
 
-  createAttribute({ nItems, items, name, width, evaluate: coordinates }: AttributeSetup): AttributeBackend {
+  createAttribute({ nItems, items, attributes, shift, evaluate }: ItemAttributeSetup): AttributeBackend {
     const geometry = this.#geometry;
     const fields = new Map<LoadedBlock, Int16Array>();
     const sums = new Float32Array(3 * nItems);
-    const previous = geometry.getAttribute(name);
+    const [[name, width]] = attributes;
     const attribute = new THREE.BufferAttribute(new Float32Array(width * items.length), width);
     geometry.setAttribute(name, attribute.setUsage(THREE.DynamicDrawUsage));
     return {
       upload: (block, loaded) => void fields.set(loaded, block.fields),
       release: (block) => void fields.delete(block),
       show(picture) {
-        computePositions(picture, (block) => fields.get(block) as Int16Array, [0, 0, 0], sums);
-        items.forEach((item, i) => attribute.array.set(coordinates(sums, 3 * item), width * i));
+        computePositions(picture, (block) => fields.get(block) as Int16Array, shift, sums);
+        items.forEach((item, i) => attribute.array.set(evaluate(sums, 3 * item), width * i));
         attribute.needsUpdate = true;
       },
-      dispose() {
-        geometry.dispose(); // frees the buffers of all attributes; three.js uploads the rest again
-        geometry.deleteAttribute(name);
-        if (previous) geometry.setAttribute(name, previous);
-      },
+      // Frees the buffers of all attributes; three.js uploads the rest again.
+      dispose: () => geometry.dispose(),
     };
   }
 

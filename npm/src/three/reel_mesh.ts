@@ -13,6 +13,7 @@ import type {
   TrackColors,
 } from "./color/track_colors.js";
 import { canDecode, GpuBackend, type Renderer } from "./gpu/gpu_backend.js";
+import { meshAttributes } from "./gpu/normals.js";
 import { type LoadedBlock, meanPosition, composePicture, withoutFields } from "./loaded_block.js";
 import { asSegments, MeshSegment } from "./mesh_segment.js";
 import { Playback, type PlaybackEvent, type PlaybackEvents } from "./playback.js";
@@ -550,7 +551,7 @@ export class ReelMesh extends THREE.Mesh<
     const renderer = this.#renderer as THREE.WebGLRenderer;
     try {
       this.#setBackend(({ number, setup, geometry }) => {
-        if (canDecode(renderer, setup)) return new GpuBackend(renderer, setup, geometry);
+        if (canDecode(renderer, setup)) return new GpuBackend(renderer, geometry, meshAttributes(setup));
         throw new InvalidInputError(`segment ${number} is too large for the GPU`);
       });
     } catch {
@@ -588,7 +589,8 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   #restart(backend: Backend): void {
-    this.#colors?.attach(backend, this.#current.setup.drawing.items);
+    const { geometry, setup } = this.#current;
+    this.#colors?.attach(backend, geometry, setup.drawing.items);
     this.#playback.restart();
   }
 
@@ -710,7 +712,7 @@ export class ReelMesh extends THREE.Mesh<
       });
     }
     if (this.#isPickMeshStale) {
-      this.#current.backend?.read(geometry.attributes.position.array as Float32Array);
+      this.#current.backend?.read(this.sources, geometry.attributes.position.array as Float32Array);
       this.#isPickMeshStale = false;
     }
     return this.#pickMesh;

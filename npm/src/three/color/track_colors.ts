@@ -12,7 +12,7 @@ import type {
   TrackValues,
 } from "../../types.js";
 import type { LoadedBlock, Moment } from "../loaded_block.js";
-import type { Backend, AttributeSetup, AttributeBackend } from "../backend.js";
+import type { AttributeBackend, Backend } from "../backend.js";
 import {
   centerAtZero,
   colorAt,
@@ -106,6 +106,15 @@ const NUMBER_OPTIONS = ["range", "map", "wholeFile"] as const;
 /** A material that may have a map. */
 type MappedMaterial = THREE.Material & { map?: THREE.Texture | null; color?: THREE.Color };
 
+/** The attribute of a vertex that encodes a value. */
+interface EncodedColor {
+  readonly name: string;
+  readonly width: 2 | 3;
+  /** GLSL that sets the attribute from `value`, a vec3; must match `evaluate`. */
+  readonly glsl: string;
+  evaluate(values: Float32Array, from: number): readonly number[];
+}
+
 /** Gray of missing colors, linear. */
 const MISSING_INTENSITY = 0.2158;
 
@@ -124,6 +133,8 @@ export class TrackColors {
   /** Loaded blocks of the track, by the block of the mesh. */
   readonly #colorBlocks = new Map<LoadedBlock, LoadedBlock>();
   #backend: AttributeBackend | null = null;
+  /** Restores the geometry. */
+  #detach = (): void => {};
 
   private constructor(
     track: OpenTrack,
@@ -197,15 +208,36 @@ export class TrackColors {
   }
 
   /**
-   * Attach to a backend; all blocks must be added again.
+   * Attach to the backend of a geometry; all blocks must be added again.
    *
-   * @param items - item of the track of each vertex of the drawing
+   * @param items - item of the track of each vertex of the geometry
    */
-  attach(stage: Backend, items: Uint32Array): void {
-    this.#backend?.dispose();
+  attach(backend: Backend, geometry: THREE.BufferGeometry, items: Uint32Array): void {
+    this.#detach();
     this.#colorBlocks.clear();
-    const { nItems } = this.#track.info;
-    this.#backend = stage.createAttribute({ nItems, items, ...this.#attribute() });
+    const { name, width, glsl, evaluate } = this.#attribute();
+    const previous = geometry.getAttribute(name) as THREE.BufferAttribute | undefined;
+    const attribute = backend.createAttribute({
+      nItems: this.#track.info.nItems,
+      nVerts: items.length,
+      shift: [0, 0, 0],
+      attributes: [[name, width]],
+      table: Uint32Array.from({ length: 2 * items.length }, (_, i) => (i % 2 ? 0 : items[i >> 1])),
+      glsl: `
+out vec${width} ${name};
+void main() {
+  vec3 value = sumOf(pairAt(gl_VertexID).x);
+  ${glsl}
+}`,
+      items,
+      evaluate,
+    });
+    this.#backend = attribute;
+    this.#detach = () => {
+      attribute.dispose();
+      geometry.deleteAttribute(name);
+      if (previous) geometry.setAttribute(name, previous);
+    };
   }
 
   /** Compute the attribute of the vertices of a drawing from values of the track. */
@@ -230,7 +262,7 @@ export class TrackColors {
   }
 
   /** The attribute that shaders compute from normalized values; see `#normalize`. */
-  #attribute(): Omit<AttributeSetup, "nItems" | "items"> {
+  #attribute(): EncodedColor {
     if (this.#selection.as === "color") return COLOR_ATTRIBUTE;
     const isMagnitude = this.#selection.as === "magnitude";
     const [low, high] = this.#range;
@@ -299,7 +331,7 @@ export class TrackColors {
   /** Restore the materials of the mesh. */
   dispose(): void {
     for (const restore of this.#restore) restore();
-    this.#backend?.dispose();
+    this.#detach();
     this.#texture.dispose();
   }
 

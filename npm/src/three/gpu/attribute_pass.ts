@@ -3,28 +3,20 @@
 
 import * as THREE from "three";
 
-import { PRECISION } from "./vertex_grid.js";
+import type { AttributeSetup } from "../backend.js";
+import { createTable, PRELUDE } from "./tables.js";
 
-/** Computes attributes of a geometry from textures. */
-export interface AttributeShader {
-  /** Names of the textures. */
-  readonly textures: readonly string[];
-  /** Names of the inputs: one unsigned integer per vertex. */
-  readonly inputs: readonly string[];
-  /** Names and widths of the attributes. */
-  readonly attributes: readonly (readonly [name: string, width: 2 | 3])[];
-  /** GLSL that declares the textures, and whose function `main` sets the attributes. */
-  readonly glsl: string;
+const TEXTURES = `
+uniform sampler2D sums;
+uniform usampler2D table;
+vec3 sumOf(uint item) {
+  return texelFetch(sums, texelOf(int(item)), 0).xyz;
 }
+uvec2 pairAt(int entry) {
+  return texelFetch(table, texelOf(entry), 0).xy;
+}`;
 
-const vertexShader = ({ inputs, attributes, glsl }: AttributeShader) =>
-  `#version 300 es
-${PRECISION}${inputs.map((name, i) => `layout(location = ${i}) in uint ${name};`).join("")}
-${attributes.map(([name, width]) => `out vec${width} ${name};`).join("")}
-${glsl}`;
-
-const FRAGMENT = `#version 300 es
-${PRECISION}
+const FRAGMENT_SHADER = `
 out vec4 color;
 void main() { color = vec4(0.0); }`;
 
@@ -34,37 +26,25 @@ export class AttributePass {
   readonly #nVerts: number;
   readonly #gl: WebGL2RenderingContext;
   readonly #program: WebGLProgram;
-  readonly #array: WebGLVertexArrayObject;
+  readonly #table: THREE.DataTexture;
   readonly #feedback: WebGLTransformFeedback;
-  readonly #inputs: readonly WebGLBuffer[];
   readonly #buffers: readonly WebGLBuffer[];
 
-  /**
-   * @param shader - the attributes to add to the geometry
-   * @param inputs - numbers of each vertex, by input of the shader
-   * @throws Error if the driver rejects the program
-   */
+  /** @throws Error if the driver rejects the program */
   constructor(
     renderer: THREE.WebGLRenderer,
     geometry: THREE.BufferGeometry,
-    shader: AttributeShader,
-    inputs: readonly Uint32Array[],
+    { nVerts, attributes, table, glsl }: AttributeSetup,
   ) {
     this.#renderer = renderer;
-    const nVerts = (this.#nVerts = inputs[0].length);
+    this.#nVerts = nVerts;
     const gl = (this.#gl = renderer.getContext() as WebGL2RenderingContext);
-    const { textures, attributes } = shader;
     const names = attributes.map(([name]) => name);
-    this.#program = linkProgram(gl, vertexShader(shader), names);
-    renderer.state.useProgram(this.#program);
-    textures.forEach((name, i) => gl.uniform1i(gl.getUniformLocation(this.#program, name), i));
-    this.#array = gl.createVertexArray();
-    this.#inputs = inputs.map((numbers) => {
-      const buffer = gl.createBuffer();
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.STATIC_DRAW);
-      return buffer;
-    });
+    const program = (this.#program = linkProgram(gl, TEXTURES + glsl, names));
+    renderer.state.useProgram(program);
+    gl.uniform1i(gl.getUniformLocation(program, "table"), 1); // the other one is 0
+    this.#table = createTable(table);
+    renderer.initTexture(this.#table);
     this.#feedback = gl.createTransformFeedback();
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     const open = geometry as THREE.BufferGeometry<THREE.NormalOrGLBufferAttributes>;
@@ -72,29 +52,26 @@ export class AttributePass {
       const buffer = gl.createBuffer();
       gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, i, buffer);
       gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, 4 * width * nVerts, gl.DYNAMIC_COPY);
-      const attribute = new THREE.GLBufferAttribute(buffer, gl.FLOAT, width, 4, nVerts);
-      open.setAttribute(name, attribute);
+      open.setAttribute(name, new THREE.GLBufferAttribute(buffer, gl.FLOAT, width, 4, nVerts));
       return buffer;
     });
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
     gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
   }
 
-  /** Run the pass; must not be called while the renderer is drawing. */
-  run(...textures: readonly THREE.Texture[]): void {
-    const [gl, renderer] = [this.#gl, this.#renderer];
-    renderer.state.useProgram(this.#program);
-    textures.forEach((texture, slot) => {
-      renderer.state.bindTexture(gl.TEXTURE_2D, webglTexture(renderer, texture), gl.TEXTURE0 + slot);
+  /** Compute the attributes from a texture of sums; must not be called while the renderer is drawing. */
+  run(sums: THREE.Texture): void {
+    const [gl, { state, properties }] = [this.#gl, this.#renderer];
+    state.useProgram(this.#program);
+    [sums, this.#table].forEach((texture, unit) => {
+      // Rendered to or initialized before, so that it exists.
+      const { __webglTexture } = properties.get(texture) as { __webglTexture: WebGLTexture };
+      state.bindTexture(gl.TEXTURE_2D, __webglTexture, gl.TEXTURE0 + unit);
     });
+    // The buffers of the attributes must not be bound elsewhere.
     const array = gl.getParameter(gl.VERTEX_ARRAY_BINDING) as WebGLVertexArrayObject | null;
-    gl.bindVertexArray(this.#array);
-    this.#inputs.forEach((buffer, location) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      gl.enableVertexAttribArray(location);
-      gl.vertexAttribIPointer(location, 1, gl.UNSIGNED_INT, 0, 0);
-    });
-    gl.bindBuffer(gl.ARRAY_BUFFER, null); // output buffers must not be bound elsewhere
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
@@ -107,37 +84,26 @@ export class AttributePass {
 
   dispose(): void {
     const gl = this.#gl;
+    this.#table.dispose();
     gl.deleteProgram(this.#program);
-    gl.deleteVertexArray(this.#array);
     gl.deleteTransformFeedback(this.#feedback);
-    for (const buffer of [...this.#inputs, ...this.#buffers]) gl.deleteBuffer(buffer);
+    for (const buffer of this.#buffers) gl.deleteBuffer(buffer);
   }
 }
 
-/** Return the WebGL texture of a three.js texture that has been rendered to or initialized. */
-function webglTexture(renderer: THREE.WebGLRenderer, texture: THREE.Texture): WebGLTexture {
-  return (renderer.properties.get(texture) as { __webglTexture: WebGLTexture }).__webglTexture;
-}
-
-function linkProgram(
-  gl: WebGL2RenderingContext,
-  vertexSource: string,
-  names: readonly string[],
-): WebGLProgram {
+function linkProgram(gl: WebGL2RenderingContext, vertexShader: string, outputs: string[]): WebGLProgram {
   const program = gl.createProgram();
   const attach = (type: GLenum, source: string) => {
     const shader = gl.createShader(type) as WebGLShader;
-    gl.shaderSource(shader, source);
+    gl.shaderSource(shader, `#version 300 es${PRELUDE}${source}`);
     gl.compileShader(shader);
     gl.attachShader(program, shader);
     gl.deleteShader(shader);
   };
-  attach(gl.VERTEX_SHADER, vertexSource);
-  attach(gl.FRAGMENT_SHADER, FRAGMENT);
-  gl.transformFeedbackVaryings(program, names, gl.SEPARATE_ATTRIBS);
+  attach(gl.VERTEX_SHADER, vertexShader);
+  attach(gl.FRAGMENT_SHADER, FRAGMENT_SHADER);
+  gl.transformFeedbackVaryings(program, outputs, gl.SEPARATE_ATTRIBS);
   gl.linkProgram(program);
-  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
-    throw new Error(gl.getProgramInfoLog(program) ?? "");
-  }
-  return program;
+  if (gl.getProgramParameter(program, gl.LINK_STATUS)) return program;
+  throw new Error(gl.getProgramInfoLog(program) ?? "");
 }

@@ -1,50 +1,40 @@
 // Computes positions and normals of vertices from the positions of the file: a normal is that of the
 // faces around a vertex, or around a normal row of a vertex at a hard edge.
 
-import type * as THREE from "three";
-
-import type { MeshSetup } from "../backend.js";
-import type { AttributeShader } from "./attribute_pass.js";
-import { dataTexture, type VertexGrid } from "./vertex_grid.js";
-
-/** Width of the texture of corners. */
-const CORNERS_WIDTH = 2048;
+import type { AttributeSetup, MeshSetup } from "../backend.js";
+import type { Drawing } from "../drawing.js";
 
 /** Limit of the scale of edges, a float32. */
 const MAX_SCALE = 1e38;
 
-/**
- * Create the shader of the attributes "position" and "normal".
- *
- * @param grid - grid of the vertices of the file
- * @param diagonal - diagonal of the mesh, in model units
- */
-export function normalShader(grid: VertexGrid, diagonal: number): AttributeShader {
+/** The attributes "position" and "normal" of a mesh. */
+export function meshAttributes(setup: MeshSetup): AttributeSetup {
+  const { info, drawing, shift } = setup;
   // Edges are scaled so that the products of very small or very large ones neither underflow nor
   // overflow.
-  const scale = Math.min(1e4 / diagonal, MAX_SCALE).toExponential();
+  const scale = Math.min(1e4 / info.diagonal, MAX_SCALE).toExponential();
   return {
-    textures: ["positions", "corners"],
-    inputs: ["source", "first", "count"],
+    nItems: info.nVerts,
+    nVerts: drawing.sources.length,
+    shift,
     attributes: [
       ["position", 3],
       ["normal", 3],
     ],
-    glsl: `${grid.glsl}
-uniform sampler2D positions;
-uniform usampler2D corners;
-vec3 positionOf(uint vertex) {
-  return texelFetch(positions, texelOf(int(vertex)), 0).xyz;
-}
+    table: createTopology(setup),
+    glsl: `
+out vec3 position;
+out vec3 normal;
 vec3 sideTo(uint vertex) {
-  return (positionOf(vertex) - position) * ${scale};
+  return (sumOf(vertex) - position) * ${scale};
 }
 void main() {
-  position = positionOf(source);
+  uvec2 vertex = pairAt(gl_VertexID);
+  uvec2 corners = pairAt(int(vertex.y));
+  position = sumOf(vertex.x);
   vec3 sum = vec3(0.0);
-  for (uint i = first; i < first + count; i++) {
-    ivec2 place = ivec2(int(i) & ${CORNERS_WIDTH - 1}, int(i) >> ${Math.log2(CORNERS_WIDTH)});
-    uvec2 corner = texelFetch(corners, place, 0).xy;
+  for (uint i = corners.x; i < corners.y; i++) {
+    uvec2 corner = pairAt(int(i));
     sum += cross(sideTo(corner.x), sideTo(corner.y));
   }
   float size = length(sum);
@@ -53,35 +43,41 @@ void main() {
   };
 }
 
-/** Height of the texture of corners. */
-export function cornerTextureHeight(triangles: Uint32Array): number {
-  return Math.ceil(triangles.length / CORNERS_WIDTH);
+/** Number of pairs of integers in the topology of a mesh. */
+export function topologySize({ info, triangles, drawing }: MeshSetup): number {
+  return drawing.sources.length + rowCount(info.nVerts, drawing) + triangles.length;
+}
+
+function rowCount(nVerts: number, { shading }: Drawing): number {
+  return shading?.vertices.length ?? nVerts;
 }
 
 /**
- * Create the texture of corners, and the inputs of the shader: the corners of a vertex are those from
- * `first`. Each corner consists of the other two vertices of its triangle.
+ * Return the connectivity as pairs of integers:
+ *
+ * - for each vertex of the drawing, the vertex of the file and the entry of its normal row,
+ * - for each normal row, the entries of its first corner and behind its last one,
+ * - for each corner of a row, the other two vertices of its triangle.
  */
-export function createCorners({ info, triangles, drawing }: MeshSetup): {
-  corners: THREE.DataTexture;
-  inputs: Uint32Array[];
-} {
+function createTopology(setup: MeshSetup): Uint32Array {
+  const { triangles, drawing } = setup;
   const { sources, rows, shading } = drawing;
+  const pairs = new Uint32Array(2 * topologySize(setup));
+  const firstRow = sources.length;
+  sources.forEach((source, i) => pairs.set([source, firstRow + rows[i]], 2 * i));
   const rowOf = shading?.triangles ?? triangles;
-  const counts = new Uint32Array(shading?.vertices.length ?? info.nVerts);
+  const counts = new Uint32Array(rowCount(setup.info.nVerts, drawing));
   for (const row of rowOf) counts[row]++;
-  let end = 0;
-  const firsts = counts.map((count) => (end += count) - count);
-  const next = firsts.slice();
-  const corners = new Uint32Array(CORNERS_WIDTH * cornerTextureHeight(triangles) * 2);
-  for (let i = 0; i < triangles.length; i++) {
+  let end = firstRow + counts.length;
+  counts.forEach((count, row) => {
+    pairs.fill(end, 2 * (firstRow + row), 2 * (firstRow + row + 1));
+    end += count;
+  });
+  rowOf.forEach((row, i) => {
     const face = i - (i % 3);
-    const at = 2 * next[rowOf[i]]++;
-    corners[at] = triangles[face + ((i + 1) % 3)];
-    corners[at + 1] = triangles[face + ((i + 2) % 3)];
-  }
-  return {
-    corners: dataTexture(corners, CORNERS_WIDTH, 2),
-    inputs: [sources, ...[firsts, counts].map((ofRows) => rows.map((row) => ofRows[row]))],
-  };
+    const corner = pairs[2 * (firstRow + row) + 1]++;
+    pairs[2 * corner] = triangles[face + ((i + 1) % 3)];
+    pairs[2 * corner + 1] = triangles[face + ((i + 2) % 3)];
+  });
+  return pairs;
 }

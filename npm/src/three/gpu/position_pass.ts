@@ -4,31 +4,32 @@
 import * as THREE from "three";
 
 import type { BlockFields } from "../../types.js";
-import type { CorrectedPoints, TextureUniform } from "../corrections.js";
+import type { CorrectedPoints, TableUniform } from "../corrections.js";
 import type { LoadedBlock, Picture, WeightedBlock } from "../loaded_block.js";
-import { dataTexture, PRECISION, type VertexGrid } from "./vertex_grid.js";
+import { createTable, PRELUDE, tableSize } from "./tables.js";
 
 /** Fields of four modes share a texel. */
 export const MODES_PER_TEXEL = 4;
 
 // A picture between the last frame of a block and the first frame of the next uses both blocks.
-const POSITION_SHADER = `
+const FRAGMENT_SHADER = `
 uniform isampler2DArray fields;
 uniform isampler2DArray nextFields;
 uniform sampler2D weights;
-uniform int nGroups;
 uniform int nNextGroups;
 uniform vec3 shift;
 flat in vec3 correction;
 out vec4 position;
+vec4 weightsAt(int entry) {
+  return texelFetch(weights, texelOf(entry), 0);
+}
 vec3 product(ivec4 field, int group) {
-  return vec4(field) * mat3x4(
-    texelFetch(weights, ivec2(0, group), 0),
-    texelFetch(weights, ivec2(1, group), 0),
-    texelFetch(weights, ivec2(2, group), 0));
+  int entry = 3 * group;
+  return vec4(field) * mat3x4(weightsAt(entry), weightsAt(entry + 1), weightsAt(entry + 2));
 }
 void main() {
   ivec2 texel = ivec2(gl_FragCoord.xy);
+  int nGroups = textureSize(fields, 0).z;
   vec3 sum = correction;
   for (int i = 0; i < nGroups; i++) sum += product(texelFetch(fields, ivec3(texel, i), 0), i);
   for (int i = 0; i < nNextGroups; i++) {
@@ -55,15 +56,13 @@ type PassObject = THREE.Object3D & {
 /** Computes the positions of pictures. */
 export class PositionPass {
   readonly #renderer: THREE.WebGLRenderer;
-  readonly #grid: VertexGrid;
-  /** Computed positions, four numbers per texel of the grid. */
+  /** Computed positions, four numbers per vertex. */
   readonly target: THREE.WebGLRenderTarget;
   readonly #fields = new Map<LoadedBlock, THREE.DataArrayTexture>();
   readonly #uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
     nextFields: { value: null as THREE.DataArrayTexture | null },
     weights: { value: null as THREE.DataTexture | null },
-    nGroups: { value: 0 },
     nNextGroups: { value: 0 },
     shift: { value: new THREE.Vector3() },
   };
@@ -73,15 +72,16 @@ export class PositionPass {
   #corrected: CorrectedPoints | null = null;
 
   /** @param shift - added to all positions, in model units */
-  constructor(
-    renderer: THREE.WebGLRenderer,
-    grid: VertexGrid,
-    shift: readonly [number, number, number],
-  ) {
+  constructor(renderer: THREE.WebGLRenderer, nVerts: number, shift: readonly [number, number, number]) {
     this.#renderer = renderer;
-    this.#grid = grid;
     this.#uniforms.shift.value.set(...shift);
-    this.target = grid.target();
+    const { width, height } = tableSize(nVerts);
+    this.target = new THREE.WebGLRenderTarget(width, height, {
+      type: THREE.FloatType,
+      depthBuffer: false,
+      minFilter: THREE.NearestFilter,
+      magFilter: THREE.NearestFilter,
+    });
     const triangle = new THREE.BufferGeometry();
     triangle.setDrawRange(0, 3);
     this.#add(new THREE.Mesh(triangle, this.#createMaterial(FULL_SCREEN_TRIANGLE)));
@@ -89,7 +89,7 @@ export class PositionPass {
 
   /** Upload the fields of a block to the GPU and release the copy in memory. */
   upload(block: BlockFields, loaded: LoadedBlock): void {
-    const texture = fieldTexture(block, this.#grid);
+    const texture = fieldTexture(block, this.target);
     texture.onUpdate = () => {
       texture.image.data = null;
     };
@@ -103,11 +103,13 @@ export class PositionPass {
   }
 
   /** Compute the positions of a picture; must not be called while the renderer is drawing. */
-  run({ blocks: shares, corrections }: Picture): void {
-    const [fields, nextFields = fields] = shares.map(({ block }) => this.#fields.get(block) ?? null);
-    this.#uniforms.fields.value = fields;
-    this.#uniforms.nextFields.value = nextFields;
-    this.#setWeights(shares);
+  run({ blocks, corrections }: Picture): void {
+    const { fields, nextFields, nNextGroups, weights } = this.#uniforms;
+    const [first, next = null] = blocks.map(({ block }) => this.#fields.get(block) ?? null);
+    fields.value = first;
+    nextFields.value = next ?? first;
+    nNextGroups.value = next?.image.depth ?? 0;
+    setTable(weights, packWeights(blocks));
     this.#setCorrections(corrections);
     const renderer = this.#renderer;
     const before = renderer.getRenderTarget();
@@ -124,8 +126,8 @@ export class PositionPass {
 
   /** Read the positions of vertices back, three numbers per vertex. */
   read(vertices: Uint32Array, into: Float32Array): void {
-    const { width, height, nTexels } = this.#grid;
-    const texels = new Float32Array(nTexels * 4);
+    const { width, height } = this.target;
+    const texels = new Float32Array(4 * width * height);
     this.#renderer.readRenderTargetPixels(this.target, 0, 0, width, height, texels);
     for (let i = 0; i < into.length; i++) {
       into[i] = texels[4 * vertices[Math.floor(i / 3)] + (i % 3)];
@@ -157,34 +159,17 @@ export class PositionPass {
   ): THREE.RawShaderMaterial {
     return new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
-      vertexShader: PRECISION + vertexShader,
-      fragmentShader: PRECISION + POSITION_SHADER,
+      vertexShader: PRELUDE + vertexShader,
+      fragmentShader: PRELUDE + FRAGMENT_SHADER,
       uniforms: { ...this.#uniforms, ...uniforms },
     });
-  }
-
-  #setWeights(shares: readonly WeightedBlock[]): void {
-    const [nGroups, nNextGroups = 0] = shares.map(({ block }) => layersFor(block.nModes));
-    const data = new Float32Array(12 * (nGroups + nNextGroups));
-    let row = 0;
-    for (const { block, weights } of shares) {
-      weights.forEach((weight, i) => {
-        const mode = Math.floor(i / 3);
-        data[12 * (row + (mode >> 2)) + 4 * (i % 3) + (mode & 3)] = weight;
-      });
-      row += layersFor(block.nModes);
-    }
-    setTextureData(this.#uniforms.weights, data, 3);
-    this.#uniforms.nGroups.value = nGroups;
-    this.#uniforms.nNextGroups.value = nNextGroups;
   }
 
   #setCorrections(corrections: Picture["corrections"]): void {
     if (corrections && !this.#corrected) {
       this.#corrected = corrections.createPoints(
-        this.#grid,
         (vertexShader, uniforms) => this.#createMaterial(vertexShader, uniforms),
-        setTextureData,
+        setTable,
       );
       this.#add(this.#corrected.object);
     }
@@ -192,37 +177,50 @@ export class PositionPass {
   }
 }
 
-/** Set the data of a texture, replacing it if the size differs. */
-function setTextureData(
-  uniform: TextureUniform,
-  data: Float32Array<ArrayBuffer> | Uint32Array<ArrayBuffer>,
-  width: number,
-): void {
+/** Set the first entries of a table; replaces it if it is too small. */
+function setTable(uniform: TableUniform, data: Float32Array): void {
   const texture = uniform.value;
-  if (texture?.image.data?.length === data.length) {
-    texture.image.data = data;
+  const values = texture?.image.data as Float32Array | undefined;
+  if (texture && values && values.length >= data.length) {
+    values.set(data);
     texture.needsUpdate = true;
   } else {
     texture?.dispose();
-    uniform.value = dataTexture(data, width);
+    uniform.value = createTable(data);
   }
 }
 
-function layersFor(nModes: number): number {
+function groupCount(nModes: number): number {
   return Math.ceil(nModes / MODES_PER_TEXEL);
 }
 
-function fieldTexture(block: BlockFields, grid: VertexGrid): THREE.DataArrayTexture {
+/** Pack the weights of blocks: three texels per group of modes, one per axis. */
+function packWeights(blocks: readonly WeightedBlock[]): Float32Array {
+  const nGroups = blocks.reduce((sum, { block }) => sum + groupCount(block.nModes), 0);
+  const packed = new Float32Array(12 * nGroups);
+  let start = 0;
+  for (const { block, weights } of blocks) {
+    weights.forEach((weight, i) => {
+      const mode = Math.floor(i / 3);
+      packed[start + 12 * (mode >> 2) + 4 * (i % 3) + (mode & 3)] = weight;
+    });
+    start += 12 * groupCount(block.nModes);
+  }
+  return packed;
+}
+
+function fieldTexture(block: BlockFields, { width, height }: THREE.WebGLRenderTarget): THREE.DataArrayTexture {
   const { fields, nModes, nVerts } = block;
-  const nGroups = layersFor(nModes);
-  const packed = new Int16Array(nGroups * grid.nTexels * 4);
+  const nGroups = groupCount(nModes);
+  const groupLength = 4 * width * height;
+  const packed = new Int16Array(groupLength * nGroups);
   for (let mode = 0; mode < nModes; mode++) {
-    let to = (mode >> 2) * grid.nTexels * 4 + (mode & 3);
+    let to = groupLength * (mode >> 2) + (mode & 3);
     for (let from = mode * nVerts; from < (mode + 1) * nVerts; from++, to += 4) {
       packed[to] = fields[from];
     }
   }
-  const texture = new THREE.DataArrayTexture(packed, grid.width, grid.height, nGroups);
+  const texture = new THREE.DataArrayTexture(packed, width, height, nGroups);
   texture.format = THREE.RGBAIntegerFormat;
   texture.type = THREE.ShortType;
   texture.internalFormat = "RGBA16I";
