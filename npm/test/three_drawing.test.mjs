@@ -29,7 +29,8 @@ test("vertices are not split by attributes of vertices", () => {
   const drawing = createDrawing(surface({ attributes: [attribute("uv", "vertex", 2, uv)] }), 4);
   assert.deepEqual([...drawing.sources], [0, 1, 2, 3]);
   assert.equal(drawing.index, TRIANGLES);
-  assert.deepEqual(drawing.attributes, [{ name: "uv", width: 2, values: uv }]);
+  const [{ name, width, values }] = drawing.attributes;
+  assert.deepEqual([name, width, values], ["uv", 2, uv]);
   assert.deepEqual([drawing.groups, drawing.order], [[], null]);
 });
 

@@ -1,9 +1,9 @@
 // The static part of what is drawn: vertices, triangles, groups and attributes.
 
 import type { Attribute, Surface } from "../types.js";
-import { type DomainLookup, createItemLookup } from "./corners.js";
+import { createItemLookup, type ItemLookup } from "./corners.js";
 import { type NormalRows, createNormalRows } from "./normal_rows.js";
-import { type VertexColumn, type SplitVertices, splitAtSeams } from "./seams.js";
+import { splitVertices } from "./split_vertices.js";
 
 /** UV sets that three.js supports. */
 const MAX_UV_SETS = 4;
@@ -15,8 +15,27 @@ export interface IndexRange {
   readonly materialIndex: number;
 }
 
+/** An attribute in the layout of the GPU. */
+interface VertexAttribute {
+  /** Name in the geometry, such as "uv". */
+  readonly name: string;
+  /** Numbers per vertex. */
+  readonly width: number;
+  readonly values: Float32Array;
+}
+
+/** Such an attribute with a value per item of a domain. */
+interface DomainAttribute extends VertexAttribute {
+  readonly domain: Attribute["domain"];
+}
+
 /** The drawn geometry of a surface. */
-export interface Drawing extends SplitVertices {
+export interface Drawing {
+  /** Vertex of the file of each drawn vertex. */
+  readonly sources: Uint32Array;
+  /** Three vertices per triangle. */
+  readonly index: Uint32Array;
+  readonly attributes: readonly VertexAttribute[];
   /** Triangles are sorted by material; empty if there are no materials. */
   readonly groups: readonly IndexRange[];
   /** Triangle of the file of each drawn triangle; null if the order is the same. */
@@ -43,42 +62,45 @@ export function createDrawing(
   nVerts: number,
   split: "face" | "corner" | null = null,
 ): Drawing {
-  const corners = createItemLookup(surface);
-  const uvs = surface.attributes.filter((one) => one.kind === "uv").slice(0, MAX_UV_SETS);
-  const columns = uvs.map(uvColumn);
-  const color = surface.attributes.find((one) => one.kind === "color");
-  if (color) columns.push(colorColumn(color));
-  const nAttributes = columns.length;
-  const shading = createNormalRows(surface, nVerts);
-  if (shading) columns.push(indexColumn("corner", shading.cornerRows));
-  if (split) columns.push(itemColumn(split, surface));
-  const { attributes, ...vertices } = splitAtSeams(surface.triangles, nVerts, corners, columns);
-  const indicesAt = (column: number) => new Uint32Array(attributes[column].values.buffer);
+  const { triangles, attributes } = surface;
+  const lookup = createItemLookup(surface);
+  const uvs = attributes.filter((one) => one.kind === "uv").slice(0, MAX_UV_SETS);
+  const colors = attributes.filter((one) => one.kind === "color").slice(0, 1);
+  const columns = [...uvs.map(uvColumn), ...colors.map(colorColumn)];
+  const shading = createNormalRows(surface, nVerts, lookup("corner"));
+  const sources = Uint32Array.from({ length: nVerts }, (_, vertex) => vertex);
+  const drawing = { sources, attributes: columns, items: sources, rows: sources, shading };
+  const uvNames = uvs.map((uv) => uv.name);
+  if (!split && !shading && columns.every(({ domain }) => domain === "vertex")) {
+    return { ...drawing, uvNames, ...sortByMaterial(surface, lookup("face"), triangles) };
+  }
+  const rows = shading?.triangles ?? triangles;
+  const items = split ? triangles.map((_, corner) => lookup(split)(corner)) : triangles;
+  const atCorners = [triangles, rows, items].map((values) => {
+    return { width: 1, values, itemOf: (corner: number) => corner };
+  });
+  const keys = columns.map((column) => ({ ...column, itemOf: lookup(column.domain) }));
+  const { index, firstCorners } = splitVertices([...atCorners, ...keys], triangles.length);
+  const gather = (values: Uint32Array) => firstCorners.map((corner) => values[corner]);
   return {
-    ...vertices,
-    attributes: attributes.slice(0, nAttributes),
-    items: split ? indicesAt(attributes.length - 1) : vertices.sources,
-    rows: shading ? indicesAt(nAttributes) : vertices.sources,
+    sources: gather(triangles),
+    attributes: keys.map(({ values, width, itemOf, ...column }) => {
+      const drawn = new Float32Array(firstCorners.length * width);
+      firstCorners.forEach((corner, i) => {
+        const from = width * itemOf(corner);
+        drawn.set(values.subarray(from, from + width), width * i);
+      });
+      return { ...column, width, values: drawn };
+    }),
+    items: gather(items),
+    rows: gather(rows),
     shading,
-    ...sortByMaterial(surface, corners, vertices.index),
-    uvNames: uvs.map((uv) => uv.name),
+    uvNames,
+    ...sortByMaterial(surface, lookup("face"), index),
   };
 }
 
-/** A column with the index of each face or corner, which splits all vertices between them. */
-function itemColumn(domain: "face" | "corner", { faceSizes, triangles }: Surface): VertexColumn {
-  const nTriangles = triangles.length / 3;
-  const nFaces = faceSizes?.length ?? nTriangles;
-  const count = domain === "face" ? nFaces : nTriangles + 2 * nFaces;
-  return indexColumn(domain, Uint32Array.from({ length: count }, (_, number) => number));
-}
-
-/** A column with the bits of integers as floats: columns are compared by bits only. */
-function indexColumn(domain: "face" | "corner", numbers: Uint32Array<ArrayBuffer>): VertexColumn {
-  return { name: "", domain, width: 1, values: new Float32Array(numbers.buffer) };
-}
-
-function uvColumn(attribute: Attribute, number: number): VertexColumn {
+function uvColumn(attribute: Attribute, number: number): DomainAttribute {
   const { domain, width, values } = attribute;
   const uv = new Float32Array((values.length / width) * 2);
   for (let i = 0; i < uv.length; i++) {
@@ -88,7 +110,7 @@ function uvColumn(attribute: Attribute, number: number): VertexColumn {
 }
 
 /** Convert colors from sRGB to linear, as three.js expects; opacity is unchanged. */
-function colorColumn({ domain, width, values }: Attribute): VertexColumn {
+function colorColumn({ domain, width, values }: Attribute): DomainAttribute {
   const channels = width === 4 ? 4 : 3;
   const maxValue = values instanceof Uint8Array ? 255 : 1;
   const colors = new Float32Array((values.length / width) * channels);
@@ -105,12 +127,11 @@ function srgbToLinear(value: number): number {
   return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
 }
 
-function sortByMaterial(surface: Surface, corners: DomainLookup, index: Uint32Array) {
+function sortByMaterial(surface: Surface, faceOf: ItemLookup, index: Uint32Array) {
   const groups = surface.groups.find((one) => one.name === "material");
   if (!groups) return { index, groups: [], order: null, materialNames: [null] };
   const materialNames = [...groups.labels, null];
   const triangles: number[][] = materialNames.map(() => []);
-  const faceOf = corners("face");
   for (let triangle = 0; 3 * triangle < index.length; triangle++) {
     const label = groups.faceLabels[faceOf(3 * triangle)];
     (triangles[label] ?? triangles[groups.labels.length]).push(triangle);

@@ -2,27 +2,30 @@
 // edges.
 
 import type { Surface } from "../types.js";
-import { createItemLookup } from "./corners.js";
+import type { ItemLookup } from "./corners.js";
 
 /** Normal rows of a mesh with hard edges: one normal per row. */
 export interface NormalRows {
-  /** Row of each face corner; for most corners the index of their vertex. */
-  readonly cornerRows: Uint32Array<ArrayBuffer>;
   /** Vertex of each row. */
   readonly vertices: Uint32Array;
   /** Row of each corner of the triangles. */
   readonly triangles: Uint32Array;
 }
 
-/** Create the normal rows of a surface; null if it has no hard edges. */
-export function createNormalRows(surface: Surface, nVerts: number): NormalRows | null {
-  const { hardEdges, triangles } = surface;
+/**
+ * Create the normal rows of a surface; null if it has no hard edges.
+ *
+ * @param cornerOf - returns the face corner at a corner of a triangle
+ */
+export function createNormalRows(
+  { hardEdges, triangles, faceSizes: sizes }: Surface,
+  nVerts: number,
+  cornerOf: ItemLookup,
+): NormalRows | null {
   if (!hardEdges) return null;
-  const itemOf = createItemLookup(surface)("corner");
   const nTriangles = triangles.length / 3;
-  const sizes = surface.faceSizes;
   const vertexOf = new Uint32Array(nTriangles + 2 * (sizes?.length ?? nTriangles));
-  for (let i = 0; i < triangles.length; i++) vertexOf[itemOf(i)] = triangles[i];
+  triangles.forEach((vertex, i) => (vertexOf[cornerOf(i)] = vertex));
   const isAtHardEdge = new Uint8Array(nVerts);
   for (const vertex of hardEdges) isAtHardEdge[vertex] = 1;
   const fans = smoothFans(vertexOf, sizes, hardEdges, isAtHardEdge);
@@ -41,9 +44,8 @@ export function createNormalRows(surface: Surface, nVerts: number): NormalRows |
     return row;
   });
   return {
-    cornerRows,
     vertices: Uint32Array.from(vertices),
-    triangles: triangles.map((_, i) => cornerRows[itemOf(i)]),
+    triangles: triangles.map((_, i) => cornerRows[cornerOf(i)]),
   };
 }
 
