@@ -52,7 +52,7 @@ test("backward playback continues from the first frame to the last", () => {
 test("playing once ends after the last frame", () => {
   const it = clock({ loop: "once" });
   assert.equal(it.advance(0.95), null);
-  assert.equal(it.advance(1), "end");
+  assert.equal(it.advance(1), "ended");
   assert.equal(it.time, it.duration);
   assert.deepEqual(it.current(true), { frame: 9, fraction: 0 });
   it.rewind();
@@ -63,7 +63,7 @@ test("playing once backwards ends at the first frame", () => {
   const it = clock({ loop: "once", speed: -1 });
   it.rewind();
   assert.equal(it.time, it.duration);
-  assert.equal(it.advance(5), "end");
+  assert.equal(it.advance(5), "ended");
   assert.equal(it.time, 0);
 });
 
@@ -135,7 +135,7 @@ test("only the frames of a range are played", () => {
 
 test("a range ends once, runs back, and starts again", () => {
   const it = clock({ range: { start: 4, nFrames: 3 }, loop: "once" });
-  assert.equal(it.advance(1), "end");
+  assert.equal(it.advance(1), "ended");
   near(it.time, 0.7);
   it.rewind();
   near(it.time, 0.4);

@@ -18,7 +18,8 @@ class Fixture {
     const nFrames = FRAMES;
     const blocks = Array.from({ length: nBlocks }, (_, i) => ({ start: nFrames * i, nFrames }));
     const display = {
-      upload: (block) => {
+      load: async (_segment, number, signal) => {
+        const block = await this.request(number, signal);
         this.held.add(block.index);
         this.maxHeld = Math.max(this.maxHeld, this.held.size);
         return block;
@@ -29,15 +30,17 @@ class Fixture {
         this.nActiveModes = nActiveModes;
       },
     };
-    const load = (_segment, number, signal) =>
-      new Promise((resolve, reject) => {
-        signal.addEventListener("abort", () => reject(signal.reason));
-        this.requests.push({ number, signal, resolve, reject });
-      });
-    const segments = [{ start: 0, nFrames: nFrames * nBlocks, blocks }];
-    const file = { name: "", fps: 10, segments, load };
+    const segments = [{ start: 0, nFrames: nFrames * nBlocks }];
+    const file = { info: { name: "", fps: 10 }, segments, first: { info: { blocks } } };
     this.player = new Playback(file, display, (event) => {
       if (event.type !== "progress") this.events.push(event);
+    });
+  }
+
+  request(number, signal) {
+    return new Promise((resolve, reject) => {
+      signal.addEventListener("abort", () => reject(signal.reason));
+      this.requests.push({ number, signal, resolve, reject });
     });
   }
 
@@ -269,7 +272,7 @@ test("changing the number of active modes updates the picture", async () => {
 test("only blocks of a range are loaded, and loaded frames are reported", async () => {
   const fixture = await started(6);
   fixture.requests.length = 0;
-  fixture.player.setRange({ start: 9, nFrames: 6 });
+  fixture.player.change({ range: { start: 9, nFrames: 6 } });
   assert.equal(fixture.player.clock.position, 9);
   fixture.player.play();
   for (let i = 0; i < 60; i++) {
@@ -290,7 +293,7 @@ test("invalid ranges are rejected", async () => {
     { start: 10, nFrames: 3 },
     { start: 0.5, nFrames: 2 },
   ]) {
-    assert.throws(() => player.setRange(range), {
+    assert.throws(() => player.change({ range }), {
       name: "InvalidInputError",
       message: /range must be at least one of the frames 0 to 11; got start/,
     });

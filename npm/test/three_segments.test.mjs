@@ -17,10 +17,10 @@ class Fixture {
     this.calls = [];
     this.moments = [];
     let start = 0;
-    const segments = SEGMENTS.map((blocks, i) => {
+    const segments = SEGMENTS.map((blocks) => {
       const nFrames = blocks.reduce((sum, one) => sum + one, 0);
       start += nFrames;
-      return { start: start - nFrames, nFrames, blocks: i ? null : infosOf(i) };
+      return { start: start - nFrames, nFrames };
     });
     const wait = (name, result, signal) =>
       new Promise((resolve, reject) => {
@@ -28,13 +28,12 @@ class Fixture {
         this.calls.push({ name, resolve: () => resolve(result), reject, signal });
       });
     const file = {
-      ...{ name: "", fps: 10, segments },
-      open: (segment, signal) => wait(`open ${segment}`, infosOf(segment), signal),
-      load: (segment, block, signal) =>
-        wait(`load ${segment}.${block}`, { id: `${segment}.${block}` }, signal),
+      ...{ info: { name: "", fps: 10 }, segments, first: openSegment(0) },
+      segment: (segment, { signal }) => wait(`open ${segment}`, openSegment(segment), signal),
     };
     const display = {
-      upload: (block, segment) => ({ ...block, segment }),
+      load: (segment, block, signal) =>
+        wait(`load ${segment}.${block}`, { id: `${segment}.${block}`, segment }, signal),
       release: () => {},
       show: ({ block, t, next, nextT, fraction }) => {
         assert.equal(block.segment, next.segment, "interpolates between segments");
@@ -61,9 +60,10 @@ class Fixture {
   }
 }
 
-function infosOf(segment) {
+function openSegment(segment) {
   let start = 0;
-  return SEGMENTS[segment].map((nFrames) => ({ start: (start += nFrames) - nFrames, nFrames }));
+  const blocks = SEGMENTS[segment].map((nFrames) => ({ start: (start += nFrames) - nFrames, nFrames }));
+  return { info: { blocks } };
 }
 
 async function started() {
@@ -121,7 +121,7 @@ test("a segment that is open is not opened again", async () => {
 
 test("playing backwards enters a segment at its last block", async () => {
   const { fixture, player } = await started();
-  player.setSpeed(-1);
+  player.change({ speed: -1 });
   player.play();
   player.update(0.01);
   assert.deepEqual(await fixture.deliver(), ["open 2", "load 2.2", "load 2.1"]);

@@ -1,15 +1,16 @@
 // The interface of the GPU and the CPU backend.
 
-import type { BlockFields, ReelInfo } from "../types.js";
-import type { Drawing } from "./drawing.js";
+import type { BlockFields } from "../types.js";
 import type { LoadedBlock, Picture } from "./loaded_block.js";
 
 /** Computes the attributes "position" and "normal" of a geometry. */
 export interface Backend {
   readonly isOnGpu: boolean;
-  /** Whether a block fits the limits of the backend. */
-  canHold(block: BlockFields): boolean;
-  /** Store the fields of a block, which pictures may use until it is released. */
+  /**
+   * Store the fields of a block, which pictures may use until it is released.
+   *
+   * @throws Error if the block has too many modes for the GPU
+   */
   upload(block: BlockFields, loaded: LoadedBlock): void;
   release(block: LoadedBlock): void;
   show(picture: Picture): void;
@@ -51,14 +52,4 @@ export interface AttributeBackend {
   release(block: LoadedBlock): void;
   show(picture: Picture): void;
   dispose(): void;
-}
-
-/** What backends need to know about a mesh. */
-export interface MeshSetup {
-  readonly info: ReelInfo;
-  /** Vertex indices of the file, three per triangle. */
-  readonly triangles: Uint32Array;
-  readonly drawing: Drawing;
-  /** Added to positions, which are relative to the center of the file. */
-  readonly shift: readonly [number, number, number];
 }

@@ -3,33 +3,28 @@
 /** Limit of cached blocks. */
 export const MAX_BLOCKS = 2;
 
+/** What a cache calls. */
+export interface BlockHandlers<Block> {
+  /** Load a block; the signal is aborted when the block is no longer requested. */
+  load(number: number, signal: AbortSignal): Promise<Block>;
+  /** Free the resources of a block that is evicted. */
+  release(block: Block): void;
+  /** Called when a block is loaded; must call `request` again. */
+  onLoaded(): void;
+  /** Called when a block fails to load; must call `request` again. */
+  onError(number: number, error: Error): void;
+}
+
 /** Loads requested blocks and evicts all others. */
 export class BlockCache<Block> {
-  readonly #load: (number: number, signal: AbortSignal) => Promise<Block>;
-  readonly #release: (block: Block) => void;
-  readonly #onLoaded: () => void;
-  readonly #onError: (number: number, error: Error) => void;
+  readonly #handlers: BlockHandlers<Block>;
   readonly #blocks = new Map<number, Block>();
   readonly #damaged = new Set<number>();
   readonly #failed = new Set<number>();
   #loading: { number: number; abort: AbortController } | null = null;
 
-  /**
-   * @param load - loads a block; its signal is aborted when the block is no longer requested
-   * @param release - frees resources of a block that is evicted
-   * @param onLoaded - called when a block is loaded; must call `request` again
-   * @param onError - called when a block fails to load; must call `request` again
-   */
-  constructor(
-    load: (number: number, signal: AbortSignal) => Promise<Block>,
-    release: (block: Block) => void,
-    onLoaded: () => void,
-    onError: (number: number, error: Error) => void,
-  ) {
-    this.#load = load;
-    this.#release = release;
-    this.#onLoaded = onLoaded;
-    this.#onError = onError;
+  constructor(handlers: BlockHandlers<Block>) {
+    this.#handlers = handlers;
   }
 
   /** Return a block if it is loaded. */
@@ -74,7 +69,7 @@ export class BlockCache<Block> {
 
   #evict(number: number, block: Block): void {
     this.#blocks.delete(number);
-    this.#release(block);
+    this.#handlers.release(block);
   }
 
   #abort(): void {
@@ -87,18 +82,18 @@ export class BlockCache<Block> {
     this.#loading = { number, abort };
     let block: Block;
     try {
-      block = await this.#load(number, abort.signal);
+      block = await this.#handlers.load(number, abort.signal);
     } catch (thrown) {
       if (abort.signal.aborted) return;
       this.#loading = null;
       const error = thrown instanceof Error ? thrown : new Error(String(thrown));
       (isDamageError(error) ? this.#damaged : this.#failed).add(number);
-      return this.#onError(number, error);
+      return this.#handlers.onError(number, error);
     }
-    if (abort.signal.aborted) return this.#release(block);
+    if (abort.signal.aborted) return this.#handlers.release(block);
     this.#loading = null;
     this.#blocks.set(number, block);
-    this.#onLoaded();
+    this.#handlers.onLoaded();
   }
 }
 

@@ -4,7 +4,7 @@
 export type Loop = "repeat" | "pingpong" | "once";
 
 /** What happened while the clock advanced. */
-export type ClockEvent = "loop" | "end" | null;
+export type ClockEvent = "loop" | "ended" | null;
 
 /** A position in the animation: a frame, or `fraction` of the way to the next one. */
 export interface FramePosition {
@@ -19,12 +19,20 @@ export interface FrameRange {
   readonly nFrames: number;
 }
 
+/** How frames are played. */
+export interface ClockSettings {
+  loop: Loop;
+  /** Playback rate; negative values play backwards. */
+  speed: number;
+  /** The frames to play; null: all. */
+  range: FrameRange | null;
+}
+
 /**
  * Time in frames, from the start to the end of the played range, by default 0 to `nFrames`. All
  * frames last equally long; the last frame is not interpolated with the first.
  */
-export class Clock {
-  /** Playback rate; negative values play backwards. */
+export class Clock implements ClockSettings {
   speed = 1;
   #loop: Loop = "repeat";
   #position = 0;
@@ -65,7 +73,6 @@ export class Clock {
     return this.nFrames / this.fps;
   }
 
-  /** The frames to play; null: all. */
   get range(): FrameRange | null {
     return this.#range;
   }
@@ -123,7 +130,7 @@ export class Clock {
     const isOver = this.isForward ? to >= end : to < start;
     if (this.loop === "once") {
       this.#position = Math.min(Math.max(to, start), end);
-      return isOver ? "end" : null;
+      return isOver ? "ended" : null;
     }
     const length = end - start;
     this.#position = to - Math.floor((to - start) / length) * length;

@@ -55,38 +55,48 @@ export interface TableUniform {
  * floats.
  */
 export class CorrectedPoints {
-  readonly object: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
+  readonly #points: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
   readonly #uniform: TableUniform = { value: null };
   readonly #setTable: (uniform: TableUniform, data: Float32Array) => void;
 
   /**
-   * @param createMaterial - creates the material of the pass with another vertex shader
+   * @param triangle - draws all texels before
+   * @param prelude - GLSL at the start of every shader
    * @param setTable - sets the first entries of a table, or creates it
    */
   constructor(
-    createMaterial: (
-      vertexShader: string,
-      uniforms: Record<string, TableUniform>,
-    ) => THREE.RawShaderMaterial,
+    triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>,
+    prelude: string,
     setTable: (uniform: TableUniform, data: Float32Array) => void,
   ) {
     this.#setTable = setTable;
-    const material = createMaterial(VERTEX_SHADER, { corrections: this.#uniform });
-    this.object = new THREE.Points(new THREE.BufferGeometry(), material);
+    const { fragmentShader, uniforms } = triangle.material;
+    const material = new THREE.RawShaderMaterial({
+      glslVersion: THREE.GLSL3,
+      vertexShader: prelude + VERTEX_SHADER,
+      fragmentShader,
+      uniforms: { ...uniforms, corrections: this.#uniform },
+    });
+    this.#points = new THREE.Points(new THREE.BufferGeometry(), material);
+    this.#points.frustumCulled = false;
+    this.#points.renderOrder = 1;
+    triangle.add(this.#points);
   }
 
   /** Set the corrections of the next picture. */
   set(offsets: Corrections["offsets"] | undefined): void {
     const size = offsets?.size ?? 0;
-    this.object.visible = size > 0;
+    const { geometry } = this.#points;
+    this.#points.visible = size > 0;
     if (!offsets || size === 0) return;
-    this.object.geometry.setDrawRange(0, size);
+    geometry.setDrawRange(0, size);
     const entries = [...offsets].flatMap(([vertex, offset]) => [vertex, ...offset]);
     this.#setTable(this.#uniform, Float32Array.from(entries));
   }
 
-  /** Free the table; the pass disposes of the object. */
   dispose(): void {
     this.#uniform.value?.dispose();
+    this.#points.geometry.dispose();
+    this.#points.material.dispose();
   }
 }

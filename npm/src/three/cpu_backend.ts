@@ -5,25 +5,22 @@ import * as THREE from "three";
 import type { BlockFields } from "../types.js";
 import { computeNormals, computePositions } from "./cpu_frames.js";
 import type { LoadedBlock, Picture } from "./loaded_block.js";
-import type { AttributeBackend, Backend, ItemAttributeSetup, MeshSetup } from "./backend.js";
+import type { MeshSegment } from "./mesh_segment.js";
+import type { AttributeBackend, Backend, ItemAttributeSetup } from "./backend.js";
 
 /** Computes positions and normals on the CPU; three.js uploads them to the GPU. */
 export class CpuBackend implements Backend {
-  readonly #setup: MeshSetup;
-  readonly #geometry: THREE.BufferGeometry;
+  readonly #segment: MeshSegment;
   readonly isOnGpu = false;
   readonly #fields = new Map<LoadedBlock, Int16Array>();
   readonly #positions: Float32Array;
   readonly #normals: Float32Array;
   readonly #attributes: readonly (readonly [THREE.BufferAttribute, Float32Array, Uint32Array])[];
 
-  constructor(
-    setup: MeshSetup,
-    geometry: THREE.BufferGeometry,
-  ) {
-    this.#setup = setup;
-    this.#geometry = geometry;
-    const { info, drawing } = setup;
+  constructor(segment: MeshSegment) {
+    this.#segment = segment;
+    const { reel, drawing, geometry } = segment;
+    const { info } = reel;
     this.#positions = new Float32Array(3 * info.nVerts);
     this.#normals = new Float32Array(3 * (drawing.shading?.vertices.length ?? info.nVerts));
     const attribute = (name: string) => {
@@ -37,10 +34,6 @@ export class CpuBackend implements Backend {
     ];
   }
 
-  canHold(): boolean {
-    return true;
-  }
-
   upload(block: BlockFields, loaded: LoadedBlock): void {
     this.#fields.set(loaded, block.fields);
   }
@@ -50,10 +43,10 @@ export class CpuBackend implements Backend {
   }
 
   show(picture: Picture): void {
-    const { triangles, drawing, shift } = this.#setup;
+    const { reel, drawing, shift } = this.#segment;
     const fieldsOf = (block: LoadedBlock) => this.#fields.get(block) as Int16Array;
     computePositions(picture, fieldsOf, shift, this.#positions);
-    computeNormals(this.#positions, triangles, this.#normals, drawing.shading?.triangles);
+    computeNormals(this.#positions, reel.surface.triangles, this.#normals, drawing.shading?.triangles);
     for (const [attribute, values, rows] of this.#attributes) {
       gather(values, rows, attribute.array as Float32Array);
       attribute.needsUpdate = true;
@@ -65,7 +58,7 @@ export class CpuBackend implements Backend {
   }
 
   createAttribute({ nItems, items, attributes, shift, evaluate }: ItemAttributeSetup): AttributeBackend {
-    const geometry = this.#geometry;
+    const { geometry } = this.#segment;
     const fields = new Map<LoadedBlock, Int16Array>();
     const sums = new Float32Array(3 * nItems);
     const [[name, width]] = attributes;

@@ -1,9 +1,9 @@
 // Playback: decides which picture is shown when, and dispatches events. Independent of rendering.
 
 import { InvalidInputError } from "../errors.js";
-import type { BlockFields, BlockInfo } from "../types.js";
+import type { OpenReel, OpenSegments } from "../types.js";
 import { BlockCache, MAX_BLOCKS } from "./block_cache.js";
-import { Clock, type FrameRange, type Loop } from "./clock.js";
+import { Clock, type ClockSettings, type FrameRange } from "./clock.js";
 import type { LoadedBlock, Moment } from "./loaded_block.js";
 
 /** Frames per second if the file does not define them. */
@@ -46,27 +46,16 @@ export type PlaybackEvent = {
   [Type in keyof PlaybackEvents]: { type: Type } & PlaybackEvents[Type];
 }[keyof PlaybackEvents];
 
-/** What is played. */
-export interface PlayedFile {
-  readonly name: string;
-  readonly fps: number;
-  /** All segments; `blocks` is null until a segment is open. */
-  readonly segments: readonly (FrameRange & { readonly blocks: readonly BlockInfo[] | null })[];
-  /** Open a segment, and return its blocks, whose frames are counted from 0. */
-  open(segment: number, signal: AbortSignal): Promise<readonly BlockInfo[]>;
-  load(segment: number, block: number, signal: AbortSignal): Promise<BlockFields>;
-}
-
 /** A block in the order of playback, or a segment that is not open, whose block is null. */
 interface PlayedBlock extends FrameRange {
   readonly segment: number;
   readonly block: number | null;
 }
 
-/** Displays pictures. */
+/** Loads blocks and displays pictures. */
 export interface Display {
-  /** Store the fields of a block, which pictures may use until it is released. */
-  upload(block: BlockFields, segment: number): LoadedBlock | Promise<LoadedBlock>;
+  /** Load a block, which pictures may use until it is released. */
+  load(segment: number, block: number, signal: AbortSignal): Promise<LoadedBlock>;
   release(block: LoadedBlock): void;
   show(moment: Moment): void;
 }
@@ -84,10 +73,8 @@ export interface MasterClock {
   pause(): void;
   /** Seek to a position in frames; the picture becomes pending. */
   seek(position: number): void;
-  /** @throws InvalidInputError if it does not support the speed. */
-  setSpeed(speed: number): void;
-  /** @throws InvalidInputError if it does not support them. */
-  requireSupport(loop: Loop, speed: number, range: FrameRange | null): void;
+  /** Adopt settings. @throws InvalidInputError if it does not support them. */
+  change(settings: Partial<ClockSettings>): void;
   /** Pause while the mesh is not loaded, and resume afterwards. */
   setBlocked(isHeld: boolean): void;
   /** Called before each redraw of the page. */
@@ -99,6 +86,7 @@ export class Playback {
   readonly #display: Display;
   readonly #send: (event: PlaybackEvent) => void;
   readonly clock: Clock;
+  readonly #file: OpenSegments;
   /** Number of frames of the file. */
   readonly nFrames: number;
   /** Whether to interpolate between frames. */
@@ -108,40 +96,40 @@ export class Playback {
   isPlaying = false;
   /** Whether the picture at the current time is not available yet. */
   isWaiting = true;
-  readonly #file: PlayedFile;
   /** By the first frame of each block: that of a segment and of its first block are the same. */
   readonly #cache: BlockCache<LoadedBlock>;
   /** In order; a segment is replaced by its blocks when it is opened. */
   readonly #blocks: PlayedBlock[];
   #masterClock: MasterClock | null = null;
   #hasDisplay = false;
-  #shown: { frame: number; fraction: number } | null = null;
+  /** Position of the shown picture. */
+  #shown: number | null = null;
 
   /** @throws InvalidInputError if the file has no frames. */
-  constructor(file: PlayedFile, display: Display, send: (event: PlaybackEvent) => void) {
-    this.#file = file;
+  constructor(file: OpenSegments, display: Display, send: (event: PlaybackEvent) => void) {
     this.#display = display;
     this.#send = send;
-    this.#blocks = file.segments.flatMap(({ start, nFrames, blocks }, segment) =>
-      blocks ? playedBlocks(blocks, segment, start) : [{ start, nFrames, segment, block: null }],
+    this.#file = file;
+    this.#blocks = file.segments.flatMap(({ start, nFrames }, segment) =>
+      segment ? { start, nFrames, segment, block: null } : playedBlocks(file.first, segment, start),
     );
     const end = this.#blocks.at(-1);
-    if (!end) throw new InvalidInputError(`the file ${file.name} has no frames`);
+    if (!end) throw new InvalidInputError(`the file ${file.info.name} has no frames`);
     this.nFrames = end.start + end.nFrames;
-    this.clock = new Clock(this.nFrames, file.fps > 0 ? file.fps : DEFAULT_FPS);
-    this.#cache = new BlockCache(
-      (start, signal) => this.#load(start, signal),
-      (block) => display.release(block),
-      () => {
+    this.clock = new Clock(this.nFrames, file.info.fps || DEFAULT_FPS);
+    this.#cache = new BlockCache({
+      load: (start, signal) => this.#load(start, signal),
+      release: (block) => display.release(block),
+      onLoaded: () => {
         this.show();
         send({ type: "progress" });
       },
-      (number, error) => {
-        const { start, nFrames, block } = this.#blocks[this.#indexAt(number)];
+      onError: (number, error) => {
+        const { start, nFrames, block } = this.#blockAt(number);
         send({ type: "error", error, block: block ?? 0, frames: { start, nFrames } });
         this.show();
       },
-    );
+    });
   }
 
   /** Play, from the start if the end was reached; retries blocks that failed to load. */
@@ -182,29 +170,17 @@ export class Playback {
     this.retry();
   }
 
-  /** @throws InvalidInputError if a video drives the time and does not support the loop. */
-  setLoop(loop: Loop): void {
-    this.#masterClock?.requireSupport(loop, this.clock.speed, null);
-    this.clock.loop = loop;
-  }
-
-  /** @throws InvalidInputError if the speed is not finite, or not supported by the video. */
-  setSpeed(speed: number): void {
+  /**
+   * Change the loop, the speed, or the range of frames to play; null: all.
+   *
+   * @throws InvalidInputError if the speed is not finite, the range contains other frames than those
+   *   of the file, or a video drives the time and does not support them.
+   */
+  change(settings: Partial<ClockSettings>): void {
+    const { speed = 0, range } = settings;
     if (!Number.isFinite(speed)) {
       throw new InvalidInputError(`speed must be a finite number; got ${speed}`);
     }
-    this.#masterClock?.requireSupport(this.clock.loop, speed, null);
-    this.#masterClock?.setSpeed(speed);
-    this.clock.speed = speed;
-  }
-
-  /**
-   * Play only some frames; null: all.
-   *
-   * @throws InvalidInputError if the range contains other frames than those of the file, or a video
-   *   drives the time.
-   */
-  setRange(range: FrameRange | null): void {
     if (range) {
       const { start, nFrames } = range;
       const isInside = start >= 0 && nFrames >= 1 && start + nFrames <= this.nFrames;
@@ -214,9 +190,9 @@ export class Playback {
             `got start ${start} and nFrames ${nFrames}`,
         );
       }
-      this.#masterClock?.requireSupport(this.clock.loop, this.clock.speed, range);
     }
-    this.clock.range = range;
+    this.#masterClock?.change(settings);
+    Object.assign(this.clock, settings);
     this.show();
   }
 
@@ -250,12 +226,10 @@ export class Playback {
       this.#masterClock.update();
       return this.show();
     }
-    const isAdvancing = this.isPlaying && !this.isWaiting;
-    const clockEvent = isAdvancing ? this.clock.advance(seconds) : null;
-    if (clockEvent === "end") this.isPlaying = false;
+    const type = this.isPlaying && !this.isWaiting ? this.clock.advance(seconds) : null;
+    if (type === "ended") this.isPlaying = false;
     this.show();
-    if (clockEvent === "loop") this.#send({ type: "loop" });
-    if (clockEvent === "end") this.#send({ type: "ended" });
+    if (type) this.#send({ type });
   }
 
   /**
@@ -265,8 +239,7 @@ export class Playback {
    * @throws InvalidInputError if it does not support the loop, the speed or the range.
    */
   setMasterClock(masterClock: MasterClock | null, nFrames = this.nFrames): void {
-    const { loop, speed, range } = this.clock;
-    masterClock?.requireSupport(loop, speed, range);
+    masterClock?.change(this.clock);
     this.#masterClock = masterClock;
     this.clock.nFrames = nFrames;
     if (this.clock.position > nFrames - 1) this.clock.seek(nFrames - 1);
@@ -302,36 +275,29 @@ export class Playback {
   /** Show the current picture if it is available, and request its blocks and the next one. */
   show(): void {
     if (!this.#hasDisplay) return this.#masterClock?.setBlocked(true);
-    const { frame, fraction } = this.#currentPosition();
-    const index = this.#indexAt(frame);
-    const nextIndex = fraction > 0 ? this.#indexAt(frame + 1) : index;
-    const wanted = new Set([index, nextIndex, ...this.#nextBlocks(index, nextIndex)]);
-    const [current, next] = [this.#blocks[index], this.#blocks[nextIndex]];
-    this.#cache.request([...wanted].slice(0, MAX_BLOCKS).map((one) => this.#blocks[one].start));
-    if (this.#cache.isDamaged(current.start)) return this.#setWaiting(null);
-    const [block, nextBlock] = [this.#cache.get(current.start), this.#cache.get(next.start)];
-    if (!block || !nextBlock) return this.#setWaiting({ block: (block ? next : current).block ?? 0 });
-    if (this.#masterClock?.picture === "pending") return this.#setWaiting({ block: null });
-    this.#setWaiting(null);
+    const cache = this.#cache;
+    let { frame, fraction } = this.clock.current(this.isInterpolating);
+    const current = this.#blockAt(frame);
+    let next = fraction > 0 ? this.#blockAt(frame + 1) : current;
+    // A frame is not interpolated with a damaged one, or another segment.
+    if (next.segment !== current.segment || cache.isDamaged(next.start)) [next, fraction] = [current, 0];
+    const wanted = new Set([current, next, this.#blockAfter(current, next) ?? next]);
+    cache.request([...wanted].slice(0, MAX_BLOCKS).map((one) => one.start));
+    if (cache.isDamaged(current.start)) return this.#setWaiting(false);
+    const [block, nextBlock] = [cache.get(current.start), cache.get(next.start)];
+    if (!block || !nextBlock) return this.#setWaiting(true, (block ? next : current).block ?? 0);
+    if (this.#masterClock?.picture === "pending") return this.#setWaiting(true);
+    this.#setWaiting(false);
     if (this.#masterClock?.picture === "unknown") return;
-    const isNewPosition = this.#shown?.frame !== frame || this.#shown.fraction !== fraction;
+    const isNewPosition = this.#shown !== frame + fraction;
     if (isNewPosition) {
-      this.#shown = { frame, fraction };
-      const nextT = fraction > 0 ? frame + 1 - next.start : frame - current.start;
-      const [t, nActiveModes] = [frame - current.start, this.#nActiveModes];
-      this.#display.show({ block, t, next: nextBlock, nextT, fraction, nActiveModes });
+      this.#shown = frame + fraction;
+      const t = frame - current.start;
+      const nextT = fraction > 0 ? frame + 1 - next.start : t;
+      this.#display.show({ block, t, next: nextBlock, nextT, fraction, nActiveModes: this.#nActiveModes });
     }
     const isNewPicture = this.#masterClock?.show() ?? false;
     if (isNewPosition || isNewPicture) this.#send({ type: "frame", frame, time: this.clock.time });
-  }
-
-  /** The current position; a frame is not interpolated with a damaged one, or another segment. */
-  #currentPosition(): { frame: number; fraction: number } {
-    const { frame, fraction } = this.clock.current(this.isInterpolating);
-    if (fraction === 0) return { frame, fraction };
-    const [current, next] = [frame, frame + 1].map((one) => this.#blocks[this.#indexAt(one)]);
-    const isApart = next.segment !== current.segment || this.#cache.isDamaged(next.start);
-    return { frame, fraction: isApart ? 0 : fraction };
   }
 
   /** Index of the block that contains a frame. */
@@ -339,51 +305,45 @@ export class Playback {
     return this.#blocks.findLastIndex((block) => block.start <= frame);
   }
 
+  #blockAt(frame: number): PlayedBlock {
+    return this.#blocks[this.#indexAt(frame)];
+  }
+
   /** Load the block that begins at a frame; opens its segment first. */
   async #load(start: number, signal: AbortSignal): Promise<LoadedBlock> {
-    const { segment, block } = this.#blocks[this.#indexAt(start)];
+    const { segment, block } = this.#blockAt(start);
     if (block === null) {
-      const blocks = await this.#file.open(segment, signal);
+      const reel = await this.#file.segment(segment, { signal });
       signal.throwIfAborted();
-      this.#blocks.splice(this.#indexAt(start), 1, ...playedBlocks(blocks, segment, start));
+      this.#blocks.splice(this.#indexAt(start), 1, ...playedBlocks(reel, segment, start));
       this.show(); // the current frame may be in another block, which aborts this call
       signal.throwIfAborted();
     }
-    const fields = await this.#file.load(segment, block ?? 0, signal);
-    signal.throwIfAborted();
-    return this.#display.upload(fields, segment);
+    return this.#display.load(segment, block ?? 0, signal);
   }
 
-  /** The index of the block that will be played after these, if any. */
-  #nextBlocks(index: number, next: number): number[] {
-    const blocks = this.#blocks;
-    const { start, end } = this.clock;
-    const [first, last] = [this.#indexAt(start), this.#indexAt(end - 1)];
-    const count = last - first + 1;
-    const step = this.clock.isForward ? 1 : -1;
-    let after = step > 0 ? next : index;
-    for (let i = 0; i < count; i++) {
-      after += step;
-      if (after < first || after > last) {
-        if (this.clock.loop === "once") return [];
-        if (this.clock.loop === "repeat") after = first + ((after - first + count) % count);
-        else return [step > 0 ? index - 1 : next + 1].filter((one) => one >= first && one <= last);
-      }
-      if (!this.#cache.isDamaged(blocks[after].start)) return [after];
-    }
-    return [];
+  /** The block that will be played after the current picture, which may lie between two blocks. */
+  #blockAfter(current: PlayedBlock, next: PlayedBlock): PlayedBlock | undefined {
+    const { start, end, isForward, loop } = this.clock;
+    const played = this.#blocks.slice(this.#indexAt(start), this.#indexAt(end - 1) + 1);
+    const [last, first] = isForward ? [next, current] : [current, next];
+    if (!isForward) played.reverse();
+    const after = played.slice(played.indexOf(last) + 1);
+    if (loop === "repeat") after.push(...played);
+    if (loop === "pingpong") after.push(...played.slice(0, played.indexOf(first)).reverse());
+    return after.find((one) => !this.#cache.isDamaged(one.start));
   }
 
-  #setWaiting(missing: { block: number | null } | null): void {
+  #setWaiting(isWaiting: boolean, block: number | null = null): void {
     const wasWaiting = this.isWaiting;
-    this.isWaiting = missing !== null;
-    this.#masterClock?.setBlocked(missing !== null && missing.block !== null);
-    if (missing && !wasWaiting) this.#send({ type: "waiting", ...missing });
-    if (!missing && wasWaiting && this.isPlaying) this.#send({ type: "playing" });
+    this.isWaiting = isWaiting;
+    this.#masterClock?.setBlocked(block !== null);
+    if (isWaiting && !wasWaiting) this.#send({ type: "waiting", block });
+    if (!isWaiting && wasWaiting && this.isPlaying) this.#send({ type: "playing" });
   }
 }
 
 /** Number the blocks of a segment that begins at a frame. */
-function playedBlocks(blocks: readonly BlockInfo[], segment: number, first: number): PlayedBlock[] {
-  return blocks.map(({ start, nFrames }, block) => ({ start: first + start, nFrames, segment, block }));
+function playedBlocks({ info }: OpenReel, segment: number, first: number): PlayedBlock[] {
+  return info.blocks.map(({ start, nFrames }, block) => ({ start: first + start, nFrames, segment, block }));
 }

@@ -3,7 +3,7 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../errors.js";
-import type { BlockFields, BlockInfo, OpenReel, OpenSegments, TrackValues } from "../types.js";
+import type { OpenReel, OpenSegments, TrackValues } from "../types.js";
 import type { Backend } from "./backend.js";
 import type { FrameRange, Loop } from "./clock.js";
 import type {
@@ -12,9 +12,14 @@ import type {
   ColorOptions,
   TrackColors,
 } from "./color/track_colors.js";
-import { canDecode, GpuBackend, type Renderer } from "./gpu/gpu_backend.js";
-import { meshAttributes } from "./gpu/normals.js";
-import { type LoadedBlock, meanPosition, composePicture, withoutFields } from "./loaded_block.js";
+import { createGpuBackend, type Renderer } from "./gpu/gpu_backend.js";
+import {
+  composePicture,
+  type LoadedBlock,
+  meanPosition,
+  type Picture,
+  withoutFields,
+} from "./loaded_block.js";
 import { asSegments, MeshSegment } from "./mesh_segment.js";
 import { Playback, type PlaybackEvent, type PlaybackEvents } from "./playback.js";
 import type { TextureOptions, AppliedTexture } from "./texture/mesh_texture.js";
@@ -23,10 +28,8 @@ import type { TextureSource } from "./texture/texture_source.js";
 /** Seek positions are rounded to 1 / this of a frame, so that the time of a frame selects it. */
 const SEEK_STEPS_PER_FRAME = 1e6;
 
-/** Segments in memory: the current one, the next one, and the one before, whose shaders are shared. */
-const MAX_SEGMENTS = 3;
-
-const RESTORED = "webglcontextrestored";
+/** Creates the backend of a segment. */
+type CreateBackend = (segment: MeshSegment) => Backend;
 
 /** Number of meshes that own a file: the last one closes it. */
 const nOwners = new WeakMap<OpenSegments, number>();
@@ -97,20 +100,19 @@ export class ReelMesh extends THREE.Mesh<
   #current: MeshSegment;
   readonly #playback: Playback;
   /** Creates the backend of a segment; null until the renderer is set. */
-  #createBackend: ((segment: MeshSegment) => Backend) | null = null;
+  #createBackend: CreateBackend | null = null;
   /** Segments of the loaded blocks. */
   readonly #segmentOf = new Map<LoadedBlock, MeshSegment>();
   #cpuSwitch: Promise<void> | null = null;
-  #isDisposed = false;
+  /** Aborted by `dispose`. */
+  readonly #lifetime = new AbortController();
   #renderer: THREE.WebGLRenderer | null = null;
   #texture: AppliedTexture | null = null;
   #appearanceRequest: AbortController | null = null;
   #colors: TrackColors | null = null;
-  /** Fields of the coloring track, by block of the mesh that is being loaded. */
-  readonly #pendingColors = new WeakMap<BlockFields, BlockFields>();
-  readonly #pickMesh = new THREE.Mesh();
-  #isPickMeshStale = true;
-  readonly #centroid = new THREE.Vector3();
+  #picture: Picture = { blocks: [], corrections: null };
+  /** A mesh with the current positions in memory; null until it is needed. */
+  #readableMesh: THREE.Mesh | null = null;
 
   /**
    * @param reel - a `ReelFile`, or a `SegmentedReelFile`
@@ -122,32 +124,14 @@ export class ReelMesh extends THREE.Mesh<
     this.#options = options;
     if (options.ownsReel) nOwners.set(file, (nOwners.get(file) ?? 0) + 1);
     this.name = file.info.name;
-    this.#current = this.#createSegment(0, file.first);
+    this.#current = new MeshSegment(0, file.first, options, this.#send);
     this.#segments = new Map([[0, this.#current]]);
     this.geometry = this.#current.geometry;
     this.material = this.segmentMaterial;
     this.#playback = new Playback(
+      file,
       {
-        ...file.info,
-        segments: file.segments.map(({ start, nFrames }, i) => {
-          return { start, nFrames, blocks: i ? null : file.first.info.blocks };
-        }),
-        open: (segment, signal) => this.#openSegment(segment, signal),
         load: (segment, block, signal) => this.#loadBlock(segment, block, signal),
-      },
-      {
-        upload: async (block, number) => {
-          const segment = this.#segments.get(number) as MeshSegment;
-          const colors = this.#pendingColors.get(block);
-          const loaded = await withoutFields(block);
-          const loadedColors = colors && (await withoutFields(colors));
-          const canHold = (one: BlockFields) => segment.backend?.canHold(one);
-          if (!(canHold(block) && canHold(colors ?? block))) await this.#switchToCpu();
-          segment.backend?.upload(block, loaded);
-          if (loadedColors) this.#colors?.addBlock(colors, loadedColors, loaded);
-          this.#segmentOf.set(loaded, segment);
-          return loaded;
-        },
         release: (block) => {
           this.#segmentOf.get(block)?.backend?.release(block);
           this.#segmentOf.delete(block);
@@ -155,12 +139,10 @@ export class ReelMesh extends THREE.Mesh<
         },
         show: (moment) => {
           const segment = this.#segmentOf.get(moment.block) as MeshSegment;
-          const picture = composePicture(moment);
-          segment.backend?.show(picture);
-          const colorMoment = this.#colors?.toTrackMoment(moment);
-          if (colorMoment) this.#colors?.show(composePicture(colorMoment));
-          this.#isPickMeshStale = true;
-          this.#centroid.set(...meanPosition(picture));
+          this.#picture = composePicture(moment);
+          segment.backend?.show(this.#picture);
+          this.#colors?.show(moment, composePicture);
+          this.#readableMesh = null;
           segment.geometry.setDrawRange(0, Infinity);
           if (segment !== this.#current) this.#showSegment(segment);
         },
@@ -194,10 +176,12 @@ export class ReelMesh extends THREE.Mesh<
   /** Set the renderer, once; starts loading blocks. Later calls have no effect. */
   setRenderer(renderer: Renderer): void {
     if (this.#createBackend || this.#cpuSwitch) return;
-    if (!canDecode(renderer, this.#current.setup)) return void this.#switchToCpu();
-    this.#renderer = renderer;
-    renderer.domElement.addEventListener(RESTORED, this.#switchToGpu);
-    this.#switchToGpu();
+    const switchToGpu = () => this.#setBackend((segment) => createGpuBackend(renderer, segment));
+    switchToGpu();
+    if (!this.isOnGpu) return;
+    this.#renderer = renderer as THREE.WebGLRenderer;
+    const { signal } = this.#lifetime;
+    renderer.domElement.addEventListener("webglcontextrestored", switchToGpu, { signal });
   }
 
   /** Whether positions are computed on the GPU; false until the renderer is set. */
@@ -210,7 +194,7 @@ export class ReelMesh extends THREE.Mesh<
    * hard edges.
    */
   get sources(): Uint32Array {
-    return this.#current.setup.drawing.sources;
+    return this.#current.drawing.sources;
   }
 
   /**
@@ -296,7 +280,7 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   set range(range: FrameRange | null) {
-    this.#playback.setRange(range);
+    this.#playback.change({ range });
   }
 
   /** Whether frames that playback needs now or next are being loaded. */
@@ -315,7 +299,7 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   set loop(loop: Loop) {
-    this.#playback.setLoop(loop);
+    this.#playback.change({ loop });
   }
 
   /** Playback rate; negative values play backwards. Default: 1. */
@@ -324,7 +308,7 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   set speed(speed: number) {
-    this.#playback.setSpeed(speed);
+    this.#playback.change({ speed });
   }
 
   /** Whether to interpolate between frames. Default: true. */
@@ -362,7 +346,7 @@ export class ReelMesh extends THREE.Mesh<
    * @param target - receives the result and is returned
    */
   getCentroid(target: THREE.Vector3): THREE.Vector3 {
-    return target.set(...this.#current.setup.shift).add(this.#centroid);
+    return target.set(...this.#current.shift).add(new THREE.Vector3(...meanPosition(this.#picture)));
   }
 
   /**
@@ -383,24 +367,14 @@ export class ReelMesh extends THREE.Mesh<
    */
   async setTexture(source: TextureSource | null, options: TextureOptions = {}): Promise<void> {
     this.#removeTexture();
-    void this.#setColors(null);
+    this.#setColors(null);
     if (source === null) return;
     const { signal } = (this.#appearanceRequest = new AbortController());
     const { applyTexture } = await import("./texture/mesh_texture.js");
     signal.throwIfAborted();
-    const { materials, setup } = this.#current;
-    const mesh = {
-      materials: this.#allMaterials(),
-      isDefault: (one: THREE.Material) => this.#isDefault(one),
-      imagesReady: materials?.imagesReady,
-      uvNames: setup.drawing.uvNames,
-      playback: this.#playback,
-      send: this.#send,
-    };
+    const [segments, current, material] = [this.#segments, this.#current, this.material];
+    const mesh = { segments, current, material, playback: this.#playback, send: this.#send };
     this.#texture = await applyTexture(mesh, source, options, signal);
-    for (const segment of this.#segments.values()) {
-      if (segment !== this.#current) this.#applyTexture(segment);
-    }
   }
 
   /** The texture of `setTexture`, or null. */
@@ -439,24 +413,16 @@ export class ReelMesh extends THREE.Mesh<
   async colorBy(name: string | null, options: ColorOptions = {}): Promise<ColorLegend | null> {
     this.#removeTexture();
     if (name === null) {
-      await this.#setColors(null);
+      this.#setColors(null);
       return null;
     }
-    if (this.file.segments.length > 1) {
-      throw new InvalidInputError("a track cannot color a file with several segments");
-    }
     const { signal } = (this.#appearanceRequest = new AbortController());
-    const track = this.reel.track(name);
     const { TrackColors } = await import("./color/track_colors.js");
     signal.throwIfAborted();
-    const { info, drawing } = this.#current.setup;
-    const materials = [this.material].flat();
-    const onError = (error: Error, block: number) =>
-      this.#send({ type: "error", error, block, track: name });
-    const mesh = { info, materials, uvNames: drawing.uvNames, onError };
-    const colors = await TrackColors.create(track, options, mesh, signal);
+    const mesh = { file: this.file, drawing: this.#current.drawing, material: this.material, send: this.#send };
+    const colors = await TrackColors.create(name, options, mesh, signal);
     signal.throwIfAborted();
-    await this.#setColors(colors);
+    this.#setColors(colors);
     return colors.legend;
   }
 
@@ -470,7 +436,7 @@ export class ReelMesh extends THREE.Mesh<
    */
   colorAttribute(values: TrackValues): ColorAttribute {
     if (!this.#colors) throw new InvalidInputError("call colorBy first");
-    return this.#colors.colorAttribute(values, this.#current.setup.drawing.items);
+    return this.#colors.colorAttribute(values, this.#current.drawing.items);
   }
 
   /**
@@ -494,21 +460,21 @@ export class ReelMesh extends THREE.Mesh<
    */
   override raycast(raycaster: THREE.Raycaster, intersects: THREE.Intersection[]): void {
     if (this.geometry.drawRange.count === 0) return;
-    const pickMesh = this.#readableMesh();
-    pickMesh.matrixWorld.copy(this.matrixWorld);
-    pickMesh.material = this.material;
+    const mesh = this.#getReadableMesh();
+    mesh.matrixWorld.copy(this.matrixWorld);
+    mesh.material = this.material;
     const hits: THREE.Intersection[] = [];
-    pickMesh.raycast(raycaster, hits);
+    mesh.raycast(raycaster, hits);
     for (const hit of hits) {
       const faceIndex = hit.faceIndex as number;
-      const { order } = this.#current.setup.drawing;
+      const { order } = this.#current.drawing;
       intersects.push({ ...hit, object: this, faceIndex: order ? order[faceIndex] : faceIndex });
     }
   }
 
   /** Position of a vertex of the geometry in the current picture. */
   override getVertexPosition(index: number, target: THREE.Vector3): THREE.Vector3 {
-    return this.#readableMesh().getVertexPosition(index, target);
+    return this.#getReadableMesh().getVertexPosition(index, target);
   }
 
   /**
@@ -518,8 +484,7 @@ export class ReelMesh extends THREE.Mesh<
    */
   override clone(recursive = true): this {
     const renderer = this.#renderer ?? this.#options.renderer;
-    const options = { ...this.#options, ...(renderer ? { renderer } : {}) };
-    const clone = new ReelMesh(this.file, options);
+    const clone = new ReelMesh(this.file, { ...this.#options, renderer });
     THREE.Object3D.prototype.copy.call(clone, this, recursive);
     if (this.material !== this.segmentMaterial) clone.material = this.material;
     const { loop, speed, interpolate, modes, range } = this;
@@ -531,14 +496,12 @@ export class ReelMesh extends THREE.Mesh<
 
   /** Free all resources and cancel loading; the mesh must not be used afterwards. */
   override dispose(): void {
-    if (this.#isDisposed) return;
+    if (this.#lifetime.signal.aborted) return;
     this.dispatchEvent({ type: "dispose" });
-    this.#isDisposed = true;
+    this.#lifetime.abort();
     this.#removeTexture();
     this.#colors?.dispose();
-    this.onBeforeRender = () => {};
     this.#playback.dispose();
-    this.#renderer?.domElement.removeEventListener(RESTORED, this.#switchToGpu);
     for (const segment of this.#segments.values()) segment.dispose();
     if (!this.#options.ownsReel) return;
     const nOthers = (nOwners.get(this.file) ?? 1) - 1;
@@ -546,113 +509,90 @@ export class ReelMesh extends THREE.Mesh<
     if (nOthers === 0) this.file.close();
   }
 
-  /** Also called when a lost context is restored, without its data. */
-  readonly #switchToGpu = (): void => {
-    const renderer = this.#renderer as THREE.WebGLRenderer;
-    try {
-      this.#setBackend(({ number, setup, geometry }) => {
-        if (canDecode(renderer, setup)) return new GpuBackend(renderer, geometry, meshAttributes(setup));
-        throw new InvalidInputError(`segment ${number} is too large for the GPU`);
-      });
-    } catch {
-      void this.#switchToCpu(); // the driver rejects a program
-    }
-  };
-
   /** Loaded on demand, since few pages need it. */
   #switchToCpu(): Promise<void> {
-    this.#cpuSwitch ??= import("./cpu_backend.js").then(
-      ({ CpuBackend }) =>
-        this.#setBackend((segment) => new CpuBackend(segment.setup, segment.geometry)),
+    return (this.#cpuSwitch ??= import("./cpu_backend.js").then(
+      ({ CpuBackend }) => this.#setBackend((segment) => new CpuBackend(segment)),
       (error: Error) => this.#send({ type: "error", error, block: null }),
-    );
-    return this.#cpuSwitch;
+    ));
   }
 
-  /** Set the backend of all segments: the current one stays in memory, and others are loaded again. */
-  #setBackend(create: (segment: MeshSegment) => Backend): void {
+  /**
+   * Set the backend of all segments, or that of the CPU if it cannot be created: the current segment
+   * stays in memory, and others are loaded again.
+   */
+  #setBackend(create: CreateBackend): void {
     this.#cpuSwitch = null;
-    if (this.#isDisposed) return;
+    if (this.#lifetime.signal.aborted) return;
     const current = this.#current;
     for (const segment of this.#segments.values()) {
       if (segment !== current) this.#removeSegment(segment);
     }
-    if (current.rebuildGeometry(this.#colors?.split ?? null)) {
-      this.geometry = current.geometry;
-      this.#pickMesh.geometry = new THREE.BufferGeometry();
+    current.rebuildGeometry(this.#colors?.split ?? null);
+    this.#showGeometry();
+    try {
+      const backend = create(current);
+      current.backend?.dispose();
+      current.backend = backend;
+    } catch {
+      return void this.#switchToCpu();
     }
-    const backend = create(current);
     this.#createBackend = create;
-    current.backend?.dispose();
-    current.backend = backend;
-    this.#restart(backend);
+    this.#restart();
   }
 
-  #restart(backend: Backend): void {
-    const { geometry, setup } = this.#current;
-    this.#colors?.attach(backend, geometry, setup.drawing.items);
+  /** Load all blocks, again if necessary. */
+  #restart(): void {
+    const { backend, geometry, drawing } = this.#current;
+    if (backend) this.#colors?.attach(backend, geometry, drawing.items);
     this.#playback.restart();
   }
 
-  #createSegment(number: number, reel: OpenReel): MeshSegment {
-    const { origin = [0, 0, 0], material, flat } = this.#options;
-    return new MeshSegment(number, reel, origin, !material, flat, (event) => this.#send(event));
-  }
-
-  async #openSegment(number: number, signal: AbortSignal): Promise<readonly BlockInfo[]> {
-    return (await this.file.segment(number, { signal })).info.blocks;
-  }
-
-  /** Load a block, and prepare its segment: the buffers and images that its pictures need. */
-  async #loadBlock(number: number, block: number, signal: AbortSignal): Promise<BlockFields> {
-    const reel = this.#segments.get(number)?.reel ?? (await this.file.segment(number, { signal }));
-    const [fields, colors] = await Promise.all([
+  /** Load a block, and prepare its segment. */
+  async #loadBlock(number: number, block: number, signal: AbortSignal): Promise<LoadedBlock> {
+    const loadedSegment = this.#segments.get(number);
+    const reel = loadedSegment?.reel ?? (await this.file.segment(number, { signal }));
+    const [segment, fields, colors] = await Promise.all([
+      loadedSegment ?? this.#prepareSegment(number, reel, signal),
       reel.fields(block, { signal }),
       this.#colors?.fields(block, signal),
-      this.#prepareSegment(number, reel, signal),
     ]);
-    const isReel = reel.info.method === "reel";
-    const loaded = isReel ? fields : { ...fields, nBlockModes: 0 };
-    if (colors) this.#pendingColors.set(loaded, colors);
-    return loaded;
-  }
-
-  async #prepareSegment(number: number, reel: OpenReel, signal: AbortSignal): Promise<void> {
-    if (this.#segments.has(number)) return;
-    const segment = this.#createSegment(number, reel);
+    const nBlockModes = reel.info.method === "reel" ? fields.nBlockModes : 0;
+    const loaded = await withoutFields({ ...fields, nBlockModes });
+    const loadedColors = colors && (await withoutFields(colors));
+    signal.throwIfAborted();
     try {
-      await segment.materials?.imagesReady;
-      signal.throwIfAborted();
-      segment.backend = this.#createBackend?.(segment) ?? null;
+      segment.backend ??= (this.#createBackend as CreateBackend)(segment);
+      segment.backend.upload(fields, loaded);
+      if (loadedColors) this.#colors?.addBlock(colors, loadedColors, loaded);
     } catch (error) {
-      segment.dispose();
-      signal.throwIfAborted();
       await this.#switchToCpu(); // loads all blocks again
       signal.throwIfAborted();
       throw error;
     }
-    const used = new Set([this.#current, ...this.#segmentOf.values()]);
-    const unused = [...this.#segments.values()].find((one) => !used.has(one));
-    if (unused && this.#segments.size >= MAX_SEGMENTS) this.#removeSegment(unused);
-    this.#segments.set(number, segment);
-    this.#applyTexture(segment);
-    for (const value of segment.materials?.list.flatMap((one) => Object.values(one)) ?? []) {
-      if (value instanceof THREE.Texture) this.#renderer?.initTexture(value);
-    }
+    this.#segmentOf.set(loaded, segment);
+    return loaded;
   }
 
-  /** Show the texture of `setTexture` on another segment. */
-  #applyTexture({ number, setup, materials }: MeshSegment): void {
-    if (!this.#texture || !materials) return;
-    if (this.#texture.texture.channel < setup.drawing.uvNames.length) {
-      return this.#texture.add(materials.list);
-    }
-    const error = new InvalidInputError(`segment ${number} has no UVs, which the texture needs`);
-    this.#send({ type: "error", error, block: null });
+  async #prepareSegment(number: number, reel: OpenReel, signal: AbortSignal): Promise<MeshSegment> {
+    const { prepareSegment } = await import("./other_segments.js");
+    signal.throwIfAborted();
+    const segment = new MeshSegment(number, reel, this.#options, this.#send);
+    await prepareSegment(segment, {
+      segments: this.#segments,
+      used: () => [this.#current, ...this.#segmentOf.values()],
+      initTexture: (texture) => this.#renderer?.initTexture(texture),
+      add: () => {
+        this.#segments.set(number, segment);
+        this.#texture?.add(segment);
+      },
+      remove: (unused) => this.#removeSegment(unused),
+    }, signal);
+    return segment;
   }
 
   #removeSegment(segment: MeshSegment): void {
-    this.#texture?.remove(segment.materials?.list ?? []);
+    this.#texture?.remove(segment);
     this.#segments.delete(segment.number);
     segment.dispose();
   }
@@ -662,30 +602,23 @@ export class ReelMesh extends THREE.Mesh<
     // The page may have replaced the material.
     const isOwn = this.material === this.segmentMaterial;
     this.#current = segment;
-    this.geometry = segment.geometry;
     if (isOwn) this.material = this.segmentMaterial;
-    this.#pickMesh.geometry = new THREE.BufferGeometry();
+    this.#showGeometry();
     this.dispatchEvent({ type: "segment", segment: segment.number });
   }
 
-  #allMaterials(): THREE.Material[] {
-    if (this.material !== this.#current.material) return [this.material].flat();
-    return [...this.#segments.values()].flatMap(({ materials }) => materials?.list ?? []);
+  #showGeometry(): void {
+    this.geometry = this.#current.geometry;
+    this.#readableMesh = null;
   }
 
-  #isDefault(material: THREE.Material): boolean {
-    return [...this.#segments.values()].some((one) => one.materials?.isDefault(material));
-  }
-
-  async #setColors(colors: TrackColors | null): Promise<void> {
+  #setColors(colors: TrackColors | null): void {
     if (colors === this.#colors) return;
     this.#colors?.dispose();
     this.#colors = colors;
-    const { backend, split } = this.#current;
-    if (!backend) return;
-    if ((colors?.split ?? null) === split) this.#restart(backend);
-    else if (backend.isOnGpu) this.#switchToGpu();
-    else await this.#switchToCpu();
+    if (!this.#createBackend) return;
+    if ((colors?.split ?? null) === this.#current.split) this.#restart();
+    else this.#setBackend(this.#createBackend);
   }
 
   #removeTexture(): void {
@@ -694,27 +627,19 @@ export class ReelMesh extends THREE.Mesh<
     this.#texture = null;
   }
 
-  /** Return a mesh with the current positions in memory. */
-  #readableMesh(): THREE.Mesh {
-    const { geometry } = this.#pickMesh;
-    if (!geometry.index) {
+  #getReadableMesh(): THREE.Mesh {
+    if (!this.#readableMesh) {
       const { index, groups, boundingSphere, attributes } = this.geometry;
-      // Static attributes, which are in memory already.
-      const others = Object.fromEntries(
-        this.#current.setup.drawing.attributes.map(({ name }) => [name, attributes[name]]),
-      );
-      const position = new THREE.BufferAttribute(new Float32Array(3 * this.sources.length), 3);
-      Object.assign(geometry, {
-        index,
-        groups,
-        boundingSphere,
-        attributes: { ...others, position },
-      });
+      const { backend, drawing } = this.#current;
+      const positions = new Float32Array(3 * drawing.sources.length);
+      backend?.read(drawing.sources, positions);
+      // Static attributes are in memory already.
+      const others = Object.fromEntries(drawing.attributes.map(({ name }) => [name, attributes[name]]));
+      const position = new THREE.BufferAttribute(positions, 3);
+      const geometry = new THREE.BufferGeometry();
+      Object.assign(geometry, { index, groups, boundingSphere, attributes: { ...others, position } });
+      this.#readableMesh = new THREE.Mesh(geometry);
     }
-    if (this.#isPickMeshStale) {
-      this.#current.backend?.read(this.sources, geometry.attributes.position.array as Float32Array);
-      this.#isPickMeshStale = false;
-    }
-    return this.#pickMesh;
+    return this.#readableMesh;
   }
 }

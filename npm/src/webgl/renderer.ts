@@ -143,8 +143,8 @@ export class WebGLRenderer {
     gl.readPixels(x, y, width, height, gl.RGBA, gl.FLOAT, into);
   }
 
-  /** Clear the target and draw a scene. */
-  render(scene: Scene, camera: Camera, { isDepth = false }: RenderOptions = {}): void {
+  /** Clear the target and draw a scene, or an object whose materials are raw. */
+  render(scene: Object3D, camera: Camera, { isDepth = false }: RenderOptions = {}): void {
     const gl = this.#gl;
     if (gl.isContextLost()) return;
     scene.updateMatrixWorld();
@@ -152,7 +152,7 @@ export class WebGLRenderer {
     const viewMatrix = new Matrix4().copyInverse(camera.matrixWorld);
     const items = collectItems(scene, viewMatrix, isDepth);
     const isLit = items.some(({ material }) => !isRaw(material));
-    const lighting = isLit || isDepth ? this.#lighting(scene) : null;
+    const lighting = isLit || isDepth ? this.#lighting(scene as Scene) : null;
     const target = this.#target;
     gl.bindFramebuffer(gl.FRAMEBUFFER, target && this.#textures.framebuffer(target));
     gl.viewport(...(target ? ([0, 0, target.width, target.height] as Rectangle) : this.#viewport));

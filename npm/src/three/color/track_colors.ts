@@ -6,12 +6,14 @@ import { InvalidInputError } from "../../errors.js";
 import type {
   BlockFields,
   BlockInfo,
+  OpenSegments,
   OpenTrack,
-  ReelInfo,
   TrackFields,
   TrackValues,
 } from "../../types.js";
-import type { LoadedBlock, Moment } from "../loaded_block.js";
+import type { Drawing } from "../drawing.js";
+import type { LoadedBlock, Moment, Picture } from "../loaded_block.js";
+import type { PlaybackEvent } from "../playback.js";
 import type { AttributeBackend, Backend } from "../backend.js";
 import {
   centerAtZero,
@@ -92,12 +94,10 @@ export interface ColorAttribute {
 
 /** The mesh to color. */
 export interface ColoredMesh {
-  readonly info: ReelInfo;
-  readonly materials: readonly THREE.Material[];
-  /** Names of UV attributes, by channel. */
-  readonly uvNames: readonly string[];
-  /** Called for each block of the track that cannot be loaded. */
-  readonly onError: (error: Error, block: number) => void;
+  readonly file: OpenSegments;
+  readonly drawing: Drawing;
+  readonly material: THREE.Material | THREE.Material[];
+  readonly send: (event: PlaybackEvent) => void;
 }
 
 /** Options that apply only to numbers. */
@@ -147,7 +147,7 @@ export class TrackColors {
     this.#selection = selection;
     this.#range = range;
     this.#mesh = mesh;
-    this.#channel = mesh.uvNames.length;
+    this.#channel = mesh.drawing.uvNames.length;
     this.#materials = colorableMaterials(mesh, selection);
     this.#texture = createColorTexture(colors);
     this.#texture.channel = this.#channel;
@@ -166,15 +166,20 @@ export class TrackColors {
   /**
    * Decode a frame to validate the track, and create its colors.
    *
-   * @throws InvalidInputError if options or materials do not allow it.
+   * @throws InvalidInputError if there is no such track, or options or materials do not allow it.
    * @throws like `OpenTrack.frame`
    */
   static async create(
-    track: OpenTrack,
+    name: string,
     options: ColorOptions,
     mesh: ColoredMesh,
     signal: AbortSignal,
   ): Promise<TrackColors> {
+    const { segments, first } = mesh.file;
+    if (segments.length > 1) {
+      throw new InvalidInputError("a track cannot color a file with several segments");
+    }
+    const track = first.track(name);
     const { map, wholeFile = false } = options;
     const isNormal = track.info.kind === "normal" && options.component !== "magnitude";
     const ends = parseRange(options.range ?? (isNormal ? [-1, 1] : DEFAULT_RANGE));
@@ -192,11 +197,11 @@ export class TrackColors {
       }
       return new TrackColors(track, selection, [0, fullIntensity(track)], resolveColorMap("sequential"), mesh);
     }
-    const range = await resolveRange(track, mesh.info, selection, ends, wholeFile, signal);
+    const range = await resolveRange(track, first.info, selection, ends, wholeFile, signal);
     const spansZero = range[0] < 0 && range[1] > 0;
-    const name = map ?? (spansZero ? "diverging" : "sequential");
-    const colors = resolveColorMap(name);
-    const isCentered = name === "diverging" && spansZero;
+    const usedMap = map ?? (spansZero ? "diverging" : "sequential");
+    const colors = resolveColorMap(usedMap);
+    const isCentered = usedMap === "diverging" && spansZero;
     const shownColors = isCentered ? centerAtZero(colors, ...range) : colors;
     return new TrackColors(track, selection, range, shownColors, mesh);
   }
@@ -299,8 +304,10 @@ void main() {
       return this.#toPositionFields(await this.#track.fields(block, { signal, columns }));
     } catch (error) {
       signal.throwIfAborted();
-      this.#mesh.onError(error as Error, block);
-      return missingFields(this.#mesh.info.blocks[block], block, this.#track.info.nItems);
+      const { file, send } = this.#mesh;
+      const { name, nItems } = this.#track.info;
+      send({ type: "error", error: error as Error, block, track: name });
+      return missingFields(file.first.info.blocks[block], block, nItems);
     }
   }
 
@@ -316,15 +323,11 @@ void main() {
     this.#colorBlocks.delete(meshBlock);
   }
 
-  /** Return the same moment of the track; null if its blocks are not loaded. */
-  toTrackMoment(moment: Moment): Moment | null {
+  /** Show the picture at a moment of the mesh, if the blocks of the track are loaded. */
+  show(moment: Moment, composePicture: (moment: Moment) => Picture): void {
     const [block, next] = [moment.block, moment.next].map((one) => this.#colorBlocks.get(one));
-    return block && next ? { ...moment, block, next, nActiveModes: Infinity } : null;
-  }
-
-  /** Show a picture of the track. */
-  show(picture: Parameters<AttributeBackend["show"]>[0]): void {
-    this.#backend?.show(picture);
+    if (!block || !next) return;
+    this.#backend?.show(composePicture({ ...moment, block, next, nActiveModes: Infinity }));
     if (!this.#restore.length) this.#applyToMaterials();
   }
 
@@ -420,9 +423,10 @@ const COLOR_ATTRIBUTE = {
 } as const;
 
 /** Return the materials that can show colors. @throws InvalidInputError if there are none. */
-function colorableMaterials({ materials, uvNames }: ColoredMesh, { as }: Selection): readonly MappedMaterial[] {
+function colorableMaterials({ material, drawing }: ColoredMesh, { as }: Selection): readonly MappedMaterial[] {
+  const materials = [material].flat();
   if (as === "color") return materials;
-  if (uvNames.length >= MAX_UV_SETS) {
+  if (drawing.uvNames.length >= MAX_UV_SETS) {
     throw new InvalidInputError(
       `the file has ${MAX_UV_SETS} or more UV sets, which are all that three.js supports; coloring by` +
         " a track needs one",

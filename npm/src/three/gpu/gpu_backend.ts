@@ -1,68 +1,180 @@
-// Computes attributes on the GPU with WebGL 2.
+// Computes attributes on the GPU with WebGL 2: a render pass computes positions, or other sums over the
+// modes of field times weight plus a correction, one texel per vertex or item. A second pass computes
+// attributes from them.
 
-import type * as THREE from "three";
+import * as THREE from "three";
 
 import type { BlockFields } from "../../types.js";
-import type { AttributeSetup, Backend, MeshSetup } from "../backend.js";
-import type { LoadedBlock, Picture } from "../loaded_block.js";
+import type { AttributeSetup, Backend } from "../backend.js";
+import type { CorrectedPoints, TableUniform } from "../corrections.js";
+import type { LoadedBlock, Picture, WeightedBlock } from "../loaded_block.js";
+import type { MeshSegment } from "../mesh_segment.js";
 import { AttributePass } from "./attribute_pass.js";
-import { topologySize } from "./normals.js";
-import { MODES_PER_TEXEL, PositionPass } from "./position_pass.js";
-import { tableSize } from "./tables.js";
+import { meshAttributes, topologySize } from "./normals.js";
+import { createTable, PRELUDE, tableSize } from "./tables.js";
 
 /** A renderer of three.js: `WebGLRenderer` or any other. */
 export interface Renderer {
   readonly domElement: EventTarget;
 }
 
-/** Whether a renderer can decode a mesh: it uses WebGL 2 and renders to float textures. */
-export function canDecode(renderer: Renderer, setup: MeshSetup): renderer is THREE.WebGLRenderer {
-  if (!isWebGL(renderer)) return false;
-  const { capabilities, extensions } = renderer;
-  const { height } = tableSize(topologySize(setup));
-  return extensions.has("EXT_color_buffer_float") && height <= capabilities.maxTextureSize;
+/** Fields of four modes share a texel. */
+const MODES_PER_TEXEL = 4;
+
+// A picture between the last frame of a block and the first frame of the next uses both blocks.
+const FRAGMENT_SHADER = `${PRELUDE}
+uniform isampler2DArray fields;
+uniform isampler2DArray nextFields;
+uniform sampler2D weights;
+uniform int nNextGroups;
+uniform vec3 shift;
+flat in vec3 correction;
+out vec4 position;
+vec4 weightsAt(int entry) {
+  return texelFetch(weights, texelOf(entry), 0);
+}
+vec3 product(ivec4 field, int group) {
+  int entry = 3 * group;
+  return vec4(field) * mat3x4(weightsAt(entry), weightsAt(entry + 1), weightsAt(entry + 2));
+}
+void main() {
+  ivec2 texel = ivec2(gl_FragCoord.xy);
+  int nGroups = textureSize(fields, 0).z;
+  vec3 sum = correction;
+  for (int i = 0; i < nGroups; i++) sum += product(texelFetch(fields, ivec3(texel, i), 0), i);
+  for (int i = 0; i < nNextGroups; i++) {
+    sum += product(texelFetch(nextFields, ivec3(texel, i), 0), nGroups + i);
+  }
+  position = vec4(sum + shift, 1.0);
+}`;
+
+// A triangle that covers the target. Points that are drawn over it have other corrections.
+const FULL_SCREEN_TRIANGLE = `${PRELUDE}
+flat out vec3 correction;
+void main() {
+  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+  correction = vec3(0.0);
+}`;
+
+const CAMERA = new THREE.Camera();
+
+/**
+ * Create the backend of a segment.
+ *
+ * @throws Error if the renderer does not use WebGL 2, the GPU cannot render to float textures, the
+ *   mesh is too large, or the driver rejects a program.
+ */
+export function createGpuBackend(renderer: Renderer, segment: MeshSegment): GpuBackend {
+  if (isWebGL(renderer) && renderer.extensions.has("EXT_color_buffer_float")) {
+    const { height } = tableSize(topologySize(segment));
+    if (height <= renderer.capabilities.maxTextureSize) {
+      return new GpuBackend(renderer, segment.geometry, meshAttributes(segment));
+    }
+  }
+  throw new Error("the GPU does not support the mesh");
 }
 
 function isWebGL(renderer: Renderer): renderer is THREE.WebGLRenderer {
   return "isWebGLRenderer" in renderer;
 }
 
-/** Computes sums of fields in a render pass, and attributes of a geometry from them. */
+/** Computes attributes of a geometry. */
 export class GpuBackend implements Backend {
   readonly isOnGpu = true;
   readonly #renderer: THREE.WebGLRenderer;
   readonly #geometry: THREE.BufferGeometry;
-  readonly #sums: PositionPass;
   readonly #attributes: AttributePass;
+  /** Computed sums, four numbers per item. */
+  readonly #target: THREE.WebGLRenderTarget;
+  readonly #fields = new Map<LoadedBlock, THREE.DataArrayTexture>();
+  readonly #uniforms = {
+    fields: { value: null as THREE.DataArrayTexture | null },
+    nextFields: { value: null as THREE.DataArrayTexture | null },
+    weights: { value: null as THREE.DataTexture | null },
+    nNextGroups: { value: 0 },
+    shift: { value: new THREE.Vector3() },
+  };
+  /** A triangle that covers the target. */
+  readonly #triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
+  /** Null until a picture has corrections. */
+  #corrected: CorrectedPoints | null = null;
 
-  /** @throws Error if the driver rejects a program */
   constructor(renderer: THREE.WebGLRenderer, geometry: THREE.BufferGeometry, setup: AttributeSetup) {
     this.#renderer = renderer;
     this.#geometry = geometry;
     this.#attributes = new AttributePass(renderer, geometry, setup);
-    this.#sums = new PositionPass(renderer, setup.nItems, setup.shift);
+    const { width, height } = tableSize(setup.nItems);
+    this.#target = new THREE.WebGLRenderTarget(width, height, {
+      type: THREE.FloatType,
+      depthBuffer: false,
+      minFilter: THREE.NearestFilter,
+      magFilter: THREE.NearestFilter,
+    });
+    this.#uniforms.shift.value.set(...setup.shift);
+    const material = new THREE.RawShaderMaterial({
+      glslVersion: THREE.GLSL3,
+      vertexShader: FULL_SCREEN_TRIANGLE,
+      fragmentShader: FRAGMENT_SHADER,
+      uniforms: this.#uniforms,
+    });
+    this.#triangle = new THREE.Mesh(new THREE.BufferGeometry(), material);
+    this.#triangle.geometry.setDrawRange(0, 3);
+    this.#triangle.frustumCulled = false;
   }
 
-  canHold(block: BlockFields): boolean {
-    const gl = this.#renderer.getContext() as WebGL2RenderingContext;
-    return block.nModes <= MODES_PER_TEXEL * gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS);
-  }
-
+  /** Upload the fields of a block to the GPU and release the copy in memory. */
   upload(block: BlockFields, loaded: LoadedBlock): void {
-    this.#sums.upload(block, loaded);
+    const gl = this.#renderer.getContext() as WebGL2RenderingContext;
+    const nGroups = groupCount(block.nModes);
+    if (nGroups > gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS)) {
+      throw new Error(`the GPU does not support ${block.nModes} modes`);
+    }
+    const texture = fieldTexture(block, this.#target);
+    texture.onUpdate = () => {
+      texture.image.data = null;
+    };
+    this.#renderer.initTexture(texture);
+    this.#fields.set(loaded, texture);
   }
 
   release(block: LoadedBlock): void {
-    this.#sums.release(block);
+    this.#fields.get(block)?.dispose();
+    this.#fields.delete(block);
   }
 
-  show(picture: Picture): void {
-    this.#sums.run(picture);
-    this.#attributes.run(this.#sums.target.texture);
+  /** Compute a picture; must not be called while the renderer is drawing. */
+  show({ blocks, corrections }: Picture): void {
+    const { fields, nextFields, nNextGroups, weights } = this.#uniforms;
+    const [first, next = null] = blocks.map(({ block }) => this.#fields.get(block) ?? null);
+    fields.value = first;
+    nextFields.value = next ?? first;
+    nNextGroups.value = next?.image.depth ?? 0;
+    setTable(weights, packWeights(blocks));
+    if (corrections) {
+      this.#corrected ??= corrections.createPoints(this.#triangle, PRELUDE, setTable);
+    }
+    this.#corrected?.set(corrections?.offsets);
+    const renderer = this.#renderer;
+    const before = renderer.getRenderTarget();
+    const face = renderer.getActiveCubeFace();
+    const level = renderer.getActiveMipmapLevel();
+    const { xr } = renderer;
+    const isXrEnabled = xr.enabled;
+    xr.enabled = false;
+    renderer.setRenderTarget(this.#target);
+    renderer.render(this.#triangle, CAMERA);
+    renderer.setRenderTarget(before, face, level);
+    xr.enabled = isXrEnabled;
+    this.#attributes.run(this.#target.texture);
   }
 
-  read(items: Uint32Array, into: Float32Array): void {
-    this.#sums.read(items, into);
+  read(vertices: Uint32Array, into: Float32Array): void {
+    const { width, height } = this.#target;
+    const texels = new Float32Array(4 * width * height);
+    this.#renderer.readRenderTargetPixels(this.#target, 0, 0, width, height, texels);
+    for (let i = 0; i < into.length; i++) {
+      into[i] = texels[4 * vertices[Math.floor(i / 3)] + (i % 3)];
+    }
   }
 
   createAttribute(setup: AttributeSetup): GpuBackend {
@@ -70,7 +182,63 @@ export class GpuBackend implements Backend {
   }
 
   dispose(): void {
-    this.#sums.dispose();
+    for (const block of this.#fields.keys()) this.release(block);
+    this.#corrected?.dispose();
+    this.#uniforms.weights.value?.dispose();
+    this.#target.dispose();
+    this.#triangle.geometry.dispose();
+    this.#triangle.material.dispose();
     this.#attributes.dispose();
   }
+}
+
+/** Set the first entries of a table; replaces it if it is too small. */
+function setTable(uniform: TableUniform, data: Float32Array): void {
+  const texture = uniform.value;
+  const values = texture?.image.data as Float32Array | undefined;
+  if (texture && values && values.length >= data.length) {
+    values.set(data);
+    texture.needsUpdate = true;
+  } else {
+    texture?.dispose();
+    uniform.value = createTable(data);
+  }
+}
+
+function groupCount(nModes: number): number {
+  return Math.ceil(nModes / MODES_PER_TEXEL);
+}
+
+/** Pack the weights of blocks: three texels per group of modes, one per axis. */
+function packWeights(blocks: readonly WeightedBlock[]): Float32Array {
+  const nGroups = blocks.reduce((sum, { block }) => sum + groupCount(block.nModes), 0);
+  const packed = new Float32Array(12 * nGroups);
+  let start = 0;
+  for (const { block, weights } of blocks) {
+    weights.forEach((weight, i) => {
+      const mode = Math.floor(i / 3);
+      packed[start + 12 * (mode >> 2) + 4 * (i % 3) + (mode & 3)] = weight;
+    });
+    start += 12 * groupCount(block.nModes);
+  }
+  return packed;
+}
+
+function fieldTexture(block: BlockFields, { width, height }: THREE.WebGLRenderTarget): THREE.DataArrayTexture {
+  const { fields, nModes, nVerts } = block;
+  const nGroups = groupCount(nModes);
+  const groupLength = 4 * width * height;
+  const packed = new Int16Array(groupLength * nGroups);
+  for (let mode = 0; mode < nModes; mode++) {
+    let to = groupLength * (mode >> 2) + (mode & 3);
+    for (let from = mode * nVerts; from < (mode + 1) * nVerts; from++, to += 4) {
+      packed[to] = fields[from];
+    }
+  }
+  const texture = new THREE.DataArrayTexture(packed, width, height, nGroups);
+  texture.format = THREE.RGBAIntegerFormat;
+  texture.type = THREE.ShortType;
+  texture.internalFormat = "RGBA16I";
+  texture.needsUpdate = true;
+  return texture;
 }

@@ -1,15 +1,16 @@
 // Computes positions and normals of vertices from the positions of the file: a normal is that of the
 // faces around a vertex, or around a normal row of a vertex at a hard edge.
 
-import type { AttributeSetup, MeshSetup } from "../backend.js";
-import type { Drawing } from "../drawing.js";
+import type { AttributeSetup } from "../backend.js";
+import type { MeshSegment } from "../mesh_segment.js";
 
 /** Limit of the scale of edges, a float32. */
 const MAX_SCALE = 1e38;
 
 /** The attributes "position" and "normal" of a mesh. */
-export function meshAttributes(setup: MeshSetup): AttributeSetup {
-  const { info, drawing, shift } = setup;
+export function meshAttributes(segment: MeshSegment): AttributeSetup {
+  const { drawing, shift } = segment;
+  const { info } = segment.reel;
   // Edges are scaled so that the products of very small or very large ones neither underflow nor
   // overflow.
   const scale = Math.min(1e4 / info.diagonal, MAX_SCALE).toExponential();
@@ -21,7 +22,7 @@ export function meshAttributes(setup: MeshSetup): AttributeSetup {
       ["position", 3],
       ["normal", 3],
     ],
-    table: createTopology(setup),
+    table: createTopology(segment),
     glsl: `
 out vec3 position;
 out vec3 normal;
@@ -44,12 +45,9 @@ void main() {
 }
 
 /** Number of pairs of integers in the topology of a mesh. */
-export function topologySize({ info, triangles, drawing }: MeshSetup): number {
-  return drawing.sources.length + rowCount(info.nVerts, drawing) + triangles.length;
-}
-
-function rowCount(nVerts: number, { shading }: Drawing): number {
-  return shading?.vertices.length ?? nVerts;
+export function topologySize({ reel, drawing }: MeshSegment): number {
+  const { info, surface } = reel;
+  return drawing.sources.length + (drawing.shading?.vertices.length ?? info.nVerts) + surface.triangles.length;
 }
 
 /**
@@ -59,16 +57,17 @@ function rowCount(nVerts: number, { shading }: Drawing): number {
  * - for each normal row, the entries of its first corner and behind its last one,
  * - for each corner of a row, the other two vertices of its triangle.
  */
-function createTopology(setup: MeshSetup): Uint32Array {
-  const { triangles, drawing } = setup;
-  const { sources, rows, shading } = drawing;
-  const pairs = new Uint32Array(2 * topologySize(setup));
+function createTopology(segment: MeshSegment): Uint32Array {
+  const { triangles } = segment.reel.surface;
+  const { sources, rows, shading } = segment.drawing;
+  const nPairs = topologySize(segment);
+  const pairs = new Uint32Array(2 * nPairs);
   const firstRow = sources.length;
   sources.forEach((source, i) => pairs.set([source, firstRow + rows[i]], 2 * i));
   const rowOf = shading?.triangles ?? triangles;
-  const counts = new Uint32Array(rowCount(setup.info.nVerts, drawing));
+  const counts = new Uint32Array(nPairs - firstRow - triangles.length);
   for (const row of rowOf) counts[row]++;
-  let end = firstRow + counts.length;
+  let end = nPairs - triangles.length;
   counts.forEach((count, row) => {
     pairs.fill(end, 2 * (firstRow + row), 2 * (firstRow + row + 1));
     end += count;

@@ -3,6 +3,7 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../../errors.js";
+import type { MeshSegment } from "../mesh_segment.js";
 import type { Playback, PlaybackEvent } from "../playback.js";
 import { MaterialOverride } from "./material_override.js";
 import { checkFrameNumber, type FrameNumber } from "./frame_number.js";
@@ -43,13 +44,11 @@ export interface TextureOptions {
 
 /** The mesh that gets a texture. */
 export interface TexturedMesh {
-  readonly materials: readonly THREE.Material[];
-  /** Whether a material is a default one, defined neither by the file nor by the page. */
-  readonly isDefault: (material: THREE.Material) => boolean;
-  /** Resolves when the images of the file are decoded. */
-  readonly imagesReady: Promise<unknown> | undefined;
-  /** Names of UV attributes, by channel. */
-  readonly uvNames: readonly string[];
+  /** Segments in memory, which change. */
+  readonly segments: ReadonlyMap<number, MeshSegment>;
+  /** The shown segment. */
+  readonly current: MeshSegment;
+  readonly material: THREE.Material | THREE.Material[];
   readonly playback: Playback;
   readonly send: (event: PlaybackEvent) => void;
 }
@@ -58,10 +57,10 @@ export interface TexturedMesh {
 export interface AppliedTexture {
   readonly texture: THREE.Texture;
   readonly video: HTMLVideoElement | null;
-  /** Show it on further materials. */
-  add(materials: readonly THREE.Material[]): void;
-  /** Forget materials that are disposed of. */
-  remove(materials: readonly THREE.Material[]): void;
+  /** Show it on another segment. */
+  add(segment: MeshSegment): void;
+  /** Forget the materials of a segment that is disposed of. */
+  remove(segment: MeshSegment): void;
   /** Restore all materials, and free its resources. */
   dispose(): void;
 }
@@ -79,10 +78,11 @@ export async function applyTexture(
   options: TextureOptions,
   signal: AbortSignal,
 ): Promise<AppliedTexture> {
-  const channel = findChannel(mesh.uvNames, options.uv);
+  const { materials, drawing } = mesh.current;
+  const channel = findChannel(drawing.uvNames, options.uv);
   const kind = validateOptions(source, options);
   const { crossOrigin = "anonymous" } = options;
-  await mesh.imagesReady;
+  await materials?.imagesReady;
   signal.throwIfAborted();
   if (kind === "video") {
     const isOwned = typeof source === "string";
@@ -140,7 +140,7 @@ function validateOptions(source: TextureSource, options: TextureOptions): Textur
 function applyImage(mesh: TexturedMesh, source: ImageSource, channel: number): AppliedTexture {
   const isOwned = !("isTexture" in source);
   const texture = isOwned ? createImageTexture(source) : source;
-  const materialOverride = new MaterialOverride(texture, mesh.materials, mesh.isDefault);
+  const materialOverride = overrideMaterials(texture, mesh);
   const previousChannel = texture.channel;
   texture.channel = channel;
   materialOverride.apply();
@@ -149,7 +149,7 @@ function applyImage(mesh: TexturedMesh, source: ImageSource, channel: number): A
     if (isOwned) texture.dispose();
     else texture.channel = previousChannel;
   };
-  return { texture, video: null, ...materialsOf(materialOverride), dispose };
+  return { texture, video: null, ...segmentsOf(mesh, materialOverride, channel), dispose };
 }
 
 /** Create a texture with the top edge at v = 1, as for images of the file. */
@@ -176,7 +176,7 @@ function applyVideo(
   const picture = new VideoPicture(frameNumber ?? null);
   const { texture } = picture;
   texture.channel = channel;
-  const materialOverride = new MaterialOverride(texture, mesh.materials, mesh.isDefault);
+  const materialOverride = overrideMaterials(texture, mesh);
   const { playback, send } = mesh;
   const onShown = () => materialOverride.apply();
   const videoClock = new VideoClock({ video, picture, playback, offset, send, onShown });
@@ -186,12 +186,29 @@ function applyVideo(
     picture.dispose();
     if (isOwned) closeVideo(video);
   };
-  return { texture, video, ...materialsOf(materialOverride), dispose };
+  return { texture, video, ...segmentsOf(mesh, materialOverride, channel), dispose };
 }
 
-function materialsOf(override: MaterialOverride): Pick<AppliedTexture, "add" | "remove"> {
+/** Override the materials of all segments, or those that the page uses in place of them. */
+function overrideMaterials(texture: THREE.Texture, { segments, current, material }: TexturedMesh): MaterialOverride {
+  const all = [...segments.values()];
+  const isOwn = material === current.material;
+  const materials = isOwn ? all.flatMap((one) => one.materials?.list ?? []) : [material].flat();
+  const isDefault = (one: THREE.Material) => [...segments.values()].some(({ materials }) => materials?.isDefault(one));
+  return new MaterialOverride(texture, materials, isDefault);
+}
+
+function segmentsOf(
+  { send }: TexturedMesh,
+  override: MaterialOverride,
+  channel: number,
+): Pick<AppliedTexture, "add" | "remove"> {
   return {
-    add: (materials) => override.add(materials),
-    remove: (materials) => override.remove(materials),
+    add({ number, drawing, materials }) {
+      if (channel < drawing.uvNames.length) return override.add(materials?.list ?? []);
+      const error = new InvalidInputError(`segment ${number} has no UVs, which the texture needs`);
+      send({ type: "error", error, block: null });
+    },
+    remove: ({ materials }) => override.remove(materials?.list ?? []),
   };
 }

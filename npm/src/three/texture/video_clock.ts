@@ -1,7 +1,7 @@
 // A video as master clock: the mesh shows the frame that belongs to the displayed image.
 
 import { InvalidInputError, MeshReelError } from "../../errors.js";
-import type { FrameRange, Loop } from "../clock.js";
+import type { ClockSettings } from "../clock.js";
 import type { MasterClock, Playback, PlaybackEvent } from "../playback.js";
 import { commonLength, frameAtTime, seekTime } from "./frame_times.js";
 import { videoError } from "./texture_source.js";
@@ -67,12 +67,6 @@ export class VideoClock implements MasterClock {
     this.#options = options;
     const { video, playback } = options;
     this.#attach();
-    try {
-      this.setSpeed(playback.clock.speed);
-    } catch (error) {
-      playback.setMasterClock(null);
-      throw error;
-    }
     this.#wasLooping = video.loop;
     if (video.loop) playback.clock.loop = "repeat";
     video.loop = false; // the mesh handles loops
@@ -112,7 +106,16 @@ export class VideoClock implements MasterClock {
     else this.#seekVideo(position);
   }
 
-  setSpeed(speed: number): void {
+  change({ loop, speed, range }: Partial<ClockSettings>): void {
+    const isBackward = speed !== undefined && speed < 0;
+    if (loop === "pingpong" || isBackward) {
+      const what = isBackward ? `the speed ${speed}` : 'the loop "pingpong"';
+      throw new InvalidInputError(`videos play only forwards; got ${what}`);
+    }
+    if (range) {
+      throw new InvalidInputError("a range cannot be played in sync with a video; remove one of them");
+    }
+    if (speed === undefined) return;
     try {
       this.#options.video.playbackRate = speed;
     } catch {
@@ -120,15 +123,6 @@ export class VideoClock implements MasterClock {
         `this browser does not play videos at speed ${speed}; most support 0.0625 to 16`,
       );
     }
-  }
-
-  requireSupport(loop: Loop, speed: number, range: FrameRange | null): void {
-    if (loop === "pingpong" || speed < 0) {
-      const what = speed < 0 ? `the speed ${speed}` : 'the loop "pingpong"';
-      throw new InvalidInputError(`videos play only forwards; got ${what}`);
-    }
-    if (!range) return;
-    throw new InvalidInputError("a range cannot be played in sync with a video; remove one of them");
   }
 
   setBlocked(isBlocked: boolean): void {
