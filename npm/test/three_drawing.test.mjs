@@ -182,11 +182,10 @@ test("a vertex is split at hard edges, where faces have separate normals", () =>
   assert.equal(drawing.sources.length, 24);
   assert.deepEqual(drawing.attributes, []);
   assert.deepEqual([...drawing.index].map((i) => drawing.sources[i]), [...BOX_TRIANGLES]);
-  const { vertices, triangles } = drawing.shading;
-  assert.deepEqual([...triangles].map((row) => vertices[row]), [...BOX_TRIANGLES]);
-  assert.deepEqual([...drawing.rows].map((row) => vertices[row]), [...drawing.sources]);
+  const { nRows, cornerRows } = drawing;
+  assert.deepEqual([...drawing.index].map((i) => drawing.rows[i]), [...cornerRows]);
   const positions = Float32Array.from({ length: 24 }, (_, i) => (i / 3 >> i % 3) & 1);
-  const normals = computeNormals(positions, BOX_TRIANGLES, new Float32Array(72), triangles);
+  const normals = computeNormals(positions, BOX_TRIANGLES, new Float32Array(3 * nRows), cornerRows);
   const axes = [[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]];
   drawing.index.forEach((i, corner) => {
     const row = drawing.rows[i];

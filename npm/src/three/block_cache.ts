@@ -45,36 +45,21 @@ export class BlockCache<Block> {
   /** Load up to `MAX_BLOCKS` blocks by descending priority, and evict all others. */
   request(numbers: readonly number[]): void {
     for (const [number, block] of this.#blocks) {
-      if (!numbers.includes(number)) this.#evict(number, block);
+      if (numbers.includes(number)) continue;
+      this.#blocks.delete(number);
+      this.#handlers.release(block);
     }
-    const missing = numbers.find((number) => this.#isMissing(number));
-    if (this.#loading && this.#loading.number !== missing) this.#abort();
+    const missing = numbers.find((one) => ![this.#blocks, this.#damaged, this.#failed].some((known) => known.has(one)));
+    if (this.#loading && this.#loading.number !== missing) {
+      this.#loading.abort.abort();
+      this.#loading = null;
+    }
     if (missing !== undefined && !this.#loading) void this.#start(missing);
   }
 
   /** Allow blocks that failed to load to be requested again, except for damaged ones. */
   retry(): void {
     this.#failed.clear();
-  }
-
-  /** Evict all blocks and abort loading. */
-  clear(): void {
-    this.#abort();
-    for (const [number, block] of this.#blocks) this.#evict(number, block);
-  }
-
-  #isMissing(number: number): boolean {
-    return !this.#blocks.has(number) && !this.#damaged.has(number) && !this.#failed.has(number);
-  }
-
-  #evict(number: number, block: Block): void {
-    this.#blocks.delete(number);
-    this.#handlers.release(block);
-  }
-
-  #abort(): void {
-    this.#loading?.abort.abort();
-    this.#loading = null;
   }
 
   async #start(number: number): Promise<void> {

@@ -3,6 +3,7 @@
 
 import * as THREE from "three";
 
+import type { AttributeSetup } from "./backend.js";
 import type { LoadedBlock, Moment } from "./loaded_block.js";
 
 /** Corrections of a picture. */
@@ -33,16 +34,16 @@ export function blendCorrections(moment: Moment): Corrections {
 }
 
 // An entry has the vertex and its offset. The shader knows the size of the target from that of fields.
-const VERTEX_SHADER = `
+const vertexShader = (shift: AttributeSetup["shift"]) => `
 uniform isampler2DArray fields;
 uniform sampler2D corrections;
-flat out vec3 correction;
+flat out vec3 start;
 void main() {
   vec4 found = texelFetch(corrections, texelOf(gl_VertexID), 0);
   vec2 texel = vec2(texelOf(int(found.x))) + 0.5;
   gl_Position = vec4(texel / vec2(textureSize(fields, 0)) * 2.0 - 1.0, 0.0, 1.0);
   gl_PointSize = 1.0;
-  correction = found.yzw;
+  start = vec3(${shift}) + found.yzw;
 }`;
 
 /** A uniform with a table of floats. */
@@ -61,11 +62,13 @@ export class CorrectedPoints {
 
   /**
    * @param triangle - draws all texels before
+   * @param shift - added to all sums
    * @param prelude - GLSL at the start of every shader
    * @param setTable - sets the first entries of a table, or creates it
    */
   constructor(
     triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>,
+    shift: AttributeSetup["shift"],
     prelude: string,
     setTable: (uniform: TableUniform, data: Float32Array) => void,
   ) {
@@ -73,7 +76,7 @@ export class CorrectedPoints {
     const { fragmentShader, uniforms } = triangle.material;
     const material = new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
-      vertexShader: prelude + VERTEX_SHADER,
+      vertexShader: prelude + vertexShader(shift),
       fragmentShader,
       uniforms: { ...uniforms, corrections: this.#uniform },
     });

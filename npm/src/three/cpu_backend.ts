@@ -20,9 +20,8 @@ export class CpuBackend implements Backend {
   constructor(segment: MeshSegment) {
     this.#segment = segment;
     const { reel, drawing, geometry } = segment;
-    const { info } = reel;
-    this.#positions = new Float32Array(3 * info.nVerts);
-    this.#normals = new Float32Array(3 * (drawing.shading?.vertices.length ?? info.nVerts));
+    this.#positions = new Float32Array(3 * reel.info.nVerts);
+    this.#normals = new Float32Array(3 * drawing.nRows);
     const attribute = (name: string) => {
       const created = new THREE.BufferAttribute(new Float32Array(3 * drawing.sources.length), 3);
       geometry.setAttribute(name, created.setUsage(THREE.DynamicDrawUsage));
@@ -46,7 +45,7 @@ export class CpuBackend implements Backend {
     const { reel, drawing, shift } = this.#segment;
     const fieldsOf = (block: LoadedBlock) => this.#fields.get(block) as Int16Array;
     computePositions(picture, fieldsOf, shift, this.#positions);
-    computeNormals(this.#positions, reel.surface.triangles, this.#normals, drawing.shading?.triangles);
+    computeNormals(this.#positions, reel.surface.triangles, this.#normals, drawing.cornerRows);
     for (const [attribute, values, rows] of this.#attributes) {
       gather(values, rows, attribute.array as Float32Array);
       attribute.needsUpdate = true;

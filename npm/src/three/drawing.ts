@@ -30,7 +30,7 @@ interface DomainAttribute extends VertexAttribute {
 }
 
 /** The drawn geometry of a surface. */
-export interface Drawing {
+export interface Drawing extends NormalRows {
   /** Vertex of the file of each drawn vertex. */
   readonly sources: Uint32Array;
   /** Three vertices per triangle. */
@@ -48,8 +48,6 @@ export interface Drawing {
   readonly items: Uint32Array;
   /** Normal row of each vertex: its vertex of the file if there are no hard edges. */
   readonly rows: Uint32Array;
-  /** Normal rows of a mesh with hard edges, else null. */
-  readonly shading: NormalRows | null;
 }
 
 /**
@@ -62,42 +60,37 @@ export function createDrawing(
   nVerts: number,
   split: "face" | "corner" | null = null,
 ): Drawing {
-  const { triangles, attributes } = surface;
+  const { triangles } = surface;
   const lookup = createItemLookup(surface);
-  const uvs = attributes.filter((one) => one.kind === "uv").slice(0, MAX_UV_SETS);
-  const colors = attributes.filter((one) => one.kind === "color").slice(0, 1);
+  const ofKind = (kind: Attribute["kind"]) => surface.attributes.filter((one) => one.kind === kind);
+  const uvs = ofKind("uv").slice(0, MAX_UV_SETS);
+  const colors = ofKind("color").slice(0, 1);
   const columns = [...uvs.map(uvColumn), ...colors.map(colorColumn)];
-  const shading = createNormalRows(surface, nVerts, lookup("corner"));
-  const sources = Uint32Array.from({ length: nVerts }, (_, vertex) => vertex);
-  const drawing = { sources, attributes: columns, items: sources, rows: sources, shading };
-  const uvNames = uvs.map((uv) => uv.name);
-  if (!split && !shading && columns.every(({ domain }) => domain === "vertex")) {
-    return { ...drawing, uvNames, ...sortByMaterial(surface, lookup("face"), triangles) };
+  const normalRows = createNormalRows(surface, nVerts, lookup("corner"));
+  const shared = { ...normalRows, uvNames: uvs.map((uv) => uv.name) };
+  const { cornerRows } = normalRows;
+  if (!split && cornerRows === triangles && columns.every(({ domain }) => domain === "vertex")) {
+    const sources = Uint32Array.from({ length: nVerts }, (_, vertex) => vertex);
+    const drawing = { ...shared, sources, items: sources, rows: sources, attributes: columns };
+    return { ...drawing, ...sortByMaterial(surface, lookup("face"), triangles) };
   }
-  const rows = shading?.triangles ?? triangles;
-  const items = split ? triangles.map((_, corner) => lookup(split)(corner)) : triangles;
-  const atCorners = [triangles, rows, items].map((values) => {
+  const cornerItems = split ? triangles.map((_, corner) => lookup(split)(corner)) : triangles;
+  const atCorners = [triangles, cornerRows, cornerItems].map((values) => {
     return { width: 1, values, itemOf: (corner: number) => corner };
   });
-  const keys = columns.map((column) => ({ ...column, itemOf: lookup(column.domain) }));
-  const { index, firstCorners } = splitVertices([...atCorners, ...keys], triangles.length);
-  const gather = (values: Uint32Array) => firstCorners.map((corner) => values[corner]);
-  return {
-    sources: gather(triangles),
-    attributes: keys.map(({ values, width, itemOf, ...column }) => {
-      const drawn = new Float32Array(firstCorners.length * width);
-      firstCorners.forEach((corner, i) => {
-        const from = width * itemOf(corner);
-        drawn.set(values.subarray(from, from + width), width * i);
-      });
-      return { ...column, width, values: drawn };
-    }),
-    items: gather(items),
-    rows: gather(rows),
-    shading,
-    uvNames,
-    ...sortByMaterial(surface, lookup("face"), index),
-  };
+  const atItems = columns.map((column) => ({ ...column, itemOf: lookup(column.domain) }));
+  const { index, firstCorners } = splitVertices([...atCorners, ...atItems], triangles.length);
+  const [sources, rows, items] = atCorners.map(({ values }) => firstCorners.map((corner) => values[corner]));
+  const attributes = atItems.map(({ name, values, width, itemOf }) => {
+    const drawn = new Float32Array(firstCorners.length * width);
+    firstCorners.forEach((corner, i) => {
+      const from = width * itemOf(corner);
+      drawn.set(values.subarray(from, from + width), width * i);
+    });
+    return { name, width, values: drawn };
+  });
+  const drawing = { ...shared, sources, items, rows, attributes };
+  return { ...drawing, ...sortByMaterial(surface, lookup("face"), index) };
 }
 
 function uvColumn(attribute: Attribute, number: number): DomainAttribute {

@@ -8,23 +8,14 @@ type CorrectionsScript = typeof import("./corrections.js");
 
 /** A block without its fields. */
 export interface LoadedBlock extends Omit<BlockFields, "fields"> {
-  /** Mean of the weights over its frames: nModes x 3. */
-  readonly meanWeights: Float32Array;
   /** Null if it has no corrections. */
   readonly corrections: CorrectionsScript | null;
 }
 
 /** Remove the fields of a block, and load the script of corrections if it has some. */
-export async function withoutFields(block: BlockFields): Promise<LoadedBlock> {
-  const { fields: _, ...rest } = block;
+export async function withoutFields({ fields: _, ...block }: BlockFields): Promise<LoadedBlock> {
   const corrections = block.correctionVertices.length ? await import("./corrections.js") : null;
-  return { ...rest, meanWeights: meanWeights(block), corrections };
-}
-
-function meanWeights({ weights, nModes, nFrames }: BlockFields): Float32Array {
-  const sums = new Float64Array(3 * nModes);
-  weights.forEach((weight, i) => (sums[i % sums.length] += weight));
-  return Float32Array.from(sums, (sum) => sum / nFrames);
+  return { ...block, corrections };
 }
 
 /** A time: frame `t` of a block, or between it and frame `nextT` of the same or the next block. */
@@ -60,22 +51,28 @@ export function composePicture(moment: Moment): Picture {
 }
 
 function weightedBlocks({ block, t, next, nextT, fraction, nActiveModes }: Moment): WeightedBlock[] {
-  const current = frameWeights(block, t, 1 - fraction, nActiveModes);
-  if (fraction === 0) return [{ block, weights: current }];
-  const following = frameWeights(next, nextT, fraction, nActiveModes);
-  if (block === next) return [{ block, weights: current.map((one, i) => one + following[i]) }];
+  const weights = frameWeights(block, t, 1 - fraction, nActiveModes);
+  if (fraction === 0) return [{ block, weights }];
+  const nextWeights = frameWeights(next, nextT, fraction, nActiveModes);
+  if (block === next) return [{ block, weights: weights.map((one, i) => one + nextWeights[i]) }];
   return [
-    { block, weights: current },
-    { block: next, weights: following },
+    { block, weights },
+    { block: next, weights: nextWeights },
   ];
 }
 
+/** Return the weights of a frame, times a factor; inactive modes stay at their mean over the block. */
 function frameWeights(block: LoadedBlock, t: number, factor: number, nActiveModes: number): Float32Array {
-  const { nModes, nBlockModes, weights, meanWeights } = block;
-  const resting = nActiveModes >= nBlockModes ? Infinity : 3 * nActiveModes;
-  return weights
-    .subarray(3 * nModes * t, 3 * nModes * (t + 1))
-    .map((one, i) => factor * (i < resting ? one : meanWeights[i]));
+  const nWeights = 3 * block.nModes;
+  const weights = block.weights.subarray(nWeights * t, nWeights * (t + 1));
+  const resting = nActiveModes < block.nBlockModes ? meanWeights(block) : weights;
+  return weights.map((one, i) => factor * (i < 3 * nActiveModes ? one : resting[i]));
+}
+
+function meanWeights({ weights, nModes, nFrames }: LoadedBlock): Float64Array {
+  const means = new Float64Array(3 * nModes);
+  weights.forEach((weight, i) => (means[i % means.length] += weight / nFrames));
+  return means;
 }
 
 /** Mean of all vertices in a picture, relative to the center of the file; ignores corrections. */

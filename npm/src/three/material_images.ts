@@ -3,7 +3,7 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../errors.js";
-import type { Image, MaterialTexture } from "../types.js";
+import type { Image, Material, MaterialTexture } from "../types.js";
 
 /** Dispatches an event of `ReelMesh`. */
 export type SendEvent = (
@@ -36,27 +36,30 @@ export class MaterialImages {
   readonly #images: readonly Image[];
   readonly #uvNames: readonly string[];
   readonly #send: SendEvent;
+  readonly #signal: AbortSignal;
   readonly #textures: THREE.Texture[] = [];
   /** By image index: an image that several textures use is decoded once. */
   readonly #decodedImages: Promise<THREE.Texture>[] = [];
-  #isDisposed = false;
 
   /**
    * @param uvNames - names of UV attributes, by channel
    * @param send - called with "change" when an image is shown, or with "error"
+   * @param signal - frees the images
    */
   constructor(
     images: readonly Image[],
     uvNames: readonly string[],
     send: SendEvent,
+    signal: AbortSignal,
   ) {
     this.#images = images;
     this.#uvNames = uvNames;
     this.#send = send;
+    this.#signal = signal;
+    signal.addEventListener("abort", () => this.#dispose());
   }
 
-  dispose(): void {
-    this.#isDisposed = true;
+  #dispose(): void {
     for (const texture of this.#textures) texture.dispose();
     for (const image of this.#decodedImages) {
       image?.then(
@@ -66,14 +69,26 @@ export class MaterialImages {
     }
   }
 
+  /** Assign the images of materials by their definitions in the file. */
+  async applyTo(
+    materials: readonly THREE.Material[],
+    definitions: readonly (Material | undefined)[],
+  ): Promise<void> {
+    if (this.#signal.aborted) return;
+    const textures = definitions.map((one) => one?.textures ?? []);
+    await Promise.all(
+      materials.flatMap((material, i) => textures[i].map((one) => this.#apply(material, one))),
+    );
+  }
+
   /** Assign an image to a material, if the material has the slot. */
-  async apply(material: THREE.Material, reference: MaterialTexture): Promise<void> {
+  async #apply(material: THREE.Material, reference: MaterialTexture): Promise<void> {
     const slot = SLOTS[reference.slot];
     if (!(slot in material)) return; // unlit materials have only the base color
     const image = this.#images[reference.image];
     try {
       const shared = await (this.#decodedImages[reference.image] ??= decode(image));
-      if (this.#isDisposed) return;
+      if (this.#signal.aborted) return;
       const channel = this.#uvNames.indexOf(reference.uv);
       if (channel < 0) throw new Error(`there is no UV attribute ${reference.uv}`);
       const texture = shared.clone();
@@ -89,7 +104,7 @@ export class MaterialImages {
       material.needsUpdate = true;
       this.#send({ type: "change" });
     } catch (thrown) {
-      if (this.#isDisposed) return;
+      if (this.#signal.aborted) return;
       const error = new InvalidInputError(`cannot show ${image.name}: ${thrown}`);
       this.#send({ type: "error", error, block: null });
     }

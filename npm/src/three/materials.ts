@@ -2,9 +2,9 @@
 
 import * as THREE from "three";
 
-import type { Image, Material, MaterialTexture, Surface } from "../types.js";
+import type { Image, Material, Surface } from "../types.js";
 import type { Drawing } from "./drawing.js";
-import type { MaterialImages, SendEvent } from "./material_images.js";
+import type { SendEvent } from "./material_images.js";
 
 type Standard = THREE.MeshStandardMaterial;
 
@@ -13,62 +13,43 @@ const DEFAULT_COLOR = 0x9eb0c4;
 
 /** The materials of a surface; their images are assigned as they are decoded. */
 export class Materials {
-  readonly #send: SendEvent;
   /** By `materialIndex` of the drawing. */
   readonly list: (Standard | THREE.MeshBasicMaterial)[];
-  #images: MaterialImages | null = null;
-  #isDisposed = false;
-  /** Materials that the file does not define. */
-  readonly #defaults = new Set<THREE.Material>();
   /** Resolves when all images that can be decoded are shown. */
-  readonly imagesReady: Promise<unknown>;
+  readonly imagesReady: Promise<void> | undefined;
+  /** Aborted by `dispose`. */
+  readonly #lifetime = new AbortController();
 
   /** @param send - called with "change" when an image is shown, or with "error" */
-  constructor(
-    surface: Surface,
-    drawing: Drawing,
-    isFlat: boolean | undefined,
-    send: SendEvent,
-  ) {
-    this.#send = send;
+  constructor(surface: Surface, drawing: Drawing, isFlat: boolean | undefined, send: SendEvent) {
     const hasColors = drawing.attributes.some(({ name }) => name === "color");
-    const textureSlots: [THREE.Material, MaterialTexture][] = [];
-    this.list = drawing.materialNames.map((name) => {
-      const definition = surface.materials.find((one) => one.name === name);
+    const definitions = drawing.materialNames.map((name) => surface.materials.find((one) => one.name === name));
+    this.list = definitions.map((definition) => {
       const material = definition ? createMaterial(definition) : createDefaultMaterial(hasColors);
-      if (!definition) this.#defaults.add(material);
       material.vertexColors = hasColors;
       if ("flatShading" in material) material.flatShading = !!isFlat;
-      for (const texture of definition?.textures ?? []) textureSlots.push([material, texture]);
       return material;
     });
-    this.imagesReady = textureSlots.length
-      ? this.#loadImages(textureSlots, surface.images, drawing.uvNames)
-      : Promise.resolve();
-  }
-
-  /** Whether the file does not define a material. */
-  isDefault(material: THREE.Material): boolean {
-    return this.#defaults.has(material);
+    if (surface.images.length) this.imagesReady = this.#loadImages(definitions, surface.images, drawing.uvNames, send);
   }
 
   dispose(): void {
-    this.#isDisposed = true;
-    this.#images?.dispose();
+    this.#lifetime.abort();
     for (const material of this.list) material.dispose();
   }
 
   async #loadImages(
-    textureSlots: readonly [THREE.Material, MaterialTexture][],
-    ...definition: [images: readonly Image[], uvNames: readonly string[]]
+    definitions: readonly (Material | undefined)[],
+    images: readonly Image[],
+    uvNames: readonly string[],
+    send: SendEvent,
   ): Promise<void> {
     try {
       const { MaterialImages } = await import("./material_images.js");
-      if (this.#isDisposed) return;
-      const images = (this.#images = new MaterialImages(...definition, this.#send));
-      await Promise.all(textureSlots.map(([material, texture]) => images.apply(material, texture)));
+      const { signal } = this.#lifetime;
+      await new MaterialImages(images, uvNames, send, signal).applyTo(this.list, definitions);
     } catch (error) {
-      this.#send({ type: "error", error: error as Error, block: null });
+      send({ type: "error", error: error as Error, block: null });
     }
   }
 }

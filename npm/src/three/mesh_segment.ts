@@ -72,10 +72,11 @@ export class MeshSegment {
     const drawing = (this.drawing = createDrawing(surface, info.nVerts, this.split));
     const geometry = (this.geometry = new THREE.BufferGeometry());
     geometry.setIndex(new THREE.BufferAttribute(drawing.index, 1));
-    const none = { width: 3, values: new Float32Array(3) }; // until a backend replaces it
-    const [position, normal] = ["position", "normal"].map((name) => ({ name, ...none }));
-    for (const { name, width, values } of [position, normal, ...drawing.attributes]) {
+    for (const { name, width, values } of drawing.attributes) {
       geometry.setAttribute(name, new THREE.BufferAttribute(values, width));
+    }
+    for (const name of ["position", "normal"]) {
+      geometry.setAttribute(name, new THREE.BufferAttribute(new Float32Array(3), 3)); // until there is a backend
     }
     geometry.groups = [...drawing.groups];
     geometry.setDrawRange(0, 0);

@@ -4,16 +4,15 @@
 import type { Surface } from "../types.js";
 import type { ItemLookup } from "./corners.js";
 
-/** Normal rows of a mesh with hard edges: one normal per row. */
+/** Normal rows: one normal per row. */
 export interface NormalRows {
-  /** Vertex of each row. */
-  readonly vertices: Uint32Array;
-  /** Row of each corner of the triangles. */
-  readonly triangles: Uint32Array;
+  readonly nRows: number;
+  /** Row of each corner of the triangles; its vertex of the file, if that is not at a hard edge. */
+  readonly cornerRows: Uint32Array;
 }
 
 /**
- * Create the normal rows of a surface; null if it has no hard edges.
+ * Create the normal rows of a surface.
  *
  * @param cornerOf - returns the face corner at a corner of a triangle
  */
@@ -21,32 +20,24 @@ export function createNormalRows(
   { hardEdges, triangles, faceSizes: sizes }: Surface,
   nVerts: number,
   cornerOf: ItemLookup,
-): NormalRows | null {
-  if (!hardEdges) return null;
+): NormalRows {
+  if (!hardEdges) return { nRows: nVerts, cornerRows: triangles };
   const nTriangles = triangles.length / 3;
   const vertexOf = new Uint32Array(nTriangles + 2 * (sizes?.length ?? nTriangles));
   triangles.forEach((vertex, i) => (vertexOf[cornerOf(i)] = vertex));
   const isAtHardEdge = new Uint8Array(nVerts);
   for (const vertex of hardEdges) isAtHardEdge[vertex] = 1;
   const fans = smoothFans(vertexOf, sizes, hardEdges, isAtHardEdge);
-  const vertices = Array.from({ length: nVerts }, (_, vertex) => vertex);
   const rowOf = new Map<number, number>(); // row of each fan at a hard edge
-  const hasRow = new Uint8Array(nVerts);
-  const cornerRows = vertexOf.map((vertex, corner) => {
+  let nRows = nVerts;
+  const cornerRows = triangles.map((vertex, i) => {
     if (!isAtHardEdge[vertex]) return vertex;
-    const fan = findRoot(fans, corner);
-    let row = rowOf.get(fan);
-    if (row === undefined) {
-      row = hasRow[vertex] ? vertices.push(vertex) - 1 : vertex;
-      hasRow[vertex] = 1;
-      rowOf.set(fan, row);
-    }
+    const fan = findRoot(fans, cornerOf(i));
+    const row = rowOf.get(fan) ?? nRows++;
+    rowOf.set(fan, row);
     return row;
   });
-  return {
-    vertices: Uint32Array.from(vertices),
-    triangles: triangles.map((_, i) => cornerRows[cornerOf(i)]),
-  };
+  return { nRows, cornerRows };
 }
 
 /** Union-find forest of corners that are connected across smooth edges: the parent of each. */

@@ -162,9 +162,7 @@ export class Playback {
    * @throws InvalidInputError if it is not a finite number.
    */
   seek(position: number): void {
-    if (!Number.isFinite(position)) {
-      throw new InvalidInputError(`a time must be a finite number; got ${position}`);
-    }
+    requireFinite("a time", position);
     this.clock.seek(position);
     this.#masterClock?.seek(this.clock.position);
     this.retry();
@@ -178,9 +176,7 @@ export class Playback {
    */
   change(settings: Partial<ClockSettings>): void {
     const { speed = 0, range } = settings;
-    if (!Number.isFinite(speed)) {
-      throw new InvalidInputError(`speed must be a finite number; got ${speed}`);
-    }
+    requireFinite("speed", speed);
     if (range) {
       const { start, nFrames } = range;
       const isInside = start >= 0 && nFrames >= 1 && start + nFrames <= this.nFrames;
@@ -247,7 +243,7 @@ export class Playback {
 
   /** Load all blocks again. Must be called once the display is ready, and when it lost its data. */
   restart(): void {
-    this.#cache.clear();
+    this.#cache.request([]);
     this.#hasDisplay = true;
     this.#shown = null;
     this.show();
@@ -257,7 +253,7 @@ export class Playback {
   dispose(): void {
     this.isPlaying = false;
     this.#hasDisplay = false;
-    this.#cache.clear();
+    this.#cache.request([]);
   }
 
   /** Number of modes of each block that are animated. */
@@ -346,4 +342,8 @@ export class Playback {
 /** Number the blocks of a segment that begins at a frame. */
 function playedBlocks({ info }: OpenReel, segment: number, first: number): PlayedBlock[] {
   return info.blocks.map(({ start, nFrames }, block) => ({ start: first + start, nFrames, segment, block }));
+}
+
+function requireFinite(name: string, value: number): void {
+  if (!Number.isFinite(value)) throw new InvalidInputError(`${name} must be a finite number; got ${value}`);
 }

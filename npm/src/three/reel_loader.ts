@@ -29,7 +29,7 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
     url: string,
     onLoad: (mesh: ReelMesh) => void,
     _onProgress?: (event: ProgressEvent) => void,
-    onError?: (error: unknown) => void,
+    onError: (error: unknown) => void = console.error,
   ): void {
     const { manager } = this;
     const address = manager.resolveURL(THREE.LoaderUtils.resolveURL(url, this.path));
@@ -37,8 +37,7 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
     this.#open(address)
       .then(onLoad)
       .catch((error: unknown) => {
-        if (onError) onError(error);
-        else console.error(error);
+        onError(error);
         manager.itemError(url);
       })
       .finally(() => manager.itemEnd(url));

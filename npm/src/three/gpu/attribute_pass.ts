@@ -16,10 +16,6 @@ uvec2 pairAt(int entry) {
   return texelFetch(table, texelOf(entry), 0).xy;
 }`;
 
-const FRAGMENT_SHADER = `
-out vec4 color;
-void main() { color = vec4(0.0); }`;
-
 /** Computes attributes of a geometry. */
 export class AttributePass {
   readonly #renderer: THREE.WebGLRenderer;
@@ -101,7 +97,7 @@ function linkProgram(gl: WebGL2RenderingContext, vertexShader: string, outputs: 
     gl.deleteShader(shader);
   };
   attach(gl.VERTEX_SHADER, vertexShader);
-  attach(gl.FRAGMENT_SHADER, FRAGMENT_SHADER);
+  attach(gl.FRAGMENT_SHADER, "void main() {}");
   gl.transformFeedbackVaryings(program, outputs, gl.SEPARATE_ATTRIBS);
   gl.linkProgram(program);
   if (gl.getProgramParameter(program, gl.LINK_STATUS)) return program;

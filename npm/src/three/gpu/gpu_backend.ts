@@ -27,8 +27,7 @@ uniform isampler2DArray fields;
 uniform isampler2DArray nextFields;
 uniform sampler2D weights;
 uniform int nNextGroups;
-uniform vec3 shift;
-flat in vec3 correction;
+flat in vec3 start;
 out vec4 position;
 vec4 weightsAt(int entry) {
   return texelFetch(weights, texelOf(entry), 0);
@@ -40,20 +39,20 @@ vec3 product(ivec4 field, int group) {
 void main() {
   ivec2 texel = ivec2(gl_FragCoord.xy);
   int nGroups = textureSize(fields, 0).z;
-  vec3 sum = correction;
+  vec3 sum = start;
   for (int i = 0; i < nGroups; i++) sum += product(texelFetch(fields, ivec3(texel, i), 0), i);
   for (int i = 0; i < nNextGroups; i++) {
     sum += product(texelFetch(nextFields, ivec3(texel, i), 0), nGroups + i);
   }
-  position = vec4(sum + shift, 1.0);
+  position = vec4(sum, 1.0);
 }`;
 
-// A triangle that covers the target. Points that are drawn over it have other corrections.
-const FULL_SCREEN_TRIANGLE = `${PRELUDE}
-flat out vec3 correction;
+// A triangle that covers the target. Points that are drawn over it have corrections.
+const triangleShader = (shift: AttributeSetup["shift"]) => `${PRELUDE}
+flat out vec3 start;
 void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
-  correction = vec3(0.0);
+  start = vec3(${shift});
 }`;
 
 const CAMERA = new THREE.Camera();
@@ -92,8 +91,8 @@ export class GpuBackend implements Backend {
     nextFields: { value: null as THREE.DataArrayTexture | null },
     weights: { value: null as THREE.DataTexture | null },
     nNextGroups: { value: 0 },
-    shift: { value: new THREE.Vector3() },
   };
+  readonly #shift: AttributeSetup["shift"];
   /** A triangle that covers the target. */
   readonly #triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
   /** Null until a picture has corrections. */
@@ -110,10 +109,10 @@ export class GpuBackend implements Backend {
       minFilter: THREE.NearestFilter,
       magFilter: THREE.NearestFilter,
     });
-    this.#uniforms.shift.value.set(...setup.shift);
+    this.#shift = setup.shift;
     const material = new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
-      vertexShader: FULL_SCREEN_TRIANGLE,
+      vertexShader: triangleShader(setup.shift),
       fragmentShader: FRAGMENT_SHADER,
       uniforms: this.#uniforms,
     });
@@ -151,7 +150,7 @@ export class GpuBackend implements Backend {
     nNextGroups.value = next?.image.depth ?? 0;
     setTable(weights, packWeights(blocks));
     if (corrections) {
-      this.#corrected ??= corrections.createPoints(this.#triangle, PRELUDE, setTable);
+      this.#corrected ??= corrections.createPoints(this.#triangle, this.#shift, PRELUDE, setTable);
     }
     this.#corrected?.set(corrections?.offsets);
     const renderer = this.#renderer;

@@ -45,9 +45,8 @@ void main() {
 }
 
 /** Number of pairs of integers in the topology of a mesh. */
-export function topologySize({ reel, drawing }: MeshSegment): number {
-  const { info, surface } = reel;
-  return drawing.sources.length + (drawing.shading?.vertices.length ?? info.nVerts) + surface.triangles.length;
+export function topologySize({ drawing }: MeshSegment): number {
+  return drawing.sources.length + drawing.nRows + drawing.cornerRows.length;
 }
 
 /**
@@ -59,20 +58,18 @@ export function topologySize({ reel, drawing }: MeshSegment): number {
  */
 function createTopology(segment: MeshSegment): Uint32Array {
   const { triangles } = segment.reel.surface;
-  const { sources, rows, shading } = segment.drawing;
-  const nPairs = topologySize(segment);
-  const pairs = new Uint32Array(2 * nPairs);
+  const { sources, rows, nRows, cornerRows } = segment.drawing;
+  const pairs = new Uint32Array(2 * topologySize(segment));
   const firstRow = sources.length;
   sources.forEach((source, i) => pairs.set([source, firstRow + rows[i]], 2 * i));
-  const rowOf = shading?.triangles ?? triangles;
-  const counts = new Uint32Array(nPairs - firstRow - triangles.length);
-  for (const row of rowOf) counts[row]++;
-  let end = nPairs - triangles.length;
+  const counts = new Uint32Array(nRows);
+  for (const row of cornerRows) counts[row]++;
+  let end = firstRow + nRows;
   counts.forEach((count, row) => {
     pairs.fill(end, 2 * (firstRow + row), 2 * (firstRow + row + 1));
     end += count;
   });
-  rowOf.forEach((row, i) => {
+  cornerRows.forEach((row, i) => {
     const face = i - (i % 3);
     const corner = pairs[2 * (firstRow + row) + 1]++;
     pairs[2 * corner] = triangles[face + ((i + 1) % 3)];

@@ -194,7 +194,11 @@ function overrideMaterials(texture: THREE.Texture, { segments, current, material
   const all = [...segments.values()];
   const isOwn = material === current.material;
   const materials = isOwn ? all.flatMap((one) => one.materials?.list ?? []) : [material].flat();
-  const isDefault = (one: THREE.Material) => [...segments.values()].some(({ materials }) => materials?.isDefault(one));
+  const isDefault = (one: THREE.Material) =>
+    [...segments.values()].some((segment) => {
+      const name = segment.drawing.materialNames[segment.materials?.list.indexOf(one as never) ?? -1];
+      return name !== undefined && !segment.reel.surface.materials.some((defined) => defined.name === name);
+    });
   return new MaterialOverride(texture, materials, isDefault);
 }
 
