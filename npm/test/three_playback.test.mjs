@@ -24,8 +24,8 @@ class Fixture {
         this.maxHeld = Math.max(this.maxHeld, this.held.size);
         return block;
       },
-      release: (block) => this.held.delete(block.index),
-      show: ({ block, t, next, nextT, fraction, nActiveModes }) => {
+      release: (_segment, block) => this.held.delete(block.index),
+      show: (_segment, { block, t, next, nextT, fraction, nActiveModes }) => {
         this.moments.push([block.index, t, next.index, nextT, fraction]);
         this.nActiveModes = nActiveModes;
       },

@@ -35,8 +35,8 @@ class Fixture {
       load: (segment, block, signal) =>
         wait(`load ${segment}.${block}`, { id: `${segment}.${block}`, segment }, signal),
       release: () => {},
-      show: ({ block, t, next, nextT, fraction }) => {
-        assert.equal(block.segment, next.segment, "interpolates between segments");
+      show: (segment, { block, t, next, nextT, fraction }) => {
+        assert.deepEqual([block.segment, next.segment], [segment, segment], "interpolates between segments");
         this.moments.push([block.id, t, next.id, nextT, fraction]);
       },
     };

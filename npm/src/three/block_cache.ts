@@ -1,40 +1,41 @@
 // Caches the blocks around the current time: at most two blocks, loaded one at a time.
 
+import type { LoadedBlock } from "./loaded_block.js";
+
 /** Limit of cached blocks. */
 export const MAX_BLOCKS = 2;
+
+/** A block in the order of playback. */
+export interface CachedBlock {
+  loaded: LoadedBlock | null;
+  /** Whether loading failed; it is not requested again until `retry`. */
+  hasFailed: boolean;
+  /** Whether it is damaged; it is never requested again. */
+  isDamaged: boolean;
+}
 
 /** What a cache calls. */
 export interface BlockHandlers<Block> {
   /** Load a block; the signal is aborted when the block is no longer requested. */
-  load(number: number, signal: AbortSignal): Promise<Block>;
+  load(block: Block, signal: AbortSignal): Promise<LoadedBlock>;
   /** Free the resources of a block that is evicted. */
-  release(block: Block): void;
+  release(block: Block, loaded: LoadedBlock): void;
   /** Called when a block is loaded; must call `request` again. */
   onLoaded(): void;
   /** Called when a block fails to load; must call `request` again. */
-  onError(number: number, error: Error): void;
+  onError(block: Block, error: Error): void;
 }
 
 /** Loads requested blocks and evicts all others. */
-export class BlockCache<Block> {
+export class BlockCache<Block extends CachedBlock> {
+  readonly #blocks: readonly Block[];
   readonly #handlers: BlockHandlers<Block>;
-  readonly #blocks = new Map<number, Block>();
-  readonly #damaged = new Set<number>();
-  readonly #failed = new Set<number>();
-  #loading: { number: number; abort: AbortController } | null = null;
+  #loading: { block: Block; abort: AbortController } | null = null;
 
-  constructor(handlers: BlockHandlers<Block>) {
+  /** @param blocks - all blocks; the array may change */
+  constructor(blocks: readonly Block[], handlers: BlockHandlers<Block>) {
+    this.#blocks = blocks;
     this.#handlers = handlers;
-  }
-
-  /** Return a block if it is loaded. */
-  get(number: number): Block | undefined {
-    return this.#blocks.get(number);
-  }
-
-  /** Whether a block is damaged; it is never requested again. */
-  isDamaged(number: number): boolean {
-    return this.#damaged.has(number);
   }
 
   /** Whether a requested block is being loaded. */
@@ -43,41 +44,42 @@ export class BlockCache<Block> {
   }
 
   /** Load up to `MAX_BLOCKS` blocks by descending priority, and evict all others. */
-  request(numbers: readonly number[]): void {
-    for (const [number, block] of this.#blocks) {
-      if (numbers.includes(number)) continue;
-      this.#blocks.delete(number);
-      this.#handlers.release(block);
+  request(wanted: readonly Block[]): void {
+    for (const block of this.#blocks) {
+      if (!block.loaded || wanted.includes(block)) continue;
+      this.#handlers.release(block, block.loaded);
+      block.loaded = null;
     }
-    const missing = numbers.find((one) => ![this.#blocks, this.#damaged, this.#failed].some((known) => known.has(one)));
-    if (this.#loading && this.#loading.number !== missing) {
+    const missing = wanted.find((one) => !(one.loaded || one.hasFailed || one.isDamaged));
+    if (this.#loading && this.#loading.block !== missing) {
       this.#loading.abort.abort();
       this.#loading = null;
     }
-    if (missing !== undefined && !this.#loading) void this.#start(missing);
+    if (missing && !this.#loading) void this.#start(missing);
   }
 
   /** Allow blocks that failed to load to be requested again, except for damaged ones. */
   retry(): void {
-    this.#failed.clear();
+    for (const block of this.#blocks) block.hasFailed = false;
   }
 
-  async #start(number: number): Promise<void> {
+  async #start(block: Block): Promise<void> {
     const abort = new AbortController();
-    this.#loading = { number, abort };
-    let block: Block;
+    this.#loading = { block, abort };
+    let loaded: LoadedBlock;
     try {
-      block = await this.#handlers.load(number, abort.signal);
+      loaded = await this.#handlers.load(block, abort.signal);
     } catch (thrown) {
       if (abort.signal.aborted) return;
       this.#loading = null;
       const error = thrown instanceof Error ? thrown : new Error(String(thrown));
-      (isDamageError(error) ? this.#damaged : this.#failed).add(number);
-      return this.#handlers.onError(number, error);
+      block.hasFailed = true;
+      block.isDamaged = isDamageError(error);
+      return this.#handlers.onError(block, error);
     }
-    if (abort.signal.aborted) return this.#handlers.release(block);
+    if (abort.signal.aborted) return this.#handlers.release(block, loaded);
     this.#loading = null;
-    this.#blocks.set(number, block);
+    block.loaded = loaded;
     this.#handlers.onLoaded();
   }
 }

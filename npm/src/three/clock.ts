@@ -35,10 +35,11 @@ export interface ClockSettings {
 export class Clock implements ClockSettings {
   speed = 1;
   #loop: Loop = "repeat";
-  #position = 0;
+  #range: FrameRange | null = null;
+  /** Time in frames; `seek` changes it. */
+  position = 0;
   /** -1 while "pingpong" plays in reverse, else 1. */
   #direction = 1;
-  #range: FrameRange | null = null;
 
   /**
    * @param nFrames - number of frames that can be played, at least 1
@@ -58,14 +59,9 @@ export class Clock implements ClockSettings {
     if (loop !== "pingpong") this.#direction = 1;
   }
 
-  /** Time in frames. */
-  get position(): number {
-    return this.#position;
-  }
-
   /** Time in seconds. */
   get time(): number {
-    return this.#position / this.fps;
+    return this.position / this.fps;
   }
 
   /** Duration of all frames, in seconds. */
@@ -79,8 +75,8 @@ export class Clock implements ClockSettings {
 
   set range(range: FrameRange | null) {
     this.#range = range;
-    const isInside = this.#position >= this.start && this.#position <= this.end;
-    if (!isInside) this.seek(this.#position);
+    const isInside = this.position >= this.start && this.position <= this.end;
+    if (!isInside) this.seek(this.position);
   }
 
   /** First played frame. */
@@ -101,55 +97,44 @@ export class Clock implements ClockSettings {
   /** Return the current position, between frames only if `interpolate` is true. */
   current(interpolate: boolean): FramePosition {
     const last = this.end - 1;
-    const frame = Math.min(Math.floor(this.#position), last);
-    return { frame, fraction: interpolate && frame < last ? this.#position - frame : 0 };
+    const frame = Math.min(Math.floor(this.position), last);
+    return { frame, fraction: interpolate && frame < last ? this.position - frame : 0 };
   }
 
   /** Set the time in frames, clamped to the first and the last played frame. */
   seek(position: number): void {
-    this.#position = Math.min(Math.max(position, this.start), this.end - 1);
+    this.position = Math.min(Math.max(position, this.start), this.end - 1);
   }
 
   /** Move to the end of the last played frame. */
   goToEnd(): void {
-    this.#position = this.end;
+    this.position = this.end;
   }
 
   /** Move to the start if the end was reached, with the loop "once". */
   rewind(): void {
     if (this.loop !== "once") return;
-    if (this.isForward && this.#position >= this.end) this.#position = this.start;
-    if (!this.isForward && this.#position <= this.start) this.#position = this.end;
+    if (this.isForward && this.position >= this.end) this.position = this.start;
+    if (!this.isForward && this.position <= this.start) this.position = this.end;
   }
 
   /** Advance by real time, in seconds. */
   advance(seconds: number): ClockEvent {
-    const { start, end } = this;
-    const to = this.#position + seconds * this.fps * this.speed * this.#direction;
-    if (this.loop === "pingpong") return this.#reflect(to);
-    const isOver = this.isForward ? to >= end : to < start;
-    if (this.loop === "once") {
-      this.#position = Math.min(Math.max(to, start), end);
+    const { start, end, loop } = this;
+    const to = this.position + seconds * this.fps * this.speed * this.#direction;
+    if (loop === "once") {
+      const isOver = this.isForward ? to >= end : to < start;
+      this.position = Math.min(Math.max(to, start), end);
       return isOver ? "ended" : null;
     }
-    const length = end - start;
-    this.#position = to - Math.floor((to - start) / length) * length;
-    if (this.#position >= end) this.#position = start; // by rounding
-    return isOver ? "loop" : null;
-  }
-
-  #reflect(to: number): ClockEvent {
-    const { start } = this;
-    const last = this.end - 1;
-    if ((to >= start && to <= last) || last === start) {
-      this.#position = last === start ? start : to;
-      return null;
-    }
-    const lengths = Math.floor((to - start) / (last - start));
-    const rest = to - start - lengths * (last - start);
-    const isBack = lengths % 2 !== 0;
-    this.#position = isBack ? last - rest : start + rest;
-    if (isBack) this.#direction = -this.#direction;
-    return "loop";
+    // "pingpong" turns around at the last frame, and "repeat" plays it to its end.
+    const length = loop === "pingpong" ? end - 1 - start : end - start;
+    const nLoops = length && Math.floor((to - start) / length);
+    const rest = length && to - start - nLoops * length;
+    const isReversed = loop === "pingpong" && nLoops % 2 !== 0;
+    if (isReversed) this.#direction = -this.#direction;
+    this.position = start + (isReversed ? length - rest : rest);
+    if (this.position >= end) this.position = start; // by rounding
+    return nLoops ? "loop" : null;
   }
 }

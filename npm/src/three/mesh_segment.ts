@@ -2,9 +2,10 @@
 
 import * as THREE from "three";
 
-import type { OpenReel, OpenSegments } from "../types.js";
+import type { BlockFields, OpenReel, OpenSegments } from "../types.js";
 import type { Backend } from "./backend.js";
 import { createDrawing, type Drawing } from "./drawing.js";
+import type { LoadedBlock } from "./loaded_block.js";
 import type { SendEvent } from "./material_images.js";
 import { Materials } from "./materials.js";
 
@@ -27,6 +28,8 @@ export class MeshSegment {
   /** Null if the page provides the material. */
   readonly materials: Materials | null;
   backend: Backend | null = null;
+  /** Number of loaded blocks. */
+  nBlocks = 0;
   /** Domain by which the vertices of the geometry are split. */
   split: "face" | "corner" | null = null;
 
@@ -58,6 +61,17 @@ export class MeshSegment {
     if (split === this.split) return;
     this.split = split;
     this.#createGeometry();
+  }
+
+  /** Store a block for pictures. @throws Error if the GPU does not support it */
+  upload(fields: BlockFields, block: LoadedBlock): void {
+    this.backend?.upload(fields, block);
+    this.nBlocks++;
+  }
+
+  release(block: LoadedBlock): void {
+    this.backend?.release(block);
+    this.nBlocks--;
   }
 
   dispose(): void {

@@ -12,8 +12,8 @@ const MAX_SEGMENTS = 3;
 export interface SegmentedMesh {
   /** Segments in memory, the one loaded last at the end. */
   readonly segments: ReadonlyMap<number, MeshSegment>;
-  /** Segments that are shown, or have loaded blocks. */
-  used(): readonly MeshSegment[];
+  /** Return the shown segment. */
+  current(): MeshSegment;
   initTexture(texture: THREE.Texture): void;
   /** Add the prepared segment. */
   add(): void;
@@ -29,8 +29,7 @@ export async function prepareSegment(
   await segment.materials?.imagesReady;
   if (signal.aborted) segment.dispose();
   signal.throwIfAborted();
-  const used = mesh.used();
-  const unused = [...mesh.segments.values()].find((one) => !used.includes(one));
+  const unused = [...mesh.segments.values()].find((one) => one !== mesh.current() && !one.nBlocks);
   if (unused && mesh.segments.size >= MAX_SEGMENTS) mesh.remove(unused);
   mesh.add();
   for (const value of segment.materials?.list.flatMap((one) => Object.values(one)) ?? []) {

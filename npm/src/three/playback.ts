@@ -2,7 +2,7 @@
 
 import { InvalidInputError } from "../errors.js";
 import type { OpenReel, OpenSegments } from "../types.js";
-import { BlockCache, MAX_BLOCKS } from "./block_cache.js";
+import { BlockCache, type CachedBlock, MAX_BLOCKS } from "./block_cache.js";
 import { Clock, type ClockSettings, type FrameRange } from "./clock.js";
 import type { LoadedBlock, Moment } from "./loaded_block.js";
 
@@ -47,7 +47,7 @@ export type PlaybackEvent = {
 }[keyof PlaybackEvents];
 
 /** A block in the order of playback, or a segment that is not open, whose block is null. */
-interface PlayedBlock extends FrameRange {
+interface PlayedBlock extends FrameRange, CachedBlock {
   readonly segment: number;
   readonly block: number | null;
 }
@@ -56,8 +56,8 @@ interface PlayedBlock extends FrameRange {
 export interface Display {
   /** Load a block, which pictures may use until it is released. */
   load(segment: number, block: number, signal: AbortSignal): Promise<LoadedBlock>;
-  release(block: LoadedBlock): void;
-  show(moment: Moment): void;
+  release(segment: number, block: LoadedBlock): void;
+  show(segment: number, moment: Moment): void;
 }
 
 /** Drives the time in place of the clock: a video that the mesh follows. */
@@ -96,9 +96,8 @@ export class Playback {
   isPlaying = false;
   /** Whether the picture at the current time is not available yet. */
   isWaiting = true;
-  /** By the first frame of each block: that of a segment and of its first block are the same. */
-  readonly #cache: BlockCache<LoadedBlock>;
-  /** In order; a segment is replaced by its blocks when it is opened. */
+  readonly #cache: BlockCache<PlayedBlock>;
+  /** In order; a segment becomes its first block when it is opened, and the others follow. */
   readonly #blocks: PlayedBlock[];
   #masterClock: MasterClock | null = null;
   #hasDisplay = false;
@@ -111,21 +110,20 @@ export class Playback {
     this.#send = send;
     this.#file = file;
     this.#blocks = file.segments.flatMap(({ start, nFrames }, segment) =>
-      segment ? { start, nFrames, segment, block: null } : playedBlocks(file.first, segment, start),
+      segment ? playedBlock(segment, null, start, nFrames) : playedBlocks(file.first, segment, start),
     );
     const end = this.#blocks.at(-1);
     if (!end) throw new InvalidInputError(`the file ${file.info.name} has no frames`);
     this.nFrames = end.start + end.nFrames;
     this.clock = new Clock(this.nFrames, file.info.fps || DEFAULT_FPS);
-    this.#cache = new BlockCache({
-      load: (start, signal) => this.#load(start, signal),
-      release: (block) => display.release(block),
+    this.#cache = new BlockCache(this.#blocks, {
+      load: (played, signal) => this.#load(played, signal),
+      release: ({ segment }, block) => display.release(segment, block),
       onLoaded: () => {
         this.show();
         send({ type: "progress" });
       },
-      onError: (number, error) => {
-        const { start, nFrames, block } = this.#blockAt(number);
+      onError: ({ start, nFrames, block }, error) => {
         send({ type: "error", error, block: block ?? 0, frames: { start, nFrames } });
         this.show();
       },
@@ -200,8 +198,8 @@ export class Playback {
   /** Ranges of frames that can be shown without loading, in ascending order. */
   get loaded(): readonly FrameRange[] {
     const ranges: { start: number; nFrames: number }[] = [];
-    for (const { start, nFrames } of this.#blocks) {
-      if (!this.#cache.get(start)) continue;
+    for (const { start, nFrames, loaded } of this.#blocks) {
+      if (!loaded) continue;
       const last = ranges.at(-1);
       if (last && last.start + last.nFrames === start) last.nFrames += nFrames;
       else ranges.push({ start, nFrames });
@@ -271,17 +269,16 @@ export class Playback {
   /** Show the current picture if it is available, and request its blocks and the next one. */
   show(): void {
     if (!this.#hasDisplay) return this.#masterClock?.setBlocked(true);
-    const cache = this.#cache;
     let { frame, fraction } = this.clock.current(this.isInterpolating);
-    const current = this.#blockAt(frame);
-    let next = fraction > 0 ? this.#blockAt(frame + 1) : current;
+    const current = this.#blocks[this.#indexAt(frame)];
+    let next = fraction > 0 ? this.#blocks[this.#indexAt(frame + 1)] : current;
     // A frame is not interpolated with a damaged one, or another segment.
-    if (next.segment !== current.segment || cache.isDamaged(next.start)) [next, fraction] = [current, 0];
+    if (next.segment !== current.segment || next.isDamaged) [next, fraction] = [current, 0];
     const wanted = new Set([current, next, this.#blockAfter(current, next) ?? next]);
-    cache.request([...wanted].slice(0, MAX_BLOCKS).map((one) => one.start));
-    if (cache.isDamaged(current.start)) return this.#setWaiting(false);
-    const [block, nextBlock] = [cache.get(current.start), cache.get(next.start)];
-    if (!block || !nextBlock) return this.#setWaiting(true, (block ? next : current).block ?? 0);
+    this.#cache.request([...wanted].slice(0, MAX_BLOCKS));
+    if (current.isDamaged) return this.#setWaiting(false);
+    const missing = [current, next].find(({ loaded }) => !loaded);
+    if (missing) return this.#setWaiting(true, missing.block ?? 0);
     if (this.#masterClock?.picture === "pending") return this.#setWaiting(true);
     this.#setWaiting(false);
     if (this.#masterClock?.picture === "unknown") return;
@@ -290,7 +287,9 @@ export class Playback {
       this.#shown = frame + fraction;
       const t = frame - current.start;
       const nextT = fraction > 0 ? frame + 1 - next.start : t;
-      this.#display.show({ block, t, next: nextBlock, nextT, fraction, nActiveModes: this.#nActiveModes });
+      const [block, nextBlock] = [current.loaded as LoadedBlock, next.loaded as LoadedBlock];
+      const moment = { block, t, next: nextBlock, nextT, fraction, nActiveModes: this.#nActiveModes };
+      this.#display.show(current.segment, moment);
     }
     const isNewPicture = this.#masterClock?.show() ?? false;
     if (isNewPosition || isNewPicture) this.#send({ type: "frame", frame, time: this.clock.time });
@@ -301,21 +300,19 @@ export class Playback {
     return this.#blocks.findLastIndex((block) => block.start <= frame);
   }
 
-  #blockAt(frame: number): PlayedBlock {
-    return this.#blocks[this.#indexAt(frame)];
-  }
-
-  /** Load the block that begins at a frame; opens its segment first. */
-  async #load(start: number, signal: AbortSignal): Promise<LoadedBlock> {
-    const { segment, block } = this.#blockAt(start);
-    if (block === null) {
+  /** Load a block; opens its segment first. */
+  async #load(played: PlayedBlock, signal: AbortSignal): Promise<LoadedBlock> {
+    const { segment, start } = played;
+    if (played.block === null) {
       const reel = await this.#file.segment(segment, { signal });
       signal.throwIfAborted();
-      this.#blocks.splice(this.#indexAt(start), 1, ...playedBlocks(reel, segment, start));
+      const [first, ...others] = playedBlocks(reel, segment, start);
+      this.#blocks.splice(this.#blocks.indexOf(played) + 1, 0, ...others);
+      Object.assign(played, first);
       this.show(); // the current frame may be in another block, which aborts this call
       signal.throwIfAborted();
     }
-    return this.#display.load(segment, block ?? 0, signal);
+    return this.#display.load(segment, played.block ?? 0, signal);
   }
 
   /** The block that will be played after the current picture, which may lie between two blocks. */
@@ -327,7 +324,7 @@ export class Playback {
     const after = played.slice(played.indexOf(last) + 1);
     if (loop === "repeat") after.push(...played);
     if (loop === "pingpong") after.push(...played.slice(0, played.indexOf(first)).reverse());
-    return after.find((one) => !this.#cache.isDamaged(one.start));
+    return after.find((one) => !one.isDamaged);
   }
 
   #setWaiting(isWaiting: boolean, block: number | null = null): void {
@@ -341,7 +338,11 @@ export class Playback {
 
 /** Number the blocks of a segment that begins at a frame. */
 function playedBlocks({ info }: OpenReel, segment: number, first: number): PlayedBlock[] {
-  return info.blocks.map(({ start, nFrames }, block) => ({ start: first + start, nFrames, segment, block }));
+  return info.blocks.map(({ start, nFrames }, block) => playedBlock(segment, block, first + start, nFrames));
+}
+
+function playedBlock(segment: number, block: number | null, start: number, nFrames: number): PlayedBlock {
+  return { segment, block, start, nFrames, loaded: null, hasFailed: false, isDamaged: false };
 }
 
 function requireFinite(name: string, value: number): void {

@@ -101,8 +101,6 @@ export class ReelMesh extends THREE.Mesh<
   readonly #playback: Playback;
   /** Creates the backend of a segment; null until the renderer is set. */
   #createBackend: CreateBackend | null = null;
-  /** Segments of the loaded blocks. */
-  readonly #segmentOf = new Map<LoadedBlock, MeshSegment>();
   #cpuSwitch: Promise<void> | null = null;
   /** Aborted by `dispose`. */
   readonly #lifetime = new AbortController();
@@ -132,13 +130,12 @@ export class ReelMesh extends THREE.Mesh<
       file,
       {
         load: (segment, block, signal) => this.#loadBlock(segment, block, signal),
-        release: (block) => {
-          this.#segmentOf.get(block)?.backend?.release(block);
-          this.#segmentOf.delete(block);
+        release: (number, block) => {
+          this.#segments.get(number)?.release(block);
           this.#colors?.removeBlock(block);
         },
-        show: (moment) => {
-          const segment = this.#segmentOf.get(moment.block) as MeshSegment;
+        show: (number, moment) => {
+          const segment = this.#segments.get(number) as MeshSegment;
           this.#picture = composePicture(moment);
           segment.backend?.show(this.#picture);
           this.#colors?.show(moment, composePicture);
@@ -563,14 +560,13 @@ export class ReelMesh extends THREE.Mesh<
     signal.throwIfAborted();
     try {
       segment.backend ??= (this.#createBackend as CreateBackend)(segment);
-      segment.backend.upload(fields, loaded);
+      segment.upload(fields, loaded);
       if (loadedColors) this.#colors?.addBlock(colors, loadedColors, loaded);
     } catch (error) {
       await this.#switchToCpu(); // loads all blocks again
       signal.throwIfAborted();
       throw error;
     }
-    this.#segmentOf.set(loaded, segment);
     return loaded;
   }
 
@@ -580,7 +576,7 @@ export class ReelMesh extends THREE.Mesh<
     const segment = new MeshSegment(number, reel, this.#options, this.#send);
     await prepareSegment(segment, {
       segments: this.#segments,
-      used: () => [this.#current, ...this.#segmentOf.values()],
+      current: () => this.#current,
       initTexture: (texture) => this.#renderer?.initTexture(texture),
       add: () => {
         this.#segments.set(number, segment);

@@ -2,8 +2,9 @@
 
 import * as THREE from "three";
 
-/** Width of tables of several rows, which every GPU supports. */
-const MAX_WIDTH = 2048;
+/** Width of tables of several rows, which every GPU supports: 2 to the power of this. */
+const WIDTH_BITS = 11;
+const MAX_WIDTH = 1 << WIDTH_BITS;
 
 /** GLSL at the start of every shader; `texelOf` maps an entry to its texel. */
 export const PRELUDE = `
@@ -13,7 +14,7 @@ precision highp sampler2D;
 precision highp usampler2D;
 precision highp isampler2DArray;
 ivec2 texelOf(int entry) {
-  return ivec2(entry & ${MAX_WIDTH - 1}, entry >> ${Math.log2(MAX_WIDTH)});
+  return ivec2(entry & ${MAX_WIDTH - 1}, entry >> ${WIDTH_BITS});
 }
 `;
 
