@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { loadModule } from "./three_modules.mjs";
 
-const { createDrawing } = await loadModule("drawing");
+const { createDrawing, prepareDrawing } = await loadModule("drawing");
 const { computePositions, computeNormals } = await loadModule("cpu_frames");
 
 /** Two triangles of a square: 0 1 2 and 0 2 3. */
@@ -23,6 +23,17 @@ function atCorners(drawing, name) {
   const { width, values } = drawing.attributes.find((one) => one.name === name);
   return [...drawing.index].map((i) => [...values.slice(width * i, width * (i + 1))]);
 }
+
+test("before its script is loaded, a drawing has no attributes", async () => {
+  const uv = attribute("uv", "corner", 2, Float32Array.of(0, 0, 1, 0, 1, 1, 0, 0, 0.5, 0.5, 0, 1));
+  const input = surface({ attributes: [uv] });
+  const { isComplete, attributes, uvNames, sources } = createDrawing(input, 4);
+  assert.deepEqual([isComplete, attributes, uvNames, [...sources]], [false, [], ["uv"], [0, 1, 2, 3]]);
+  assert.ok(createDrawing(surface(), 4).isComplete);
+  await prepareDrawing(input);
+  assert.ok(createDrawing(input, 4).isComplete);
+  assert.equal(createDrawing(input, 4).sources.length, 5);
+});
 
 test("vertices are not split by attributes of vertices", () => {
   const uv = Float32Array.of(0, 0, 1, 0, 1, 1, 0, 1);

@@ -83,6 +83,20 @@ def test_example_plays_in_firefox(pages, data, name):
     assert_shown(base64.b64decode(found["picture"].partition(",")[2]))
 
 
+def test_a_plain_mesh_needs_one_script_of_the_part_for_three_js(new_page, pages, data):
+    needed = {f"/meshreel/{name}.js" for name in ("index", "remote", "simd_wasm", "three")}
+    files = {
+        path: body
+        for path, body in pages("plain").items()
+        if path in needed or not path.startswith("/meshreel/")
+    }
+    assert needed < set(files)
+    with serving(files) as (url, _):
+        page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
+        found = page.evaluate(PLAYED)
+    assert_played(found, data, "plain")
+
+
 def test_react_releases_everything_on_unmount_and_plays_after_remount(new_page, pages):
     with serving(pages("react")) as (url, _):
         page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)

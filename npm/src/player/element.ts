@@ -1,6 +1,7 @@
 // The element <reel-player>.
 
 import { InvalidInputError } from "../errors.js";
+import { prepareDrawing } from "../three/drawing.js";
 import { ReelMesh } from "../three/reel_mesh.js";
 import type { TextureOptions } from "../three/texture/mesh_texture.js";
 import type { FrameRange } from "../three/clock.js";
@@ -523,6 +524,7 @@ export class ReelPlayerElement extends PlayerAttributes {
       this.#release = release;
       // Errors of frames are reported when they are shown.
       const extents = await estimateHalfExtents(file, settings.start, { signal }).catch(() => null);
+      await prepareDrawing(file.first.surface);
       if (signal.aborted) return;
       const { center, diagonal } = file.info;
       const radius = diagonal / 2;

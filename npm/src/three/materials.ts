@@ -22,7 +22,7 @@ export class Materials {
 
   /** @param send - called with "change" when an image is shown, or with "error" */
   constructor(surface: Surface, drawing: Drawing, isFlat: boolean | undefined, send: SendEvent) {
-    const hasColors = drawing.attributes.some(({ name }) => name === "color");
+    const hasColors = surface.attributes.some(({ kind }) => kind === "color");
     const definitions = drawing.materialNames.map((name) => surface.materials.find((one) => one.name === name));
     this.list = definitions.map((definition) => {
       const material = definition ? createMaterial(definition) : createDefaultMaterial(hasColors);

@@ -3,6 +3,7 @@
 import * as THREE from "three";
 
 import { SegmentedReelFile } from "../index.js";
+import { prepareDrawing } from "./drawing.js";
 import { ReelMesh, type ReelMeshOptions } from "./reel_mesh.js";
 
 /** Options of a `ReelLoader`, which are passed to its meshes. */
@@ -57,6 +58,12 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
       headers: this.requestHeader,
       credentials: this.withCredentials ? "include" : "same-origin",
     });
-    return new ReelMesh(reel, { ...this.#options, ownsReel: true });
+    try {
+      await prepareDrawing(reel.first.surface);
+      return new ReelMesh(reel, { ...this.#options, ownsReel: true });
+    } catch (error) {
+      reel.close();
+      throw error;
+    }
   }
 }

@@ -12,6 +12,7 @@ import type {
   ColorOptions,
   TrackColors,
 } from "./color/track_colors.js";
+import { prepareDrawing } from "./drawing.js";
 import { createGpuBackend, type Renderer } from "./gpu/gpu_backend.js";
 import {
   composePicture,
@@ -113,6 +114,10 @@ export class ReelMesh extends THREE.Mesh<
   #readableMesh: THREE.Mesh | null = null;
 
   /**
+   * Vertices of a file with UVs, colors or hard edges are completed by a script that is loaded with
+   * the first such file: before the first picture, `geometry` is replaced and `sources` changes. A
+   * mesh of `ReelLoader` is complete.
+   *
    * @param reel - a `ReelFile`, or a `SegmentedReelFile`
    * @throws InvalidInputError if the file has no frames.
    */
@@ -416,7 +421,8 @@ export class ReelMesh extends THREE.Mesh<
     const { signal } = (this.#appearanceRequest = new AbortController());
     const { TrackColors } = await import("./color/track_colors.js");
     signal.throwIfAborted();
-    const mesh = { file: this.file, drawing: this.#current.drawing, material: this.material, send: this.#send };
+    const { drawing } = this.#current;
+    const mesh = { file: this.file, drawing, material: this.material, send: this.#send, prepareDrawing };
     const colors = await TrackColors.create(name, options, mesh, signal);
     signal.throwIfAborted();
     this.#setColors(colors);
@@ -553,10 +559,13 @@ export class ReelMesh extends THREE.Mesh<
       loadedSegment ?? this.#prepareSegment(number, reel, signal),
       reel.fields(block, { signal }),
       this.#colors?.fields(block, signal),
+      prepareDrawing(reel.surface),
     ]);
     const nBlockModes = reel.info.method === "reel" ? fields.nBlockModes : 0;
     const loaded = await withoutFields({ ...fields, nBlockModes });
     const loadedColors = colors && (await withoutFields(colors));
+    signal.throwIfAborted();
+    if (!segment.drawing.isComplete) this.#setBackend(this.#createBackend as CreateBackend); // aborts this call
     signal.throwIfAborted();
     try {
       segment.backend ??= (this.#createBackend as CreateBackend)(segment);
@@ -572,6 +581,7 @@ export class ReelMesh extends THREE.Mesh<
 
   async #prepareSegment(number: number, reel: OpenReel, signal: AbortSignal): Promise<MeshSegment> {
     const { prepareSegment } = await import("./other_segments.js");
+    await prepareDrawing(reel.surface);
     signal.throwIfAborted();
     const segment = new MeshSegment(number, reel, this.#options, this.#send);
     await prepareSegment(segment, {

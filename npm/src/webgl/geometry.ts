@@ -71,10 +71,6 @@ export class BufferGeometry<
     delete this.attributes[name];
   }
 
-  addGroup(start: number, count: number, materialIndex: number): void {
-    this.groups.push({ start, count, materialIndex });
-  }
-
   setDrawRange(start: number, count: number): void {
     this.drawRange = { start, count };
   }

@@ -5,6 +5,7 @@ import { WebGPURenderer } from "three/webgpu";
 
 import { SegmentedReelFile } from "../../../npm/src/index";
 import { ReelLoader, ReelMesh, type ReelMeshOptions } from "../../../npm/src/three/index";
+import { asSegments } from "../../../npm/src/three/mesh_segment";
 import type { ColorOptions } from "../../../npm/src/three/index";
 import { createItemLookup } from "../../../npm/src/three/corners";
 import { type GridOptions, truth, wavingGrid } from "./waving_grid";
@@ -450,7 +451,7 @@ const tests = {
     const stand = new Stand();
     const reel = await wavingGrid({ damaged });
     const { open } = SegmentedReelFile;
-    Object.assign(SegmentedReelFile, { open: async () => reel });
+    Object.assign(SegmentedReelFile, { open: async () => asSegments(reel) });
     const mesh = await new ReelLoader().loadAsync("grid.reel");
     Object.assign(SegmentedReelFile, { open });
     let isClosed = false;

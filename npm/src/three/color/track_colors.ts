@@ -8,6 +8,7 @@ import type {
   BlockInfo,
   OpenSegments,
   OpenTrack,
+  Surface,
   TrackFields,
   TrackValues,
 } from "../../types.js";
@@ -98,6 +99,7 @@ export interface ColoredMesh {
   readonly drawing: Drawing;
   readonly material: THREE.Material | THREE.Material[];
   readonly send: (event: PlaybackEvent) => void;
+  prepareDrawing(surface: Surface, isSplit: boolean): Promise<void>;
 }
 
 /** Options that apply only to numbers. */
@@ -185,6 +187,7 @@ export class TrackColors {
     const ends = parseRange(options.range ?? (isNormal ? [-1, 1] : DEFAULT_RANGE));
     if (map !== undefined) resolveColorMap(map);
     await track.frame(0, undefined, { signal }); // throws if the track cannot be decoded
+    await mesh.prepareDrawing(first.surface, track.info.domain !== "vertex");
     const selection = selectColumns(track.info, options.component);
     colorableMaterials(mesh, selection);
     if (selection.as === "color") {

@@ -1,0 +1,80 @@
+// Vertex attributes of the file, and vertices that are split where values of corners or faces differ.
+// Loaded with the first surface that has some.
+
+import type { Attribute, Surface } from "../types.js";
+import { createItemLookup } from "./corners.js";
+import type { DrawnVertices, VertexAttribute } from "./drawing.js";
+import { createNormalRows } from "./normal_rows.js";
+import { splitVertices } from "./split_vertices.js";
+
+/** An attribute with a value per item of a domain. */
+interface DomainAttribute extends VertexAttribute {
+  readonly domain: Attribute["domain"];
+}
+
+/**
+ * Create the drawn vertices of a surface.
+ *
+ * @param uvs - the UV attributes to draw
+ * @param split - as for `createDrawing`
+ * @param unsplit - the vertices without attributes
+ */
+export function createSplitVertices(
+  surface: Surface,
+  uvs: readonly Attribute[],
+  split: "face" | "corner" | null,
+  unsplit: DrawnVertices,
+): DrawnVertices {
+  const { triangles } = surface;
+  const lookup = createItemLookup(surface);
+  const colors = surface.attributes.filter((one) => one.kind === "color").slice(0, 1);
+  const columns = [...uvs.map(uvColumn), ...colors.map(colorColumn)];
+  const normalRows = createNormalRows(surface, unsplit.nRows, lookup("corner"));
+  const { cornerRows } = normalRows;
+  if (!split && cornerRows === triangles && columns.every(({ domain }) => domain === "vertex")) {
+    return { ...unsplit, attributes: columns };
+  }
+  const cornerItems = split ? triangles.map((_, corner) => lookup(split)(corner)) : triangles;
+  const atCorners = [triangles, cornerRows, cornerItems].map((values) => {
+    return { width: 1, values, itemOf: (corner: number) => corner };
+  });
+  const atItems = columns.map((column) => ({ ...column, itemOf: lookup(column.domain) }));
+  const { index, firstCorners } = splitVertices([...atCorners, ...atItems], triangles.length);
+  const [sources, rows, items] = atCorners.map(({ values }) => firstCorners.map((corner) => values[corner]));
+  const attributes = atItems.map(({ name, values, width, itemOf }) => {
+    const drawn = new Float32Array(firstCorners.length * width);
+    firstCorners.forEach((corner, i) => {
+      const from = width * itemOf(corner);
+      drawn.set(values.subarray(from, from + width), width * i);
+    });
+    return { name, width, values: drawn };
+  });
+  return { ...normalRows, sources, index, items, rows, attributes };
+}
+
+function uvColumn(attribute: Attribute, number: number): DomainAttribute {
+  const { domain, width, values } = attribute;
+  const uv = new Float32Array((values.length / width) * 2);
+  for (let i = 0; i < uv.length; i++) {
+    uv[i] = i % 2 < width ? values[(i >> 1) * width + (i % 2)] : 0;
+  }
+  return { name: `uv${number || ""}`, domain, width: 2, values: uv };
+}
+
+/** Convert colors from sRGB to linear, as three.js expects; opacity is unchanged. */
+function colorColumn({ domain, width, values }: Attribute): DomainAttribute {
+  const channels = width === 4 ? 4 : 3;
+  const maxValue = values instanceof Uint8Array ? 255 : 1;
+  const colors = new Float32Array((values.length / width) * channels);
+  for (let i = 0; i < colors.length; i++) {
+    const channel = i % channels;
+    const from = Math.floor(i / channels) * width + (width < 3 ? 0 : channel);
+    const value = Math.min(Math.max(values[from] / maxValue || 0, 0), 1);
+    colors[i] = channel === 3 ? value : srgbToLinear(value);
+  }
+  return { name: "color", domain, width: channels, values: colors };
+}
+
+function srgbToLinear(value: number): number {
+  return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
+}
