@@ -34,13 +34,15 @@ export function createSplitVertices(
   if (!split && cornerRows === triangles && columns.every(({ domain }) => domain === "vertex")) {
     return { ...unsplit, attributes: columns };
   }
+  // A normal row has one vertex, so that vertices and their attributes need not be compared.
   const cornerItems = split ? triangles.map((_, corner) => lookup(split)(corner)) : triangles;
-  const atCorners = [triangles, cornerRows, cornerItems].map((values) => {
+  const atCorners = (split ? [cornerRows, cornerItems] : [cornerRows]).map((values) => {
     return { width: 1, values, itemOf: (corner: number) => corner };
   });
   const atItems = columns.map((column) => ({ ...column, itemOf: lookup(column.domain) }));
-  const { index, firstCorners } = splitVertices([...atCorners, ...atItems], triangles.length);
-  const [sources, rows, items] = atCorners.map(({ values }) => firstCorners.map((corner) => values[corner]));
+  const keys = [...atCorners, ...atItems.filter(({ domain }) => domain !== "vertex")];
+  const { index, firstCorners } = splitVertices(keys, triangles.length);
+  const gather = (values: Uint32Array) => firstCorners.map((corner) => values[corner]);
   const attributes = atItems.map(({ name, values, width, itemOf }) => {
     const drawn = new Float32Array(firstCorners.length * width);
     firstCorners.forEach((corner, i) => {
@@ -49,7 +51,14 @@ export function createSplitVertices(
     });
     return { name, width, values: drawn };
   });
-  return { ...normalRows, sources, index, items, rows, attributes };
+  return {
+    ...normalRows,
+    index,
+    sources: gather(triangles),
+    items: gather(cornerItems),
+    rows: gather(cornerRows),
+    attributes,
+  };
 }
 
 function uvColumn(attribute: Attribute, number: number): DomainAttribute {

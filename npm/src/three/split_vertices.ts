@@ -28,18 +28,29 @@ export function splitVertices(columns: readonly Column[], nCorners: number) {
     let sum = 0;
     for (const { itemOf, width, bits } of rows) {
       const from = itemOf(corner) * width;
-      for (let i = 0; i < width; i++) sum = Math.imul(sum ^ bits[from + i], 0x9e3779b1);
+      for (let i = 0; i < width; i++) sum = mixBits(sum ^ bits[from + i]);
     }
     return sum;
   };
-  const drawn = new Map<number, number>(); // by hash, or the next free number
-  const firstCorners: number[] = [];
-  const index = new Uint32Array(nCorners).map((_, corner) => {
-    let key = hash(corner);
-    let vertex = drawn.get(key);
-    while (vertex !== undefined && !isSame(firstCorners[vertex], corner)) vertex = drawn.get(++key);
-    if (vertex === undefined) drawn.set(key, (vertex = firstCorners.push(corner) - 1));
-    return vertex;
-  });
-  return { index, firstCorners: Uint32Array.from(firstCorners) };
+  const mask = 2 ** Math.ceil(Math.log2(2 * nCorners + 1)) - 1;
+  const table = new Int32Array(mask + 1).fill(-1); // drawn vertices, by hash
+  const index = new Uint32Array(nCorners);
+  const firstCorners = new Uint32Array(nCorners);
+  let count = 0;
+  for (let corner = 0; corner < nCorners; corner++) {
+    let slot = hash(corner) & mask;
+    while (table[slot] >= 0 && !isSame(firstCorners[table[slot]], corner)) slot = (slot + 1) & mask;
+    if (table[slot] < 0) {
+      firstCorners[count] = corner;
+      table[slot] = count++;
+    }
+    index[corner] = table[slot];
+  }
+  return { index, firstCorners: firstCorners.slice(0, count) };
+}
+
+function mixBits(bits: number): number {
+  const half = Math.imul(bits ^ (bits >>> 16), 0x85ebca6b);
+  const mixedBits = Math.imul(half ^ (half >>> 13), 0xc2b2ae35);
+  return (mixedBits ^ (mixedBits >>> 16)) + 0x9e3779b9;
 }
