@@ -25,7 +25,7 @@ export interface Backend {
 export interface AttributeSetup {
   readonly nItems: number;
   /** Added to the sums. */
-  readonly shift: readonly [number, number, number];
+  readonly shift: readonly number[];
   /** Vertices of the geometry. */
   readonly nVerts: number;
   /** Names and numbers per vertex. */

@@ -3,7 +3,6 @@
 
 import * as THREE from "three";
 
-import type { AttributeSetup } from "./backend.js";
 import type { LoadedBlock, Moment } from "./loaded_block.js";
 
 /** Corrections of a picture. */
@@ -34,7 +33,7 @@ export function blendCorrections(moment: Moment): Corrections {
 }
 
 // An entry has the vertex and its offset. The shader knows the size of the target from that of fields.
-const vertexShader = (shift: AttributeSetup["shift"]) => `
+const vertexShader = (shift: string) => `
 uniform isampler2DArray fields;
 uniform sampler2D corrections;
 flat out vec3 start;
@@ -43,7 +42,7 @@ void main() {
   vec2 texel = vec2(texelOf(int(found.x))) + 0.5;
   gl_Position = vec4(texel / vec2(textureSize(fields, 0)) * 2.0 - 1.0, 0.0, 1.0);
   gl_PointSize = 1.0;
-  start = vec3(${shift}) + found.yzw;
+  start = ${shift} + found.yzw;
 }`;
 
 /** A uniform with a table of floats. */
@@ -62,13 +61,13 @@ export class CorrectedPoints {
 
   /**
    * @param triangle - draws all texels before
-   * @param shift - added to all sums
+   * @param shift - GLSL of the vector that is added to all sums
    * @param prelude - GLSL at the start of every shader
    * @param setTable - sets the first entries of a table, or creates it
    */
   constructor(
     triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>,
-    shift: AttributeSetup["shift"],
+    shift: string,
     prelude: string,
     setTable: (uniform: TableUniform, data: Float32Array) => void,
   ) {

@@ -525,7 +525,6 @@ export class ReelMesh extends THREE.Mesh<
    * stays in memory, and others are loaded again.
    */
   #setBackend(create: CreateBackend): void {
-    this.#cpuSwitch = null;
     if (this.#lifetime.signal.aborted) return;
     const current = this.#current;
     for (const segment of this.#segments.values()) {
@@ -537,9 +536,11 @@ export class ReelMesh extends THREE.Mesh<
       const backend = create(current);
       current.backend?.dispose();
       current.backend = backend;
-    } catch {
+    } catch (error) {
+      if (this.#cpuSwitch) throw error;
       return void this.#switchToCpu();
     }
+    this.#cpuSwitch = null;
     this.#createBackend = create;
     this.#restart();
   }
@@ -572,7 +573,7 @@ export class ReelMesh extends THREE.Mesh<
       segment.upload(fields, loaded);
       if (loadedColors) this.#colors?.addBlock(colors, loadedColors, loaded);
     } catch (error) {
-      await this.#switchToCpu(); // loads all blocks again
+      if (this.isOnGpu) await this.#switchToCpu(); // loads all blocks again
       signal.throwIfAborted();
       throw error;
     }

@@ -48,11 +48,11 @@ void main() {
 }`;
 
 // A triangle that covers the target. Points that are drawn over it have corrections.
-const triangleShader = (shift: AttributeSetup["shift"]) => `${PRELUDE}
+const triangleShader = (shift: string) => `${PRELUDE}
 flat out vec3 start;
 void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
-  start = vec3(${shift});
+  start = ${shift};
 }`;
 
 const CAMERA = new THREE.Camera();
@@ -92,7 +92,8 @@ export class GpuBackend implements Backend {
     weights: { value: null as THREE.DataTexture | null },
     nNextGroups: { value: 0 },
   };
-  readonly #shift: AttributeSetup["shift"];
+  /** GLSL of the vector that is added to all sums. */
+  readonly #shift: string;
   /** A triangle that covers the target. */
   readonly #triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
   /** Null until a picture has corrections. */
@@ -109,10 +110,10 @@ export class GpuBackend implements Backend {
       minFilter: THREE.NearestFilter,
       magFilter: THREE.NearestFilter,
     });
-    this.#shift = setup.shift;
+    this.#shift = `vec3(${setup.shift.map((one) => one.toExponential())})`; // large integers are not valid GLSL
     const material = new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
-      vertexShader: triangleShader(setup.shift),
+      vertexShader: triangleShader(this.#shift),
       fragmentShader: FRAGMENT_SHADER,
       uniforms: this.#uniforms,
     });

@@ -149,7 +149,7 @@ function applyImage(mesh: TexturedMesh, source: ImageSource, channel: number): A
     if (isOwned) texture.dispose();
     else texture.channel = previousChannel;
   };
-  return { texture, video: null, ...segmentsOf(mesh, materialOverride, channel), dispose };
+  return { texture, video: null, ...followSegments(mesh, materialOverride, channel), dispose };
 }
 
 /** Create a texture with the top edge at v = 1, as for images of the file. */
@@ -186,7 +186,7 @@ function applyVideo(
     picture.dispose();
     if (isOwned) closeVideo(video);
   };
-  return { texture, video, ...segmentsOf(mesh, materialOverride, channel), dispose };
+  return { texture, video, ...followSegments(mesh, materialOverride, channel), dispose };
 }
 
 /** Override the materials of all segments, or those that the page uses in place of them. */
@@ -202,17 +202,17 @@ function overrideMaterials(texture: THREE.Texture, { segments, current, material
   return new MaterialOverride(texture, materials, isDefault);
 }
 
-function segmentsOf(
-  { send }: TexturedMesh,
+/** Return how the texture follows changes of segments; reports those in memory that lack its UVs. */
+function followSegments(
+  { segments, current, send }: TexturedMesh,
   override: MaterialOverride,
   channel: number,
 ): Pick<AppliedTexture, "add" | "remove"> {
-  return {
-    add({ number, drawing, materials }) {
-      if (channel < drawing.uvNames.length) return override.add(materials?.list ?? []);
-      const error = new InvalidInputError(`segment ${number} has no UVs, which the texture needs`);
-      send({ type: "error", error, block: null });
-    },
-    remove: ({ materials }) => override.remove(materials?.list ?? []),
+  const add = ({ number, drawing, materials }: MeshSegment) => {
+    if (channel < drawing.uvNames.length) return override.add(materials?.list ?? []);
+    const error = new InvalidInputError(`segment ${number} has no UVs, which the texture needs`);
+    send({ type: "error", error, block: null });
   };
+  for (const segment of segments.values()) if (segment !== current) add(segment);
+  return { add, remove: ({ materials }) => override.remove(materials?.list ?? []) };
 }
