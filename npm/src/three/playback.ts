@@ -173,8 +173,8 @@ export class Playback {
    *   of the file, or a video drives the time and does not support them.
    */
   change(settings: Partial<ClockSettings>): void {
-    const { speed = 0, range } = settings;
-    requireFinite("speed", speed);
+    const { range } = settings;
+    if ("speed" in settings) requireFinite("speed", settings.speed);
     if (range) {
       const { start, nFrames } = range;
       const isInside = start >= 0 && nFrames >= 1 && start + nFrames <= this.nFrames;
@@ -345,6 +345,6 @@ function playedBlock(segment: number, block: number | null, start: number, nFram
   return { segment, block, start, nFrames, loaded: null, hasFailed: false, isDamaged: false };
 }
 
-function requireFinite(name: string, value: number): void {
+function requireFinite(name: string, value: number | undefined): void {
   if (!Number.isFinite(value)) throw new InvalidInputError(`${name} must be a finite number; got ${value}`);
 }

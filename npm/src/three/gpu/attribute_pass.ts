@@ -23,6 +23,8 @@ export class AttributePass {
   readonly #gl: WebGL2RenderingContext;
   readonly #program: WebGLProgram;
   readonly #table: THREE.DataTexture;
+  /** Has no buffers: those of the attributes must not be bound elsewhere. */
+  readonly #array: WebGLVertexArrayObject;
   readonly #feedback: WebGLTransformFeedback;
   readonly #buffers: readonly WebGLBuffer[];
 
@@ -41,6 +43,7 @@ export class AttributePass {
     gl.uniform1i(gl.getUniformLocation(program, "table"), 1); // the other one is 0
     this.#table = createTable(table);
     renderer.initTexture(this.#table);
+    this.#array = gl.createVertexArray();
     this.#feedback = gl.createTransformFeedback();
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     const open = geometry as THREE.BufferGeometry<THREE.NormalOrGLBufferAttributes>;
@@ -64,9 +67,8 @@ export class AttributePass {
       const { __webglTexture } = properties.get(texture) as { __webglTexture: WebGLTexture };
       state.bindTexture(gl.TEXTURE_2D, __webglTexture, gl.TEXTURE0 + unit);
     });
-    // The buffers of the attributes must not be bound elsewhere.
     const array = gl.getParameter(gl.VERTEX_ARRAY_BINDING) as WebGLVertexArrayObject | null;
-    gl.bindVertexArray(null);
+    gl.bindVertexArray(this.#array);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.#feedback);
     gl.enable(gl.RASTERIZER_DISCARD);
@@ -82,6 +84,7 @@ export class AttributePass {
     const gl = this.#gl;
     this.#table.dispose();
     gl.deleteProgram(this.#program);
+    gl.deleteVertexArray(this.#array);
     gl.deleteTransformFeedback(this.#feedback);
     for (const buffer of this.#buffers) gl.deleteBuffer(buffer);
   }
