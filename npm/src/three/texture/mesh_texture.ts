@@ -209,7 +209,8 @@ function followSegments(
   channel: number,
 ): Pick<AppliedTexture, "add" | "remove"> {
   const add = ({ number, drawing, materials }: MeshSegment) => {
-    if (channel < drawing.uvNames.length) return override.add(materials?.list ?? []);
+    if (!materials) return; // the page provides the material
+    if (channel < drawing.uvNames.length) return override.add(materials.list);
     const error = new InvalidInputError(`segment ${number} has no UVs, which the texture needs`);
     send({ type: "error", error, block: null });
   };
