@@ -28,7 +28,7 @@ const MAX_WHOLE_BYTES = 60_700;
 const MAX_THREE_BYTES = 9_800;
 
 /** The same for a file with images: also the scripts of vertex attributes and of images. */
-const MAX_THREE_WITH_IMAGES_BYTES = 12_300;
+const MAX_THREE_WITH_IMAGES_BYTES = 12_400;
 
 /** Limit of the gzipped script with <reel-player>. */
 const MAX_PLAYER_BYTES = 95_300;
