@@ -110,12 +110,6 @@ def test_file_named_like_a_unit_is_an_input(tmp_path):
     assert meshreel.load(tmp_path / "b.reel").fps == 25
 
 
-@pytest.mark.parametrize("command", ["encode", "register"])
-def test_output_without_its_option_is_an_error_that_names_it(tmp_path, command):
-    meshreel.save(waving_grid(2), tmp_path / "a.npz")
-    assert_fails(run(command, "a.npz", "b.reel", cwd=tmp_path), "to write this file, use -o b.reel")
-
-
 def test_decode_of_another_format_is_an_error_that_names_convert(tmp_path):
     meshreel.save(waving_grid(2), tmp_path / "a.npz")
     done = run("decode", "a.npz", "-o", "b.glb", cwd=tmp_path)

@@ -37,10 +37,13 @@ class Command(click.Command):
     """A command with help in panels."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse arguments; reject split values, and addresses unless the command accepts them."""
+        """Parse arguments; refuse misplaced outputs, split values, and addresses if unsupported."""
+        from meshreel.app.cli.output_position import check_output_position
         from meshreel.runtime.stores.address import refuse_address
 
         _refuse_split_values(ctx, args)
+        if "--help" not in args and not ctx.resilient_parsing:
+            check_output_position(self, ctx, args)
         if self.name not in WITH_ADDRESSES:
             for arg in args:
                 refuse_address(arg, f"every file of `meshreel {self.name}`")

@@ -136,20 +136,11 @@ def reading_options(*names: str) -> Decorator:
 
 
 def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":
-    """The single input, or all inputs in natural order.
-
-    Raises
-    ------
-    click.UsageError
-        If the last of several inputs is probably the output.
-    """
+    """The single input, or all inputs in natural order."""
     from meshreel.formats.sources import natural_order
 
     if len(inputs) == 1:
         return inputs[0]
-    last = inputs[-1]
-    if last.lower().endswith(".reel") and not is_remote(last) and not Path(last).exists():
-        raise click.UsageError(f"there is no input {last!r}; to write this file, use -o {last}")
     if not any(map(is_remote, inputs)):
         return natural_order(map(Path, inputs))
     by_path = {Path(address): address for address in inputs}
