@@ -17,6 +17,7 @@ N_POSES = 3
 @command
 @option(
     "--out",
+    "-o",
     type=Path,
     default=Path("meshreel-demo"),
     help="Folder for the results; created if missing.",

@@ -26,6 +26,7 @@ TRACK_PEERS = "sz3,zfp,pco,fpzip"
 )
 @option(
     "--out",
+    "-o",
     type=Path,
     default=Path("evaluation"),
     help="Folder for results, plots and report; created if missing.",

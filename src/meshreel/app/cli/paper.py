@@ -25,6 +25,7 @@ PRESET_NAMES = ("usual", "printed")
 )
 @option(
     "--out",
+    "-o",
     type=Path,
     default=Path("report"),
     help="Folder for results, figures and report; created if missing.",
