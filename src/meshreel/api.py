@@ -20,6 +20,7 @@ from meshreel.codec.segmented_file import SegmentedReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load_any, open_for_encoding
+from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
@@ -28,7 +29,7 @@ from meshreel.formats.segments import FACES_CHANGE
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of
 from meshreel.model.sequence import FrameSource, MeshSequence
-from meshreel.runtime.extras import REGISTER_PILLOW
+from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
 from meshreel.runtime.stores.transfer import read_whole
@@ -249,12 +250,13 @@ def register(
     if (texture is None) != (texture_output is None):
         raise InvalidInputError("texture= and texture_output= belong together; give both or none")
     bound = bound_of(tolerance, unit, "tolerance")
+    if texture is not None and texture_output is not None:
+        require([*REGISTRATION, *extras_to_bake(texture, texture_output)])
     with _local(source) as local:
         frames = _source(local, None, matches_frames=False, warns_of_changes=False)
         job = None
         if texture is not None and texture_output is not None:
-            REGISTER_PILLOW.load()
-            from meshreel.formats.baked_textures import TextureJob
+            from meshreel.formats.baked_textures import TextureJob  # imports Pillow
 
             job = TextureJob.checked(texture, texture_output, frames, overwrite=overwrite)
         registration = register_sequence(

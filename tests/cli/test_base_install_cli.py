@@ -54,13 +54,22 @@ batch demo streams
 MISSING = {
     "encode walk.npz -o pca.reel --method pca-qp": "paper",
     "decode paper.reel -o back.npz": "paper",
-    "paper walk.npz --quick": "paper",
+    "paper walk.npz --quick": "paper,plot",
     "compare walk.npz other.npz": "surfaces",
-    "evaluate walk.npz --quick": "plot",
+    "compare run.vtkhdf walk.npz --plot errors.png": "hdf,plot",
+    "evaluate walk.npz --quick": "plot,peers,paper",
+    "evaluate walk.npz --methods reel --peers npz": "plot,peers",
+    "evaluate run.vtkhdf --track heat": "plot,peers,hdf",
     "render walk.reel -o walk.png": "render",
     "render walk.reel -o walk.gif": "render",
     "render walk.reel -o walk.mp4": "video",
-    "register walk.npz -o other.reel --texture images": "register",
+    "render run.vtkhdf -o walk.mp4": "video,hdf",
+    "render run.vtkhdf -o walk.png --track heat --at 3": "plot,hdf",
+    "register walk.npz -o other.reel --texture images": "register,video",
+    "register walk.npz -o a.reel --texture images --texture-output t_%d.png": "register",
+    "register frame.drc -o other.reel": "draco,register",
+    "encode frame.drc -o other.reel --register 0.2%": "draco,register",
+    "convert run.vtkhdf -o walk.abc": "hdf,alembic",
     "decode walk.reel -o walk.abc": "alembic",
     "decode walk.reel -o walk.usdc": "usd",
     "decode walk.reel -o walk.vtkhdf": "hdf",
@@ -71,7 +80,7 @@ MISSING = {
     "encode https://example.invalid/walk.npz -o walk.reel": "remote",
     "batch frames streams --scheduler tcp://127.0.0.1:1": "dask",
 }
-"""Commands that need an extra, by the extra that their error names."""
+"""Commands that need extras, by the extras that their error names."""
 
 
 def run_without_extras(folder, lines):
@@ -102,7 +111,7 @@ def test_base_installation_runs_every_base_command(tmp_path):
 
 
 @pytest.mark.slow
-def test_missing_extra_is_an_error_of_one_line_that_names_it(tmp_path):
+def test_missing_extras_are_an_error_of_one_line_that_names_all(tmp_path):
     sequence = waving_grid()
     meshreel.save(sequence, tmp_path / "walk.npz")
     (tmp_path / "frames").mkdir()
@@ -111,11 +120,12 @@ def test_missing_extra_is_an_error_of_one_line_that_names_it(tmp_path):
     meshreel.save(other, tmp_path / "other.npz")
     (tmp_path / "walk.reel").write_bytes(meshreel.encode(sequence))
     (tmp_path / "paper.reel").write_bytes(meshreel.encode(sequence, "pca-qp"))
+    (tmp_path / "run.vtkhdf").touch()
     (tmp_path / "frame.drc").write_bytes(b"DRACO\2\2\1")  # a triangle mesh
     messages = run_without_extras(tmp_path, MISSING)
     assert messages[1::2] == ["exit 1"] * len(MISSING)
-    for (command, extra), message in zip(MISSING.items(), messages[::2], strict=True):
-        assert f"pip install 'meshreel[{extra}]'" in message, command
+    for (command, extras), message in zip(MISSING.items(), messages[::2], strict=True):
+        assert f"pip install 'meshreel[{extras}]'" in message, command
 
 
 def test_base_dependencies_exclude_those_of_extras():

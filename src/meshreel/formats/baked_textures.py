@@ -12,6 +12,7 @@ from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.needed_extras import VIDEOS
 from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
 from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.model.segments import AnySequence, HasSegments
@@ -25,7 +26,6 @@ from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.outputs.checks import check_extension, check_output_paths
 from meshreel.runtime.progress import Progress, silent
 
-VIDEOS = (".mp4", ".mov", ".webm", ".mkv", ".avi")
 WRITTEN = (".mp4", ".png")
 
 

@@ -1,5 +1,6 @@
 """Optional libraries, installed as extras of the package and imported on first use."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -37,7 +38,7 @@ class Extra:
     @property
     def command(self) -> str:
         """The command that installs it."""
-        return f"pip install 'meshreel[{self.name}]'"
+        return install_command([self])
 
     def load(self, submodule: str = "") -> ModuleType:
         """Import the library, or a submodule.
@@ -53,6 +54,40 @@ class Extra:
             raise self.error(
                 f"this needs {self.library} ({error}); install it with: {self.command}"
             ) from error
+
+
+def require(extras: Iterable[Extra]) -> None:
+    """Import the libraries of all extras; call it before long work to fail early.
+
+    Raises
+    ------
+    MeshReelError
+        If libraries are not installed; the message lists all of them, and gives one command.
+    """
+    errors: dict[Extra, MeshReelError] = {}
+    for extra in extras:
+        try:
+            extra.load()
+        except MeshReelError as error:
+            errors[extra] = error
+    if not errors:
+        return
+    first, *others = errors
+    if not others:
+        raise errors[first]
+    reasons = dict.fromkeys(f"{one.library} ({errors[one].__cause__})" for one in errors)
+    *names, last = reasons
+    libraries = f"{', '.join(names)} and {last}" if names else last
+    pronoun = "them" if names else "it"
+    raise first.error(
+        f"this needs {libraries}; install {pronoun} with: {install_command(errors)}"
+    ) from errors[first]
+
+
+def install_command(extras: Iterable[Extra]) -> str:
+    """Return the command that installs all extras."""
+    names = ",".join(dict.fromkeys(extra.name for extra in extras))
+    return f"pip install 'meshreel[{names}]'"
 
 
 ALEMBIC = Extra("alembic", "alembic3d", "alembic3d")
@@ -73,4 +108,5 @@ REGISTER_PILLOW = Extra("register", "Pillow", "PIL", InvalidInputError)  # to ba
 PLOT = Extra("plot", "matplotlib", "matplotlib", InvalidInputError)
 RENDER = Extra("render", "Pillow", "PIL", InvalidInputError)
 VIDEO = Extra("video", "imageio-ffmpeg", "imageio_ffmpeg")  # it brings ffmpeg
+VIDEO_PILLOW = Extra("video", "Pillow", "PIL", InvalidInputError)
 TORCH = Extra("torch", "PyTorch", "torch", InvalidInputError)

@@ -6,7 +6,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.registry import described_formats
 from meshreel.formats.save import save
-from meshreel.runtime.extras import HDF, USD, Extra
+from meshreel.runtime.extras import HDF, USD, Extra, require
 from samples.meshes import waving_grid
 
 MISSING = Extra("hdf", "h5py", "surely_not_installed")
@@ -43,6 +43,22 @@ def test_load_names_the_file_and_a_missing_extra(tmp_path, without, module, exte
     without(module)
     with pytest.raises(FormatError, match=r"pip install 'meshreel\["):
         load(path)
+
+
+def test_require_lists_all_missing_libraries_and_one_command():
+    other = Extra("surely", "another library", "surely_not_installed_either")
+    same = Extra("also", "h5py", "surely_not_installed")
+    with pytest.raises(FormatError) as error:
+        require([MISSING, HDF, other, same])
+    assert str(error.value) == (
+        "this needs h5py (No module named 'surely_not_installed') and another library (No module "
+        "named 'surely_not_installed_either'); install them with: "
+        "pip install 'meshreel[hdf,surely,also]'"
+    )
+
+
+def test_require_raises_nothing_when_everything_is_installed():
+    require([HDF, USD])
 
 
 def test_extra_without_its_module_is_not_installed():

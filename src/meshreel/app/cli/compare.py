@@ -74,20 +74,24 @@ def compare_command(
     from meshreel.app.cli.figures import distance_rows, quality_rows
     from meshreel.codec.dropped_order import MATCHED, match_order
     from meshreel.formats.load import load_any
+    from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import Quality, measure_quality
     from meshreel.model.segments import single_segment
-    from meshreel.rendering.plots import plot_error_per_frame, require_matplotlib
+    from meshreel.rendering.plots import plot_error_per_frame
+    from meshreel.runtime.extras import PLOT, require
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
+    from meshreel.runtime.stores.address import is_remote
 
+    local = [source for source in (original, decoded) if not is_remote(source)]
+    files = [file for source in local for file in files_of_source(source)]
     if plot is not None:
         check_extension(plot, (".png",))
-        files = [file for source in (original, decoded) for file in files_of_source(source)]
         check_output_path(plot, overwrite=force, inputs=files)
-        require_matplotlib()
+    require([*extras_to_read(files), *([PLOT] if plot is not None else [])])
     check_supported([original, decoded], replace(reading, animation=None))
     check_supported([original], ReadOptions(animation=reading.animation))
     notes = reading.notes

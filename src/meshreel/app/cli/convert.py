@@ -110,11 +110,13 @@ def convert_command(
     )
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for
+    from meshreel.formats.needed_extras import extras_to_read, extras_to_write
     from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel import origin_of_file
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.segments import find_segments, open_any
     from meshreel.formats.sources import files_of_source, find_files
+    from meshreel.runtime.extras import require
 
     stream_options = {name: encoding[name] for name in encoding if name not in GENERAL_OPTIONS}
     bound = checked_bound(encoding["max_error"], encoding["unit"])
@@ -154,6 +156,7 @@ def convert_command(
             notes,
             track_targets(track),
         )
+        require([*extras_to_read(files, reading), *extras_to_write(target.local)])
         # Check the output before the input is read, which may take long.
         conversion.check(target.local, None if split else known_frames(files, chosen))
         if split:

@@ -99,10 +99,12 @@ def encode_command(
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
+    from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.reel import open_segments
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.segments import find_segments
     from meshreel.formats.sources import files_of_source
+    from meshreel.runtime.extras import require
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
     from meshreel.runtime.profiling import profiled
 
@@ -116,6 +118,7 @@ def encode_command(
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
         check_output_path(stream_path, overwrite=force, inputs=files)
+        require(extras_to_read(files, reading))
         progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())
         keeps_order = config.order in ("keep", "vertices")
         reading = replace(reading, progress=progress, matches_frames=not keeps_order)

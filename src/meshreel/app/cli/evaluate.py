@@ -9,6 +9,9 @@ from meshreel.app.cli.completing import input_files
 from meshreel.app.cli.parameters import argument, option
 
 METHODS = "pca-qp, pca, pca-q, v2v, pca-qs, blocks, gft, reel, lossless, grid"
+OWN_METHODS = frozenset({"reel", "lossless", "grid"})
+"""Methods that need no extra."""
+
 DEFAULT = "reel,pca-qp,v2v"
 PEERS = "draco,sz3,zfp,meshopt,pco,blosc2,npz"
 TRACK_PEERS = "sz3,zfp,pco,fpzip"
@@ -99,6 +102,7 @@ def evaluate_command(
     from meshreel.evaluation.surfaces.study import SurfaceStudy
     from meshreel.evaluation.tracks.peers import track_peers_named
     from meshreel.evaluation.tracks.study import TrackStudy
+    from meshreel.runtime.extras import PAPER
 
     if track is not None and (methods is not None or reference is not None):
         option_name = "--methods" if methods is not None else "--reference"
@@ -122,7 +126,8 @@ def evaluate_command(
         write_report(study, inputs, out, options, track=track, as_json=as_json)
         return
     others = peers_named(split_names(peers)) if peers is not None else peers_named()
-    check_before_work(inputs, out, [reference] if reference else [])
+    extras = [] if OWN_METHODS.issuperset(chosen) else [PAPER]
+    check_before_work(inputs, out, [reference] if reference else [], extras)
     recorded = read_recorded(reference) if reference else []
     write_report(
         CodecStudy(chosen, others, recorded, quick),

@@ -94,9 +94,12 @@ def paper_command(
     """
     from dataclasses import replace
 
-    from meshreel.runtime.extras import PAPER
+    from meshreel.formats.needed_extras import extras_to_read
+    from meshreel.formats.sources import files_of_source
+    from meshreel.runtime.extras import PAPER, PLOT, require
 
-    PAPER.load()  # the modules of the study import it
+    files = [file for source in inputs for file in files_of_source(source)]
+    require([PAPER, PLOT, *extras_to_read(files)])  # the modules of the study import SciPy
 
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.evaluation.choices import checked_names

@@ -101,12 +101,13 @@ def register_command(
     from meshreel.codec.config import EncoderConfig
     from meshreel.codec.error_bounds import METERS, bound_of
     from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake, extras_to_read
     from meshreel.formats.reel import open_segments
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.sources import files_of_source
     from meshreel.registration.register import register
     from meshreel.registration.report import Report
-    from meshreel.runtime.extras import REGISTER_PILLOW
+    from meshreel.runtime.extras import require
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     if texture_output is not None and texture is None:
@@ -122,16 +123,18 @@ def register_command(
         target = stack.enter_context(uploaded(output, overwrite=force))
         path = Path(target.local)
         source = stack.enter_context(local_copy(source_of(inputs), notes))
-        check_output_path(path, overwrite=force, inputs=files_of_source(source))
+        files = files_of_source(source)
+        check_output_path(path, overwrite=force, inputs=files)
+        baked = texture_output or path.with_suffix(".mp4")
+        baking = [] if texture is None else extras_to_bake(texture, baked)
+        require([*extras_to_read(files), *REGISTRATION, *baking])
         progress = stack.enter_context(progress_bar())
         reading = replace(reading, progress=progress, matches_frames=False)
         raw = open_for_encoding(source, config.memory_bytes, reading)
         folder, job = path.with_suffix(".registration"), None
         if texture is not None:
-            REGISTER_PILLOW.load()
-            from meshreel.formats.baked_textures import TextureJob
+            from meshreel.formats.baked_textures import TextureJob  # imports Pillow
 
-            baked = texture_output or path.with_suffix(".mp4")
             job = TextureJob.checked(texture, baked, raw, overwrite=force)
         registration = register(raw, bound, progress, folder)
         if job is not None:

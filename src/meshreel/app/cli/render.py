@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.views import View
+    from meshreel.runtime.extras import Extra
     from meshreel.runtime.progress import Progress
 
 LOOK = "Look"
@@ -171,12 +172,14 @@ def render_command(
         track_look,
     )
     from meshreel.formats.load import open_for_encoding
+    from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.model.segments import single_segment
     from meshreel.rendering.plots import plot_track
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.views import guess_up, parse_view
+    from meshreel.runtime.extras import require
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     is_film = check_extension(output, EXTENSIONS) != ".png"
@@ -190,9 +193,8 @@ def render_command(
             "--background": background if background != BACKGROUND else None,
         }  # fmt: skip
         check_plot(options, is_film=is_film)
-    else:
-        _load_libraries(output)
     files = [file for path in (source, original) if path for file in files_of_source(path)]
+    require([*_drawing_extras(output, is_plot=at is not None), *extras_to_read(files)])
     check_output_path(output, overwrite=force, inputs=files)
     size_px, color = picture_size(size), parse_color(background)
     parse_view(view, up or "y")
@@ -270,13 +272,13 @@ def _draw(
     return {"size_px": list(picture.size), "frames": numbers}
 
 
-def _load_libraries(output: Path) -> None:
-    """Load the libraries that draw and write the output; raises if one is missing."""
-    from meshreel.runtime.extras import RENDER, VIDEO
+def _drawing_extras(output: Path, *, is_plot: bool) -> list["Extra"]:
+    """The extras that draw and write the output."""
+    from meshreel.runtime.extras import PLOT, RENDER, VIDEO, VIDEO_PILLOW
 
-    if output.suffix.lower() == ".mp4":
-        VIDEO.load()
-    RENDER.load()
+    if is_plot:
+        return [PLOT]
+    return [VIDEO, VIDEO_PILLOW] if output.suffix.lower() == ".mp4" else [RENDER]
 
 
 def _check_combination(

@@ -112,7 +112,7 @@ def track_look(
 
 
 def check_plot(unsupported: Mapping[str, object], *, is_film: bool) -> None:
-    """Raise if an option does not apply to a plot over time, or it cannot be drawn.
+    """Raise if an option does not apply to a plot over time, or the output is a film.
 
     Parameters
     ----------
@@ -120,11 +120,8 @@ def check_plot(unsupported: Mapping[str, object], *, is_film: bool) -> None:
         Values of the options that do not apply to plots; None if absent.
     is_film : bool
     """
-    from meshreel.rendering.plots import require_matplotlib
-
     unused = next((name for name, value in unsupported.items() if value is not None), None)
     if unused:
         raise click.UsageError(f"{unused} cannot be combined with a plot over time (--at)")
     if is_film:
         raise click.UsageError("--at draws a plot over time; write a .png")
-    require_matplotlib()

@@ -11,18 +11,23 @@ from meshreel.app.cli.console import print_json, print_notes, print_table, progr
 from meshreel.evaluation.pipeline import R, Study, evaluate
 from meshreel.evaluation.tracks.study import with_track_alone
 from meshreel.formats.load import load_any
+from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import files_of_source
 from meshreel.model.flag import simulate_flag
 from meshreel.model.segments import AnySequence, SegmentedSequence, single_segment
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering.plots import require_matplotlib
-from meshreel.runtime.extras import PEERS
+from meshreel.runtime.extras import PEERS, PLOT, Extra, require
 from meshreel.runtime.outputs.checks import check_output_folder
 
 
-def check_before_work(inputs: Sequence[str], out: Path, others: Sequence[Path] = ()) -> None:
+def check_before_work(
+    inputs: Sequence[str],
+    out: Path,
+    others: Sequence[Path] = (),
+    extras: Sequence[Extra] = (),
+) -> None:
     """Check before a long run that a report can be written.
 
     Parameters
@@ -33,15 +38,16 @@ def check_before_work(inputs: Sequence[str], out: Path, others: Sequence[Path] =
         The folder of the report.
     others : sequence of Path
         Other files to read.
+    extras : sequence of Extra
+        Needed in addition to those of all reports.
 
     Raises
     ------
     InvalidInputError
-        If matplotlib, SciPy or an input is missing, or the folder cannot be written.
+        If an extra or an input is missing, or the folder cannot be written.
     """
-    require_matplotlib()
-    PEERS.load()
     files = [file for source in inputs for file in files_of_source(source)]
+    require([PLOT, PEERS, *extras, *extras_to_read(files)])
     check_output_folder(out, inputs=[*files, *others])
 
 

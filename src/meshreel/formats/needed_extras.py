@@ -1,0 +1,49 @@
+"""The extras that files need, judging by their names, so that one error lists all missing ones."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
+from meshreel.formats.sources import AnyPath, Source
+from meshreel.runtime.extras import (
+    REGISTER,
+    REGISTER_PILLOW,
+    REGISTER_SCIPY,
+    REGISTER_XATLAS,
+    VIDEO,
+    Extra,
+)
+
+VIDEOS = (".mp4", ".mov", ".webm", ".mkv", ".avi")
+"""Extensions of videos of textures."""
+
+REGISTRATION = (REGISTER, REGISTER_SCIPY)
+
+
+def extras_to_read(files: Iterable[AnyPath], options: ReadOptions | None = None) -> list[Extra]:
+    """Return the extras that reading certainly needs, including those of registration."""
+    formats = (FORMATS.get(extension) for extension in dict.fromkeys(map(extension_of, files)))
+    extras = [
+        found.extra
+        for found in formats
+        if found is not None and found.extra is not None
+        if not (isinstance(found, SequenceFormat) and found.reads_without_extra)
+    ]
+    return [*extras, *(REGISTRATION if options and options.register is not None else ())]
+
+
+def extras_to_write(output: AnyPath) -> list[Extra]:
+    """Return the extras that writing certainly needs."""
+    extension = extension_of(output)
+    found = FOLDER_FORMATS.get(extension) or FORMATS.get(extension)
+    return [found.extra] if found is not None and found.extra is not None else []
+
+
+def extras_to_bake(textures: Source, output: AnyPath) -> list[Extra]:
+    """Return the extras that baking textures into the images or the video `output` needs."""
+    names = [textures] if isinstance(textures, str | os.PathLike) else [*textures]
+    has_video = any(Path(name).suffix.lower() in VIDEOS for name in [*names, output])
+    return [REGISTER_PILLOW, REGISTER_XATLAS, *([VIDEO] if has_video else [])]
