@@ -9,8 +9,8 @@ import numpy as np
 
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, WRAPS
 from meshreel.codec.tracks import KINDS
-from meshreel.kernel.files import NUMBER_TYPES
 from meshreel.kernel.library import library
+from meshreel.kernel.structures import NUMBER_TYPES
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 from meshreel.model.surface import Attribute, FaceGroups, Kind, Part, Surface
 

@@ -10,7 +10,8 @@ from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS, Coding, Sharing, TrackHeader
-from meshreel.kernel.files import NUMBER_TYPES, OpenFile
+from meshreel.kernel.files import OpenFile
+from meshreel.kernel.structures import NUMBER_TYPES
 
 FRAMES_AT, FRAMES_BYTES = 10, 4
 """Position of the number of frames in a header; 0 means unknown."""

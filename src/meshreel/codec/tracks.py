@@ -8,7 +8,7 @@ import numpy as np
 
 from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.surface.codes import DOMAINS
-from meshreel.kernel.files import NUMBER_TYPES
+from meshreel.kernel.structures import NUMBER_TYPES
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind
 

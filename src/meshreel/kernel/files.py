@@ -21,7 +21,6 @@ from meshreel.errors import (
     TruncatedStreamError,
     UnsupportedVersionError,
 )
-from meshreel.kernel.exact import TYPES
 from meshreel.kernel.host import (
     ANNOUNCE,
     READ,
@@ -32,148 +31,36 @@ from meshreel.kernel.host import (
     block_store,
 )
 from meshreel.kernel.library import library
+from meshreel.kernel.structures import (
+    CORRUPT,
+    LIMIT,
+    NO_MEMORY,
+    NORMAL,
+    NUMBER_TYPES,
+    OK,
+    TRUNCATED,
+    UNKNOWN_BYTE,
+    UNREADABLE,
+    UNSUPPORTED,
+    Block,
+    Error,
+    Group,
+    Host,
+    Info,
+    Modes,
+    Section,
+    Segment,
+    Source,
+    Text,
+    Track,
+)
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
 
-(
-    OK,
-    NO_MEMORY,
-    TRUNCATED,
-    CORRUPT,
-    INVALID,
-    UNSUPPORTED,
-    METHOD,
-    UNREADABLE,
-    RANGE,
-    LIMIT,
-    SEGMENTS,
-) = range(11)
-"""Codes of `meshreel_code`."""
-
-UNKNOWN_BYTE = 2**64 - 1
-NORMAL = 3
-"""Of `meshreel_track_kind`."""
-
-NUMBER_TYPES: dict[int, np.dtype[Any]] = {
-    dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in map(np.dtype, TYPES)
-}
-"""Of `meshreel_type`."""
-
 Integers = npt.NDArray[np.int32]
 
-_U32, _U64, _SIZE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_size_t
-_POINTER, _DOUBLE = ctypes.c_void_p, ctypes.c_double
-
-
-def fields_of(kind: Any, names: str) -> list[tuple[str, Any]]:
-    """Fields of a structure that are of one type, for `ctypes`."""
-    return [(name, kind) for name in names.split()]
-
-
-class Text(ctypes.Structure):
-    """`meshreel_text`."""
-
-    _fields_ = [("bytes", _POINTER), ("size", _SIZE)]
-
-    def __str__(self) -> str:
-        return ctypes.string_at(self.bytes, self.size).decode() if self.size else ""
-
-
-class Error(ctypes.Structure):
-    """`meshreel_error`."""
-
-    _fields_ = [
-        ("code", ctypes.c_int32),
-        ("reserved", _U32),
-        ("offset", _U64),
-        ("size", _U64),
-        ("message", ctypes.c_char_p),
-    ]
-
-
-class _Source(ctypes.Structure):
-    _fields_ = [
-        ("bytes", ctypes.c_char_p),
-        ("size", _U64),
-        ("read", READ),
-        ("user", _POINTER),
-        ("announce", ANNOUNCE),
-    ]
-
-
-class _Host(ctypes.Structure):
-    _fields_ = [
-        ("user", _POINTER),
-        ("allocate", _POINTER),
-        ("release", _POINTER),
-        ("run", RUN),
-        ("n_threads", _U32),
-        ("reserved", _U32),
-        ("memory_limit", _U64),
-    ]
-
-
-class _Info(ctypes.Structure):
-    _fields_ = [
-        ("name", Text),
-        *fields_of(_DOUBLE, "fps start_s error_bound_percent"),
-        ("center", _DOUBLE * 3),
-        ("diagonal", _DOUBLE),
-        ("size", _U64),
-        *fields_of(
-            _U32,
-            "n_frames n_verts n_triangles n_faces n_corners n_blocks longest_block n_tracks "
-            "number_bytes method laplacian order is_whole n_segments",
-        ),
-        ("damage", Error),
-    ]
-
-
-class _Segment(ctypes.Structure):
-    _fields_ = [
-        *fields_of(_U32, "first_frame n_frames n_verts n_triangles"),
-        *fields_of(_U64, "offset size"),
-    ]
-
-
-class _Section(ctypes.Structure):
-    _fields_ = [
-        *fields_of(_U32, "id is_known"),
-        *fields_of(_U64, "offset size payload payload_size"),
-    ]
-
-
-class _Block(ctypes.Structure):
-    _fields_ = [*fields_of(_U32, "first_frame n_frames"), *fields_of(_U64, "offset size")]
-
-
-class _Group(ctypes.Structure):
-    _fields_ = [
-        *fields_of(_U32, "key_block n_modes"),
-        ("n_corrections", _U64),
-        ("step", _DOUBLE),
-    ]
-
-
-class _Track(ctypes.Structure):
-    _fields_ = [
-        ("name", Text),
-        ("unit", Text),
-        *fields_of(_U32, "kind domain type n_columns n_items coding is_exact reserved"),
-        ("bound", _DOUBLE),
-    ]
-
-
-class _Modes(ctypes.Structure):
-    _fields_ = [
-        *fields_of(_U32, "n_frames n_modes n_columns n_items has_missing reserved"),
-        *fields_of(_DOUBLE, "step scale"),
-        *fields_of(
-            _POINTER,
-            "origin values rows basis shared correction_starts corrected corrections",
-        ),
-    ]
+_U32, _U64, _POINTER = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_void_p
 
 
 @dataclass(frozen=True)
@@ -430,7 +317,7 @@ class FrameDecoder:
         """
         with self._lock:
             self._begin()
-            found = _Modes()
+            found = Modes()
             number, stored = (_U32(track), _U32(block)), self._file.tracks[track]
             self._file.call("modes_of", self._handle, *number, ctypes.byref(found))
             is_sum = found.n_modes and not found.has_missing and stored.kind != NORMAL
@@ -460,7 +347,7 @@ def _end(process: int, file: "OpenFile", handle: ctypes.c_void_p) -> None:
         _function("end")(handle)
 
 
-_Kept = tuple[_Host, HostMemory]
+_Kept = tuple[Host, HostMemory]
 
 
 def _closer(file: "OpenFile") -> "finalize[[int, _Kept, ctypes.c_void_p], OpenFile]":
@@ -512,7 +399,7 @@ class OpenFile:
         self._lock = fork_safe_lock()
         self._reader = None if isinstance(source, bytes) else SourceReader(source)
         n_threads = n_cores()
-        self._host = _Host(
+        self._host = Host(
             ctypes.addressof(self._memory),
             ctypes.cast(library().reel_host_allocate, _POINTER),
             ctypes.cast(library().reel_host_release, _POINTER),
@@ -566,7 +453,7 @@ class OpenFile:
         return tuple(map(self._segment, range(self.info.n_segments)))
 
     def _segment(self, number: int) -> FileSegment:
-        found = _Segment()
+        found = Segment()
         _function("segment_of")(self.handle, _U32(number), ctypes.byref(found))
         return FileSegment(
             found.first_frame,
@@ -577,23 +464,23 @@ class OpenFile:
             found.size,
         )
 
-    def _core_source(self) -> _Source:
+    def _core_source(self) -> Source:
         if isinstance(self._source, bytes):
-            return _Source(self._source, len(self._source), READ(), None, ANNOUNCE())
+            return Source(self._source, len(self._source), READ(), None, ANNOUNCE())
         assert self._reader is not None
         size = self._source.seek(0, os.SEEK_END)
         # Kept: the core copies their addresses.
         self._callbacks = READ(self._reader.read), ANNOUNCE(self._reader.announce)
         read, announce = self._callbacks
-        return _Source(None, size, read, None, announce)
+        return Source(None, size, read, None, announce)
 
     def _info(self) -> FileInfo:
-        found = ctypes.cast(_function("info_of")(self.handle), ctypes.POINTER(_Info)).contents
+        found = ctypes.cast(_function("info_of")(self.handle), ctypes.POINTER(Info)).contents
         damage = found.damage
         numbers = "fps start_s diagonal n_frames n_verts n_triangles n_faces n_corners n_blocks"
         codes = "n_tracks number_bytes method laplacian order n_segments"
         return FileInfo(
-            name=str(found.name),
+            name=text_of(found.name),
             error_bound_percent=found.error_bound_percent or None,
             center=tuple(found.center),
             size_bytes=found.size,
@@ -666,11 +553,11 @@ class OpenFile:
         return tuple(self._track(number) for number in range(self.info.n_tracks))
 
     def _track(self, number: int) -> FileTrack:
-        found = _Track()
+        found = Track()
         _function("track_of")(self.handle, _U32(number), ctypes.byref(found))
         return FileTrack(
-            str(found.name),
-            str(found.unit),
+            text_of(found.name),
+            text_of(found.unit),
             found.kind,
             found.domain,
             NUMBER_TYPES[found.type],
@@ -683,7 +570,7 @@ class OpenFile:
 
     def block(self, number: int, track: int = 0) -> FileBlock:
         """The bytes of a track in a block."""
-        found = _Block()
+        found = Block()
         _function("block_of")(self.handle, _U32(number), _U32(track), ctypes.byref(found))
         return FileBlock(found.first_frame, found.n_frames, found.offset, found.size)
 
@@ -703,7 +590,7 @@ class OpenFile:
 
     def group(self, number: int, track: int = 0, *, is_checked: bool = True) -> FileGroup:
         """What a block says of a track; its checksums are compared if `is_checked`."""
-        found = _Group()
+        found = Group()
         self.call(
             "group_of", self.handle, _U32(number), _U32(track), is_checked, ctypes.byref(found)
         )
@@ -721,7 +608,7 @@ class OpenFile:
         """
         offset, end = start, self.info.size_bytes if stop is None else stop
         while offset < end:
-            found = _Section()
+            found = Section()
             self.call("section_at", self.handle, _U64(offset), is_checked, ctypes.byref(found))
             yield _file_section(found)
             offset = found.offset + found.size
@@ -730,7 +617,7 @@ class OpenFile:
     def leading(self) -> tuple[FileSection, ...]:
         """Known sections before the first block, those that an earlier segment stores first."""
         sections: list[FileSection] = []
-        found = _Section()
+        found = Section()
         while not _function("leading_of")(self.handle, _U32(len(sections)), ctypes.byref(found)):
             sections.append(_file_section(found))
         return tuple(sections)
@@ -754,7 +641,7 @@ class OpenFile:
             self._close()
 
 
-def _file_modes(found: _Modes, n_values: int) -> FileModes:
+def _file_modes(found: Modes, n_values: int) -> FileModes:
     n_frames, n_modes, n_columns = found.n_frames, found.n_modes, found.n_columns
     rows = array_at(found.rows, found.n_items, np.int32)
     if found.shared:
@@ -776,7 +663,7 @@ def _file_modes(found: _Modes, n_values: int) -> FileModes:
     )
 
 
-def _file_section(found: _Section) -> FileSection:
+def _file_section(found: Section) -> FileSection:
     return FileSection(
         found.id,
         bool(found.is_known),
@@ -797,6 +684,11 @@ def _stream_error(error: Error) -> Exception:
     message = error.message.decode()
     place = "" if error.offset == UNKNOWN_BYTE else f" (byte {error.offset})"
     return kinds.get(error.code, InvalidInputError)(f"{message}{place}")
+
+
+def text_of(text: Text) -> str:
+    """The string of a text of the core."""
+    return ctypes.string_at(text.bytes, text.size).decode() if text.size else ""
 
 
 def array_at(address: int | None, count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:

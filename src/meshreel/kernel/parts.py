@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy.typing as npt
 
-from meshreel.kernel.files import OK, Error, OpenFile
+from meshreel.kernel.files import OpenFile
 from meshreel.kernel.library import library
+from meshreel.kernel.structures import OK, Error
 from meshreel.runtime.profiling import staged
 
 
