@@ -30,7 +30,7 @@ static int fill;
 static void (*const targets[])(void) = {
     fuzz_integers,         fuzz_fields,    fuzz_connectivity, fuzz_order,        fuzz_patterns,
     fuzz_surface_integers, fuzz_hierarchy, fuzz_frames,       fuzz_basis_encode, fuzz_coordinates,
-    fuzz_exact,            fuzz_streams,   fuzz_corner_rows,
+    fuzz_exact,            fuzz_streams,   fuzz_corner_rows,  fuzz_host_memory,
 };
 #define N_TARGETS (sizeof targets / sizeof *targets)
 
@@ -95,6 +95,10 @@ void *fuzz_copy(const void *from, int64_t count, size_t item) {
 }
 
 int fuzz_fill_byte(void) { return fill; }
+
+void fuzz_poison(void *from, size_t size) { ASAN_POISON_MEMORY_REGION(from, size); }
+
+void fuzz_unpoison(void *from, size_t size) { ASAN_UNPOISON_MEMORY_REGION(from, size); }
 
 fuzz_bytes fuzz_written(const uint8_t *out, int64_t size) {
     FUZZ_CHECK(size >= 0);

@@ -685,10 +685,18 @@ static fuzz_bytes make_stream(void) {
     return (fuzz_bytes){fuzz_copy(s.bytes, (int64_t)s.size, 1), s.size};
 }
 
+static void read_stream(fuzz_bytes bytes) {
+    if (fuzz_one_in(3)) {
+        fuzz_read_parts(bytes);
+    } else {
+        fuzz_read_stream(bytes);
+    }
+}
+
 void fuzz_streams(void) {
     fuzz_bytes bytes = make_stream();
-    fuzz_read_stream(bytes);
+    read_stream(bytes);
     if (fuzz_one_in(3)) {
-        fuzz_read_stream(fuzz_mutate(bytes));
+        read_stream(fuzz_mutate(bytes));
     }
 }
