@@ -65,9 +65,15 @@ def frame_range(frames: slice | None, n_frames: int) -> range:
     Raises
     ------
     InvalidInputError
-        If it selects no frame, or has a step.
+        If it is not a slice of whole numbers, selects no frame, or has a step.
     """
-    start, stop, step = (frames or slice(None)).indices(n_frames)
+    try:
+        start, stop, step = (slice(None) if frames is None else frames).indices(n_frames)
+    except (AttributeError, TypeError, ValueError):
+        raise InvalidInputError(
+            f"frames must be a slice such as slice(0, 10); got {frames!r:.60}; "
+            "meshreel.open(path) decodes single frames and lists of frames"
+        ) from None
     if step != 1:
         raise InvalidInputError(f"frames must have no step; got {frames}")
     if start >= stop:

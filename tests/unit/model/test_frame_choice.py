@@ -8,6 +8,7 @@ import pytest
 import meshreel
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
+from meshreel.errors import InvalidInputError
 from meshreel.model.frame_choice import chosen_frames, consecutive_runs
 from samples.meshes import waving_grid
 
@@ -84,6 +85,13 @@ def test_mask_must_cover_all_frames(frames, mask):
 def test_type_error_states_the_valid_indices(frames, chosen):
     with pytest.raises(TypeError, match="must be a number, a slice, or a list or array"):
         frames[chosen]
+
+
+@pytest.mark.parametrize("chosen", [5, 0, (0, 5), [0, 5], range(5), "0:5", slice(0.5, 3), ()])
+def test_decode_accepts_only_slices_of_frames(chosen):
+    data = meshreel.encode(waving_grid(4))
+    with pytest.raises(InvalidInputError, match=r"frames must be a slice such as slice\(0, 10\)"):
+        meshreel.decode(data, frames=chosen)
 
 
 def test_length_iteration_and_reversal_cover_the_frames(frames):
