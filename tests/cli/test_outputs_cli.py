@@ -1,6 +1,7 @@
 """Outputs of commands: names, numbers, and outputs that must not be written."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -115,6 +116,21 @@ def test_error_names_a_folder_that_cannot_be_written(folder, arguments):
         (["decode", "walk.reel", "-o", "x.reel"], ["re-encoded", "meshreel convert"]),
         (["paper", "walk.npz", "--out", "."], ["walk.npz is in"]),
         (["evaluate", "walk.npz", "--out", "."], ["walk.npz is in"]),
+        (["decode", "walk.reel", "-o", "f_#####.obj"], ["##### is not", "use f_%05d.obj"]),
+        (["decode", "walk.reel", "-o", "no/f.$F.obj"], ["$F is not", f"{Path('no/f.%04d.obj')}"]),
+        (
+            ["convert", "walk.npz", "-o", "f.$F3.ply"],
+            ["$F3 is not a number field", "use f.%03d.ply"],
+        ),
+        (["convert", "walk.npz", "-o", "<frame>.ply"], ["<frame> is not", "use %04d.ply"]),
+        (
+            ["encode", "walk.npz", "--tolerance", "1"],
+            ["Did you mean '--max-error'?"],
+        ),
+        (["register", "frames", "--eb=1"], ["Did you mean '--max-error'?"]),
+        (["encode", "walk.npz", "--register"], ["(meshreel encode --help lists the options)"]),
+        (["encode", "walk.npz", "--quality", "150"], ["must be 1..100; got 150\n"]),
+        (["encode", "walk.npz", "--track", "a=drop,b=1"], ["'a=drop,b=1'; repeat it for each"]),
         (["decode", "walk.reel", "-o", "x.npz", "--targets", "3"], ["--targets", ".npz", ".glb"]),
         (["decode", "walk.reel", "-o", "x.npz", "--normals"], ["--normals", ".glb, .gltf"]),
         (["decode", "walk.reel", "-o", "x.npz", "--max-error", "1"], ["--max-error", ".npz"]),

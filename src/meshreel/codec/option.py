@@ -76,7 +76,8 @@ class Range:
         """Raise InvalidInputError, with the option's name, unless a number is in the range."""
         allowed = f"{self}, {unit}" if unit else str(self)
         if _as_number(number) not in self:
-            shown = repr(number) if isinstance(number, str) else number
+            is_whole = isinstance(number, float) and number.is_integer()
+            shown = int(number) if is_whole else repr(number) if isinstance(number, str) else number
             raise InvalidInputError(f"{name} must be {allowed}; got {shown}")
 
 

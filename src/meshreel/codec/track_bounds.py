@@ -208,7 +208,8 @@ def _allowed(track: TrackSource) -> str:
     if track.kind is TrackKind.NORMAL:
         allowed = ["an angle such as 0.5deg"]
     else:
-        allowed.append(f"500{unit} in its unit" if unit else "a number such as 500, it has no unit")
+        without = "a number such as 500 (the track has no unit)"
+        allowed.append(f"500{unit} in its unit" if unit else without)
     if track.kind is TrackKind.COLOR:
         allowed.append("8bit")
     return f"a bound is {', '.join(allowed)}, exact or drop"

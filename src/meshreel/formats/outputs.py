@@ -15,6 +15,9 @@ from meshreel.formats.supported_options import check_write_options
 from meshreel.runtime.outputs.checks import check_output_paths
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
+OTHER_FIELD = re.compile(r"#{2,}|\$F\d?|<frame>", re.IGNORECASE)
+"""Number fields of other programs: ####, $F4, <frame>."""
+
 DEFAULT_OPTIONS = WriteOptions()
 
 
@@ -151,6 +154,11 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
         first = start_number or 0
         numbers = range(first, first + (1 if n_frames is None else n_frames))
         return numbered_paths(path, fields[0], numbers)
+    if other := OTHER_FIELD.search(path.name):
+        name = path.name.replace(other[0], f"%0{_n_digits(other[0])}d")
+        raise InvalidInputError(
+            f"{path}: {other[0]} is not a number field here; use {path.with_name(name)}"
+        )
     if n_frames is not None and n_frames > 1:
         pattern = path.with_name(f"{path.stem}_%04d{path.suffix}")
         raise InvalidInputError(
@@ -158,6 +166,11 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
             f"or {path.with_suffix('.npz')} for all frames in one file"
         )
     return [path]
+
+
+def _n_digits(field: str) -> int:
+    """Number of digits of an `OTHER_FIELD`, 4 if it gives none."""
+    return len(field) if field[0] == "#" else int(field[-1]) if field[-1].isdigit() else 4
 
 
 def _check_start_number(path: Path, start_number: int | None) -> None:

@@ -56,7 +56,7 @@ def test_any_track_can_be_exact_or_dropped(track, given, bound):
     ("track", "given", "message"),
     [
         (PRESSURE, "500K", "500Pa in its unit, exact or drop; got '500K'"),
-        (PLAIN, "500Pa", "a number such as 500, it has no unit"),
+        (PLAIN, "500Pa", r"a number such as 500 \(the track has no unit\), exact or drop"),
         (PRESSURE, "0", "must be above 0"),
         (PRESSURE, "1e999", "must be above 0"),
         (PRESSURE, "0.5deg", "0.1% of its range, 500Pa in its unit, exact or drop"),
@@ -67,7 +67,7 @@ def test_any_track_can_be_exact_or_dropped(track, given, bound):
         (COLOR, "53bit", "take 1bit to 52bit, or exact; got '53bit'"),
         (COLOR, "2000bit", "take 1bit to 52bit, or exact; got '2000bit'"),
         (COLOR, "1e-30bit", "take 1bit to 52bit, or exact; got '1e-30bit'"),
-        (COLOR, "0.5deg", "it has no unit, 8bit, exact or drop"),
+        (COLOR, "0.5deg", r"\(the track has no unit\), 8bit, exact or drop"),
         (NORMAL, "0.1%", "a bound is an angle such as 0.5deg, exact or drop"),
         (NORMAL, "0.1", "a bound is an angle such as 0.5deg, exact or drop"),
         (NORMAL, "30.1deg", "at most 30deg; got '30.1deg'"),

@@ -29,6 +29,12 @@ COMMANDS = (
 
 NUMBER = re.compile(r"\d*\.?\d+(e[+-]?\d+)?")
 
+SYNONYMS = {
+    f"--{name}": "--max-error"
+    for name in ("error", "error-bound", "bound", "eb", "epsilon", "tolerance", "precision")
+}
+"""Options by names that other programs give them."""
+
 WITH_ADDRESSES = frozenset({"encode", "register", "batch", "decode", "convert", "info", "compare"})
 """Commands that accept addresses of remote files."""
 
@@ -47,7 +53,16 @@ class Command(click.Command):
         if self.name not in WITH_ADDRESSES:
             for arg in args:
                 refuse_address(arg, f"every file of `meshreel {self.name}`")
-        return super().parse_args(ctx, args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            error.ctx = error.ctx or ctx  # the parser does not set it
+            if isinstance(error, click.NoSuchOption):
+                meant = SYNONYMS.get(error.option_name, "")
+                if any(meant in param.opts for param in self.params):
+                    message = f"{error.message} Did you mean {meant!r}?"
+                    raise click.UsageError(message, ctx) from None
+            raise
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the help in panels."""

@@ -50,7 +50,7 @@ def track_targets(texts: Sequence[str] | None) -> dict[str, float | str] | None:
     Raises
     ------
     click.UsageError
-        If a text has no name or no bound, or a name is repeated.
+        If a text has no name, no bound or several, or a name is repeated.
     """
     if not texts:
         return None
@@ -60,6 +60,10 @@ def track_targets(texts: Sequence[str] | None) -> dict[str, float | str] | None:
         if not (name and equals and bound):
             raise click.UsageError(
                 f"--track takes a name and a bound, as in stress=0.1%; got {text!r}"
+            )
+        if "=" in bound:
+            raise click.UsageError(
+                f"--track takes one name and bound; got {text!r}; repeat it for each track"
             )
         if name in targets:
             raise click.UsageError(f"--track names {name!r} twice; give it once")
