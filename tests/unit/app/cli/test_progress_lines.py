@@ -3,6 +3,7 @@
 import io
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -25,6 +26,12 @@ class Lines(io.StringIO):
         for _ in range(n_lines):
             assert self.has_come.acquire(timeout=20)
         return self.getvalue().splitlines()
+
+
+@pytest.fixture(autouse=True)
+def still_clock(monkeypatch):
+    """No time passes: a busy machine takes more than the half second after which 0:01 is shown."""
+    monkeypatch.setattr(console, "time", SimpleNamespace(monotonic=lambda: 0.0))
 
 
 def test_lines_are_repeated_without_calls():
