@@ -2,6 +2,7 @@
 
 import base64
 import contextlib
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +45,9 @@ def square_with(material, *, images=None, n_uvs=2):
     file = Gltf()
     uv = {f"TEXCOORD_{i}": file.accessor(np.array(SQUARE)[:, :2] / (i + 1)) for i in range(n_uvs)}
     mesh = file.mesh(SQUARE, SQUARE_FACES, attributes=uv)
-    file.json["meshes"][mesh]["primitives"][0]["material"] = file.add("materials", **material)
+    file.json["meshes"][mesh]["primitives"][0]["material"] = file.add(
+        "materials", **deepcopy(material)
+    )
     file.node(mesh=mesh, name="square")
     for one in images or (png(), jpeg()):
         file.add("images", bufferView=file.view(one.data), mimeType=one.mime_type, name=one.name)

@@ -26,6 +26,7 @@ from samples.tasks import (
     process_id,
     slow_square,
     square,
+    square_after,
 )
 
 
@@ -138,9 +139,12 @@ def test_as_completed_pairs_items_with_their_outcomes(engine):
     assert isinstance(results[7, 0], ZeroDivisionError)
 
 
-def test_as_completed_yields_in_order_of_completion(engine):
-    items = [(1, 0.5), (2, 0.0)]
-    order = [item[0] for item, _ in engine.as_completed(slow_square, items)]
+def test_as_completed_yields_in_order_of_completion(engine, tmp_path):
+    existing, mark = tmp_path, tmp_path / "the other call is complete"
+    order = []
+    for (number, _), _ in engine.as_completed(square_after, [(1, mark), (2, existing)]):
+        order.append(number)
+        mark.touch()
     assert order == [2, 1]
 
 
