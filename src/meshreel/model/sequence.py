@@ -351,7 +351,8 @@ def validate_faces(faces: Any, n_verts: int) -> Faces:
         outside = (array < 0) | (array >= n_verts)
         row = int(np.argmax(outside.any(axis=1)))
         raise InvalidInputError(
-            f"face {row} is {array[row].tolist()}; indices must be in 0..{n_verts - 1}"
+            f"face {row} is {array[row].tolist()}; indices must be in 0..{n_verts - 1}, "
+            f"because vertices of shape (T, V, 3) have V = {n_verts}"
         )
     return np.ascontiguousarray(array, dtype=np.int32)
 

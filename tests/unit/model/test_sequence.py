@@ -48,7 +48,7 @@ def test_raw_size_counts_tracks_and_the_surface_once():
         (np.zeros((0, 3, 3)), FACES, 0, "at least one frame"),
         (np.zeros((2, 0, 3)), FACES, 0, "at least one vertex"),
         (np.zeros((2, 2, 3)), np.zeros((0, 3), int), 0, "2 vertices without faces"),
-        (VERTICES, [[0, 1, 3]], 0, r"face 0 is \[0, 1, 3\]; indices must be in 0..2"),
+        (VERTICES, [[0, 1, 3]], 0, r"face 0 is \[0, 1, 3\]; indices must be in 0..2, .* V = 3"),
         (VERTICES, [[0, 1, 2], [0, -1, 2]], 0, r"face 1 is \[0, -1, 2\]"),
         (VERTICES, [[0, 1, 2, 0]], 0, r"shape \(M, 3\); got \(1, 4\)"),
         (VERTICES, [[0.0, 1.0, 2.0]], 0, "faces must be integers; got float64"),
