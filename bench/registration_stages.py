@@ -41,6 +41,13 @@ def one_topology(*_: Any) -> growing.Topology:
 
 
 Change = tuple[Any, str, Any]
+
+
+def unchanged(repair: str) -> Change:
+    """Return the change by which a repair of folds leaves the mesh as it is."""
+    return folds.Folds, repair, lambda self, mesh, *_: mesh
+
+
 VARIANTS: dict[str, list[Change]] = {
     "all stages": [],
     "key in the middle, of any topology": [
@@ -61,12 +68,11 @@ VARIANTS: dict[str, list[Change]] = {
     "fit to the raw surface only": [(fitting, "rows_from_surface", rows_of_nothing)],
     "fit from the raw surface only": [(fitting, "rows_to_surface", rows_of_nothing)],
     "as fine as possible in every frame": [(growing, "SMOOTHNESS", growing.SMOOTHNESS[-1:])],
-    "folds stay": [
-        (folds.Folds, "flattened", lambda self, mesh, target: mesh),
-        (folds.Folds, "opened", lambda self, mesh, target: mesh),
-    ],
-    "folds are only flattened": [(folds.Folds, "opened", lambda self, mesh, target: mesh)],
-    "folds are only opened": [(folds.Folds, "flattened", lambda self, mesh, target: mesh)],
+    "folds stay": [unchanged("flattened"), unchanged("opened"), unchanged("restored")],
+    "folds are only flattened": [unchanged("opened"), unchanged("restored")],
+    "folds are only opened": [unchanged("flattened"), unchanged("restored")],
+    "folds are only restored": [unchanged("opened"), unchanged("flattened")],
+    "folds are not restored": [unchanged("restored")],
 }
 
 

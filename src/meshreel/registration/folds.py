@@ -11,16 +11,23 @@ from meshreel.registration.fitting import uniform_laplacian
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.runtime.extras import REGISTER_SCIPY
 
+MIN_TURN = np.radians(30)
+"""Smallest angle by which two neighbors that face each other bend more than in the key if they fold
+over: a crease of the key that bends a little more is no fold."""
+
 FLATTENING_ROUNDS = 12
+RESTORING_ROUNDS = 12
 OPENING_ROUNDS = 16
-"""Largest number of rounds of the two repairs."""
+"""Largest number of rounds of the repairs."""
 
 FLATTENINGS_PER_RING = 2
+RESTORINGS_PER_RING = 2
 OPENINGS_PER_RING = 4
 """Rounds after which one more ring of vertices around the remaining folds moves too."""
 
 HOLD = 1e-6
-"""Weight of the present position of a vertex that is flattened, for components that move whole."""
+"""Weight of the present position of a vertex that is flattened or restored, for components that
+move whole."""
 
 MIN_AREA = 0.1
 """Smallest area of a face that opening accepts, as seen along the normal of the surface, relative
@@ -46,13 +53,21 @@ class Folds:
 
     def __init__(self, key: TriangleMesh) -> None:
         self._neighbors = key.neighbors
-        self._opposes_in_key = self._opposes(key)
+        self._cosines_in_key = key.cosines_across(key.neighbors)
         self._laplacian = uniform_laplacian(key.faces, len(key.vertices))
 
-    def find(self, mesh: TriangleMesh, target: TriangleMesh) -> Indices:
-        """Return the folded faces of the key mesh in a frame with this surface."""
-        sides = np.flatnonzero(self._opposes(mesh) & ~self._opposes_in_key)
-        found = np.unique(sides // 3)
+    def find(self, mesh: TriangleMesh, target: TriangleMesh, min_turn: float = MIN_TURN) -> Indices:
+        """Return the folded faces of the key mesh in a frame with this surface.
+
+        Parameters
+        ----------
+        min_turn : float
+            Smallest angle, in radians, by which a face and its neighbor bend more than in the key.
+        """
+        in_key = self._cosines_in_key
+        limits = np.minimum(np.cos(np.arccos(np.clip(in_key, 0.0, 1.0)) + min_turn), 0.0)
+        cosines = mesh.cosines_across(self._neighbors)
+        found = np.unique(np.flatnonzero((cosines < limits) & (in_key >= 0)) // 3)
         if not len(found):
             return found
         closest = target.closest(mesh.vertices[mesh.faces[found]].mean(axis=1))
@@ -65,18 +80,43 @@ class Folds:
         That unfolds a patch whose boundary is convex (W. T. Tutte, "How to Draw a Graph", 1963),
         but moves it off creases of the surface. Some folds remain where the surface forces them.
         """
-        sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
         for number in range(FLATTENING_ROUNDS):
-            folded = self.find(mesh, target)
+            folded = self.find(mesh, target, min_turn=0.0)
             if not len(folded):
                 break
             moves = _vertices_around(mesh, folded, number // FLATTENINGS_PER_RING)
-            rows, positions = self._laplacian[moves], mesh.vertices.copy()
-            held = HOLD * sparse.identity(rows.shape[0])
-            right = HOLD * positions[moves] - rows[:, ~moves] @ positions[~moves]
-            positions[moves] = linalg.spsolve((rows[:, moves] + held).tocsc(), right)
-            mesh = TriangleMesh(positions, mesh.faces)
+            mesh = TriangleMesh(self._averaged(mesh.vertices, moves), mesh.faces)
         return mesh
+
+    def restored(self, mesh: TriangleMesh, target: TriangleMesh, rest: Floats) -> TriangleMesh:
+        """Return the mesh with its shape at rest where it folds; few folds remain.
+
+        The displacement from rest is averaged around folds. That keeps small parts of the key
+        which the surface lacks, and which would fold if they were pressed onto it; but the mesh
+        fits the surface less closely there.
+
+        Parameters
+        ----------
+        rest : float64 array of shape (V, 3)
+            Positions with few folds: those of the key, as moved by nodes.
+        """
+        for number in range(RESTORING_ROUNDS):
+            folded = self.find(mesh, target)
+            if not len(folded):
+                break
+            moves = _vertices_around(mesh, folded, 1 + number // RESTORINGS_PER_RING)
+            displacements = self._averaged(mesh.vertices - rest, moves)
+            mesh = TriangleMesh(rest + displacements, mesh.faces)
+        return mesh
+
+    def _averaged(self, vectors: Floats, moves: npt.NDArray[np.bool_]) -> Floats:
+        """Return vectors of shape (V, 3), where they move the means of their neighbors."""
+        sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
+        rows, averaged = self._laplacian[moves], vectors.copy()
+        held = HOLD * sparse.identity(rows.shape[0])
+        right = HOLD * vectors[moves] - rows[:, ~moves] @ vectors[~moves]
+        averaged[moves] = linalg.spsolve((rows[:, moves] + held).tocsc(), right)
+        return averaged
 
     def opened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
         """Return the mesh with folds turned until they agree with the surface; some may remain.
@@ -85,7 +125,7 @@ class Folds:
         arise, which `flattened` removes.
         """
         for number in range(OPENING_ROUNDS):
-            folded = self.find(mesh, target)
+            folded = self.find(mesh, target, min_turn=0.0)
             if not len(folded):
                 break
             moves = _vertices_around(mesh, folded, 1 + number // OPENINGS_PER_RING)
@@ -127,10 +167,6 @@ class Folds:
         normal = jacobian.T @ jacobian + sparse.kron(smoothness, np.eye(3))
         right = jacobian.T @ np.concatenate(residuals)
         return np.asarray(linalg.spsolve(normal.tocsc(), right)).reshape(-1, 3)
-
-    def _opposes(self, mesh: TriangleMesh) -> npt.NDArray[np.bool_]:
-        """Whether the face beyond each side has an opposing normal, of shape (3 M,)."""
-        return np.asarray(mesh.cosines_across(self._neighbors) < 0)
 
 
 def _vertices_around(mesh: TriangleMesh, faces: Indices, n_rings: int) -> npt.NDArray[np.bool_]:

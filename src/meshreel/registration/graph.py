@@ -56,6 +56,8 @@ class Posed:
     Attributes
     ----------
     positions : float64 array of shape (V, 3)
+    bare : float64 array of shape (V, 3)
+        Positions without details, as the nodes alone move them.
     arms : float64 array of shape (V, K, 3)
         Vectors from the nodes of each vertex to where they alone would move it.
     turns : float64 array of shape (V, 3, 3)
@@ -63,6 +65,7 @@ class Posed:
     """
 
     positions: Floats
+    bare: Floats
     arms: Floats
     turns: Floats
 
@@ -122,8 +125,8 @@ class DeformationGraph:
         arms = np.einsum("vkij,vkj->vki", pose.rotations[self.nearest], self._offsets)
         ends = arms + (self.nodes + pose.translations)[self.nearest]
         turns = np.einsum("vk,vkij->vij", self.weights, pose.rotations[self.nearest])
-        positions = np.einsum("vk,vki->vi", self.weights, ends)
-        return Posed(positions + np.einsum("vij,vj->vi", turns, details), arms, turns)
+        bare = np.einsum("vk,vki->vi", self.weights, ends)
+        return Posed(bare + np.einsum("vij,vj->vi", turns, details), bare, arms, turns)
 
 
 def rotations_of(vectors: Floats) -> Floats:

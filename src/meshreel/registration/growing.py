@@ -15,10 +15,10 @@ from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
-from meshreel.registration.graph import Posed
+from meshreel.registration.graph import Pose, Posed
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import Course, TemporaryStore
-from meshreel.registration.tracking import ATTEMPTS, State, Tracker
+from meshreel.registration.tracking import ATTEMPTS, Attempt, State, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.threads import in_threads
@@ -35,11 +35,14 @@ SMOOTHNESS_OF_OPENED = 0.03
 NEARLY_MET = 1.6
 """Largest error, in tolerances, for which opening folds may suffice to meet it."""
 
+MAX_COARSE_STEPS = 2
+"""Steps of a fit after which details could imitate a part of the surface that tracking has lost."""
+
 LOST = 5.0
 """Errors in tolerances that no fit of details can mend."""
 
 MAX_REPAIRS = 2
-"""Largest number of times that the folds of a frame are opened and flattened."""
+"""Largest number of times that the folds of a fit are opened and flattened."""
 
 NEAR = 2.0
 """Largest error, in tolerances, at the end of a segment whose key may lack vertices."""
@@ -328,6 +331,33 @@ def _grow(
     )
 
 
+@dataclass
+class Fit:
+    """An attempt to follow a frame.
+
+    Attributes
+    ----------
+    pose : Pose
+    posed : Posed
+        The mesh in this pose, with the details of the last frame.
+    mesh : TriangleMesh
+        The fitted mesh.
+    errors : FrameErrors
+        Of the fitted mesh.
+    n_steps : int
+        Steps of the fit.
+    n_folded : int
+        Faces of the fitted mesh that fold over.
+    """
+
+    pose: Pose
+    posed: Posed
+    mesh: TriangleMesh
+    errors: FrameErrors
+    n_steps: int
+    n_folded: int = 0
+
+
 class Follower:
     """Follows frames with the mesh of a key, with as little detail as the tolerance allows."""
 
@@ -339,70 +369,99 @@ class Follower:
         self._tolerance = tolerance
 
     def follow(self, state: State, target: TriangleMesh) -> Followed | Lost:
-        """Return the next frame, or why no attempt meets the tolerance."""
-        reason, excess, is_lost = "", np.inf, False
+        """Return the next frame, or why no attempt meets the tolerance.
+
+        While faces fold over, the next attempt is tried. Folds in a close fit of the first attempt
+        may imitate a part that it lost, such as a finger; they are restored last.
+        """
+        fits: list[Fit] = []
+        is_lost = False
         for attempt in ATTEMPTS:
             if attempt.if_lost not in (None, is_lost):
                 continue
-            pose, posed = self.tracker.track(state, target, attempt)
-            mesh, errors = self._fitted(posed, target)
-            exceeded = errors.exceeds(self._tolerance)
-            if not exceeded:
-                mesh, errors, n_folded = self._without_folds(mesh, target, errors)
-                following = self.tracker.arrive(state, pose, posed, mesh.vertices)
-                return Followed(following, mesh.vertices, errors, n_folded)
-            in_tolerances = errors.in_tolerances(self._tolerance)
-            if in_tolerances < excess:
-                reason, excess = exceeded, in_tolerances
-            is_lost = errors.p99 > LOST * self._tolerance.length
+            fit = self._attempted(state, target, attempt)
+            if self._meets(fit.errors):
+                self._repair_folds(fit, target)
+                if fits or fit.n_steps <= MAX_COARSE_STEPS:
+                    self._restore_folds(fit, target)
+            fits.append(fit)
+            if self._meets(fit.errors) and not fit.n_folded:
+                break
+            is_lost = self._loses(fit.errors) or any(self._meets(one.errors) for one in fits)
+        if met := [one for one in fits if self._meets(one.errors)]:
+            fit = min(met, key=lambda one: one.n_folded)
+            self._restore_folds(fit, target)
+            following = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)
+            return Followed(following, fit.mesh.vertices, fit.errors, fit.n_folded)
         if self._orientation * target.orientation < 0:
             return Lost(INSIDE_OUT, np.inf)
-        return Lost(reason, excess)
+        nearest = min((one.errors for one in fits), key=self._excess)
+        return Lost(nearest.exceeds(self._tolerance), self._excess(nearest))
 
-    def _fitted(self, posed: Posed, target: TriangleMesh) -> tuple[TriangleMesh, FrameErrors]:
-        """Return the posed mesh after the steps of the fit that come nearest, and its errors.
+    def _meets(self, errors: FrameErrors) -> bool:
+        return not errors.exceeds(self._tolerance)
+
+    def _loses(self, errors: FrameErrors) -> bool:
+        """Whether a mesh is too far from the surface to be fitted more closely."""
+        return errors.p99 > LOST * self._tolerance.length
+
+    def _excess(self, errors: FrameErrors) -> float:
+        return errors.in_tolerances(self._tolerance)
+
+    def _attempted(self, state: State, target: TriangleMesh, attempt: Attempt) -> Fit:
+        """Return an attempt after the steps of the fit that come nearest.
 
         They end when the tolerance is met. If it nearly is, folds may cover what is beyond it: they
         are opened, and the mesh is fitted again.
         """
+        pose, posed = self.tracker.track(state, target, attempt)
+        fits: list[Fit] = []
 
-        def fitted(mesh: TriangleMesh, smoothness: float) -> tuple[TriangleMesh, FrameErrors]:
+        def fit_again(mesh: TriangleMesh, smoothness: float) -> None:
             positions = self._fit.step(mesh, posed.positions, target, smoothness)
-            mesh = TriangleMesh(positions, self._faces)
-            return mesh, measure(mesh, target, self._tolerance)
+            fitted = TriangleMesh(positions, self._faces)
+            errors = measure(fitted, target, self._tolerance)
+            fits.append(Fit(pose, posed, fitted, errors, len(fits) + 1))
 
-        def excess(one: tuple[TriangleMesh, FrameErrors]) -> float:
-            return one[1].in_tolerances(self._tolerance)
+        def nearest() -> Fit:
+            return min(fits, key=lambda one: self._excess(one.errors))
 
-        found = [fitted(TriangleMesh(posed.positions, self._faces), SMOOTHNESS[0])]
-        for smoothness in SMOOTHNESS[1:]:
-            mesh, errors = found[-1]
-            if not errors.exceeds(self._tolerance) or errors.p99 > LOST * self._tolerance.length:
+        mesh = TriangleMesh(posed.positions, self._faces)
+        for smoothness in SMOOTHNESS:
+            fit_again(mesh, smoothness)
+            mesh, errors = fits[-1].mesh, fits[-1].errors
+            if self._meets(errors) or self._loses(errors):
                 break
-            found.append(fitted(mesh, smoothness))
-        best = min(found, key=excess)
-        if 1 < excess(best) < NEARLY_MET and len(self._folds.find(best[0], target)):
-            opened = self._folds.opened(best[0], target)
-            best = min(best, fitted(opened, SMOOTHNESS_OF_OPENED), key=excess)
-        return best
+        if 1 < self._excess(nearest().errors) < NEARLY_MET:
+            opened = self._folds.opened(nearest().mesh, target)
+            if opened is not nearest().mesh:
+                fit_again(opened, SMOOTHNESS_OF_OPENED)
+        return nearest()
 
-    def _without_folds(
-        self, mesh: TriangleMesh, target: TriangleMesh, errors: FrameErrors
-    ) -> tuple[TriangleMesh, FrameErrors, int]:
-        """Return a mesh with fewer folds within the tolerance, its errors, and folds that remain.
+    def _repair_folds(self, fit: Fit, target: TriangleMesh) -> None:
+        """Open and flatten folds, as long as the tolerance is met, and count those that remain.
 
         Opening keeps the mesh near the surface. Flattening also mends places where the surface is
         too rough for that, but moves the mesh off creases.
         """
-        best, n_folded = (mesh, errors), len(self._folds.find(mesh, target))
+        mesh, n_opposing = fit.mesh, len(self._folds.find(fit.mesh, target, min_turn=0.0))
         for repair in (self._folds.opened, self._folds.flattened) * MAX_REPAIRS:
-            if not n_folded:
+            if not n_opposing:
                 break
             repaired = repair(mesh, target)
             errors = measure(repaired, target, self._tolerance)
-            if errors.exceeds(self._tolerance):
+            if not self._meets(errors):
                 continue
-            mesh, n_left = repaired, len(self._folds.find(repaired, target))
-            if n_left < n_folded:
-                best, n_folded = (mesh, errors), n_left
-        return *best, n_folded
+            mesh, n_left = repaired, len(self._folds.find(repaired, target, min_turn=0.0))
+            if n_left < n_opposing:
+                fit.mesh, fit.errors, n_opposing = mesh, errors, n_left
+        fit.n_folded = len(self._folds.find(fit.mesh, target))
+
+    def _restore_folds(self, fit: Fit, target: TriangleMesh) -> None:
+        """Restore the shape of the key at folds, if the tolerance is met then."""
+        if not fit.n_folded:
+            return
+        mesh = self._folds.restored(fit.mesh, target, fit.posed.bare)
+        errors, folded = measure(mesh, target, self._tolerance), self._folds.find(mesh, target)
+        if len(folded) < fit.n_folded and self._meets(errors):
+            fit.mesh, fit.errors, fit.n_folded = mesh, errors, len(folded)

@@ -1,4 +1,4 @@
-"""Faces that fold over are found, flattened and opened."""
+"""Faces that fold over are found, flattened, opened and restored."""
 
 import numpy as np
 import pytest
@@ -47,6 +47,28 @@ def test_opening_unfolds_along_a_crease_that_flattening_leaves(plane):
     assert opened < 0.2 * flattened
 
 
+def test_restoring_keeps_a_part_of_the_key_that_the_surface_lacks():
+    """The part is a mushroom, whose overhang folds when it is pressed onto the plane."""
+    plane = TriangleMesh(*square(0.0, 41))
+    offsets = plane.vertices - [0.5, 0.5, 0.0]
+    radii = np.linalg.norm(offsets, axis=1)
+    rings = [0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.36, 1.0]
+    outlines = [0.0, 0.1, 0.15, 0.15, 0.11, 0.12, 0.2, 0.36, 1.0], [0.2, 0.2, 0.15, 0.1, 0.06, 0.01]
+    reach = np.interp(radii, rings, outlines[0]) / np.maximum(radii, 1e-9)
+    heights = np.interp(radii, rings, outlines[1] + [0.0] * 3)
+    key = TriangleMesh(offsets * reach[:, None] + heights[:, None] * [0.0, 0.0, 1.0], plane.faces)
+    folds, is_overhang = Folds(key), (radii > 0.15) & (radii < 0.3)
+    pressed = with_moved_vertices(key, is_overhang, -heights[is_overhang, None] * [0.0, 0.0, 1.0])
+    surface = TriangleMesh(offsets, plane.faces)
+    folded = np.unique(key.faces[folds.find(pressed, surface)])
+    assert len(folded) > 20
+    restored = folds.restored(pressed, surface, key.vertices)
+    assert len(folds.find(restored, surface)) == 0
+    was, now = (np.abs(one.vertices - key.vertices)[folded].max() for one in (pressed, restored))
+    assert now < 0.1 * was
+    assert np.array_equal(restored.vertices[radii > 0.45], key.vertices[radii > 0.45])
+
+
 def test_a_component_may_unfold_as_a_whole(plane):
     """Every vertex of the triangle moves, so that no neighbor holds it."""
     corners = np.array([[0.2, 0.2, 0.01], [0.3, 0.2, 0.01], [0.2, 0.3, 0.01], [0.3, 0.3, 0.01]])
@@ -62,6 +84,7 @@ def test_a_component_may_unfold_as_a_whole(plane):
 def test_a_mesh_without_folds_stays(plane):
     folds = Folds(plane)
     assert folds.flattened(plane, plane) is folds.opened(plane, plane) is plane
+    assert folds.restored(plane, plane, np.zeros_like(plane.vertices)) is plane
 
 
 def test_neighbors_that_oppose_in_the_key_are_not_folded(plane):
@@ -77,3 +100,18 @@ def test_a_crease_that_the_surface_has_is_not_a_fold(plane):
     vertices[is_right, 2] = 0.1 * (0.5 - vertices[is_right, 0])
     creased = TriangleMesh(vertices, plane.faces)
     assert len(Folds(plane).find(creased, creased)) == 0
+
+
+@pytest.mark.parametrize(("degrees", "n_folded"), [(85, 0), (109, 0), (111, 20)])
+def test_a_crease_folds_if_it_bends_more_than_in_the_key_by_30_degrees(plane, degrees, n_folded):
+    """Half of the plane is a wall, at 80 degrees in the key."""
+
+    def with_wall(angle):
+        beyond = np.maximum(plane.vertices[:, :1] - 0.5, 0.0)
+        turn = np.radians(angle)
+        shift = beyond * [np.cos(turn) - 1.0, 0.0, np.sin(turn)]
+        return TriangleMesh(plane.vertices + shift, plane.faces)
+
+    folds, mesh = Folds(with_wall(80)), with_wall(degrees)
+    assert len(folds.find(mesh, plane)) == n_folded
+    assert len(folds.find(mesh, plane, min_turn=0.0)) == 20 * (degrees > 90)
