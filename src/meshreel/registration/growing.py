@@ -375,9 +375,9 @@ class Follower:
         may imitate a part that it lost, such as a finger; they are restored last.
         """
         fits: list[Fit] = []
-        is_lost = False
+        has_failed = False
         for attempt in ATTEMPTS:
-            if attempt.if_lost not in (None, is_lost):
+            if attempt.if_failed not in (None, has_failed):
                 continue
             fit = self._attempted(state, target, attempt)
             if self._meets(fit.errors):
@@ -387,7 +387,8 @@ class Follower:
             fits.append(fit)
             if self._meets(fit.errors) and not fit.n_folded:
                 break
-            is_lost = self._loses(fit.errors) or any(self._meets(one.errors) for one in fits)
+            has_folds = any(self._meets(one.errors) for one in fits)
+            has_failed = has_folds or self._loses(fit.errors)
         if met := [one for one in fits if self._meets(one.errors)]:
             fit = min(met, key=lambda one: one.n_folded)
             self._restore_folds(fit, target)

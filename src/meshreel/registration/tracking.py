@@ -50,14 +50,14 @@ class Attempt(NamedTuple):
         Whether constant velocity is considered.
     stages : tuple of Stage
         Coarse to fine.
-    if_lost : bool or None
-        Whether it requires that the previous attempt lost the surface, or that it did not; None:
-        neither.
+    if_failed : bool or None
+        True: only if the last attempt lost the surface, or if faces still fold over; False: only
+        if neither is the case; None: always.
     """
 
     predicts: bool
     stages: tuple[Stage, ...]
-    if_lost: bool | None = None
+    if_failed: bool | None = None
 
 
 LIGHT = Stage(0.4, 0.02, 3)
@@ -65,9 +65,9 @@ STAGES = Stage(3.0, 0.1, 5), Stage(1.0, 0.05, 4), LIGHT, Stage(0.15, 0.02, 4)
 
 ATTEMPTS = (
     Attempt(True, (LIGHT,)),
-    Attempt(True, (LIGHT._replace(n_steps=15),), if_lost=False),
+    Attempt(True, (LIGHT._replace(n_steps=15),), if_failed=False),
     Attempt(True, STAGES),
-    Attempt(False, (Stage(10.0, 0.2, 10), *STAGES), if_lost=True),
+    Attempt(False, (Stage(10.0, 0.2, 10), *STAGES), if_failed=True),
 )
 """The ways to follow a frame, tried in order until one meets the tolerance: more steps where the
 first ones nearly do, and a stiff start where all lose the surface."""

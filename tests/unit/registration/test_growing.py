@@ -22,7 +22,7 @@ from samples.shapes import square
 
 TOLERANCE = Tolerance(0.003)
 
-UNLESS_NEAR = [one for one in ATTEMPTS if one.if_lost is not False]
+UNLESS_NEAR = [one for one in ATTEMPTS if one.if_failed is not False]
 """The attempts if the first one loses the surface, or faces fold."""
 
 
