@@ -53,7 +53,9 @@ class Folds:
 
     def __init__(self, key: TriangleMesh) -> None:
         self._neighbors = key.neighbors
-        self._cosines_in_key = key.cosines_across(key.neighbors)
+        cosines = key.cosines_across(key.neighbors)
+        self._opposes_in_key = cosines < 0
+        self._angles_in_key = np.arccos(np.clip(cosines, 0.0, 1.0))
         self._laplacian = uniform_laplacian(key.faces, len(key.vertices))
 
     def find(self, mesh: TriangleMesh, target: TriangleMesh, min_turn: float = MIN_TURN) -> Indices:
@@ -64,10 +66,9 @@ class Folds:
         min_turn : float
             Smallest angle, in radians, by which a face and its neighbor bend more than in the key.
         """
-        in_key = self._cosines_in_key
-        limits = np.minimum(np.cos(np.arccos(np.clip(in_key, 0.0, 1.0)) + min_turn), 0.0)
-        cosines = mesh.cosines_across(self._neighbors)
-        found = np.unique(np.flatnonzero((cosines < limits) & (in_key >= 0)) // 3)
+        limits = np.minimum(np.cos(self._angles_in_key + min_turn), 0.0)
+        bends = mesh.cosines_across(self._neighbors) < limits
+        found = np.unique(np.flatnonzero(bends & ~self._opposes_in_key) // 3)
         if not len(found):
             return found
         closest = target.closest(mesh.vertices[mesh.faces[found]].mean(axis=1))

@@ -375,6 +375,7 @@ class Follower:
         may imitate a part that it lost, such as a finger; they are restored last.
         """
         fits: list[Fit] = []
+        met: list[Fit] = []
         has_failed = False
         for attempt in ATTEMPTS:
             if attempt.if_failed not in (None, has_failed):
@@ -384,12 +385,12 @@ class Follower:
                 self._repair_folds(fit, target)
                 if fits or fit.n_steps <= MAX_COARSE_STEPS:
                     self._restore_folds(fit, target)
+                met.append(fit)
+                if not fit.n_folded:
+                    break
             fits.append(fit)
-            if self._meets(fit.errors) and not fit.n_folded:
-                break
-            has_folds = any(self._meets(one.errors) for one in fits)
-            has_failed = has_folds or self._loses(fit.errors)
-        if met := [one for one in fits if self._meets(one.errors)]:
+            has_failed = bool(met) or self._loses(fit.errors)
+        if met:
             fit = min(met, key=lambda one: one.n_folded)
             self._restore_folds(fit, target)
             following = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)

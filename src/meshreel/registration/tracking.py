@@ -70,7 +70,7 @@ ATTEMPTS = (
     Attempt(False, (Stage(10.0, 0.2, 10), *STAGES), if_failed=True),
 )
 """The ways to follow a frame, tried in order until one meets the tolerance: more steps where the
-first ones nearly do, and a stiff start where all lose the surface."""
+first ones nearly do, and a stiff start where the others lose the surface or leave folds."""
 
 DAMPING = 1e-6
 """Weight of the squared step of each node, which holds nodes that nothing else holds."""
