@@ -9,9 +9,6 @@ from meshreel.app.cli.completing import input_files
 from meshreel.app.cli.parameters import argument, option
 
 METHODS = "pca-qp, pca, pca-q, v2v, pca-qs, blocks, gft, reel, lossless, grid"
-OWN_METHODS = frozenset({"reel", "lossless", "grid"})
-"""Methods that need no extra."""
-
 DEFAULT = "reel,pca-qp,v2v"
 PEERS = "draco,sz3,zfp,meshopt,pco,blosc2,npz"
 TRACK_PEERS = "sz3,zfp,pco,fpzip"
@@ -94,6 +91,7 @@ def evaluate_command(
     - `meshreel evaluate crash.vtkhdf --track stress --quick`
     """
     from meshreel.app.cli.reports import check_before_work, portable_path, split_names, write_report
+    from meshreel.codec.config import PAPER as PAPER_METHODS
     from meshreel.evaluation.choices import checked_names
     from meshreel.evaluation.codecs.measure import CODED_METHODS, DEFAULT_METHODS
     from meshreel.evaluation.codecs.peers.protocol import peers_named
@@ -126,7 +124,7 @@ def evaluate_command(
         write_report(study, inputs, out, options, track=track, as_json=as_json)
         return
     others = peers_named(split_names(peers)) if peers is not None else peers_named()
-    extras = [] if OWN_METHODS.issuperset(chosen) else [PAPER]
+    extras = [] if set(chosen).isdisjoint(PAPER_METHODS) else [PAPER]
     check_before_work(inputs, out, [reference] if reference else [], extras)
     recorded = read_recorded(reference) if reference else []
     write_report(
