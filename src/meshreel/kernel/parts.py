@@ -12,14 +12,14 @@ import numpy.typing as npt
 
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.library import library
-from meshreel.kernel.structures import OK, Error
+from meshreel.kernel.structures import OK, Error, fields_of
 from meshreel.runtime.profiling import staged
 
 
 class _Part(ctypes.Structure):
     _fields_ = [
         ("file", ctypes.c_void_p),
-        *((name, ctypes.c_uint32) for name in ("first", "count", "n_modes", "with_surface")),
+        *fields_of(ctypes.c_uint32, "first count n_modes with_surface"),
         ("values", ctypes.POINTER(ctypes.c_void_p)),
         ("error", Error),
     ]
