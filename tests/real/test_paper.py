@@ -10,8 +10,7 @@ import meshreel
 from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.formats.load import load
 from meshreel.paper.anchors import choose_anchors
-from meshreel.paper.decoder import coded_blocks
-from meshreel.paper.study.measure import paper_count, variant_run
+from meshreel.paper.study.measure import variant_run
 from meshreel.paper.study.results import PaperResults
 from meshreel.paper.study.tables import rate_table
 from meshreel.paper.sweeps import variants
@@ -39,15 +38,15 @@ def results_in(folder, sequence):
 
 def check_printed_dictionary_rate(results):
     for label in ("pca-q", "v2v", "pca-qp"):
-        assert results.variant(label)["paper_count"]["q_d"] == pytest.approx(0.2808, abs=5e-5)
+        assert results.variant(label)["rates"]["eq13"]["q_d"] == pytest.approx(0.2808, abs=5e-5)
 
 
 def check_printed_anchor_rate(results):
     # The printed 0.1595 would be 99.4 anchors; we use 100.
-    count = results.variant("pca-qp")["paper_count"]
-    assert count["q_a_printed"] == pytest.approx(0.1595, abs=16 / 9971)
+    rates = results.variant("pca-qp")["rates"]
+    assert 16 / 12 * rates["eq13"]["q_a"] == pytest.approx(0.1595, abs=16 / 9971)
     # In the stream, positions take a fourth of the paper's 16 bits each.
-    assert 0.02 < count["q_a"] < 0.06
+    assert 0.02 < rates["stored"]["q_a"] < 0.06
 
 
 def check_table_has_printed_figures(results):
@@ -70,8 +69,8 @@ def check_anchors_remove_most_of_the_error(results):
 def check_blocks_cost_more(results, sequence):
     setting = settings_of(sequence)["blocks"]
     data = meshreel.encode(sequence, **setting.options())
-    blocks = paper_count(setting, meshreel.info(data), coded_blocks(data))["q"]
-    whole = results.variant("pca-qp")["paper_count"]["q"]
+    blocks = meshreel.paper.rates(data).stored.q
+    whole = results.variant("pca-qp")["rates"]["stored"]["q"]
     assert 1.2 * whole < blocks < 3 * whole
 
 

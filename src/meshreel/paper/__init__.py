@@ -8,6 +8,7 @@
 
 METHODS               the names of the seven variants
 read                  a stream as arrays: PaperStream, PaperBlock
+rates                 bits of a stream in the count of Table I (Eq. 13): StreamRates, RateParts
 PaperChoices          choices that the paper leaves open, for `meshreel.encode(choices=)`
 bounding_frame        the units of the coordinate matrices: BoundingFrame
 to_matrices           positions to coordinate matrices A; from_matrices inverts it
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     )
     from meshreel.paper.reconstruction.system import ReconstructionSystem
     from meshreel.paper.stream import PaperBlock, PaperStream, read
+    from meshreel.paper.stream_rates import RateParts, StreamRates, rates
     from meshreel.paper.subspace.basis import expand, project
     from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
     from meshreel.paper.subspace.orthogonal_iteration import (
@@ -70,7 +72,9 @@ __all__ = [
     "PaperBlock",
     "PaperChoices",
     "PaperStream",
+    "RateParts",
     "ReconstructionSystem",
+    "StreamRates",
     "advance_basis",
     "align_basis",
     "autocorrelation",
@@ -85,6 +89,7 @@ __all__ = [
     "graph_fourier_basis",
     "project",
     "quantize",
+    "rates",
     "read",
     "ritz_vectors",
     "step_for_all_rows",
@@ -103,6 +108,7 @@ _MODULES = {
     **dict.fromkeys(_STEPS, "paper.quantization"),
     **dict.fromkeys(_UNITS, "codec.subspace.trajectories"),
     **dict.fromkeys(_ITERATIONS, "paper.subspace.orthogonal_iteration"),
+    **dict.fromkeys(("RateParts", "StreamRates", "rates"), "paper.stream_rates"),
     **dict.fromkeys(("PaperBlock", "PaperStream", "read"), "paper.stream"),
     **dict.fromkeys(("autocorrelation", "eigen_trajectories"), "codec.subspace.pca"),
     **dict.fromkeys(("expand", "project"), "paper.subspace.basis"),

@@ -11,7 +11,6 @@ from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.open_stream import OpenStream, StoredBlock, whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.integers import encode_integers
 from meshreel.paper.blocks import Dictionaries, read_anchor_vertices, read_coded_block, read_curves
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.mesh_model import MeshModel
@@ -202,20 +201,3 @@ def coded_blocks(data: bytes) -> list[CodedBlock]:
     """
     opened, decoder = open_paper_stream(bytes(data))
     return [decoder.coded(opened.stored(number), number) for number in range(opened.n_blocks)]
-
-
-def bits_per_row(data: bytes) -> list[npt.NDArray[np.float64]]:
-    """Bits of each row of coefficients, of shape (3, K) for each block.
-
-    Each row is coded separately, table included. If the rows of a stream have separate tables, the
-    sum is the size of the section except for about 10 bytes of framing per row.
-    """
-    return [
-        np.array(
-            [
-                [8.0 * len(encode_integers([row])) for row in axis]
-                for axis in block.coefficients.integers
-            ]
-        )
-        for block in coded_blocks(data)
-    ]

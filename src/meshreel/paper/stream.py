@@ -283,7 +283,7 @@ def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Paper
     >>> stream = meshreel.paper.read(meshreel.encode(sequence, "pca-qp"))
     >>> vertices = stream.reconstruct()
     """
-    opened, decoder = open_paper_stream(_bytes_of(data))
+    opened, decoder = open_paper_stream(bytes_of(data))
     stream = PaperStream(
         method=opened.method.name,
         faces=opened.faces,
@@ -302,7 +302,8 @@ def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Paper
     return replace(stream, blocks=blocks)
 
 
-def _bytes_of(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> bytes:
+def bytes_of(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> bytes:
+    """Return the bytes of a stream, or of the file at a path; raises InvalidInputError."""
     if isinstance(data, bytes | bytearray | memoryview):
         return bytes(data)
     if not isinstance(data, str | os.PathLike):

@@ -15,7 +15,7 @@ from meshreel.model.segments import AnySequence, segments_of
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Count, Progress, silent
 
-LAYOUT = 1
+LAYOUT = 2
 """Version of the JSON layout; results of other layouts are recomputed."""
 
 Result = dict[str, Any]

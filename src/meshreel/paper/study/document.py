@@ -32,20 +32,20 @@ CHOICES = (
     "**Eq. 3 or Eq. 4.** The paper presents the two as equivalent, but with L = D - C they differ "
     "by the degree of each vertex. The streams here use Eq. 3, L = I - D^-1 C; `gft` computes its "
     f"frequencies from D - C, which is symmetric ({LEDGER}, Eq. 3).",
-    "**The n_b^2 of Eq. 13.** It makes q_d of n_b blocks as large as that of one k x k "
-    "dictionary, but storage grows with n_b. q_s contains q_d as printed; the column 'q_d as "
-    "stored' uses n_b. Both use the mean bits per entry in the stream for `blocks`, 16 bits "
-    f"for all others ({LEDGER}, Eq. 13).",
+    "**The n_b^2 of Eq. 13.** It makes q_d of n_b blocks as large as that of one k x k dictionary, "
+    "but n_b dictionaries have n_b k_f^2 entries. The column q_d is as printed, with 16 bits for "
+    "each entry and for `blocks` the mean bits of an entry in the stream. 'q_d as stored' counts "
+    f"the bytes of the k_l columns that a stream contains ({LEDGER}, Eq. 13).",
     "**One coordinate of three.** The paper's q_d = 16 k / n is one k x k dictionary, so it counts "
-    "one coordinate matrix, without connectivity. q and q_a are a third of the bits of all "
-    "coefficients and anchors in the stream; q_d is the formula of Eq. 13. The column 'bpvf of the "
-    "file' counts all bits per vertex and frame: three coordinates, connectivity, order, headers. "
-    "Dictionaries are stored with k_l columns of the k that Eq. 13 counts.",
+    "one coordinate matrix, without connectivity. q, q_a, q_d and q_s count entries times bits as "
+    "Eq. 13 does; 'as stored' is a third of the bytes in the stream, after entropy coding. 'bpvf "
+    "of the file' counts all bits per vertex and frame: three coordinates, connectivity, order, "
+    "headers.",
     "**Anchors.** Eq. 12 uses the positions of the anchors in all frames, and Table I counts 16 "
     "bits for each. We code these positions, predicted from the modes, with 4 bits more than the "
-    "deltas; the column 'q_a at 16 bits' contains the paper's count. The paper also prints q_a for "
-    "v2v, but decoding by a product uses no anchors, so that cell contains '-'. For n = 9971 it "
-    "prints 0.1595, which is 99.4 anchors; here their number is rounded up.",
+    "deltas, or with 16 (`--preset printed`). The paper also prints q_a for v2v, but decoding by a "
+    "product uses no anchors, so that cell contains '-'. Its 0.1595 for Samba is 16 times 99.71 "
+    "anchors over the 10,002 vertices of Handstand; 100 of 9,971 vertices take 0.1605.",
     "**Variant (ii)** is described as the projection of quantized deltas, while Eq. 10 quantizes "
     "projected deltas. `pca-q` follows Eq. 10; `pca-q (quantized deltas)` is the other reading, "
     "which codes its projections with 16 bits.",
@@ -117,9 +117,9 @@ def _sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[
 
 def _rate_note(results: PaperResults) -> str:
     text = (
-        "q, q_a, q_d and q_s are the paper's count: one coordinate matrix of three, without "
-        "connectivity. q and q_a are measured in the stream; 'q, fixed length' is without entropy "
-        "coding, 'q_a at 16 bits' is 16 n_c / n. The last two columns refer to the whole file."
+        "q, q_a, q_d and q_s are Eq. 13: entries of one coordinate matrix of three times their "
+        "bits, without connectivity. 'As stored' is a third of the bytes that these parts take in "
+        "the stream. The last two columns refer to the whole file."
     )
     if printed_rates(results.name):
         text += " Columns named 'paper' contain its printed values; it has no row for `gft`."

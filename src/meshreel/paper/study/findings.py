@@ -136,8 +136,8 @@ def _anchor_bits(results: PaperResults) -> Finding | None:
     if default is None or fine is None:
         return None
     errors = [_error(result, "kg_error_percent") for result in (fine, default)]
-    rates = [result["paper_count"]["q_a"] for result in (fine, default)]
-    printed = default["paper_count"]["q_a_printed"]
+    rates = [result["rates"]["stored"]["q_a"] for result in (fine, default)]
+    printed = fine["rates"]["eq13"]["q_a"]
     return Finding(
         "Anchors need 16 bits for each position",
         errors[1] > 1.02 * errors[0],
@@ -241,19 +241,19 @@ def _quantized_deltas(results: PaperResults) -> Finding | None:
     if projected is None or first is None:
         return None
     texts = [
-        f"q {result['paper_count']['q']:.4f}, KG {_error(result, 'kg_error_percent'):.3g} %, STED "
-        f"{_error(result, 'sted'):.3g}"
+        f"q {result['rates']['stored']['q']:.4f}, KG {_error(result, 'kg_error_percent'):.3g} %, "
+        f"STED {_error(result, 'sted'):.3g}"
         for result in (projected, first)
     ]
     figures = ("kg_error_percent", "sted")
-    is_smaller = first["paper_count"]["q"] < projected["paper_count"]["q"]
+    is_smaller = first["rates"]["stored"]["q"] < projected["rates"]["stored"]["q"]
     is_better = all(_error(first, key) <= _error(projected, key) for key in figures)
     return Finding(
         "Variant (ii) read as the projection of quantized deltas is better than Eq. 10",
         is_smaller and is_better,
         f"Quantized after the projection (Eq. 10): {texts[0]}. Deltas of all frames quantized "
         f"with as many bits, then projected: {texts[1]}.",
-        f"q {projected['paper_count']['q']:.2f} to {first['paper_count']['q']:.2f}, KG "
+        f"q {projected['rates']['stored']['q']:.2f} to {first['rates']['stored']['q']:.2f}, KG "
         f"{_error(projected, 'kg_error_percent'):.3g} to {_error(first, 'kg_error_percent'):.3g} %",
     )
 

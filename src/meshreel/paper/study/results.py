@@ -98,7 +98,7 @@ def summary(result: Result) -> dict[str, Any]:
         return {**setting, "refused": result["refused"]}
     return {
         **setting,
-        "paper_count": result["paper_count"],
+        "rates": result["rates"],
         "rate_bpvf": result["rate_bpvf"],
         "rate_order_dropped_bpvf": result["rate_order_dropped_bpvf"],
         "encode_s": result["seconds"]["encode"],

@@ -12,8 +12,6 @@ from meshreel.rendering.documents import NONE, Table, number, scientific, signif
 Printed = TypeVar("Printed")
 
 RATES = ("q", "q_a", "q_d", "q_s")
-EXTRA_COLUMNS = {"q": ("q_fixed", "q, fixed length"), "q_a": ("q_a_printed", "q_a at 16 bits")}
-"""Key and heading of columns with an alternative count of the same part."""
 
 
 @dataclass(frozen=True)
@@ -134,14 +132,13 @@ def printed_seconds(sequence_name: str, n_verts: int) -> dict[str, PrintedSecond
 
 
 def rate_table(results: PaperResults) -> Table:
-    """Table I: the paper's count, its printed values if any, and true rates."""
+    """Table I: rates by Eq. 13 with the printed values, rates as stored, and true rates."""
     printed = printed_rates(results.name)
     header = ["variant"]
     for name in RATES:
-        header.append(name)
-        header += [EXTRA_COLUMNS[name][1]] if name in EXTRA_COLUMNS else []
-        header += [f"{name}, paper"] if printed else []
-    header += ["q_d as stored", "bpvf of the file", "bpvf, order dropped"]
+        header += [name, f"{name}, paper"] if printed else [name]
+    header += [f"{name} as stored" for name in RATES]
+    header += ["q, zero-order entropy", "bpvf of the file", "bpvf, order dropped"]
     rows = []
     for result in results.variants:
         row = [label_of_result(result)]
@@ -162,15 +159,14 @@ def _rate_cells(
 ) -> list[str]:
     if "refused" in result:
         return []
-    count, cells = result["paper_count"], []
+    rates, cells = result["rates"], list[str]()
     for name in RATES:
-        cells.append(number(count[name]))
-        if name in EXTRA_COLUMNS:
-            cells.append(number(count[EXTRA_COLUMNS[name][0]]))
+        cells.append(number(rates["eq13"][name]))
         if has_printed_columns:
             cells.append(number(getattr(printed, name, None)))
-    rates = count["q_d_as_stored"], result["rate_bpvf"], result["rate_order_dropped_bpvf"]
-    return cells + [number(rate) for rate in rates]
+    cells += [number(rates["stored"][name]) for name in RATES]
+    whole = rates["q_entropy"], result["rate_bpvf"], result["rate_order_dropped_bpvf"]
+    return cells + [number(rate) for rate in whole]
 
 
 def quality_table(results: PaperResults) -> Table:
@@ -198,18 +194,18 @@ def quality_table(results: PaperResults) -> Table:
 
 def alternatives_table(results: PaperResults) -> Table:
     """Rates and errors of variants with one changed choice, each below its default."""
-    header = ("variant", "q", "q_a", "bpvf, order dropped", "KG error %", "STED",
-              "NMSVE, mean")  # fmt: skip
+    header = ("variant", "q as stored", "q_a as stored", "bpvf, order dropped", "KG error %",
+              "STED", "NMSVE, mean")  # fmt: skip
     rows = []
     compared = {method_of_result(result) for result in results.alternatives}
     defaults = [result for result in results.variants if label_of_result(result) in compared]
     for result in (*defaults, *results.alternatives):
         row = [label_of_result(result)]
         if "refused" not in result:
-            quality, count = result["quality"], result["paper_count"]
+            quality, stored = result["quality"], result["rates"]["stored"]
             row += [
-                number(count["q"]),
-                number(count["q_a"]),
+                number(stored["q"]),
+                number(stored["q_a"]),
                 number(result["rate_order_dropped_bpvf"]),
                 significant(quality["kg_error_percent"]),
                 significant(quality["sted"]),

@@ -42,6 +42,7 @@ def _made_result(
     anchors=0.01,
     choices="",
     rate=1.0,
+    entropy_rate=None,
     error=1.0,
     temporal=None,
     q=0.25,
@@ -56,12 +57,14 @@ def _made_result(
         "identity": {"setting": asdict(setting)},
         "rate_bpvf": 1.1 * rate,
         "rate_order_dropped_bpvf": rate,
-        "paper_count": {
-            "q": q, "q_fixed": 0.4, "q_a": 0.05, "q_a_printed": 0.16, "q_d": 0.28,
-            "q_d_as_stored": 0.28, "q_s": 0.53,
+        "rate_order_dropped_entropy_bpvf": rate if entropy_rate is None else entropy_rate,
+        "rates": {
+            "eq13": {"q": 0.4, "q_a": 0.16, "q_d": 0.28, "q_s": 0.84},
+            "stored": {"q": q, "q_a": 0.05, "q_d": 0.02, "q_s": q + 0.07},
+            "q_entropy": 0.3, "q_d_per_block": 0.28, "dictionary_bits": 16,
         },
         "stream": {"n_modes": [20]},
-        "bits_per_row": [[[800.0] * 20] * 3],
+        "bits_per_row": [[[8.0] * 20] * 3],
         "seconds": {
             "encode": seconds[0], "decode": seconds[1], "encode_processor": 2 * seconds[0],
             "decode_processor": 2 * seconds[1], "measured": "a clock",

@@ -77,7 +77,7 @@ def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
 
 
 def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
-    """Fig. 5: bits per vertex of each row of coefficients, for all variants."""
+    """Fig. 5: bits of an entry in each row of coefficients, for all variants."""
     from matplotlib.ticker import MaxNLocator
 
     groups: dict[str, list[Result]] = {}
@@ -89,12 +89,13 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
         axes = figure.add_subplot(len(groups), 1, number)
         ends: list[LineEnd] = []
         for labels, result in _group_equal_rows(group):
-            _draw_rows(axes, labels, result, results.sequence["n_verts"], ends)
+            _draw_rows(axes, labels, result, ends)
         title, rows = ROW_AXES[name]
         title = title.format(**group[0]["identity"]["setting"])
         pad = 16 if name == "blocks" else 6  # above the numbers of the blocks
         axes.set_title(title, loc="left", fontsize=10, pad=pad)
-        axes.set(xlabel=rows, ylabel="bits per vertex")
+        unit = "frame" if name == "gft" else "vertex"  # a frequency has a coefficient per frame
+        axes.set(xlabel=rows, ylabel=f"bits per {unit}")
         axes.margins(y=0.08)
         axes.set_ylim(bottom=0)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
@@ -103,8 +104,8 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     path = folder / f"{results.slug}-fig5-bits-per-row.png"
     save_for_print(figure, path)
     caption = (
-        "Bits per vertex of each row of coefficients, entropy-coded separately; mean of x, y and "
-        "z. Rows beyond the axis take no bits. Variants with a common label have the same "
+        "Mean bits of an entry in each row of coefficients, entropy-coded separately; mean of x, y "
+        "and z. Rows beyond the axis take no bits. Variants with a common label have the same "
         "coefficients."
     )
     if "blocks" in groups:
@@ -145,14 +146,12 @@ def _group_equal_rows(group: Sequence[Result]) -> list[tuple[str, Result]]:
     return labeled
 
 
-def _draw_rows(
-    axes: "Axes", labels: str, result: Result, n_verts: int, ends: list[LineEnd]
-) -> None:
+def _draw_rows(axes: "Axes", labels: str, result: Result, ends: list[LineEnd]) -> None:
     """Draw the rows of a variant, and append its label and the end of its line to `ends`."""
     style, position = line_style(label_of_result(result)), 0
     n_blocks = len(result["bits_per_row"])
     for number, rows in enumerate(result["bits_per_row"], 1):
-        bits = np.mean(rows, axis=0) / n_verts
+        bits = np.mean(rows, axis=0)
         xs = np.arange(position, position + len(bits)) + 1
         axes.plot(xs, bits, marker="o" if len(bits) < 60 else None, markersize=3, **style)
         if number % 2 == 0:
