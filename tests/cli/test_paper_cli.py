@@ -78,7 +78,8 @@ def test_paper_names_the_extra_before_any_work_when_matplotlib_is_missing(tmp_pa
 
 @pytest.mark.slow
 def test_tables_use_the_options_for_modes_bits_and_anchors(grid, tmp_path, coarse):
-    options = ("--modes", 3, "--bits", 6, "--anchors", 0.2, "--choices", "anchor-bits=12")
+    options = ("--modes", 3, "--bits", 6, "--allocation", "constant", "--anchors", 0.2,
+               "--choices", "anchor-bits=12")  # fmt: skip
     done = run("grid.npz", *options, "--methods", "v2v,pca-qp", "--quick", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (sequence,) = json.loads(done.stdout)["sequences"]
@@ -86,10 +87,11 @@ def test_tables_use_the_options_for_modes_bits_and_anchors(grid, tmp_path, coars
     assert set(variants) == {"v2v", "pca-qp"}
     assert {(one["n_modes"], one["bits"]) for one in variants.values()} == {(3, 6)}
     assert variants["pca-qp"]["anchors"] == 0.2
+    assert {one["allocation"] for one in variants.values()} == {"constant"}
     assert variants["pca-qp"]["shared"] == "anchor_bits=12"
     assert variants["v2v"]["shared"] == ""
     text = (tmp_path / "report" / "report.md").read_text()
-    assert "--modes 3 --bits 6 --anchors 0.2 --choices anchor-bits=12" in text
+    assert "--modes 3 --bits 6 --allocation constant --anchors 0.2 --choices anchor-bits=12" in text
 
 
 @pytest.mark.every_case
@@ -99,6 +101,7 @@ def test_tables_use_the_options_for_modes_bits_and_anchors(grid, tmp_path, coars
         (("--bits", 40), "bits must be"),
         (("--anchors", 3), "anchors must be"),
         (("--preset", "mine"), "preset 'mine' is unknown; choose from usual, printed"),
+        (("--allocation", "even"), "allocation 'even' is unknown; choose from energy, constant"),
         (("--choices", "anchor-bits=99"), "choice anchor_bits must be"),
         (("--choices", "anchor-bits=9", "--methods", "v2v"), "has no effect on v2v"),
     ],

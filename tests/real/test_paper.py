@@ -13,7 +13,7 @@ from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.study.measure import variant_run
 from meshreel.paper.study.results import PaperResults
 from meshreel.paper.study.tables import rate_table
-from meshreel.paper.sweeps import variants
+from meshreel.paper.sweeps import PRESETS, variants
 
 pytestmark = [
     pytest.mark.real,
@@ -106,3 +106,15 @@ def test_claims_hold_on_samba(tmp_path):
     check_anchors_remove_most_of_the_error(results)
     check_blocks_cost_more(results, sequence)
     check_error_and_rate_are_below_2(results)
+
+
+@pytest.mark.parametrize(
+    ("method", "q"),
+    [("pca", 0.7238), ("pca-q", 0.1771), ("v2v", 0.4514), ("pca-qp", 0.1771), ("blocks", 0.2667)],
+)
+def test_q_of_the_printed_preset_on_samba(method, q):
+    """Eq. 13 with constant bits; x, y and z share the step of a row, so one may need fewer."""
+    sequence = load(Path(os.environ["MESHREEL_DATA"]) / "samba.npz")
+    (setting,) = variants(sequence.n_frames, [method], PRESETS["printed"])[-1:]
+    data = meshreel.encode(sequence, **setting.options())
+    assert meshreel.paper.rates(data).eq13.q == pytest.approx(q, abs=1e-4)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.config import Allocation, EncoderConfig
 from meshreel.errors import InvalidInputError
 from meshreel.paper.choices import choices_of
 from meshreel.paper.settings import ineffective_choices
@@ -43,6 +43,9 @@ CHOICE_NAMES = {
 """Names of the choices that the report compares."""
 
 
+_DEFAULTS = {"choices": "", "laplacian": "normalized", "allocation": Allocation.ENERGY.value}
+
+
 @dataclass(frozen=True)
 class Setting:
     """A variant with its options.
@@ -59,6 +62,8 @@ class Setting:
         As for `meshreel.encode`; empty for the defaults.
     shared : str
         Choices common to all streams of a report; `choices` takes precedence.
+    allocation : str
+        How bits are distributed over the rows, as for `meshreel.encode`.
     """
 
     method: str
@@ -69,6 +74,7 @@ class Setting:
     choices: str = ""
     laplacian: str = "normalized"
     shared: str = ""
+    allocation: str = Allocation.ENERGY.value
 
     @property
     def key(self) -> str:
@@ -77,8 +83,8 @@ class Setting:
         frames = "all" if self.block_frames is None else self.block_frames
         suffix = "".join(
             f"_{text.replace('=', '-').replace(',', '_')}"
-            for text in (self._all_choices, self.laplacian)
-            if text and text != "normalized"
+            for text in (self._all_choices, self.laplacian, self.allocation)
+            if text and text not in (_DEFAULTS["laplacian"], _DEFAULTS["allocation"])
         )
         return (
             f"{self.method}_modes-{modes}_bits-{self.bits}_anchors-{self.anchors:g}"
@@ -91,7 +97,7 @@ class Setting:
         remarks = [CHOICE_NAMES.get(self.choices, self.choices)] if self.choices else []
         if self.anchors == FEW_ANCHORS:
             remarks.append("0.5 %")
-        if self.laplacian != "normalized":
+        if self.laplacian != _DEFAULTS["laplacian"]:
             remarks.append(self.laplacian)
         return f"{self.method} ({', '.join(remarks)})" if remarks else self.method
 
@@ -100,8 +106,7 @@ class Setting:
         options = {name: value for name, value in asdict(self).items() if value is not None}
         del options["shared"]
         options["choices"] = self._all_choices
-        defaults = {"choices": "", "laplacian": "normalized"}
-        return {name: value for name, value in options.items() if value != defaults.get(name)}
+        return {name: value for name, value in options.items() if value != _DEFAULTS.get(name)}
 
     @property
     def _all_choices(self) -> str:
@@ -127,6 +132,9 @@ class TableSettings:
         Fraction of the vertices.
     choices : str
         Applied to every variant on which it has an effect.
+    allocation : str
+        "energy": one step for all rows; "constant": the given bits in every row. `gft`, which has
+        one step, ignores it.
     """
 
     modes: int = MODES
@@ -135,6 +143,7 @@ class TableSettings:
     block_modes: int = BLOCK_MODES
     anchors: float = ANCHORS
     choices: str = ""
+    allocation: str = Allocation.ENERGY.value
 
     def setting(self, method: str) -> Setting:
         """The setting of a variant for a long sequence."""
@@ -145,13 +154,21 @@ class TableSettings:
             bits={"pca": HIGH_BITS, "v2v": self.vertex_bits}.get(method, self.bits),
             anchors=self.anchors if has_anchors else 0.0,
             block_frames=BLOCK_FRAMES if method == "blocks" else None,
+            allocation=Allocation.ENERGY.value if method == "gft" else self.allocation,
         )
         return _with(setting, shared=_effective(self.choices, method))
 
 
-AS_PRINTED = TableSettings(modes=8, bits=4, vertex_bits=10, block_modes=2, choices=FINE_ANCHORS)
-"""Close to the q that Table I prints for Samba: 8 rows of 16 and of 4 bits in 175 frames are .7314
-and .1829, 8 rows of 10 bits .4571, and 2 rows of 4 bits in blocks of 25 .32."""
+AS_PRINTED = TableSettings(
+    modes=8,
+    bits=4,
+    vertex_bits=10,
+    block_modes=2,
+    choices=FINE_ANCHORS,
+    allocation=Allocation.CONSTANT.value,
+)
+"""The printed q of Samba within 13 %: 8 of 175 rows at 16, 4 and 10 bits, and 2 rows of 4 bits in
+each block of 25 frames, take .7314, .1829, .4571 and .32 if every row uses all of its bits."""
 
 DEFAULTS = TableSettings()
 PRESETS = {"usual": DEFAULTS, "printed": AS_PRINTED}
@@ -211,7 +228,10 @@ def alternatives(
     settings = []
     for method, choices in _ALTERNATIVES:
         if method in methods:
-            settings.append(_fit(_with(table.setting(method), choices=choices), n_frames))
+            setting = _with(table.setting(method), choices=choices)
+            if choices == QUANTIZED_DELTAS:  # deltas of all frames have one step
+                setting = _with(setting, allocation=_DEFAULTS["allocation"])
+            settings.append(_fit(setting, n_frames))
     if "pca-qp" in methods:
         settings += [
             _fit(_with(table.setting("pca-qp"), laplacian=laplacian), n_frames)

@@ -1,5 +1,6 @@
 import pytest
 
+from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import METHOD_NAMES as CODED
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.plots import METHOD_COLORS
@@ -58,13 +59,25 @@ def test_labels_in_a_table_are_unique():
         assert len({setting.label for setting in found}) == len(found)
 
 
-def test_rates_of_the_printed_preset_are_near_those_of_table_1():
-    """q at fixed length: bits of each row by the frames that it is of."""
+def test_rows_of_the_printed_preset_have_constant_bits():
     samba = {setting.method: setting for setting in variants(175, table=PRESETS["printed"])}
     printed = {"pca": 0.7289, "pca-q": 0.1827, "v2v": 0.4362, "blocks": 0.3057}
     for method, q in printed.items():
         one = samba[method]
+        assert one.options()["allocation"] == "constant"
         assert one.bits * one.n_modes / (one.block_frames or 175) == pytest.approx(q, rel=0.05)
+    assert "allocation" not in samba["gft"].options()
+
+
+def test_alternatives_of_the_printed_preset_are_valid_options():
+    for setting in alternatives(175, table=PRESETS["printed"]):
+        EncoderConfig(**setting.options())
+
+
+def test_keys_differ_by_allocation():
+    keys = [variants(175, ["pca-q"], TableSettings(allocation=name))[0].key
+            for name in ("energy", "constant")]  # fmt: skip
+    assert len(set(keys)) == 2
 
 
 def test_choices_of_a_table_reach_the_variants_that_take_them():

@@ -10,7 +10,8 @@ from meshreel.codec.option import COUNT
 
 METHODS = "pca,pca-q,v2v,pca-qs,pca-qp,blocks,gft"
 PRESET_NAMES = ("usual", "printed")
-"""Names of `paper.sweeps`, repeated so that the help need not import it."""
+ALLOCATIONS = ("energy", "constant")
+"""Names of `paper.sweeps` and `codec.config`, repeated so that the help need not import them."""
 
 
 @command
@@ -35,8 +36,8 @@ PRESET_NAMES = ("usual", "printed")
 @option(
     "--preset",
     default=PRESET_NAMES[0],
-    help="Modes and bits in the tables: usual (20 modes, 8 bits), or printed (8 modes, 4 bits, "
-    "close to the rates that the paper prints for Samba).",
+    help="Modes and bits in the tables: usual (20 modes, 8 bits, one step for all rows), or "
+    "printed (8 modes of 4 bits each, close to the rates that the paper prints for Samba).",
     completion=names_of(PRESET_NAMES),
 )
 @option(
@@ -52,6 +53,13 @@ PRESET_NAMES = ("usual", "printed")
     help="Number of modes per axis and block of method `blocks`.",
 )
 @option("--bits", type=int, help="Bits of coefficients in the tables; pca always uses 16.")
+@option(
+    "--allocation",
+    metavar="energy|constant",
+    help="How bits are distributed over the rows of the tables: energy (one step for all), or "
+    "constant (the same bits in every row). Default: that of the preset.",
+    completion=names_of(ALLOCATIONS),
+)
 @option("--anchors", type=float, metavar="SHARE", help="Fraction of the vertices that are anchors.")
 @option(
     "--choices",
@@ -70,6 +78,7 @@ def paper_command(
     modes: int | None,
     block_modes: int | None,
     bits: int | None,
+    allocation: str | None,
     anchors: float | None,
     choices: str,
     quick: bool,
@@ -90,6 +99,8 @@ def paper_command(
 
     - `meshreel paper samba.npz --preset printed --out printed-report`
 
+    - `meshreel paper walk.npz --bits 6 --allocation constant --methods pca-q,pca-qp`
+
     - `meshreel paper walk.npz --modes 30 --bits 9 --choices anchor-values=coefficients`
     """
     from dataclasses import replace
@@ -108,7 +119,15 @@ def paper_command(
 
     chosen = checked_names(split_names(methods), METHOD_NAMES, "method")
     (preset,) = checked_names([preset], PRESET_NAMES, "preset")
-    flags = {"--modes": modes, "--block-modes": block_modes, "--bits": bits, "--anchors": anchors}
+    if allocation is not None:
+        (allocation,) = checked_names([allocation], ALLOCATIONS, "allocation")
+    flags = {
+        "--modes": modes,
+        "--block-modes": block_modes,
+        "--bits": bits,
+        "--allocation": allocation,
+        "--anchors": anchors,
+    }
     changes: dict[str, Any] = {
         flag.removeprefix("--").replace("-", "_"): value
         for flag, value in flags.items()
