@@ -316,8 +316,8 @@ class EncoderConfig:
     choices: Annotated[
         str | Mapping[str, object] | None,
         Option(
-            "Choices that the paper leaves open: values of anchor-values, anchor-set, anchor-seed, "
-            "anchor-bits, dictionary-bits, quantize, dictionary and rotation, separated by commas.",
+            "Choices that the paper leaves open, separated by commas: anchor-values, anchor-set, "
+            "anchor-seed, anchor-bits, dictionary-bits, quantize, centering, dictionary, rotation.",
             group=PAPER_GROUP,
             metavar="NAME=VALUE[,...]",
             more='Such as `"anchor-values=coefficients,anchor-bits=16"`, or a mapping; '

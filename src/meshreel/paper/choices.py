@@ -13,6 +13,7 @@ AnchorSet = Literal["farthest", "random"]
 QuantizedSignal = Literal["coefficients", "deltas"]
 Dictionary = Literal["difference", "whole"]
 Rotation = Literal["ritz", "none"]
+Centering = Literal["box", "none"]
 
 BITS = Range(2, 24, is_whole=True)
 SEED = Range(0, 2**63 - 1, is_whole=True)
@@ -44,6 +45,10 @@ class PaperChoices:
     dictionary : {"difference", "whole"}
         How `blocks` codes the dictionary of a block: as the difference from the previous block, or
         whole.
+    centering : {"box", "none"}
+        Positions from which R = A A^T is computed: relative to the center of the bounding box, or
+        as given, as Eq. 7 is printed. Only the eigen-trajectories depend on it, as deltas do not
+        change with translation. Not for `v2v`, which codes positions.
     rotation : {"ritz", "none"}
         Whether `blocks` rotates a tracked basis to the eigenvectors of R within its span.
 
@@ -59,6 +64,7 @@ class PaperChoices:
     anchor_bits: int | None = None
     dictionary_bits: int = 16
     quantize: QuantizedSignal = "coefficients"
+    centering: Centering = "box"
     dictionary: Dictionary = "difference"
     rotation: Rotation = "ritz"
 

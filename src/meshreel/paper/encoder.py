@@ -72,7 +72,7 @@ class PaperBlockCoder:
         """
         variant, mesh, n_frames = self._variant, self._mesh, len(vertices)
         reference = tracked_from(variant, self._dictionary, n_frames)
-        block = analyse(to_matrices(vertices, self._frame), mesh, self._config, reference)
+        block = analyse(vertices, self._frame, mesh, self._config, reference)
         self._dictionary = block.basis
         if choices(self._config).dictionary == "whole":
             reference = None
@@ -104,5 +104,5 @@ def _with_modes_for_all(
     """The configuration with the number of modes of a tracked basis, which all blocks share."""
     if variant_named(config.method).basis is not Basis.TRACKED or config.n_modes is not None:
         return config
-    needed = max(modes_needed(to_matrices(vertices, frame), config) for vertices in blocks)
+    needed = max(modes_needed(vertices, frame, config) for vertices in blocks)
     return replace(config, n_modes=needed, energy=None)

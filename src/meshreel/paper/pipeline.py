@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.config import FINE_BITS, Allocation, EncoderConfig
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
+from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.paper.decoded_block import FramesOf, product_frames
 from meshreel.paper.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
@@ -167,21 +169,27 @@ class CodedBlock:
 
 @staged("analysis")
 def analyse(
-    matrices: Floats, mesh: MeshModel, config: EncoderConfig, reference: Quantized | None = None
+    vertices: npt.NDArray[np.floating],
+    frame: BoundingFrame,
+    mesh: MeshModel,
+    config: EncoderConfig,
+    reference: Quantized | None = None,
 ) -> CodedBlock:
     """Transform and quantize a block of frames.
 
     Parameters
     ----------
-    matrices : float64 array of shape (3, T, V)
-        Coordinate matrices A, in internal vertex order (`subspace.trajectories`).
+    vertices : float array of shape (T, V, 3)
+        Positions in internal vertex order.
+    frame : BoundingFrame
+        Units of the coordinate matrices A (`subspace.trajectories`).
     reference : Quantized, optional
         Dictionary of the previous block, from which a tracked one starts.
     """
-    method = variant_named(config.method)
+    method, matrices = variant_named(config.method), to_matrices(vertices, frame)
     if method.basis is Basis.GRAPH:
         return _analyse_on_graph(matrices, mesh, config)
-    basis = _dictionary(matrices, config, reference)
+    basis = _dictionary(matrices, frame, config, reference)
     # Project on the quantized dictionary, which the decoder uses.
     projected = project(_columns(basis), matrices)
     anchors = None
@@ -232,14 +240,27 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
     return lambda frames: product(frames) + residual_frames(frames)
 
 
-def modes_needed(matrices: Floats, config: EncoderConfig) -> int:
+def modes_needed(
+    vertices: npt.NDArray[np.floating], frame: BoundingFrame, config: EncoderConfig
+) -> int:
     """Smallest number of modes that keeps the configured fraction of the energy of a block."""
-    return _modes_needed(autocorrelation(matrices), matrices, config)
+    matrices = to_matrices(vertices, frame)
+    return _modes_needed(_correlation(matrices, frame, config), matrices, config)
 
 
-def _dictionary(matrices: Floats, config: EncoderConfig, reference: Quantized | None) -> Quantized:
+def _correlation(matrices: Floats, frame: BoundingFrame, config: EncoderConfig) -> Floats:
+    """R of shape (3, T, T), of positions relative to the center of the box or as given."""
+    # Deviation from Eq. 7: centered by default, so that a large offset costs no precision.
+    if choices(config).centering == "none":
+        matrices = matrices + (np.array(frame.origin) / frame.scale)[:, None, None]
+    return autocorrelation(matrices)
+
+
+def _dictionary(
+    matrices: Floats, frame: BoundingFrame, config: EncoderConfig, reference: Quantized | None
+) -> Quantized:
     """Eigen-trajectories as integers of shape (3, K, T)."""
-    correlation = autocorrelation(matrices)
+    correlation = _correlation(matrices, frame, config)
     if reference is not None:
         start = _columns(reference)
         tracked = advance_basis(correlation, start, config.n_iterations)

@@ -98,6 +98,9 @@ def ineffective_choices(config: EncoderConfig, chosen: PaperChoices) -> dict[str
     if variant.basis is Basis.GRAPH:
         reasons["anchor_values"] = "method gft codes positions of its anchors"
         reasons["dictionary_bits"] = "method gft codes no dictionary"
+        reasons["centering"] = "method gft computes no autocorrelation"
+    elif variant.signal is not Signal.DELTAS:
+        reasons["centering"] = f"method {variant.name} codes positions relative to the center"
     if variant.basis is not Basis.TRACKED:
         for name in ("dictionary", "rotation"):
             reasons[name] = f"method {variant.name} does not track its dictionary; choose blocks"

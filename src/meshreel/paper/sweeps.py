@@ -25,6 +25,7 @@ QUANTIZED_DELTAS = "quantize=deltas"
 WHOLE_DICTIONARIES = "dictionary=whole"
 FINE_ANCHORS = "anchor-bits=16"
 NO_ROTATION = "rotation=none"
+UNCENTERED = "centering=none"
 RANDOM_ANCHORS = tuple(f"anchor-set=random,anchor-seed={seed}" for seed in (1, 2, 3))
 RANDOM_COEFFICIENTS = tuple(f"{COEFFICIENTS},{choices}" for choices in RANDOM_ANCHORS)
 
@@ -34,6 +35,7 @@ CHOICE_NAMES = {
     WHOLE_DICTIONARIES: "whole dictionaries",
     FINE_ANCHORS: "anchors of 16 bits",
     NO_ROTATION: "without rotation",
+    UNCENTERED: "without centering",
     **{text: f"random anchors {number}" for number, text in enumerate(RANDOM_ANCHORS, 1)},
     **{
         text: f"coefficients of random anchors {number}"
@@ -179,6 +181,7 @@ _ALTERNATIVES = (
     ("pca-q", QUANTIZED_DELTAS),
     ("pca-qp", COEFFICIENTS),
     ("pca-qp", FINE_ANCHORS),
+    ("pca-qp", UNCENTERED),
     *(("pca-qp", choices) for choices in (*RANDOM_ANCHORS, *RANDOM_COEFFICIENTS)),
     ("blocks", COEFFICIENTS),
     ("blocks", WHOLE_DICTIONARIES),

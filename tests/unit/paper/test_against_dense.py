@@ -133,6 +133,20 @@ def test_frames_of_v2v_are_the_projection():
     np.testing.assert_allclose(found, expected("v2v"), atol=2e-5)
 
 
+def test_uncentered_trajectories_are_those_of_eq_7_as_printed():
+    """U of A A^T with the positions as given; deltas and anchors do not depend on the offset."""
+    found = decoded(
+        "pca-qp", anchors=ANCHORS, choices={**FINE_DICTIONARY, "centering": "none"}, **FINE
+    )
+    wanted = []
+    for axis, matrix in enumerate(centered()):
+        basis = leading(VERTICES[:, :, axis])
+        deltas = laplacian() @ (basis @ basis.T @ matrix).T
+        wanted.append(solved(laplacian(), deltas, ANCHORS, matrix[:, ANCHORS].T).T)
+    np.testing.assert_allclose(found, np.stack(wanted, axis=2), atol=2e-5)
+    assert np.abs(found - expected("pca-qp")).max() > 1e-3
+
+
 def test_blocks_follow_algorithm_1_with_and_without_ritz_vectors():
     """Both span the same subspace: U[i] = QR(R[i] U[i-1]), repeated (Alg. 1)."""
     half = N_FRAMES // 2

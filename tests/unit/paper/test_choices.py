@@ -75,7 +75,7 @@ def test_invalid_choices_are_refused_with_a_message(text):
 
 
 IDLE = {
-    "v2v": {"anchor_values": "coefficients"},
+    "v2v": {"centering": "none"},
     "pca": {"anchor_set": "random"},
     "pca-q": {"anchor_values": "coefficients"},
     "pca-qp": {"dictionary": "whole"},

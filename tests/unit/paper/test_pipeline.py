@@ -16,9 +16,10 @@ def round_trip(sequence, config):
     faces = sequence.faces
     anchors = choose_anchors(faces, sequence.n_verts, anchors_of(config))
     mesh = MeshModel(faces, sequence.n_verts, anchors, config.laplacian_choice)
-    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
+    frame = bounding_frame(sequence.extent)
+    matrices = to_matrices(sequence.vertices, frame)
     frames_of = synthesise(
-        analyse(matrices, mesh, config).values,
+        analyse(sequence.vertices, frame, mesh, config).values,
         mesh,
         variant_named(config.method),
         np.arange(sequence.n_verts),
