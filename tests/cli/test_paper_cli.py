@@ -116,3 +116,14 @@ def test_help_shows_examples():
     done = run("--help")
     assert done.returncode == 0
     assert "meshreel paper samba.npz jumping.npz --out report" in " ".join(done.stdout.split())
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("letter", "flag"),
+    [("--k_l", "--modes"), ("--n-c", "--anchors"), ("--n-b", "--block-frames"),
+     ("--t-max", "--iterations")],
+)  # fmt: skip
+def test_letters_of_the_paper_are_answered_with_our_flag(grid, letter, flag):
+    done = commands.run("encode", grid, "--method", "blocks", letter, 3)
+    assert_fails(done, f"No such option '{letter}'. Did you mean '{flag}'?")

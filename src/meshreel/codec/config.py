@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from meshreel.codec.bitstream.layout import Laplacian, Order
 from meshreel.codec.error_bounds import METERS, bound_of
 from meshreel.codec.memory import bytes_of
-from meshreel.codec.methods import METHOD_NAMES, Method, method_named
+from meshreel.codec.methods import METHOD_NAMES, Method, method_named, own_name
 from meshreel.codec.option import COUNT, Option, Range, options_of_fields
 from meshreel.codec.targets import (
     ABOVE_ZERO,
@@ -217,9 +217,9 @@ class EncoderConfig:
             "Number of modes, 1 or more: a maximum for reel, else a number per axis.",
             range=COUNT,
             flag="--modes",
-            more="Those of an axis are eigen-trajectories (the paper's k_l); at most as many as a "
-            "block has frames are used. Excludes `energy`. With `gft`, graph frequencies; default "
-            "5 % of the vertices.",
+            more="Those of an axis are eigen-trajectories (the paper's k_l), at most as many as a "
+            "block has frames; a shorter last block has fewer. Excludes `energy`. With `gft`, "
+            "graph frequencies; default 5 % of the vertices.",
             methods=ROUNDING,
         ),
     ] = None
@@ -247,7 +247,8 @@ class EncoderConfig:
         int | None,
         Option(
             "Frames per block; fewer take less memory and more bytes. Default: all, as far as "
-            "memory allows; above 1024 frames and 8 million positions, up to 512 (blocks: 25).",
+            "memory allows; above 1024 frames and 8 million positions, up to 512. Method blocks: "
+            "up to 25.",
             range=COUNT,
             methods=METHOD_NAMES,
         ),
@@ -349,6 +350,7 @@ class EncoderConfig:
     ] = DEFAULT_ITERATIONS
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "method", own_name(self.method))
         for option in all_options():
             option.check(getattr(self, option.name))
         self._parse_texts()
@@ -477,6 +479,16 @@ def option_named(name: str) -> Option:
     return next(option for option in all_options() if option.name == name)
 
 
+PRINTED_OPTIONS = {
+    "k_l": "n_modes=",
+    "n_c": "anchors=, as a share of the vertices (n_c / n)",
+    "n_b": "block_frames=, the frames of each block (k / n_b)",
+    "k_f": "block_frames=",
+    "t_max": "n_iterations=, which is t_max - 1",
+}
+"""Options by their letters in the paper, and what to write instead."""
+
+
 def check_names(names: Iterable[str], known: Iterable[str]) -> None:
     """Raise InvalidInputError, with the closest known name, unless all names are known."""
     allowed = list(known)
@@ -484,6 +496,8 @@ def check_names(names: Iterable[str], known: Iterable[str]) -> None:
         if name not in allowed:
             near = get_close_matches(name, allowed, 1)
             advice = f"did you mean {near[0]!r}?" if near else f"choose {', '.join(allowed)}"
+            if name in PRINTED_OPTIONS:
+                advice = f"the paper's {name} is {PRINTED_OPTIONS[name]}"
             raise InvalidInputError(f"option {name!r} is unknown; {advice}")
 
 

@@ -197,6 +197,15 @@ METHOD_CODES = {
 
 METHOD_NAMES = tuple(METHOD_CODES)
 
+PRINTED_NAMES = {
+    "pca+q": "pca-q",
+    "pca+qs": "pca-qs",
+    "pca+qp": "pca-qp",
+    "per mesh": "gft",
+    "per-mesh": "gft",
+}
+"""Methods by their names in the paper, in lower case, where these differ from ours."""
+
 SEGMENT_METHODS = ("reel", "lossless", "grid")
 """Methods whose streams may have several segments; the paper's assume constant connectivity."""
 
@@ -207,6 +216,12 @@ _LOADERS: dict[str, Callable[[], Methods]] = {}
 def register(names: Iterable[str], load: Callable[[], Methods]) -> None:
     """Register a function that loads methods when one of these names is first used."""
     _LOADERS.update(dict.fromkeys(names, load))
+
+
+def own_name(name: str) -> str:
+    """Return our name of a method that may have its name in the paper, such as "PCA+qp"."""
+    lower = str(name).lower()
+    return PRINTED_NAMES.get(lower, lower if lower in METHOD_CODES else name)
 
 
 @cache

@@ -14,6 +14,7 @@ from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.entropy.exact import encode_exact
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
+from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import Track
 from meshreel.paper import blocks
 from meshreel.paper.anchors import check_anchors, choose_anchors
@@ -22,7 +23,8 @@ from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Quantized, analyse, modes_needed
 from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.settings import anchors_of, choices
-from meshreel.paper.variants import Basis, variant_named
+from meshreel.paper.variants import Basis, Variant, variant_named
+from meshreel.runtime.counting import counted
 
 Vertices = npt.NDArray[np.floating]
 
@@ -45,6 +47,7 @@ class PaperBlockCoder:
         self._variant = variant_named(mesh.config.method)
         blocks = iter(known)
         first = next(blocks)
+        _check_modes(mesh, self._variant, len(first))
         self._config = _with_modes_for_all(mesh.config, frame, chain([first], blocks))
         self._shape: Quantized | None = None
         if mesh.config.laplacian_choice is Laplacian.COTANGENT:
@@ -78,6 +81,22 @@ class PaperBlockCoder:
             reference = None
         exact = encode_exact(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
         return write_coded_block(block, n_frames, variant, reference, exact)
+
+
+def _check_modes(mesh: CodedMesh, variant: Variant, block_frames: int) -> None:
+    """Raise InvalidInputError if a block has fewer modes than the options request."""
+    n_modes = mesh.config.n_modes or 1
+    if variant.basis is Basis.GRAPH:
+        if n_modes > mesh.n_verts:
+            raise InvalidInputError(
+                f"n_modes={n_modes} exceeds the {mesh.n_verts} graph frequencies, one for each "
+                f"vertex; give at most {mesh.n_verts}"
+            )
+    elif n_modes > block_frames:
+        raise InvalidInputError(
+            f"n_modes={n_modes} exceeds the {counted(block_frames, 'frame')} of a block, each of "
+            f"which adds a mode; give at most {block_frames}, or longer blocks (block_frames=)"
+        )
 
 
 def _mesh_model(mesh: CodedMesh, config: EncoderConfig, shape: Quantized | None) -> MeshModel:

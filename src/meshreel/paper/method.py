@@ -18,7 +18,7 @@ from meshreel.model.tracks import Track
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
-from meshreel.paper.variants import VARIANTS, Basis, Variant
+from meshreel.paper.variants import VARIANTS, Basis, Variant, equal_blocks
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 
@@ -67,8 +67,8 @@ class PaperMethod:
         """Accept every option for live frames."""
 
     def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Default frames per block, if memory suffices."""
-        return self.block_frames or n_frames
+        """Default frames per block, if memory suffices; tracked blocks are of equal length."""
+        return n_frames if self.block_frames is None else equal_blocks(n_frames)
 
     def block_bytes(
         self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool

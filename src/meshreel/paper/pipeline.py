@@ -353,7 +353,7 @@ def _solve(mesh: MeshModel, deltas: Floats, anchors: Floats) -> Floats:
 def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) -> CodedBlock:
     """A block whose deltas are projected on low graph frequencies (the paper's "per mesh")."""
     n_modes = config.n_modes or int(np.ceil(DEFAULT_FREQUENCIES * mesh.n_verts))
-    frequencies = mesh.graph_fourier_basis(min(n_modes, mesh.n_verts))
+    frequencies = mesh.graph_fourier_basis(n_modes)
     spectra = np.swapaxes(_deltas(matrices, mesh) @ frequencies, 1, 2)
     positions = np.swapaxes(matrices[:, :, mesh.anchors], 1, 2)
     return CodedBlock(

@@ -8,11 +8,11 @@ from meshreel.codec.config import Allocation, EncoderConfig
 from meshreel.errors import InvalidInputError
 from meshreel.paper.choices import choices_of
 from meshreel.paper.settings import ineffective_choices
+from meshreel.paper.variants import TRACKED_BLOCK_FRAMES, equal_blocks
 
 MODES, BITS, ANCHORS = 20, 8, 0.01
 FEW_ANCHORS = 0.005
 HIGH_BITS = 16  # for `pca`, whose coefficients the paper does not quantize coarsely
-BLOCK_FRAMES = 25  # upper limit; lengths of the blocks of a sequence differ by at most one frame
 BLOCK_MODES, VERTEX_BITS = 4, 11
 
 ROW_COUNTS = (2, 5, 10, 20, 30)
@@ -155,7 +155,7 @@ class TableSettings:
             n_modes={"blocks": self.block_modes, "gft": None}.get(method, self.modes),
             bits={"pca": HIGH_BITS, "v2v": self.vertex_bits}.get(method, self.bits),
             anchors=self.anchors if has_anchors else 0.0,
-            block_frames=BLOCK_FRAMES if method == "blocks" else None,
+            block_frames=TRACKED_BLOCK_FRAMES if method == "blocks" else None,
             allocation=Allocation.ENERGY.value if method == "gft" else self.allocation,
         )
         return _with(setting, shared=_effective(self.choices, method))
@@ -203,12 +203,6 @@ _QUICK_SWEEP = {
     "pca-qp": ((10, 20), (6, 8)),
     "blocks": ((2, 4), (6, 8)),
 }
-
-
-def equal_blocks(n_frames: int) -> int:
-    """Frames of each block, the paper's k_f = k / n_b, for n_b = ceil(k / 25) blocks."""
-    n_blocks = -(-n_frames // BLOCK_FRAMES)
-    return -(-n_frames // n_blocks)
 
 
 def variants(

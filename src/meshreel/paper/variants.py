@@ -9,6 +9,7 @@ from enum import Enum
 from meshreel.codec.config import DEFAULT_BITS, FINE_BITS
 
 TRACKED_BLOCK_FRAMES = 25
+"""Most frames of a tracked block by default."""
 
 
 class Signal(Enum):
@@ -80,6 +81,15 @@ VARIANTS = (
 
 METHODS = tuple(variant.name for variant in VARIANTS)
 """Names of the seven variants for `meshreel.encode(method=)`."""
+
+
+def equal_blocks(n_frames: int) -> int:
+    """Frames of each block, the paper's k_f = k / n_b, for n_b = ceil(k / 25) blocks.
+
+    The last block may have fewer.
+    """
+    n_blocks = -(-n_frames // TRACKED_BLOCK_FRAMES)
+    return -(-n_frames // n_blocks)
 
 
 def variant_named(name: str) -> Variant:

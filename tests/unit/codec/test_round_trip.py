@@ -118,10 +118,13 @@ def test_decoding_refuses_empty_and_strided_ranges(frames):
         decode(encode(waving_grid(12)), frames=frames)
 
 
-def test_number_of_modes_is_the_requested_one_up_to_the_frames():
-    sequence = waving_grid(12)
-    assert info(encode(sequence, "pca-qp", n_modes=3)).n_modes == (3,)
-    assert info(encode(sequence, "pca-qp", n_modes=40)).n_modes == (12,)
+def test_number_of_modes_is_the_requested_one():
+    assert info(encode(waving_grid(12), "pca-qp", n_modes=3)).n_modes == (3,)
+
+
+def test_short_last_block_has_as_many_modes_as_frames():
+    data = encode(waving_grid(12), "pca-qp", n_modes=4, block_frames=5)
+    assert info(data).n_modes == (4, 4, 2)
 
 
 def test_number_of_modes_rises_with_the_requested_energy():

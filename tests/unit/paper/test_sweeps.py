@@ -12,11 +12,11 @@ from meshreel.paper.sweeps import (
     TableSettings,
     alternatives,
     check_table,
-    equal_blocks,
     row_settings,
     sweep,
     variants,
 )
+from meshreel.paper.variants import equal_blocks
 
 
 def test_variants_cover_every_method_of_the_paper():
@@ -32,6 +32,8 @@ def test_different_settings_have_different_keys():
 @pytest.mark.parametrize(("n_frames", "expected"), [(175, 25), (48, 24), (26, 13), (12, 12)])
 def test_blocks_are_of_equal_length(n_frames, expected):
     assert equal_blocks(n_frames) == expected
+    assert EncoderConfig("blocks").frames_in_block(n_frames, 99, 4) == expected
+    assert variants(n_frames, ["blocks"])[0].block_frames == expected
 
 
 def test_number_of_modes_is_at_most_the_number_of_frames():

@@ -32,8 +32,14 @@ NUMBER = re.compile(r"\d*\.?\d+(e[+-]?\d+)?")
 SYNONYMS = {
     f"--{name}": "--max-error"
     for name in ("error", "error-bound", "bound", "eb", "epsilon", "tolerance", "precision")
+} | {
+    "--k-l": "--modes",
+    "--n-c": "--anchors",
+    "--n-b": "--block-frames",
+    "--k-f": "--block-frames",
+    "--t-max": "--iterations",
 }
-"""Options by names that other programs give them."""
+"""Options by names that other programs and the paper give them."""
 
 WITH_ADDRESSES = frozenset({"encode", "register", "batch", "decode", "convert", "info", "compare"})
 """Commands that accept addresses of remote files."""
@@ -58,7 +64,7 @@ class Command(click.Command):
         except click.UsageError as error:
             error.ctx = error.ctx or ctx  # the parser does not set it
             if isinstance(error, click.NoSuchOption):
-                meant = SYNONYMS.get(error.option_name, "")
+                meant = SYNONYMS.get(error.option_name.replace("_", "-"), "")
                 if any(meant in param.opts for param in self.params):
                     message = f"{error.message} Did you mean {meant!r}?"
                     raise click.UsageError(message, ctx) from None

@@ -92,6 +92,7 @@ def evaluate_command(
     """
     from meshreel.app.cli.reports import check_before_work, portable_path, split_names, write_report
     from meshreel.codec.config import PAPER as PAPER_METHODS
+    from meshreel.codec.methods import own_name
     from meshreel.evaluation.choices import checked_names
     from meshreel.evaluation.codecs.measure import CODED_METHODS, DEFAULT_METHODS
     from meshreel.evaluation.codecs.peers.protocol import peers_named
@@ -107,7 +108,7 @@ def evaluate_command(
         raise click.UsageError(f"{option_name} applies to positions; omit it with --track")
     chosen: tuple[str, ...] = DEFAULT_METHODS
     if methods is not None:
-        chosen = checked_names(split_names(methods), CODED_METHODS, "method")
+        chosen = checked_names(map(own_name, split_names(methods)), CODED_METHODS, "method")
     options: dict[str, str | None] = {
         "--track": track,
         "--methods": methods,

@@ -113,11 +113,12 @@ def paper_command(
     require([PAPER, PLOT, *extras_to_read(files)])  # the modules of the study import SciPy
 
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
+    from meshreel.codec.methods import own_name
     from meshreel.evaluation.choices import checked_names
     from meshreel.paper.study.study import PaperStudy
     from meshreel.paper.sweeps import METHOD_NAMES, PRESETS, check_table
 
-    chosen = checked_names(split_names(methods), METHOD_NAMES, "method")
+    chosen = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
     (preset,) = checked_names([preset], PRESET_NAMES, "preset")
     if allocation is not None:
         (allocation,) = checked_names([allocation], ALLOCATIONS, "allocation")

@@ -24,7 +24,8 @@ from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import uniform_step
 from meshreel.paper.subspace.basis import modes_for_energy, project
 from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
-from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings, equal_blocks
+from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings
+from meshreel.paper.variants import equal_blocks
 from meshreel.runtime.progress import Progress
 
 LONG_FRAMES = 1200
