@@ -14,6 +14,7 @@ from meshreel.paper.study.figures.matrices import (
     averaged,
     draw_dictionaries,
     draw_projected_deltas,
+    near_zero_share,
     projected_deltas,
     whole_dictionaries,
 )
@@ -30,7 +31,7 @@ from meshreel.rendering.rasterizer import render
 from samples.meshes import grid_faces, waving_grid
 
 PANELS = {
-    "Fig. 2": 1,  # the matrix is as small as the detail
+    "Fig. 2": 2,  # a linear and a log scale; the matrix is as small as the detail
     "Fig. 3": 5,  # 2, 5, 10 and 12 rows of 12 frames, and the original
     "Fig. 4": 1,
     "Fig. 5": 3,  # all frames together, blocks, graph frequencies
@@ -156,8 +157,30 @@ def test_caption_of_fig_6_has_the_bits_and_sizes_of_stored_dictionaries(tmp_path
 
 @pytest.mark.slow
 def test_fig_2_has_a_detail_only_if_it_is_a_part_of_the_matrix(tmp_path):
-    assert draw_projected_deltas(_noisy(8), "small", tmp_path).n_panels == 1
-    assert draw_projected_deltas(_noisy(8, 20, 20), "large", tmp_path).n_panels == 2
+    assert draw_projected_deltas(_noisy(8), "small", tmp_path).n_panels == 2
+    assert draw_projected_deltas(_noisy(8, 20, 20), "large", tmp_path).n_panels == 4
+
+
+def test_near_zero_share_is_relative_to_the_largest_entry():
+    assert near_zero_share(np.array([[50.0, 0.5], [0.51, 0.0]]), 0.01) == 0.5
+    assert near_zero_share(np.zeros((2, 3)), 0.01) == 1.0
+
+
+def test_caption_of_fig_2_counts_the_entries_near_zero(tmp_path):
+    sequence = _noisy(8)
+    magnitudes = projected_deltas(sequence)
+    shares = [100 * np.mean(magnitudes < limit * magnitudes.max()) for limit in (0.01, 0.001)]
+    assert 0 < shares[1] < shares[0] < 100
+    caption = draw_projected_deltas(sequence, "grid", tmp_path).caption
+    assert f"{shares[0]:.1f} % of the entries are at most 1 % of the largest" in caption
+    assert f"{shares[1]:.1f} % at most 0.1 %" in caption
+    assert "mean of" not in caption
+
+
+@pytest.mark.slow
+def test_caption_of_fig_2_states_the_entries_averaged_in_a_pixel(tmp_path):
+    caption = draw_projected_deltas(_noisy(8, 30, 40), "grid", tmp_path).caption
+    assert "A pixel of the whole matrix is the mean of 1 x 3 entries." in caption
 
 
 def test_large_matrix_is_averaged_over_neighbors():

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 CORNER_ROWS, CORNER_COLUMNS = 30, 300
 MAX_SHOWN = 500  # rows and columns of a panel of Fig. 2; larger matrices are averaged
-DECADES = 6  # range of the color scale of Fig. 2, below the largest entry
+DECADES = 6  # range of the log scale of Fig. 2, below the largest entry
+N_SHADES = 9  # samples of the color map of Fig. 2
+NEAR_ZERO = 0.01, 0.001  # magnitudes near zero, relative to the largest
 MAX_BLOCKS = 5
 AXIS = 0  # x
 
@@ -51,56 +53,74 @@ def projected_deltas(sequence: MeshSequence) -> Floats:
     return np.abs(delta_coordinates(laplacian, project(basis, matrix).T).T)
 
 
+def near_zero_share(magnitudes: Floats, threshold: float) -> float:
+    """Share of the entries whose magnitude is at most `threshold` times the largest, in 0..1."""
+    return float(np.mean(magnitudes <= threshold * magnitudes.max()))
+
+
 def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Picture:
-    """Fig. 2: the whole matrix, and a detail of its first rows and vertices."""
-    from matplotlib.colors import LogNorm
+    """Fig. 2: the matrix and a detail of its first rows and vertices, on two color scales."""
+    from matplotlib import colormaps
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
     from matplotlib.patches import Rectangle
 
     magnitudes = projected_deltas(sequence)
     largest = float(magnitudes.max()) or 1.0
     smallest = largest * 10.0**-DECADES
-    norm = LogNorm(smallest, largest)
+    scales = {"linear": Normalize(0.0, largest), "log": LogNorm(smallest, largest)}
+    shades = ["#FFFFFF", *colormaps["viridis_r"](np.linspace(0.0, 1.0, N_SHADES))]
+    colors = LinearSegmentedColormap.from_list("viridis from white", shades)
     corner = magnitudes[:CORNER_ROWS, :CORNER_COLUMNS]
-    shown = {"all rows": magnitudes}
+    shown = {"all entries": magnitudes}
     if corner.shape != magnitudes.shape:
         n_rows, n_columns = corner.shape
         shown[f"detail: rows 1 to {n_rows}, vertices 1 to {n_columns}"] = corner
-    figure = blank_figure(9.6, 3.8)
-    figure.set_layout_engine("constrained", wspace=0.06)
-    panels = figure.subplots(1, len(shown), width_ratios=(1.6, 1)[: len(shown)], squeeze=False)[0]
-    for axes, (title, values) in zip(panels, shown.items(), strict=True):
-        n_rows, n_columns = values.shape
-        extent = (0.5, n_columns + 0.5, n_rows + 0.5, 0.5)
-        image = axes.imshow(
-            np.maximum(averaged(values, MAX_SHOWN), smallest),
-            norm=norm,
-            aspect="auto",
-            extent=extent,
-            interpolation="nearest",
-            cmap="viridis",
-        )
-        axes.set_title(title, fontsize=10)
-        axes.set(xlabel="vertex", ylabel="row (eigen-trajectory)")
-        _number_from_1(axes)
-    if len(shown) > 1:
-        panels[0].add_patch(
-            Rectangle((0.5, 0.5), corner.shape[1], len(corner), fill=False, color="#FFFFFF", lw=1.2)
-        )
-    figure.colorbar(
-        image, ax=panels, label="magnitude of an entry (diagonals)", extend="min", pad=0.02
-    )
+    figure = blank_figure(9.6, 6)
+    figure.set_layout_engine("constrained", wspace=0.06, hspace=0.06)
+    widths = (1.6, 1)[: len(shown)]
+    panels = figure.subplots(len(scales), len(shown), width_ratios=widths, squeeze=False)
+    for row, (scale, norm) in zip(panels, scales.items(), strict=True):
+        for axes, (title, values) in zip(row, shown.items(), strict=True):
+            n_rows, n_columns = values.shape
+            image = axes.imshow(
+                np.maximum(averaged(values, MAX_SHOWN), smallest),
+                norm=norm,
+                aspect="auto",
+                extent=(0.5, n_columns + 0.5, n_rows + 0.5, 0.5),
+                interpolation="nearest",
+                cmap=colors,
+            )
+            axes.set_title(f"{title}, {scale} scale", fontsize=10)
+            axes.set(xlabel="vertex", ylabel="row (eigen-trajectory)")
+            _number_from_1(axes)
+        if len(shown) > 1:
+            size = corner.shape[1], len(corner)
+            row[0].add_patch(Rectangle((0.5, 0.5), *size, fill=False, color="#D55E00", lw=1.2))
+        extend = "min" if scale == "log" else "neither"
+        figure.colorbar(image, ax=row, label="magnitude (diagonals)", extend=extend, pad=0.02)
     path = folder / f"{slug}-fig2-projected-deltas.png"
     save_for_print(figure, path)
+    return Picture(path, "Fig. 2", _deltas_caption(magnitudes, len(shown) > 1), panels.size)
+
+
+def _deltas_caption(magnitudes: Floats, has_detail: bool) -> str:
+    n_rows, n_columns = magnitudes.shape
+    detail = ", and its upper left corner, which the rectangle marks" if has_detail else ""
+    text = (
+        f"Magnitudes of the projected delta matrix of x ({n_rows} x {n_columns}){detail}, on a "
+        f"linear scale and on a log scale of {DECADES} decades. "
+    )
+    height, width = (-(-length // MAX_SHOWN) for length in magnitudes.shape)
+    if height * width > 1:
+        text += f"A pixel of the whole matrix is the mean of {height} x {width} entries. "
+    small, tiny = (100 * near_zero_share(magnitudes, limit) for limit in NEAR_ZERO)
     energy = (magnitudes**2).sum(axis=1)
     share = 100 * energy[:20].sum() / (energy.sum() or 1.0)
-    leading = counted(min(20, len(energy)), "row")
-    detail = ", and its upper left corner, which the white rectangle marks"
-    caption = (
-        f"Magnitudes of the projected delta matrix of x ({sequence.n_frames} x "
-        f"{sequence.n_verts}) on a log scale of {DECADES} decades"
-        f"{detail if len(shown) > 1 else ''}. Energy in the first {leading}: {share:.3f} %."
+    return (
+        f"{text}{small:.1f} % of the entries are at most {100 * NEAR_ZERO[0]:g} % of the largest, "
+        f"{tiny:.1f} % at most {100 * NEAR_ZERO[1]:g} %. "
+        f"Energy in the first {counted(min(20, n_rows), 'row')}: {share:.3f} %."
     )
-    return Picture(path, "Fig. 2", caption, len(panels))
 
 
 def averaged(values: Floats, max_size: int) -> Floats:
