@@ -225,6 +225,23 @@ def test_detail_shows_where_variants_differ():
     assert not _contains(corner, (40, 40), wrong)
 
 
+def test_detail_ignores_a_single_bad_variant():
+    vertices, faces = _squares([0.0])
+    camera = _front_camera(vertices)
+    angles = [_near(vertices, 0.6, -0.6, angle) for angle in (0.0, 0.0, 5.0, 5.0)]
+    bad = _near(vertices, -0.6, 0.6, 60.0)
+    corner = detail_corner(vertices, faces, [*angles, bad], camera, (40, 40))
+    assert _contains(corner, (40, 40), camera.project(np.array([0.6, -0.6, 0.0]))[0])
+
+
+def test_detail_prefers_few_large_differences_to_many_small_ones():
+    vertices, faces = _squares([0.0])
+    camera = _front_camera(vertices)
+    angle = np.maximum(_near(vertices, 0.6, -0.6, 8.0), np.where(vertices[:, 0] < 0, 4.0, 0.0))
+    corner = detail_corner(vertices, faces, [np.zeros(441), angle], camera, (40, 40))
+    assert _contains(corner, (40, 40), camera.project(np.array([0.6, -0.6, 0.0]))[0])
+
+
 def test_detail_ignores_hidden_differences():
     vertices, faces = _squares([0.0, 0.5])
     camera = _front_camera(vertices)

@@ -115,10 +115,10 @@ def draw_variants(
     save_for_print(figure, path)
     caption = (
         f"Frame {frame} of {sequence.n_frames}, rendered with one camera. Below each panel: the "
-        f"detail inside the rectangle, enlarged {ENLARGEMENT} times, where the normals of the "
-        "variants differ most. Below that: the mean angle between original and decoded "
-        f"normals of the faces around each vertex; yellow is {top_deg:g} degrees or more. STED "
-        "covers the whole sequence; the angle in a title is the mean over this frame."
+        f"detail inside the rectangle, enlarged {ENLARGEMENT} times, where the errors of the "
+        "variants differ most (interquartile range). Below that: the mean angle between original "
+        f"and decoded normals of the faces around each vertex; yellow is {top_deg:g} degrees or "
+        "more. STED covers the whole sequence; the angle in a title is the mean over this frame."
     )
     return Picture(path, "Fig. 7", caption, 3 * len(shown) + 2)
 
@@ -130,10 +130,12 @@ def detail_corner(
     camera: Camera,
     size: tuple[int, int],
 ) -> tuple[int, int]:
-    """Find the part of a picture where the normals of variants differ most.
+    """Find the part of a picture where the errors of variants differ most.
 
-    Each pixel is weighted by the standard deviation of the angles of its face over all variants
-    and the original, whose angle is 0. Hidden faces have no pixels, and the background no weight.
+    Each pixel is weighted by the squared interquartile range of the angles of its face over all
+    variants: places where all are equally wrong have no weight, a single bad variant has little,
+    and a few large differences count more than many invisible ones. A single variant is compared
+    with the original. Hidden faces have no pixels, and the background no weight.
 
     Parameters
     ----------
@@ -151,9 +153,12 @@ def detail_corner(
     """
     points, depths = camera.project(original)
     visible = visible_faces(points, nearness(depths), faces, (camera.width, camera.height))
-    deviation = np.std([np.zeros(len(original)), *angles], axis=0)[faces].mean(axis=1)
+    if len(angles) == 1:
+        angles = [np.zeros(len(original)), *angles]
+    of_faces = np.array([angle[faces].mean(axis=1) for angle in angles])
+    differences = np.subtract(*np.percentile(of_faces, (75, 25), axis=0)) ** 2
     weights = np.zeros(len(visible))
-    weights[visible >= 0] = deviation[visible[visible >= 0]]
+    weights[visible >= 0] = differences[visible[visible >= 0]]
     if not weights.any():
         weights[visible >= 0] = 1.0
     width, height = size
