@@ -68,8 +68,16 @@ CHOICES = (
 )
 
 
-def paper_document(measured: Measured[PaperResults], command: str) -> Document:
-    """Build the report of sequences and their figures; it quotes the command line."""
+def paper_document(
+    measured: Measured[PaperResults], command: str, overview: Sequence[Picture] = ()
+) -> Document:
+    """Build the report of sequences and their figures; it quotes the command line.
+
+    Parameters
+    ----------
+    overview : sequence of Picture, optional
+        Shown before the sequences.
+    """
     finished = (result for results, _ in measured for result in done(results.variants))
     parts: list[Part] = [
         *report_opening(
@@ -79,6 +87,7 @@ def paper_document(measured: Measured[PaperResults], command: str) -> Document:
             command,
             finished,
         ),
+        *overview,
         Heading(2, "Variants"),
         Bullets(_variant_lines(measured)),
     ]
