@@ -56,7 +56,7 @@ def dictionaries_run(sequence: MeshSequence) -> Run:
             data = encode(sequence, "blocks", n_modes=n_modes, bits=BITS, block_frames=frames)
             bases = [block.basis for block in coded_blocks(data) if block.basis is not None]
             for extension, write in (("", write_curves), ("_plain", write_rows)):
-                whole, difference = _bits_per_entry(bases, write)
+                whole, difference = bits_per_entry(bases, write) or (None, None)
                 figures |= {
                     f"{name}_whole{extension}": whole,
                     f"{name}_difference{extension}": difference,
@@ -66,21 +66,31 @@ def dictionaries_run(sequence: MeshSequence) -> Run:
     return Run("dictionaries", "claim_dictionaries", setting, measure)
 
 
-def _bits_per_entry(
-    bases: Sequence[Quantized], write: Callable[[Quantized], bytes]
-) -> tuple[float | None, float | None]:
-    """Mean bits per entry of the dictionaries after the first, whole and as differences."""
+def bits_per_entry(
+    dictionaries: Sequence[Quantized], write: Callable[[Quantized], bytes]
+) -> tuple[float, float] | None:
+    """Mean bits per entry of all dictionaries but the first, whole and as differences.
+
+    Parameters
+    ----------
+    dictionaries : sequence of Quantized of shape (3, K, T)
+        Those of another shape than the one before, which have no difference, are left out.
+    write : callable
+        Returns the payload of a matrix; steps and tables count.
+
+    Returns
+    -------
+    tuple of two floats; None if there is no difference
+    """
     sizes, n_entries = [0, 0], 0
-    for previous, basis in pairwise(bases):
-        if previous.integers.shape != basis.integers.shape:
+    for previous, dictionary in pairwise(dictionaries):
+        if previous.integers.shape != dictionary.integers.shape:
             continue
-        difference = Quantized(basis.integers - previous.integers, basis.steps)
-        sizes[0] += 8 * len(write(basis))
+        difference = Quantized(dictionary.integers - previous.integers, dictionary.steps)
+        sizes[0] += 8 * len(write(dictionary))
         sizes[1] += 8 * len(write(difference))
-        n_entries += basis.integers.size
-    if not n_entries:
-        return None, None
-    return sizes[0] / n_entries, sizes[1] / n_entries
+        n_entries += dictionary.integers.size
+    return (sizes[0] / n_entries, sizes[1] / n_entries) if n_entries else None
 
 
 def quiet_blocks_run(sequence: MeshSequence) -> Run:

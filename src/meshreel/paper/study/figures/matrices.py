@@ -1,7 +1,6 @@
 """Images of matrices: Fig. 2 (projected deltas) and Fig. 6 (dictionaries of blocks)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +17,7 @@ from meshreel.paper.choices import PaperChoices
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.pipeline import CodedBlock, Quantized
 from meshreel.paper.quantization import step_for_all_rows
+from meshreel.paper.study.claims import bits_per_entry
 from meshreel.paper.study.figures.panels import Box, axes_in, blank_sheet, save_for_print, write_in
 from meshreel.paper.subspace.basis import project
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
@@ -162,40 +162,6 @@ def whole_dictionaries(sequence: MeshSequence, block_frames: int) -> list[Quanti
     return dictionaries
 
 
-@dataclass(frozen=True)
-class DifferenceCost:
-    """Sizes and bits of dictionaries and of the differences between them.
-
-    Attributes
-    ----------
-    difference_rms, dictionary_rms : float
-        Root mean square of the entries.
-    difference_bits, dictionary_bits : float
-        Mean bits per entry, coded as in a stream.
-    """
-
-    difference_rms: float
-    dictionary_rms: float
-    difference_bits: float
-    dictionary_bits: float
-
-
-def difference_cost(dictionaries: Sequence[Quantized]) -> DifferenceCost:
-    """Compare all dictionaries but the first with their differences from the previous one.
-
-    Parameters
-    ----------
-    dictionaries : sequence of Quantized of shape (3, K, k_f)
-        At least two, of equal shape and equal steps.
-    """
-    differences = [
-        Quantized(after.integers - before.integers, after.steps)
-        for before, after in pairwise(dictionaries)
-    ]
-    whole = dictionaries[1:]
-    return DifferenceCost(_rms(differences), _rms(whole), _bits(differences), _bits(whole))
-
-
 def draw_dictionaries(
     sequence: MeshSequence, blocks: Sequence[CodedBlock], slug: str, folder: Path
 ) -> Picture:
@@ -248,16 +214,6 @@ def draw_dictionaries(
     return Picture(path, "Fig. 6", caption, sum(map(len, rows)))
 
 
-def _rms(matrices: Sequence[Quantized]) -> float:
-    return float(np.sqrt(np.mean([matrix.values**2 for matrix in matrices])))
-
-
-def _bits(matrices: Sequence[Quantized]) -> float:
-    """Mean bits per entry, including steps and tables."""
-    n_bytes = sum(len(write_curves(matrix)) for matrix in matrices)
-    return 8 * n_bytes / sum(matrix.integers.size for matrix in matrices)
-
-
 def _draw_matrix(axes: "Axes", values: Floats, largest: float, n_kept: int) -> "AxesImage":
     """Draw a dictionary or a difference, with a dashed line after the first `n_kept` columns."""
     n_rows, n_columns = values.shape
@@ -305,12 +261,19 @@ def _dictionary_caption(kept: Sequence[Quantized], whole: Sequence[Quantized], n
     parts = [(f"all {n_columns} columns", whole)]
     if n_kept < n_columns:
         parts.insert(0, (f"the {n_kept} columns in the stream", kept))
-    costs = [f"{name}, {_cost_text(difference_cost(bases))}" for name, bases in parts]
+    costs = [f"{name}, {_cost_text(bases)}" for name, bases in parts]
     return text + "; ".join(costs) + "."
 
 
-def _cost_text(cost: DifferenceCost) -> str:
+def _cost_text(dictionaries: Sequence[Quantized]) -> str:
+    """Sizes and bits of the entries of all dictionaries but the first, and of the differences."""
+    values = np.array([dictionary.values for dictionary in dictionaries])
+    rms, difference_rms = (
+        np.sqrt(np.mean(part**2)) for part in (values[1:], np.diff(values, axis=0))
+    )
+    bits = bits_per_entry(dictionaries, write_curves)
+    assert bits is not None  # at least two dictionaries, of equal shape
     return (
-        f"differences {cost.difference_rms:.3f} and {cost.difference_bits:.2f} bits, "
-        f"dictionaries {cost.dictionary_rms:.3f} and {cost.dictionary_bits:.2f} bits"
+        f"differences {difference_rms:.3f} and {bits[1]:.2f} bits, "
+        f"dictionaries {rms:.3f} and {bits[0]:.2f} bits"
     )
