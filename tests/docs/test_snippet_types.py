@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import meshreel
-from samples.pages import PAGES, name_of, snippets
+from samples.pages import PAGES, name_of, shares_variables, snippets
 
 pytest.importorskip("mypy", reason="mypy is not installed")
 pytestmark = pytest.mark.slow
@@ -23,10 +23,13 @@ ignore_missing_imports = true
 def test_snippets_have_no_type_errors(tmp_path):
     for page in PAGES:
         name = name_of(page).removesuffix(".md").replace("/", "_").replace("-", "_")
-        for number, snippet in enumerate(snippets(page)):
-            needs = snippet.needs or ""
-            if snippet.language == "python" and not needs.startswith("Blender"):
-                (tmp_path / f"{name}_{number}.py").write_text(snippet.text, encoding="utf-8")
+        texts = [
+            snippet.text
+            for snippet in snippets(page)
+            if snippet.language == "python" and not (snippet.needs or "").startswith("Blender")
+        ]
+        for number, text in enumerate(["\n".join(texts)] if shares_variables(page) else texts):
+            (tmp_path / f"{name}_{number}.py").write_text(text, encoding="utf-8")
     files = sorted(file.name for file in tmp_path.iterdir())
     (tmp_path / "mypy.ini").write_text(SETTINGS, encoding="utf-8")
     assert len(files) > 20

@@ -15,7 +15,7 @@ from meshreel.app.cli import main
 from meshreel.model import flag
 from meshreel.rendering import films, stills
 from samples.figures import coarse_figures
-from samples.pages import PAGES, name_of, parts_of, snippets
+from samples.pages import PAGES, name_of, parts_of, shares_variables, snippets
 
 N_FRAMES = 60
 """Frames of the flag, enough for all snippets; the demo has 300."""
@@ -63,9 +63,9 @@ def run_line(line, monkeypatch):
             subprocess.run(words, check=True, timeout=600)
 
 
-def run_snippet(snippet, monkeypatch):
+def run_snippet(snippet, variables, monkeypatch):
     if snippet.language == "python":
-        exec(compile(snippet.text, "snippet", "exec"), {"__name__": "__main__"})
+        exec(compile(snippet.text, "snippet", "exec"), variables)
         return
     for line in snippet.command_lines:
         run_line(line, monkeypatch)
@@ -102,7 +102,8 @@ def test_snippets_run_in_order(page, demo, tmp_path, monkeypatch):
     for module, name in ((films, "FILM_PX"), (films, "GIF_PX"), (stills, "STILL_PX")):
         monkeypatch.setattr(module, name, PICTURE_PX)
     shutil.copytree(demo, tmp_path / demo.name)
+    main, is_shared = {"__name__": "__main__"}, shares_variables(page)
     for snippet in snippets(page):
         if snippet.language in ("bash", "python") and not snippet.needs:
             with coarse_figures():
-                run_snippet(snippet, monkeypatch)
+                run_snippet(snippet, main if is_shared else dict(main), monkeypatch)

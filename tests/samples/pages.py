@@ -15,6 +15,8 @@ PAGES = [
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SHARED = "<!-- snippets share variables -->"
+"""Marks a page whose Python snippets use variables of earlier ones."""
 INSTALLS = re.compile(r"^pip install [^&]*(&&)?")
 REQUIREMENT = re.compile(r"(#|//) with (?P<what>[^:\n]+)")
 """First line of a snippet that needs another program or file, and its name."""
@@ -51,6 +53,11 @@ def snippets(page):
     """Return the snippets of a page, in order."""
     text = page.read_text(encoding="utf-8")
     return [Snippet(language, block) for language, block in FENCED.findall(text)]
+
+
+def shares_variables(page):
+    """Return whether the Python snippets of a page use variables of earlier ones."""
+    return SHARED in page.read_text(encoding="utf-8")
 
 
 def prose(page):
