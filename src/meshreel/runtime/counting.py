@@ -1,6 +1,6 @@
-"""Text for counts, such as "1 frame" and "2 frames", and for sizes in bytes."""
+"""Text for counts, such as "1 frame" and "2 frames", for sizes in bytes, and for durations."""
 
-PLURALS = {"vertex": "vertices", "mesh": "meshes", "entry": "entries"}
+PLURALS = {"vertex": "vertices", "mesh": "meshes", "entry": "entries", "frequency": "frequencies"}
 """Irregular plurals."""
 
 SIZE_UNITS = ("B", "kB", "MB", "GB", "TB", "PB", "EB")
@@ -37,3 +37,10 @@ def size_text(size_bytes: float) -> str:
         size_bytes /= 1000
         unit += 1
     return f"{size_bytes:.3g} {SIZE_UNITS[unit]}"
+
+
+def duration_text(seconds: float) -> str:
+    """A duration in seconds, minutes or hours: 150 gives '2 minutes'."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.0f} hours"

@@ -2,9 +2,9 @@
 
 import pytest
 
-from meshreel.runtime.counting import counted, plural, singular, size_text
+from meshreel.runtime.counting import counted, duration_text, plural, singular, size_text
 
-NOUNS = ["frame", "vertex", "mesh", "morph target", "face", "entry"]
+NOUNS = ["frame", "vertex", "mesh", "morph target", "face", "entry", "frequency"]
 
 
 @pytest.mark.parametrize(
@@ -33,3 +33,11 @@ def test_singular_inverts_plural(noun):
 )  # fmt: skip
 def test_sizes_use_the_unit_with_the_fewest_digits(size_bytes, text):
     assert size_text(size_bytes) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.4, "0 s"), (119, "119 s"), (150, "2 minutes"), (7000, "117 minutes"), (9e4, "25 hours")],
+)
+def test_durations_have_a_unit_that_fits(seconds, text):
+    assert duration_text(seconds) == text

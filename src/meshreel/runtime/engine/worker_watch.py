@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from meshreel.runtime.counting import duration_text
+
 LOGGER = logging.getLogger("meshreel.engine")
 
 POLL_S = 1.0
@@ -131,21 +133,17 @@ class WorkerWatch:
     def _warning(self, count: WorkerCount, n_waiting: int, waited_s: float) -> str:
         calls = "1 call waits" if n_waiting == 1 else f"{n_waiting} calls wait"
         return (
-            f"the Dask cluster at {self._address} {count.problem} for {_duration(waited_s)}; "
-            f"{calls}. {self._remedy} Ctrl-C stops; after {_duration(self._max_wait_s)} they are "
-            "abandoned"
+            f"the Dask cluster at {self._address} {count.problem} for {duration_text(waited_s)}; "
+            f"{calls}. {self._remedy} Ctrl-C stops; after {duration_text(self._max_wait_s)} they "
+            "are abandoned"
         )
 
     def _reason(self, count: WorkerCount, waited_s: float) -> str:
         return (
-            f"the Dask cluster at {self._address} {count.problem} for {_duration(waited_s)}, and "
-            f"calls were abandoned. {self._remedy} Then run this again"
+            f"the Dask cluster at {self._address} {count.problem} for {duration_text(waited_s)}, "
+            f"and calls were abandoned. {self._remedy} Then run this again"
         )
 
     @property
     def _remedy(self) -> str:
         return f"'dask worker {self._address}' starts a worker."
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} minutes"
