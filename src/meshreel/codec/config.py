@@ -219,7 +219,8 @@ class EncoderConfig:
             flag="--modes",
             more="Those of an axis are eigen-trajectories (the paper's k_l), at most as many as a "
             "block has frames; a shorter last block has fewer. Excludes `energy`. With `gft`, "
-            "graph frequencies; default 5 % of the vertices.",
+            "graph frequencies, at most one per vertex; default 5 % of the vertices. Many of a "
+            "large mesh take minutes, and only `meshreel.paper.read` decodes them.",
             methods=ROUNDING,
         ),
     ] = None
@@ -447,7 +448,7 @@ class EncoderConfig:
         def needed(block_frames: int) -> float:
             is_whole = block_frames >= n_frames
             return self.method_row.block_bytes(
-                block_frames, n_verts, number_bytes, is_whole=is_whole
+                block_frames, n_verts, number_bytes, is_whole=is_whole, n_modes=self.n_modes
             )
 
         if needed(chosen) <= memory:
@@ -461,7 +462,9 @@ class EncoderConfig:
 
     def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> "EncoderConfig":
         """Return these options with shorter blocks, and the memory that they need."""
-        needed = self.method_row.block_bytes(block_frames, n_verts, number_bytes, is_whole=False)
+        needed = self.method_row.block_bytes(
+            block_frames, n_verts, number_bytes, is_whole=False, n_modes=self.n_modes
+        )
         return replace(self, block_frames=block_frames, memory=needed)
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.entropy.exact import decode_exact
+from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.open_stream import OpenStream, StoredBlock, whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.paper.blocks import Dictionaries, read_anchor_vertices, read_coded_block, read_curves
@@ -67,7 +68,7 @@ class PaperBlockDecoder:
             block = self.coded(stored, number).values
             if self._n_modes is not None:
                 block = block.truncated(self._n_modes)
-            if block.basis is None:  # `gft` decomposes a dense matrix
+            if block.basis is None:  # the factors of the sparse solver may be dense, too
                 needed = DENSE_BYTES * self._opened.n_verts**2
                 self._opened.limit.require(needed, "the graph Fourier basis")
             # Decoded first: it rejects a wrong number of isolated vertices, before the synthesis,
@@ -172,7 +173,9 @@ def stored_shape(opened: OpenStream) -> Quantized:
     return read_curves(opened.only(Section.SHAPE), 1, opened.n_verts)
 
 
-def open_paper_stream(data: bytes) -> tuple[OpenStream, PaperBlockDecoder]:
+def open_paper_stream(
+    data: bytes, limit: MemoryLimit = DEFAULT_LIMIT
+) -> tuple[OpenStream, PaperBlockDecoder]:
     """Open a stream of one of the paper's methods, with the decoder of its blocks.
 
     Raises
@@ -181,8 +184,10 @@ def open_paper_stream(data: bytes) -> tuple[OpenStream, PaperBlockDecoder]:
         If the stream has another method.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a complete stream that this build supports.
+    MemoryLimitError
+        If even the list of sections takes more memory than allowed.
     """
-    opened = whole_stream(data)
+    opened = whole_stream(data, limit)
     if opened.method.name not in METHODS:
         raise InvalidInputError(
             f"the stream has method {opened.method.name}, not one of the paper's: "

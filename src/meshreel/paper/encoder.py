@@ -12,6 +12,7 @@ from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.entropy.exact import encode_exact
+from meshreel.codec.memory import DEFAULT_LIMIT
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.errors import InvalidInputError
@@ -20,11 +21,12 @@ from meshreel.paper import blocks
 from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import tracked_from, write_coded_block
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.pipeline import Quantized, analyse, modes_needed
+from meshreel.paper.pipeline import Quantized, analyse, modes_needed, n_frequencies
 from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.settings import anchors_of, choices
 from meshreel.paper.variants import Basis, Variant, variant_named
 from meshreel.runtime.counting import counted
+from meshreel.runtime.progress import Progress, silent
 
 Vertices = npt.NDArray[np.floating]
 
@@ -40,9 +42,23 @@ class PaperBlockCoder:
     known : iterable of float arrays of shape (T_b, V, 3)
         Blocks that determine the number of modes of a tracked basis, which is the same in all
         blocks: all of them, or only the first if the others are not known yet.
+    progress : callable, optional
+        Called before the graph Fourier basis is computed.
+
+    Raises
+    ------
+    InvalidInputError
+        If the anchors do not fit the mesh, or the graph Fourier basis takes too much memory, or too
+        much time for a number of frequencies that nobody has chosen.
     """
 
-    def __init__(self, mesh: CodedMesh, frame: BoundingFrame, known: Iterable[Vertices]) -> None:
+    def __init__(
+        self,
+        mesh: CodedMesh,
+        frame: BoundingFrame,
+        known: Iterable[Vertices],
+        progress: Progress = silent,
+    ) -> None:
         self._frame = frame
         self._variant = variant_named(mesh.config.method)
         blocks = iter(known)
@@ -55,6 +71,9 @@ class PaperBlockCoder:
             self._shape = Quantized.of(coordinates, step_for_all_rows(coordinates, SHAPE_BITS))
         self._mesh = _mesh_model(mesh, self._config, self._shape)
         self._dictionary: Quantized | None = None
+        if self._variant.basis is Basis.GRAPH:
+            n_modes = n_frequencies(self._config.n_modes, mesh.n_verts)
+            self._mesh.graph_fourier_basis(n_modes, progress)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections between the connectivity and the first block."""
@@ -104,7 +123,17 @@ def _mesh_model(mesh: CodedMesh, config: EncoderConfig, shape: Quantized | None)
     if variant_named(config.method).has_anchors:
         anchors = _anchors(mesh, config)
     positions = None if shape is None else shape.values[:, 0].T
-    return MeshModel(mesh.faces, mesh.n_verts, anchors, config.laplacian_choice, positions)
+    basis_memory = None
+    if config.n_modes is not None:
+        basis_memory = config.memory_bytes or DEFAULT_LIMIT.limit_bytes
+    return MeshModel(
+        mesh.faces,
+        mesh.n_verts,
+        anchors,
+        config.laplacian_choice,
+        positions,
+        basis_memory=basis_memory,
+    )
 
 
 def _anchors(mesh: CodedMesh, config: EncoderConfig) -> npt.NDArray[np.int64]:

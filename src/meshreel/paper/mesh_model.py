@@ -12,8 +12,9 @@ from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.model.sequence import Faces
 from meshreel.paper.laplacian import cotangent_laplacian, uniform_laplacian
 from meshreel.paper.reconstruction.system import ReconstructionSystem
-from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
+from meshreel.paper.subspace.graph_fourier import check_basis_size, graph_fourier_basis
 from meshreel.runtime.profiling import staged
+from meshreel.runtime.progress import Progress, silent
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,9 @@ class MeshModel:
         Decoded positions from which cotangent weights are computed.
     n_frames : int
         Frames of the whole stream, which can share anchor responses; 0 if unknown.
+    basis_memory : float or None
+        Memory limit in bytes of a graph Fourier basis that may take any time. None: the size of the
+        basis is limited by `check_basis_size`.
     """
 
     faces: Faces
@@ -38,6 +42,7 @@ class MeshModel:
     laplacian_choice: Laplacian
     shape: Floats | None = None
     n_frames: int = 0
+    basis_memory: float | None = None
 
     @cached_property
     def isolated(self) -> Integers:
@@ -56,9 +61,32 @@ class MeshModel:
             normalized=self.laplacian_choice is Laplacian.NORMALIZED,
         )
 
-    def graph_fourier_basis(self, n_modes: int) -> Floats:
-        """Low-frequency eigenvectors of D - C, of shape (V, K), independent of `laplacian`."""
-        return graph_fourier_basis(uniform_laplacian(self.faces, self.n_verts), n_modes)
+    def graph_fourier_basis(self, n_modes: int, progress: Progress = silent) -> Floats:
+        """Low-frequency eigenvectors of D - C, of shape (V, K), independent of `laplacian`.
+
+        The last one is kept, because all blocks of a stream usually have the same number.
+
+        Raises
+        ------
+        InvalidInputError
+            If it takes more memory than `basis_memory`, or too much time without this limit.
+        """
+        basis = self._last_basis.get(n_modes)
+        if basis is None:
+            if self.basis_memory is None:
+                check_basis_size(self.n_verts, n_modes)
+            laplacian = uniform_laplacian(self.faces, self.n_verts)
+            self._last_basis.clear()
+            basis = graph_fourier_basis(
+                laplacian, n_modes, memory=self.basis_memory, progress=progress
+            )
+            self._last_basis[n_modes] = basis
+        return basis
+
+    @cached_property
+    def _last_basis(self) -> dict[int, Floats]:
+        """The last graph Fourier basis, by its number of modes."""
+        return {}
 
     def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Solve Eq. 12: values at all vertices, of shape (V, K); 0 at isolated vertices.

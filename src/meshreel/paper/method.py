@@ -18,6 +18,8 @@ from meshreel.model.tracks import Track
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
+from meshreel.paper.pipeline import n_frequencies
+from meshreel.paper.subspace.graph_fourier import basis_bytes
 from meshreel.paper.variants import VARIANTS, Basis, Variant, equal_blocks
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
@@ -25,7 +27,7 @@ from meshreel.runtime.progress import Count, Progress
 Vertices = npt.NDArray[np.floating]
 
 PROCESS_BYTES, BYTES_PER_VERTEX, BYTES_PER_POSITION = 100e6, 4000.0, 130.0
-"""Memory of the program, per vertex, and per position of a block."""
+"""Memory of the program, per vertex, and per position of a block, without a graph basis."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +73,19 @@ class PaperMethod:
         return n_frames if self.block_frames is None else equal_blocks(n_frames)
 
     def block_bytes(
-        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
+        self,
+        block_frames: int,
+        n_verts: int,
+        number_bytes: int,
+        *,
+        is_whole: bool,
+        n_modes: int | None = None,
     ) -> float:
         """Memory for encoding with blocks of this many frames, independent of the number type."""
-        return PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
+        needed = PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
+        if self.variant.basis is Basis.GRAPH:
+            needed += basis_bytes(n_verts, n_frequencies(n_modes, n_verts))
+        return needed
 
     def max_modes(self, n_frames: int, n_verts: int) -> int:
         """Largest number of modes of a block of this many frames."""
@@ -82,7 +93,7 @@ class PaperMethod:
 
     def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
         """Encode the source to a stream; the engine is not used."""
-        coder = PaperBlockCoder(source.mesh, source.frame, source.blocks())
+        coder = PaperBlockCoder(source.mesh, source.frame, source.blocks(), progress)
         return source.stream(coder.leading_sections(), _code_blocks(source, coder, progress))
 
     def encode_segments(

@@ -248,6 +248,11 @@ def modes_needed(
     return _modes_needed(_correlation(matrices, frame, config), matrices, config)
 
 
+def n_frequencies(n_modes: int | None, n_verts: int) -> int:
+    """Number of graph frequencies of `gft`; by default a fraction of the vertices."""
+    return n_modes or int(np.ceil(DEFAULT_FREQUENCIES * n_verts))
+
+
 def _correlation(matrices: Floats, frame: BoundingFrame, config: EncoderConfig) -> Floats:
     """R of shape (3, T, T), of positions relative to the center of the box or as given."""
     # Deviation from Eq. 7: centered by default, so that a large offset costs no precision.
@@ -352,8 +357,7 @@ def _solve(mesh: MeshModel, deltas: Floats, anchors: Floats) -> Floats:
 
 def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) -> CodedBlock:
     """A block whose deltas are projected on low graph frequencies (the paper's "per mesh")."""
-    n_modes = config.n_modes or int(np.ceil(DEFAULT_FREQUENCIES * mesh.n_verts))
-    frequencies = mesh.graph_fourier_basis(n_modes)
+    frequencies = mesh.graph_fourier_basis(n_frequencies(config.n_modes, mesh.n_verts))
     spectra = np.swapaxes(_deltas(matrices, mesh) @ frequencies, 1, 2)
     positions = np.swapaxes(matrices[:, :, mesh.anchors], 1, 2)
     return CodedBlock(

@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.memory import memory_limit
 from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.option import COUNT
 from meshreel.codec.subspace.trajectories import BoundingFrame
@@ -171,7 +172,8 @@ class PaperStream:
         Raises
         ------
         InvalidInputError
-            If `n_modes` is out of range, or the basis would take too much memory or time.
+            If `n_modes` is out of range, or the basis would take too much memory or, unless the
+            stream was read with `all_frequencies`, too much time.
         """
         return np.asarray(self.mesh.graph_fourier_basis(n_modes)[self.order])
 
@@ -194,7 +196,8 @@ class PaperStream:
         Raises
         ------
         InvalidInputError
-            If `n_modes` is below 1, or a replaced array has the wrong shape.
+            If `n_modes` is below 1, a replaced array has the wrong shape, or the basis of `gft`
+            takes too much; as `graph_fourier_basis`.
         CorruptStreamError
             If positions are not finite.
         SolverError
@@ -259,13 +262,27 @@ class PaperStream:
         return np.argsort(self._output_numbers(self.mesh.anchors))
 
 
-def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> PaperStream:
+def read(
+    data: bytes | bytearray | memoryview | str | os.PathLike[str],
+    *,
+    all_frequencies: bool = False,
+    memory: float | str | None = None,
+) -> PaperStream:
     """Read a stream of one of the paper's methods as arrays.
 
     Parameters
     ----------
     data : bytes or path
         A stream from `meshreel.encode` with one of `METHODS`, or the path of a `.reel` file.
+    all_frequencies : bool, default False
+        Compute any number of graph frequencies of `gft`. By default `PaperStream` refuses, like
+        `meshreel.decode`, what takes more than a few minutes, because a damaged or hostile stream
+        of a few bytes may announce any number. All frequencies of 10,000 vertices take minutes and
+        1.6 GB, of 20,000 vertices eight times as long and 6.4 GB. The computed basis is kept with
+        the stream.
+    memory : float or str, optional
+        Upper limit for a block and for the graph Fourier basis: bytes, or text such as "2GiB".
+        Default: 8 GiB.
 
     Returns
     -------
@@ -277,13 +294,19 @@ def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Paper
         If the file cannot be read, or the stream has another method.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a complete stream that this build supports.
+    MemoryLimitError
+        If a block needs more memory than the limit.
 
     Examples
     --------
     >>> stream = meshreel.paper.read(meshreel.encode(sequence, "pca-qp"))
     >>> vertices = stream.reconstruct()
     """
-    opened, decoder = open_paper_stream(bytes_of(data))
+    limit = memory_limit(memory)
+    opened, decoder = open_paper_stream(bytes_of(data), limit)
+    mesh = decoder.mesh
+    if all_frequencies:
+        mesh = replace(mesh, basis_memory=limit.limit_bytes)
     stream = PaperStream(
         method=opened.method.name,
         faces=opened.faces,
@@ -292,7 +315,7 @@ def read(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Paper
         scale=opened.frame.scale,
         dtype=opened.dtype,
         order=opened.order,
-        mesh=decoder.mesh,
+        mesh=mesh,
     )
     stored = map(opened.stored, range(opened.n_blocks))
     with np.errstate(over="ignore", invalid="ignore"):  # `reconstruct` checks the positions

@@ -13,9 +13,10 @@ import pytest
 
 import meshreel
 import meshreel.paper
-from meshreel.errors import InvalidInputError, TruncatedStreamError
+from meshreel.errors import InvalidInputError, MemoryLimitError, TruncatedStreamError
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper import METHODS, read
+from meshreel.paper import METHODS, mesh_model, read
+from meshreel.paper.subspace import graph_fourier
 from samples.meshes import irregular_sequence, waving_grid
 
 GRID = waving_grid(9, 5, 6, np.float64)
@@ -193,6 +194,63 @@ def test_graph_fourier_basis_has_the_lowest_frequencies():
     laplacian = laplacian_of(sequence.faces, sequence.n_verts, normalized=False)
     frequencies = np.diag(basis.T @ laplacian @ basis)
     np.testing.assert_allclose(frequencies, np.linalg.eigvalsh(laplacian)[:5], atol=1e-3)
+
+
+@pytest.fixture
+def all_of_gft(monkeypatch):
+    """A stream with all frequencies, and its frames; the limit of decoders is below them."""
+    data = encoded(SEQUENCES["shuffled"], "gft", n_modes=30)
+    wanted = meshreel.decode(data).vertices
+    monkeypatch.setattr(graph_fourier, "MAX_WORK", 30**3 - 1)
+    return data, wanted
+
+
+def test_decoders_refuse_many_frequencies_unless_all_are_allowed(all_of_gft):
+    data, wanted = all_of_gft
+    stream = read(data)
+    refused = [lambda: meshreel.decode(data), stream.reconstruct]
+    for compute in (*refused, lambda: stream.graph_fourier_basis(30)):
+        with pytest.raises(InvalidInputError, match=r"at most 10 \(.*all_frequencies=True"):
+            compute()
+    allowed = read(data, all_frequencies=True)
+    np.testing.assert_array_equal(allowed.reconstruct(), wanted)
+    assert allowed.graph_fourier_basis(30).shape == (30, 30)
+
+
+def test_decoders_accept_the_leading_frequencies_of_many(all_of_gft):
+    data, _ = all_of_gft
+    np.testing.assert_array_equal(
+        read(data).reconstruct(5), meshreel.decode(data, n_modes=5).vertices
+    )
+
+
+def test_basis_of_a_stream_is_computed_once(all_of_gft, monkeypatch):
+    data, _ = all_of_gft
+    computed = []
+
+    def counting(laplacian, n_modes, **options):
+        computed.append(n_modes)
+        return graph_fourier.graph_fourier_basis(laplacian, n_modes, **options)
+
+    monkeypatch.setattr(mesh_model, "graph_fourier_basis", counting)
+    stream = read(data, all_frequencies=True)
+    assert len(stream.blocks) == 2
+    assert computed == []
+    stream.reconstruct()
+    stream.graph_fourier_basis(30)
+    assert computed == [30]
+    encoded(GRID, "gft", n_modes=30)
+    assert computed == [30, 30]
+
+
+def test_memory_limits_a_stream_and_its_basis(all_of_gft, monkeypatch):
+    data, _ = all_of_gft
+    with pytest.raises(MemoryLimitError, match=r"68 kB of memory; .* memory="):
+        read(data, memory="50kB")
+    stream = read(data, all_frequencies=True, memory="95kB")
+    monkeypatch.setattr(graph_fourier, "basis_bytes", lambda *_: 95_001)
+    with pytest.raises(InvalidInputError, match=r"30 vertices take 95 kB .*memory="):
+        stream.reconstruct()
 
 
 def test_reconstruct_uses_replaced_arrays():

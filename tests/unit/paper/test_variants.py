@@ -15,6 +15,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper import pipeline
 from meshreel.paper.decoder import coded_blocks
+from meshreel.paper.subspace import graph_fourier
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 NAMES = list(METHOD_NAMES)
@@ -237,3 +238,42 @@ def test_methods_are_understood_by_their_names_in_the_paper(printed, own):
 def test_letters_of_the_paper_are_answered_with_our_option(letter, words):
     with pytest.raises(InvalidInputError, match=f"the paper's {letter} is .*{words}"):
         meshreel.encode(waving_grid(3), "blocks", **{letter: 2})
+
+
+@pytest.mark.parametrize("options", [{}, {"block_frames": 5}])
+def test_gft_encodes_any_chosen_number_of_frequencies(options, monkeypatch):
+    grid, stages = waving_grid(9, 5, 6), []
+    monkeypatch.setattr(graph_fourier, "MAX_WORK", 1)
+    with pytest.raises(InvalidInputError, match="encode with n_modes=2"):
+        encode(grid, "gft", **options)
+    data = encode(
+        grid, "gft", n_modes=30, progress=lambda stage, _: stages.append(stage), **options
+    )
+    assert set(info(data).n_modes) == {30}
+    stated = next(stage for stage in stages if "(an estimate)" in stage)
+    assert stages.index(stated) < stages.index("encoding")
+
+
+def test_gft_with_all_frequencies_has_only_errors_of_rounding():
+    grid = waving_grid(9, 12, 14)
+    errors = [
+        kg_error_percent(
+            grid.vertices, decode(encode(grid, "gft", n_modes=n_modes, bits=16)).vertices
+        )
+        for n_modes in (9, 84, 168)
+    ]
+    assert errors[2] < 0.01
+    assert errors[2] < 0.1 * errors[1] < 0.1 * errors[0]
+
+
+def test_gft_refuses_frequencies_beyond_the_memory_limit(monkeypatch):
+    """Of 2,000 vertices all frequencies take 64 MB, beside 100 MB of the program."""
+    few, all_of_them = (
+        EncoderConfig("gft", n_modes=n_modes, memory="150MB") for n_modes in (20, 2000)
+    )
+    assert few.frames_in_block(5, 2000, 4) == 5
+    with pytest.raises(InvalidInputError, match="too little for 2000 vertices; allow at least 172"):
+        all_of_them.frames_in_block(5, 2000, 4)
+    monkeypatch.setattr(graph_fourier, "basis_bytes", lambda *_: 2**33 + 1)
+    with pytest.raises(InvalidInputError, match=r"8\.59 GB are allowed; allow more with memory="):
+        encode(waving_grid(2, 4, 4), "gft", n_modes=16)

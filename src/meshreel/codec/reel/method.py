@@ -83,7 +83,13 @@ class ReelMethod:
         return -(-n_frames // n_blocks)
 
     def block_bytes(
-        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
+        self,
+        block_frames: int,
+        n_verts: int,
+        number_bytes: int,
+        *,
+        is_whole: bool,
+        n_modes: int | None = None,
     ) -> float:
         """Estimate the memory of encoding with blocks of this length."""
         n_positions, n_modes = block_frames * n_verts, min(3 * block_frames, MAX_MODES)

@@ -1,27 +1,55 @@
 """Graph Fourier basis: low-frequency eigenvectors of a Laplacian."""
 
+import ctypes
+import time
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+from scipy.linalg import cython_lapack
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import eigsh
 
 from meshreel.arrays import Floats
+from meshreel.codec.memory import memory_limit
 from meshreel.codec.subspace.pca import fix_signs
-from meshreel.errors import InvalidInputError
-from meshreel.runtime.counting import counted
-
-MAX_BASIS_BYTES = 1 << 31
-"""Limit of the search space, 2 K + 1 vectors of V numbers."""
+from meshreel.errors import InvalidInputError, SolverError
+from meshreel.runtime.counting import counted, duration_text, size_text
+from meshreel.runtime.progress import Progress, silent
 
 MAX_WORK = 1 << 36
-"""Limit of V K^2, to which time is proportional; a few minutes."""
+"""Limit of `check_basis_size`; the decomposition then takes a few minutes."""
+
+MAX_SPARSE_RATIO = 5
+"""With more than V / 5 frequencies the dense solver is faster than the sparse one."""
+
+SAMPLE_VERTS = 1500
+"""Rows of the matrix that `estimated_seconds` decomposes, which takes less than a second."""
 
 DIAGONAL_SPREAD = 1e-3
 """Largest number added to the diagonal of L."""
 
 GOLDEN_RATIO = (5**0.5 - 1) / 2
 
+COLUMNS_AT_ONCE = 64
+"""Columns whose signs are fixed together, so that copies of them stay small."""
 
-def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
+WORK_PER_ROW = 72
+"""Numbers of workspace per row of the matrix, with which LAPACK uses blocks of 64 columns."""
+
+N_INTEGER_ARGUMENTS = 11
+"""Arguments of dsyevr that are pointers to integers."""
+
+
+def graph_fourier_basis(
+    laplacian: csr_array,
+    n_modes: int,
+    *,
+    memory: float | str | None = None,
+    progress: Progress = silent,
+) -> Floats:
     """Eigenvectors of the K smallest eigenvalues of L, one per column: the basis of Eq. 6.
 
     Symmetric meshes, and meshes with several components, have multiple eigenvalues, whose
@@ -29,12 +57,20 @@ def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
     0..0.001 that follow the golden ratio are therefore added to the diagonal; they separate these
     eigenvalues and change the others by at most as much.
 
+    The time of more than V / 5 vectors grows with V^3: seconds for 3,000 vertices, minutes for
+    10,000.
+
     Parameters
     ----------
     laplacian : csr_array of shape (V, V)
         Symmetric, positive semi-definite.
     n_modes : int
         K, in 1..V.
+    memory : float or str, optional
+        Upper limit for the decomposition: bytes, or text such as "2GiB". Default: 8 GiB.
+    progress : callable, optional
+        Called before the decomposition. The stage states its memory, and its time if that exceeds
+        what decoders spend, estimated from a small decomposition.
 
     Returns
     -------
@@ -43,32 +79,138 @@ def graph_fourier_basis(laplacian: csr_array, n_modes: int) -> Floats:
     Raises
     ------
     InvalidInputError
-        If it would take too much memory or time; the message names the largest number of modes.
+        If `n_modes` is out of range, or more memory is needed.
     """
     n_verts = laplacian.shape[0]
-    check_basis_size(n_verts, n_modes)
+    _check_range(n_verts, n_modes)
+    needed, allowed = basis_bytes(n_verts, n_modes), memory_limit(memory).limit_bytes
+    if needed > allowed:
+        raise InvalidInputError(
+            f"{_frequencies_text(n_verts, n_modes)} take {size_text(needed)} of memory, and "
+            f"{size_text(allowed)} are allowed; allow more with memory=, or use fewer (n_modes=)"
+        )
+    stage = f"decomposing {counted(n_modes, 'graph frequency')} with {size_text(needed)}"
+    if _work(n_verts, n_modes) > MAX_WORK:
+        progress(stage, 0.0)
+        seconds = estimated_seconds(laplacian, n_modes)
+        stage += f", about {duration_text(seconds)} (an estimate)"
+    progress(stage, 0.0)
     spread = DIAGONAL_SPREAD * ((np.arange(n_verts) * GOLDEN_RATIO) % 1)
     matrix = csc_array(laplacian + diags_array(spread))
-    if n_modes > n_verts // 3:
-        vectors = np.linalg.eigh(matrix.toarray())[1][:, :n_modes]
+    if _is_dense(n_verts, n_modes):
+        vectors = _eigenvectors(matrix.toarray(order="F"))[:, :n_modes]
     else:
         # The shift lies below all eigenvalues, so that the factored matrix is definite.
         values, vectors = eigsh(matrix, k=n_modes, sigma=-0.01, v0=np.ones(n_verts))
         vectors = vectors[:, np.argsort(values)]
-    return fix_signs(vectors)
+    for start in range(0, n_modes, COLUMNS_AT_ONCE):
+        columns = slice(start, start + COLUMNS_AT_ONCE)
+        vectors[:, columns] = fix_signs(vectors[:, columns])
+    return vectors
+
+
+def basis_bytes(n_verts: int, n_modes: int) -> int:
+    """Memory of the decomposition.
+
+    Two matrices of shape (V, V), or a search space of 2 K + 1 vectors.
+    """
+    return 8 * n_verts * (2 * n_verts if _is_dense(n_verts, n_modes) else 2 * n_modes + 1)
+
+
+def estimated_seconds(laplacian: csr_array, n_modes: int) -> float:
+    """Estimate the time of a basis on this machine, from a small decomposition that is timed now.
+
+    The time is proportional to V^3 with the dense solver and to V K^2 with the sparse one, and
+    equal where one replaces the other.
+    """
+    n_verts = laplacian.shape[0]
+    n_sample = min(n_verts, SAMPLE_VERTS)
+    sample = laplacian[:n_sample, :n_sample].toarray(order="F")
+    start = time.perf_counter()
+    _eigenvectors(sample)
+    seconds = time.perf_counter() - start
+    largest = min(MAX_SPARSE_RATIO * n_modes, n_verts)
+    return seconds * n_verts * largest**2 / n_sample**3
 
 
 def check_basis_size(n_verts: int, n_modes: int) -> None:
-    """Raise InvalidInputError if a basis of this size exceeds the limits of memory and time."""
+    """Raise InvalidInputError if a decoder would spend more than a few minutes on a basis.
+
+    A stream of a few bytes may announce any number of vertices and frequencies. Allowed are up to
+    V / 3 frequencies if V K^2 is at most `MAX_WORK`, and more if V^3 is.
+    """
+    _check_range(n_verts, n_modes)
+    if _work(n_verts, n_modes) <= MAX_WORK:
+        return
+    possible = min(int((MAX_WORK / n_verts) ** 0.5), n_verts // 3)
+    raise InvalidInputError(
+        f"{_frequencies_text(n_verts, n_modes)} may take many minutes; use at most {possible} "
+        f"(n_modes=). If you accept the time, encode with n_modes={n_modes}, or decode with "
+        "meshreel.paper.read(data, all_frequencies=True).reconstruct()"
+    )
+
+
+def _work(n_verts: int, n_modes: int) -> int:
+    """Measure of the work that `check_basis_size` limits."""
+    return n_verts**3 if n_modes > n_verts // 3 else n_verts * n_modes**2
+
+
+def _check_range(n_verts: int, n_modes: int) -> None:
     if not 1 <= n_modes <= n_verts:
         raise InvalidInputError(f"n_modes must be in 1..{n_verts}, the vertices; got {n_modes}")
-    dense = n_modes > n_verts // 3
-    n_bytes = 8 * n_verts * (3 * n_verts if dense else 2 * n_modes + 1)
-    work = n_verts**3 if dense else n_verts * n_modes**2
-    if n_bytes <= MAX_BASIS_BYTES and work <= MAX_WORK:
-        return
-    possible = min(int((MAX_WORK / n_verts) ** 0.5), MAX_BASIS_BYTES // (16 * n_verts))
-    raise InvalidInputError(
-        f"{n_modes} graph frequencies of {counted(n_verts, 'vertex')} need {n_bytes / 1e9:.1f} GB "
-        f"or too much time; use at most {min(possible, n_verts // 3)} (n_modes=), or another method"
+
+
+def _frequencies_text(n_verts: int, n_modes: int) -> str:
+    return f"{n_modes} graph frequencies of {counted(n_verts, 'vertex')}"
+
+
+def _is_dense(n_verts: int, n_modes: int) -> bool:
+    return n_modes > n_verts // MAX_SPARSE_RATIO
+
+
+def _eigenvectors(matrix: Floats) -> Floats:
+    """Eigenvectors of a symmetric matrix as columns, by ascending eigenvalue.
+
+    LAPACK's dsyevr, which takes two matrices of memory; dsyevd, as fast, takes three and
+    `numpy.linalg.eigh` five. `scipy.linalg.eigh` holds the GIL during the call, so that other
+    threads, such as that of a progress line, would stop for minutes.
+
+    Parameters
+    ----------
+    matrix : float64 array of shape (V, V), in Fortran order
+        It is overwritten.
+    """
+    decompose = _lapack_dsyevr()
+    if decompose is None:
+        return np.asarray(
+            scipy.linalg.eigh(matrix, driver="evr", overwrite_a=True, check_finite=False)[1]
+        )
+    size = len(matrix)
+    values, vectors = np.empty(size), np.empty((size, size), order="F")
+    work, integers = np.empty(WORK_PER_ROW * size), np.empty(10 * size, np.int32)
+    supports, unused = np.empty(2 * size, np.int32), np.zeros(1)
+    n_rows, n_work, n_integers, unused_index, n_found, failure = (
+        np.array(number, np.int32) for number in (size, len(work), len(integers), 0, 0, 0)
     )
+    arguments: list[npt.NDArray[Any]] = [np.array(letter) for letter in (b"V", b"A", b"L")]
+    arguments += [n_rows, matrix, n_rows, unused, unused, unused_index, unused_index, unused]
+    arguments += [n_found, values, vectors, n_rows, supports]
+    arguments += [work, n_work, integers, n_integers, failure]
+    decompose(*(ctypes.c_void_p(argument.ctypes.data) for argument in arguments))
+    if failure:
+        raise SolverError(f"the graph Fourier basis cannot be computed: dsyevr returned {failure}")
+    return vectors
+
+
+def _lapack_dsyevr() -> Callable[..., None] | None:
+    """SciPy's dsyevr for ctypes, which releases the GIL; None if its integers are not 32 bits."""
+    capsule = cython_lapack.__pyx_capi__["dsyevr"]
+    interface = ctypes.pythonapi
+    name_of, address_of = interface.PyCapsule_GetName, interface.PyCapsule_GetPointer
+    name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    address_of.restype = ctypes.c_void_p
+    address_of.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    signature = name_of(capsule)
+    if signature.count(b" int *") != N_INTEGER_ARGUMENTS:
+        return None
+    return ctypes.CFUNCTYPE(None)(address_of(capsule, signature))

@@ -1,12 +1,21 @@
 """Eq. 6 of the paper, on the eigenvectors of L."""
 
+import threading
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from meshreel.codec.subspace.pca import fix_signs
 from meshreel.errors import InvalidInputError
 from meshreel.paper.laplacian import uniform_laplacian
-from meshreel.paper.subspace.graph_fourier import check_basis_size, graph_fourier_basis
+from meshreel.paper.subspace import graph_fourier
+from meshreel.paper.subspace.graph_fourier import (
+    basis_bytes,
+    check_basis_size,
+    estimated_seconds,
+    graph_fourier_basis,
+)
 from samples.meshes import grid_faces, octahedron_faces
 
 LAPLACIAN = uniform_laplacian(grid_faces(9, 8), 72)
@@ -27,16 +36,109 @@ def test_columns_are_nearly_eigenvectors_of_ascending_frequency():
 
 
 def test_both_solvers_agree_for_multiple_eigenvalues():
-    """Five octahedra: every eigenvalue of L has a multiplicity of at least five."""
-    faces = np.concatenate([octahedron_faces() + 6 * k for k in range(5)])
-    laplacian = uniform_laplacian(faces, 30)
-    dense = graph_fourier_basis(laplacian, 30)[:, :9]
+    """Eight octahedra: every eigenvalue of L has a multiplicity of at least eight."""
+    faces = np.concatenate([octahedron_faces() + 6 * k for k in range(8)])
+    laplacian = uniform_laplacian(faces, 48)
+    dense = graph_fourier_basis(laplacian, 48)[:, :9]
     np.testing.assert_allclose(graph_fourier_basis(laplacian, 9), dense, atol=1e-8)
 
 
-def test_too_large_basis_is_refused():
-    with pytest.raises(InvalidInputError, match=r"10000 graph frequencies of 200000 vertices"):
-        graph_fourier_basis(csr_array((200_000, 200_000)), 10_000)
+def test_dense_solver_equals_that_of_scipy(monkeypatch):
+    basis = graph_fourier_basis(LAPLACIAN, 72)
+    monkeypatch.setattr(graph_fourier, "_lapack_dsyevr", lambda: None)
+    np.testing.assert_allclose(graph_fourier_basis(LAPLACIAN, 72), basis, atol=1e-9)
+
+
+def test_dense_solver_lets_other_threads_run():
+    matrix = np.asfortranarray(np.diag(np.arange(600.0)) + 0.1)
+    is_over, n_counted, counts = threading.Event(), 0, []
+
+    def count():
+        nonlocal n_counted
+        while not is_over.is_set():
+            n_counted += 1
+
+    decompose = graph_fourier._lapack_dsyevr()
+    thread = threading.Thread(target=count)
+    with pytest.MonkeyPatch.context() as patch:
+
+        def counting(*arguments):
+            counts.append(n_counted)
+            decompose(*arguments)
+            counts.append(n_counted)
+
+        patch.setattr(graph_fourier, "_lapack_dsyevr", lambda: counting)
+        thread.start()
+        graph_fourier._eigenvectors(matrix)
+    is_over.set()
+    thread.join()
+    assert counts[1] > counts[0]
+
+
+@pytest.mark.parametrize("n_modes", [13, 72])
+def test_signs_are_fixed_in_every_column(n_modes, monkeypatch):
+    monkeypatch.setattr(graph_fourier, "COLUMNS_AT_ONCE", 5)
+    basis = graph_fourier_basis(LAPLACIAN, n_modes)
+    np.testing.assert_array_equal(basis, fix_signs(basis))
+
+
+@pytest.mark.parametrize(
+    ("laplacian", "n_modes", "memory", "wanted"),
+    [
+        (csr_array((200_000, 200_000)), 10_000, None, r"200000 vertices take 32 GB .* 8\.59 GB"),
+        (LAPLACIAN, 72, "80kB", r"72 graph frequencies of 72 vertices take 82\.9 kB"),
+        (LAPLACIAN, 10, "12kB", r"10 graph frequencies of 72 vertices take 12\.1 kB"),
+    ],
+)
+def test_basis_is_refused_when_it_takes_too_much_memory(laplacian, n_modes, memory, wanted):
+    with pytest.raises(InvalidInputError, match=f"{wanted}.* memory="):
+        graph_fourier_basis(laplacian, n_modes, memory=memory)
+
+
+@pytest.mark.parametrize("n_modes", [0, 73])
+def test_number_of_modes_out_of_range_is_refused(n_modes):
+    with pytest.raises(InvalidInputError, match=r"n_modes must be in 1\.\.72"):
+        graph_fourier_basis(LAPLACIAN, n_modes)
+
+
+def test_memory_of_the_dense_solver_is_two_matrices():
+    assert basis_bytes(9971, 9971) == 2 * 8 * 9971**2
+    assert basis_bytes(9971, 499) == 8 * 9971 * 999
+
+
+def test_progress_states_memory_and_estimated_time_when_decoders_refuse(monkeypatch):
+    stages = []
+    graph_fourier_basis(LAPLACIAN, 72, progress=lambda stage, _: stages.append(stage))
+    assert stages == ["decomposing 72 graph frequencies with 82.9 kB"]
+    monkeypatch.setattr(graph_fourier, "MAX_WORK", 72**3 - 1)
+    monkeypatch.setattr(graph_fourier, "estimated_seconds", lambda *_: 240.0)
+    graph_fourier_basis(LAPLACIAN, 72, progress=lambda stage, _: stages.append(stage))
+    assert stages[2:] == [f"{stages[0]}, about 4 minutes (an estimate)"]
+
+
+@pytest.mark.parametrize(
+    ("n_modes", "wanted"), [(72, 2 * (72 / 9) ** 3), (7, 2 * 72 * 35**2 / 9**3)]
+)
+def test_estimate_grows_with_the_work_of_the_solver(n_modes, wanted, monkeypatch):
+    clock = iter([10.0, 12.0])
+    monkeypatch.setattr(graph_fourier, "SAMPLE_VERTS", 9)
+    monkeypatch.setattr("time.perf_counter", lambda: next(clock))
+    assert estimated_seconds(LAPLACIAN, n_modes) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(
+    ("n_verts", "n_modes"), [(9971, 2626), (9971, 9971), (4097, 4097), (50_000, 1173)]
+)
+def test_decoders_refuse_a_basis_that_takes_more_than_minutes(n_verts, n_modes):
+    with pytest.raises(InvalidInputError, match="all_frequencies=True"):
+        check_basis_size(n_verts, n_modes)
+
+
+@pytest.mark.parametrize(
+    ("n_verts", "n_modes"), [(9971, 2625), (4096, 4096), (50_000, 1172), (1, 1)]
+)
+def test_decoders_accept_a_basis_that_takes_minutes(n_verts, n_modes):
+    check_basis_size(n_verts, n_modes)
 
 
 def test_size_named_in_the_message_is_accepted():
