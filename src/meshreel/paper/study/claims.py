@@ -14,8 +14,14 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.errors import InvalidInputError
 from meshreel.evaluation.runs.store import Outcome, Run
-from meshreel.evaluation.runs.timing import REPEATS, processor_seconds_of, timed_on_both_clocks
+from meshreel.evaluation.runs.timing import (
+    REPEATS,
+    machine_facts,
+    processor_seconds_of,
+    timed_on_both_clocks,
+)
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.blocks import write_curves, write_rows
 from meshreel.paper.decoder import coded_blocks
@@ -23,9 +29,14 @@ from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import uniform_step
 from meshreel.paper.subspace.basis import modes_for_energy, project
-from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
+from meshreel.paper.subspace.graph_fourier import (
+    basis_bytes,
+    estimated_seconds,
+    graph_fourier_basis,
+)
 from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings
 from meshreel.paper.variants import equal_blocks
+from meshreel.runtime.counting import duration_text
 from meshreel.runtime.progress import Progress
 
 LONG_FRAMES = 1200
@@ -35,6 +46,9 @@ OMITTED_ENERGY = 1e-4
 """Fraction of the shape's energy that the rows of a block omit, equal in all blocks."""
 
 N_DECOMPOSITIONS = 2
+
+MAX_FULL_SECONDS = 600.0
+"""Time that the study spends on all graph frequencies of a sequence."""
 
 
 def dictionaries_run(sequence: MeshSequence) -> Run:
@@ -197,3 +211,36 @@ def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
 
     setting = {"n_modes": n_modes, "n_decompositions": N_DECOMPOSITIONS}
     return Run("decompositions", "decompositions", setting, measure)
+
+
+def full_decomposition_run(sequence: MeshSequence) -> Run:
+    """A run that times one decomposition with all graph frequencies.
+
+    Its figures are "n_verts", "seconds", "processor_seconds", "memory_bytes" and "machine". It is
+    refused if it would take more than `MAX_FULL_SECONDS`, estimated, or too much memory.
+    """
+
+    def measure(progress: Progress) -> Outcome:
+        n_verts = sequence.n_verts
+        laplacian = uniform_laplacian(sequence.faces, n_verts)
+        estimate = estimated_seconds(laplacian, n_verts)
+        if estimate > MAX_FULL_SECONDS:
+            raise InvalidInputError(
+                f"all {n_verts} graph frequencies would take about {duration_text(estimate)} (an "
+                f"estimate); the study spends up to {duration_text(MAX_FULL_SECONDS)}"
+            )
+        progress(f"about {duration_text(estimate)} (an estimate)", 0.0)
+        _, (seconds,), (processor,) = timed_on_both_clocks(
+            lambda: graph_fourier_basis(laplacian, n_verts), 1
+        )
+        return Outcome(
+            {
+                "n_verts": n_verts,
+                "seconds": seconds,
+                "processor_seconds": processor,
+                "memory_bytes": basis_bytes(n_verts, n_verts),
+                "machine": machine_facts(),
+            }
+        )
+
+    return Run("full decomposition", "full_decomposition", {"n_decompositions": 1}, measure)

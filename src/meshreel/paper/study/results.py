@@ -6,6 +6,7 @@ from typing import Any
 from meshreel.evaluation.rate_distortion import Overlap, Point, compare_at_equal_rate
 from meshreel.evaluation.runs.store import Result, done
 from meshreel.paper.sweeps import ANCHORS, COEFFICIENTS, Setting
+from meshreel.runtime.counting import duration_text, size_text
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,9 @@ class PaperResults:
     claims : dict of str to result
         Results of the runs in `claims`: "dictionaries", "quiet blocks", "long sequence".
     decompositions : result or None
-        Seconds of an eigen-decomposition, if `gft` was run.
+        Seconds of an eigen-decomposition with the frequencies of `gft`, if it was run.
+    full_decomposition : result or None
+        Seconds and memory of one with all frequencies, if `gft` was run; or its refusal.
     """
 
     slug: str
@@ -36,6 +39,7 @@ class PaperResults:
     alternatives: list[Result] = field(default_factory=list)
     claims: dict[str, Result] = field(default_factory=dict)
     decompositions: Result | None = None
+    full_decomposition: Result | None = None
 
     @property
     def name(self) -> str:
@@ -74,6 +78,66 @@ class PaperResults:
         """Errors of a variant relative to another at equal rate; None without common rates."""
         points = self.points(figure)
         return compare_at_equal_rate(points.get(label, []), points.get(other, []))
+
+
+@dataclass(frozen=True)
+class FullBasis:
+    """Cost of `gft` with all frequencies and a decomposition for each frame, as in the paper.
+
+    Attributes
+    ----------
+    n_verts, n_frames : int
+        Size of the sequence.
+    seconds_each, processor_seconds_each : float
+        Of one decomposition.
+    memory_bytes : float
+    source : str
+        What it is extrapolated from.
+    """
+
+    n_verts: int
+    n_frames: int
+    seconds_each: float
+    processor_seconds_each: float
+    memory_bytes: float
+    source: str
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock seconds of the decompositions of all frames."""
+        return self.n_frames * self.seconds_each
+
+    @property
+    def processor_seconds(self) -> float:
+        """Processor seconds of the decompositions of all frames."""
+        return self.n_frames * self.processor_seconds_each
+
+    @property
+    def text(self) -> str:
+        """The cost as a sentence that calls it an extrapolation."""
+        return (
+            f"Extrapolated from {self.source}: {self.n_verts:,} vertices take "
+            f"{duration_text(self.seconds_each)} and {size_text(self.memory_bytes)} for one "
+            f"decomposition, {duration_text(self.seconds)} with one for each of {self.n_frames:,} "
+            "frames."
+        )
+
+
+def extrapolated_basis(measured: Result, n_verts: int, n_frames: int) -> FullBasis:
+    """Extrapolate the result of a full decomposition to other numbers of vertices and frames.
+
+    The time of one decomposition is proportional to V^3, its memory to V^2.
+    """
+    ratio = n_verts / measured["n_verts"]
+    source = f"one decomposition of {measured['n_verts']:,} vertices, {measured['seconds']:.3g} s"
+    return FullBasis(
+        n_verts,
+        n_frames,
+        measured["seconds"] * ratio**3,
+        measured["processor_seconds"] * ratio**3,
+        measured["memory_bytes"] * ratio**2,
+        source if ratio == 1 else f"{source}, with V^3",
+    )
 
 
 def method_of_result(result: Result) -> str:

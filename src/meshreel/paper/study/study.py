@@ -12,6 +12,7 @@ from meshreel.paper.decoder import coded_blocks
 from meshreel.paper.study.claims import (
     decompositions_run,
     dictionaries_run,
+    full_decomposition_run,
     long_run,
     quiet_blocks_run,
 )
@@ -81,7 +82,10 @@ class PaperStudy:
     def collect(
         self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
     ) -> PaperResults:
-        """The results of all runs, and the timing of decompositions if `gft` was run."""
+        """The results of all runs, and the timing of decompositions if `gft` was run.
+
+        A quick study omits the full decomposition.
+        """
         names = [run.name for run in self._claims(subject.sequence)]
         results = PaperResults(
             subject.slug,
@@ -97,7 +101,11 @@ class PaperStudy:
             return results
         run = decompositions_run(subject.sequence, max(graph["stream"]["n_modes"]))
         decompositions = done([result_of(run, subject.store, progress)])
-        return replace(results, decompositions=next(iter(decompositions), None))
+        results = replace(results, decompositions=next(iter(decompositions), None))
+        if self.quick:
+            return results
+        full = result_of(full_decomposition_run(subject.sequence), subject.store, progress)
+        return replace(results, full_decomposition=full)
 
     def drawings(
         self, subject: Subject, results: PaperResults, folder: Path

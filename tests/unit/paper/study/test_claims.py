@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.errors import InvalidInputError
 from meshreel.paper.study import claims
-from meshreel.paper.study.claims import dictionaries_run, long_run, quiet_blocks_run
+from meshreel.paper.study.claims import (
+    dictionaries_run,
+    full_decomposition_run,
+    long_run,
+    quiet_blocks_run,
+)
 from meshreel.paper.sweeps import TableSettings
 from meshreel.runtime.progress import silent
 from samples.meshes import waving_grid
@@ -65,3 +71,20 @@ def test_sequence_is_repeated_until_it_is_long(monkeypatch):
     assert found["n_frames"] == 150
     for method in ("blocks", "pca-qp"):
         assert found[method]["encode_processor"] > 0 < found[method]["decode_processor"]
+
+
+def test_full_decomposition_has_all_frequencies(monkeypatch):
+    computed = []
+    monkeypatch.setattr(claims, "graph_fourier_basis", lambda _, n_modes: computed.append(n_modes))
+    found = figures(full_decomposition_run(waving_grid(3, 8, 8)))
+    assert computed == [found["n_verts"]] == [64]
+    assert found["memory_bytes"] == 2 * 8 * 64**2
+    assert found["machine"]["cores"] > 0
+    assert found["seconds"] > 0 <= found["processor_seconds"]
+
+
+def test_full_decomposition_is_refused_when_it_takes_too_long(monkeypatch):
+    monkeypatch.setattr(claims, "estimated_seconds", lambda *_: 601.0)
+    monkeypatch.setattr(claims, "graph_fourier_basis", lambda *_: pytest.fail("computed"))
+    with pytest.raises(InvalidInputError, match=r"about 10 minutes \(an estimate\)"):
+        figures(full_decomposition_run(waving_grid(3, 8, 8)))

@@ -1,6 +1,33 @@
-from meshreel.paper.study import study
+import pytest
+
+from meshreel.evaluation.pipeline import Subject
+from meshreel.evaluation.runs.store import Result, Store
+from meshreel.paper.study import claims, study
 from meshreel.paper.study.findings import _relative_differences
+from meshreel.runtime.progress import silent
 from samples.meshes import waving_grid
+
+
+@pytest.mark.parametrize(("quick", "seconds"), [(False, 1.0), (True, 1.0), (False, 1e6)])
+def test_all_frequencies_are_decomposed_unless_quick(
+    quick, seconds, made_result, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(claims, "estimated_seconds", lambda *_: seconds)
+    grid = waving_grid(3, 6, 6)
+    subject = Subject(grid, "grid", Store.for_sequence(tmp_path, grid))
+    groups: dict[str, list[Result]] = {
+        name: [] for name in ("rows", "sweep", "alternatives", "claims")
+    }
+    results = study.PaperStudy(["gft"], quick).collect(
+        subject, {**groups, "variants": [made_result("gft")]}, silent
+    )
+    assert results.decompositions["n_modes"] == 20
+    if quick:
+        assert results.full_decomposition is None
+    elif seconds == 1.0:
+        assert results.full_decomposition["n_verts"] == 36
+    else:
+        assert "all 36 graph frequencies" in results.full_decomposition["refused"]
 
 
 def test_only_seconds_of_tables_are_measured_repeatedly(monkeypatch):
