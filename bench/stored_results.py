@@ -21,19 +21,22 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import meshreel
 from meshreel.evaluation.codecs.results import CodecResults, read_recorded
 from meshreel.evaluation.codecs.study import CodecStudy
 from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.pipeline import Study, Subject, measure
 from meshreel.evaluation.rate_distortion import bd_rate
-from meshreel.evaluation.runs.store import Store, result_of
+from meshreel.evaluation.runs.store import Result, Store, done, result_of, without_identities
 from meshreel.evaluation.runs.timing import machine_facts
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.study.claims import decompositions_run
+from meshreel.paper.study.claims import decompositions_run, full_decomposition_run
 from meshreel.paper.study.findings import findings
-from meshreel.paper.study.results import PaperResults, summary
+from meshreel.paper.study.results import PaperResults, extrapolated_basis, summary
 from meshreel.paper.study.study import PaperStudy
+from meshreel.paper.study.tables import SHAPES
 from meshreel.paper.sweeps import COEFFICIENTS, PRESETS
 
 ROOT = Path(__file__).parents[1]
@@ -44,6 +47,12 @@ CHECK_FRAMES = 60
 N_TIMES = 5
 LARGE = 150
 """Vertices along each side of the flag for the per-mesh solve: 22,500 in total."""
+
+FULL_SIDES = 50, 71, 100
+"""Vertices along each side of flags of which all graph frequencies are computed."""
+
+LARGE_MESHES = ("dinosaur", "camel")
+"""Meshes of the paper with more than 20,000 vertices, for which it has no per-mesh result."""
 
 ANCHOR_CASES = (
     ("samba", 60, "pca-qp", (4, 8, 20)),
@@ -84,9 +93,13 @@ def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
     figures = results.as_dict()
     figures["findings"] = [{**asdict(one), "verdict": one.verdict} for one in findings(results)]
     figures["decompositions"] = None
+    figures["full_decomposition"] = None
     if results.decompositions is not None:
         names = ("n_modes", "seconds_each", "processor_seconds_each")
         figures["decompositions"] = {name: results.decompositions[name] for name in names}
+    full = results.full_decomposition
+    if full is not None:
+        figures["full_decomposition"] = without_identities([full])[0]
     return figures
 
 
@@ -145,6 +158,26 @@ def large_mesh(folder: Path) -> dict[str, Any]:
         "encode_s": middle - start,
         "decode_s": time.perf_counter() - middle,
         "kg_error_percent": meshreel.compare(sequence, decoded).kg_error_percent,
+        "all_frequencies": full_bases(folder),
+    }
+
+
+def full_bases(folder: Path) -> dict[str, Any]:
+    """Seconds of all graph frequencies of flags, extrapolated to meshes of the paper."""
+    measured: list[Result] = []
+    for side in FULL_SIDES:
+        sequence = meshreel.simulate_flag(3, n_rows=side, n_columns=side)
+        run = full_decomposition_run(sequence)
+        measured += done([result_of(run, Store.for_sequence(folder, sequence))])
+    n_verts, seconds = ([one[name] for one in measured] for name in ("n_verts", "seconds"))
+    exponent = np.polyfit(np.log(n_verts), np.log(seconds), 1)[0]
+    extrapolated = [extrapolated_basis(measured[-1], *SHAPES[name]) for name in LARGE_MESHES]
+    return {
+        "measured": without_identities(measured),
+        "exponent": float(exponent),
+        "extrapolated": [
+            {**asdict(one), "seconds": one.seconds, "text": one.text} for one in extrapolated
+        ],
     }
 
 
