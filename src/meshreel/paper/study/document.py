@@ -7,7 +7,7 @@ from meshreel.evaluation.report import report_opening, sequence_opening
 from meshreel.evaluation.runs.store import done
 from meshreel.paper.study.claims import N_DECOMPOSITIONS
 from meshreel.paper.study.findings import findings
-from meshreel.paper.study.results import PaperResults, setting_of_result
+from meshreel.paper.study.results import PaperResults, extrapolated_basis, setting_of_result
 from meshreel.paper.study.tables import (
     REMARKS,
     alternatives_table,
@@ -63,8 +63,9 @@ CHOICES = (
     "compromise between KG and STED, and 4 rows in each block of `blocks`. Values of q are "
     "therefore hardly comparable; the rate-distortion plots show errors at equal rate. Without "
     "entropy coding its Samba rates are nearly 8 rows at 16 and at 4 bits: `--preset printed`.",
-    "**Per mesh.** `gft` uses the low graph frequencies of every frame. L is the same for all "
-    "frames, so one decomposition suffices; the paper computes one for each.",
+    "**Per mesh.** `gft` uses the low graph frequencies of every frame, by default 5 % of them. L "
+    "is the same for all frames, so one decomposition suffices; the paper computes one for each, "
+    "with all frequencies.",
 )
 
 
@@ -147,4 +148,10 @@ def _seconds_note(results: PaperResults) -> str:
             "the first, both to encoding and to reconstruction. All other values are measured in "
             "full."
         )
-    return text
+    full = results.full_decomposition
+    if full is None:
+        return text
+    if "refused" in full:
+        return f"{text} Not measured: {full['refused']}."
+    basis = extrapolated_basis(full, results.sequence["n_verts"], results.sequence["n_frames"])
+    return f"{text} All frequencies: {basis.text} The row contains the decompositions alone."

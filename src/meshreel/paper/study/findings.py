@@ -7,16 +7,21 @@ from itertools import combinations
 import numpy as np
 
 from meshreel.evaluation.runs.store import Result, done
-from meshreel.paper.study.results import PaperResults, label_of_result, method_of_result
+from meshreel.paper.study.results import (
+    PaperResults,
+    extrapolated_basis,
+    label_of_result,
+    method_of_result,
+)
 from meshreel.paper.sweeps import (
     CHOICE_NAMES,
     COEFFICIENTS,
     FINE_ANCHORS,
-    LOW_FREQUENCIES,
     QUANTIZED_DELTAS,
     RANDOM_ANCHORS,
     RANDOM_COEFFICIENTS,
 )
+from meshreel.runtime.counting import duration_text
 
 FIGURES = (("kg_error_percent", "KG"), ("sted", "STED"), ("nmsve_mean", "NMSVE"))
 """Compared errors and their names."""
@@ -38,6 +43,12 @@ MIN_SIMILAR_CORRELATION = 0.5
 
 PER_MESH_VERTICES = 20000
 """Vertices beyond which the paper considers the per-mesh solve infeasible."""
+
+MAX_FEASIBLE_S = 24 * 3600.0
+"""Longest time of the decompositions of all frames that is feasible: a day."""
+
+MIN_EXTRAPOLATED_VERTS = 2000
+"""Fewest vertices from which the time of larger meshes is extrapolated."""
 
 PRINTED_DICTIONARY_BITS = (8.5, 10.6)
 """Bits per entry implied by the printed q_d of `blocks`, for Samba and for Handstand."""
@@ -473,24 +484,20 @@ def _steadiness(results: PaperResults) -> Finding | None:
 
 
 def _per_mesh_size(results: PaperResults) -> Finding | None:
-    graph, timing = results.variant("gft"), results.decompositions
-    if graph is None or timing is None or "refused" in timing:
+    full = results.full_decomposition
+    if full is None or "refused" in full:
         return None
-    n_verts, n_frames = results.sequence["n_verts"], results.sequence["n_frames"]
-    total = n_frames * timing["seconds_each"]
-    share = timing["n_modes"] / n_verts
+    basis = extrapolated_basis(full, PER_MESH_VERTICES, results.sequence["n_frames"])
+    is_judged = full["n_verts"] >= MIN_EXTRAPOLATED_VERTS
     return Finding(
         f"Per mesh is infeasible beyond {PER_MESH_VERTICES:,} vertices",
-        None if n_verts <= PER_MESH_VERTICES else False,
-        f"{n_verts:,} vertices: the lowest {100 * share:.0f} % of the frequencies take "
-        f"{timing['seconds_each']:.3g} s for one decomposition, {total:.3g} s with one for each "
-        "frame as in the paper. "
-        + (
-            "A verdict needs a larger mesh."
-            if n_verts <= PER_MESH_VERTICES
-            else f"A sparse solver finds {100 * LOW_FREQUENCIES[0]:.0f} % or more of them."
-        ),
-        f"{timing['seconds_each']:.2g} s for {timing['n_modes']} frequencies",
+        basis.seconds > MAX_FEASIBLE_S if is_judged else None,
+        f"{basis.text} All frequencies are counted; infeasible: more than "
+        f"{duration_text(MAX_FEASIBLE_S)}. L is the same in all frames, so that one decomposition "
+        "is enough."
+        + ("" if is_judged else f" A verdict needs {MIN_EXTRAPOLATED_VERTS:,} measured vertices."),
+        f"{duration_text(basis.seconds)}, extrapolated; {duration_text(basis.seconds_each)} with "
+        "one decomposition",
     )
 
 

@@ -41,7 +41,7 @@ def test_report_contains_the_required_statements(evaluation):
         "Table I, flag",
         "Table II, flag",
         "PCA+qs and PCA+qp have equal quality: holds",
-        "gft, decomposed for each frame",
+        "frequencies, decomposed for each frame",
         "Extrapolated from 2 decompositions",
         "docs/equations.md",
         "NumPy",
@@ -65,3 +65,19 @@ def test_report_distinguishes_jumping_from_handstand(made_sequence, made_result)
     parts = paper_document([(results, [])], "x").parts
     texts = [part.text for part in parts if isinstance(part, Paragraph)]
     assert any("another sequence" in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("full", "words"),
+    [
+        ({"refused": "all 9971 graph frequencies would take about 2 hours"}, "would take about 2"),
+        (
+            {"n_verts": 9971, "seconds": 6.0, "processor_seconds": 6.0, "memory_bytes": 1.6e9},
+            "All frequencies: Extrapolated from one decomposition of 9,971 vertices, 6 s:",
+        ),
+    ],
+)
+def test_note_below_the_seconds_explains_all_frequencies(made_sequence, made_result, full, words):
+    results = made_sequence("samba", [made_result("gft")], full_decomposition=full)
+    parts = paper_document([(results, [])], "x").parts
+    assert any(words in part.text for part in parts if isinstance(part, Paragraph))

@@ -10,6 +10,8 @@ from meshreel.paper.study.tables import (
 from meshreel.paper.sweeps import COEFFICIENTS
 
 EACH = {"seconds_each": 2.0, "processor_seconds_each": 3.0}
+FULL = {"n_verts": 9971, "seconds": 200.0, "processor_seconds": 300.0, "memory_bytes": 1.6e9}
+ALL_FREQUENCIES = "gft, all frequencies, decomposed for each frame *"
 
 
 @pytest.fixture
@@ -77,15 +79,53 @@ def test_alternatives_are_below_their_variant(made_sequence, made_result):
     assert labels == ["pca-qp", "pca-qp (coefficients of anchors)"]
 
 
-def test_printed_per_mesh_figure_is_next_to_the_extrapolated_row(made_sequence, made_result):
+def test_printed_per_mesh_figure_is_next_to_the_row_with_all_frequencies(
+    made_sequence, made_result
+):
     graph = made_result("gft", seconds=(6.0, 50.0))
-    table = seconds_table(made_sequence("samba", [graph], decompositions=EACH))
-    rows = cells(table)
+    results = made_sequence("samba", [graph], decompositions=EACH, full_decomposition=FULL)
+    rows = cells(seconds_table(results))
     # 174 more decompositions of 2 s, and of 3 s of the processor.
-    assert list(rows["gft, decomposed for each frame *"].values()) == [
-        "354", "534", "398", "622", "37314.55", "4214.55",
+    assert list(rows["gft, 20 frequencies, decomposed for each frame *"].values()) == [
+        "354", "534", "398", "622", "-", "-",
     ]  # fmt: skip
-    assert list(rows["gft, decomposed once"].values()) == ["6", "12", "50", "100", "-", "-"]
+    # 175 decompositions of 200 s, and of 300 s of the processor.
+    assert list(rows[ALL_FREQUENCIES].values()) == [
+        "35000", "52500", "35000", "52500", "37314.55", "4214.55",
+    ]  # fmt: skip
+    assert list(rows["gft, 20 frequencies, decomposed once"].values()) == [
+        "6",
+        "12",
+        "50",
+        "100",
+        "-",
+        "-",
+    ]
+
+
+@pytest.mark.parametrize("full", [None, {"refused": "too slow"}])
+def test_row_with_all_frequencies_has_printed_figures_when_none_are_measured(
+    made_sequence, made_result, full
+):
+    made = {
+        name: cells(
+            seconds_table(made_sequence(name, [made_result("gft")], full_decomposition=full))
+        )
+        for name in ("samba", "x")
+    }
+    wanted = ["-", "-", "-", "-", "37314.55", "4214.55"]
+    assert list(made["samba"][ALL_FREQUENCIES].values()) == wanted
+    assert ALL_FREQUENCIES not in made["x"]
+
+
+def test_row_with_all_frequencies_is_complete_without_a_printed_figure(made_sequence, made_result):
+    for name, n_verts in (("dinosaur", 20218), ("x", 9971)):
+        results = made_sequence(
+            name, [made_result("gft")], n_verts=n_verts, full_decomposition=FULL
+        )
+        table = seconds_table(results)
+        assert {len(row) for row in table.rows} == {len(table.header)}
+        assert ALL_FREQUENCIES in cells(table)
 
 
 def test_rows_of_refused_variants_are_complete(made_sequence, made_result, refused):
