@@ -51,6 +51,37 @@ MAX_FULL_SECONDS = 600.0
 """Time that the study spends on all graph frequencies of a sequence."""
 
 
+def projected_deltas(sequence: MeshSequence) -> Floats:
+    """Magnitudes of U^T delta^T of the x coordinate, shape (T, V), in diagonals."""
+    frame = bounding_frame(sequence.extent)
+    matrix = to_matrices(sequence.vertices, frame)[0]
+    _, basis = eigen_trajectories(autocorrelation(matrix), sequence.n_frames)
+    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=True)
+    return np.abs(delta_coordinates(laplacian, project(basis, matrix).T).T)
+
+
+def near_zero_percent(magnitudes: Floats, threshold: float) -> float:
+    """Percentage of the entries whose magnitude is at most `threshold` times the largest."""
+    return 100 * float(np.mean(magnitudes <= threshold * magnitudes.max()))
+
+
+def sparsity_run(sequence: MeshSequence) -> Run:
+    """A run that counts entries near zero of the projected deltas of x, without quantization.
+
+    Its figures are "below_percent" and "below_permille": percentages of the entries of at most 1 %
+    and 0.1 % of the largest.
+    """
+
+    def measure(progress: Progress) -> Outcome:
+        magnitudes = projected_deltas(sequence)
+        limits = {"below_percent": 0.01, "below_permille": 0.001}
+        return Outcome(
+            {name: near_zero_percent(magnitudes, limit) for name, limit in limits.items()}
+        )
+
+    return Run("sparsity", "claim_sparsity", {}, measure)
+
+
 def dictionaries_run(sequence: MeshSequence) -> Run:
     """A run that measures the bits per entry of dictionaries and of their differences.
 

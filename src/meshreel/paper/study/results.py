@@ -8,6 +8,10 @@ from meshreel.evaluation.runs.store import Result, done
 from meshreel.paper.sweeps import ANCHORS, COEFFICIENTS, Setting
 from meshreel.runtime.counting import duration_text, size_text
 
+RATE, ENTROPY_RATE = "rate_order_dropped_bpvf", "rate_order_dropped_entropy_bpvf"
+"""Figures of a result: the rate of the file without order, and the same if coefficients took their
+zero-order entropy."""
+
 
 @dataclass(frozen=True)
 class PaperResults:
@@ -24,7 +28,8 @@ class PaperResults:
     alternatives : list of results
         Variants that change one choice that the paper leaves open.
     claims : dict of str to result
-        Results of the runs in `claims`: "dictionaries", "quiet blocks", "long sequence".
+        Results of the runs in `claims`: "sparsity", "dictionaries", "quiet blocks", "long
+        sequence".
     decompositions : result or None
         Seconds of an eigen-decomposition with the frequencies of `gft`, if it was run.
     full_decomposition : result or None
@@ -59,7 +64,7 @@ class PaperResults:
         results = done([*self.variants, *self.alternatives])
         return next((result for result in results if label_of_result(result) == label), None)
 
-    def points(self, figure: str) -> dict[str, list[Point]]:
+    def points(self, figure: str, rate: str = RATE) -> dict[str, list[Point]]:
         """Points (rate without order, error) by label, by ascending rate.
 
         Excludes variants with non-default anchors, choices other than coefficients of anchors, and
@@ -71,12 +76,14 @@ class PaperResults:
             is_default = setting.anchors in (0, ANCHORS) and setting.choices in ("", COEFFICIENTS)
             if error is not None and is_default and setting.method != "pca-qs":
                 points = curves.setdefault(setting.label, set())
-                points.add((result["rate_order_dropped_bpvf"], error))
+                points.add((result[rate], error))
         return {label: sorted(points) for label, points in curves.items()}
 
-    def at_equal_rate(self, figure: str, label: str, other: str) -> Overlap | None:
+    def at_equal_rate(
+        self, figure: str, label: str, other: str, rate: str = RATE
+    ) -> Overlap | None:
         """Errors of a variant relative to another at equal rate; None without common rates."""
-        points = self.points(figure)
+        points = self.points(figure, rate)
         return compare_at_equal_rate(points.get(label, []), points.get(other, []))
 
 

@@ -15,6 +15,7 @@ from meshreel.paper.study.claims import (
     full_decomposition_run,
     long_run,
     quiet_blocks_run,
+    sparsity_run,
 )
 from meshreel.paper.study.document import paper_document
 from meshreel.paper.study.figures import diagrams, matrices, meshes, pipeline
@@ -72,9 +73,10 @@ class PaperStudy:
         return {**runs, "claims": self._claims(sequence)}
 
     def _claims(self, sequence: MeshSequence) -> list[Run]:
+        runs = [sparsity_run(sequence)]
         if "blocks" not in self.methods:
-            return []
-        runs = [dictionaries_run(sequence), quiet_blocks_run(sequence)]
+            return runs
+        runs += [dictionaries_run(sequence), quiet_blocks_run(sequence)]
         if "pca-qp" in self.methods and not self.quick:
             runs.append(long_run(sequence, self.table))
         return runs

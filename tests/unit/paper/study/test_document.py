@@ -40,7 +40,7 @@ def test_report_contains_the_required_statements(evaluation):
         "meshreel paper --frames 12",
         "Table I, flag",
         "Table II, flag",
-        "PCA+qs and PCA+qp have equal quality: holds",
+        "PCA+qs and PCA+qp have equal quality: yes",
         "frequencies, decomposed for each frame",
         "Extrapolated from 2 decompositions",
         "docs/equations.md",

@@ -13,12 +13,11 @@ from meshreel.codec.open_stream import whole_stream
 from meshreel.evaluation.plots import label_ends
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
+from meshreel.paper.study.claims import near_zero_percent, projected_deltas
 from meshreel.paper.study.figures.matrices import (
     averaged,
     draw_dictionaries,
     draw_projected_deltas,
-    near_zero_share,
-    projected_deltas,
     whole_dictionaries,
 )
 from meshreel.paper.study.figures.meshes import (
@@ -201,9 +200,9 @@ def test_fig_2_has_a_detail_only_if_it_is_a_part_of_the_matrix(tmp_path):
     assert draw_projected_deltas(_noisy(8, 20, 20), "large", tmp_path).n_panels == 4
 
 
-def test_near_zero_share_is_relative_to_the_largest_entry():
-    assert near_zero_share(np.array([[50.0, 0.5], [0.51, 0.0]]), 0.01) == 0.5
-    assert near_zero_share(np.zeros((2, 3)), 0.01) == 1.0
+def test_near_zero_percentage_is_relative_to_the_largest_entry():
+    assert near_zero_percent(np.array([[50.0, 0.5], [0.51, 0.0]]), 0.01) == 50
+    assert near_zero_percent(np.zeros((2, 3)), 0.01) == 100
 
 
 def test_caption_of_fig_2_counts_the_entries_near_zero(tmp_path):

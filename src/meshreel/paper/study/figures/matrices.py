@@ -14,12 +14,10 @@ from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.blocks import write_curves
 from meshreel.paper.choices import PaperChoices
-from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.pipeline import CodedBlock, Quantized
 from meshreel.paper.quantization import step_for_all_rows
-from meshreel.paper.study.claims import bits_per_entry
+from meshreel.paper.study.claims import bits_per_entry, near_zero_percent, projected_deltas
 from meshreel.paper.study.figures.panels import Box, axes_in, blank_sheet, save_for_print, write_in
-from meshreel.paper.subspace.basis import project
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.rendering.documents import Picture
 from meshreel.rendering.plots import blank_figure
@@ -42,20 +40,6 @@ AXIS = 0  # x
 MATRIX_PX, MATRIX_GAP_PX = 270, 24
 TOP_PX, LEFT_PX, BETWEEN_PX, BOTTOM_PX = 60, 110, 100, 100
 BAR_GAP_PX, BAR_PX, BAR_LABELS_PX = 40, 28, 130
-
-
-def projected_deltas(sequence: MeshSequence) -> Floats:
-    """Magnitudes of U^T delta^T of the x coordinate, shape (T, V), in diagonals."""
-    frame = bounding_frame(sequence.extent)
-    matrix = to_matrices(sequence.vertices, frame)[AXIS]
-    _, basis = eigen_trajectories(autocorrelation(matrix), sequence.n_frames)
-    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=True)
-    return np.abs(delta_coordinates(laplacian, project(basis, matrix).T).T)
-
-
-def near_zero_share(magnitudes: Floats, threshold: float) -> float:
-    """Share of the entries whose magnitude is at most `threshold` times the largest, in 0..1."""
-    return float(np.mean(magnitudes <= threshold * magnitudes.max()))
 
 
 def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Picture:
@@ -113,7 +97,7 @@ def _deltas_caption(magnitudes: Floats, has_detail: bool) -> str:
     height, width = (-(-length // MAX_SHOWN) for length in magnitudes.shape)
     if height * width > 1:
         text += f"A pixel of the whole matrix is the mean of {height} x {width} entries. "
-    small, tiny = (100 * near_zero_share(magnitudes, limit) for limit in NEAR_ZERO)
+    small, tiny = (near_zero_percent(magnitudes, limit) for limit in NEAR_ZERO)
     energy = (magnitudes**2).sum(axis=1)
     share = 100 * energy[:20].sum() / (energy.sum() or 1.0)
     return (
