@@ -1,21 +1,16 @@
 """Graph Fourier basis: low-frequency eigenvectors of a Laplacian."""
 
-import ctypes
 import time
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import scipy.linalg
-from scipy.linalg import cython_lapack
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import eigsh
 
 from meshreel.arrays import Floats
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.subspace.pca import fix_signs
-from meshreel.errors import InvalidInputError, SolverError
+from meshreel.errors import InvalidInputError
 from meshreel.runtime.counting import counted, duration_text, size_text
 from meshreel.runtime.progress import Progress, silent
 
@@ -35,12 +30,6 @@ GOLDEN_RATIO = (5**0.5 - 1) / 2
 
 COLUMNS_AT_ONCE = 64
 """Columns whose signs are fixed together, so that copies of them stay small."""
-
-WORK_PER_ROW = 72
-"""Numbers of workspace per row of the matrix, with which LAPACK uses blocks of 64 columns."""
-
-N_INTEGER_ARGUMENTS = 11
-"""Arguments of dsyevr that are pointers to integers."""
 
 
 def graph_fourier_basis(
@@ -171,46 +160,13 @@ def _is_dense(n_verts: int, n_modes: int) -> bool:
 def _eigenvectors(matrix: Floats) -> Floats:
     """Eigenvectors of a symmetric matrix as columns, by ascending eigenvalue.
 
-    LAPACK's dsyevr, which takes two matrices of memory; dsyevd, as fast, takes three and
-    `numpy.linalg.eigh` five. `scipy.linalg.eigh` holds the GIL during the call, so that other
-    threads, such as that of a progress line, would stop for minutes.
+    LAPACK's dsyevr takes two matrices of memory; dsyevd, as fast, takes three.
 
     Parameters
     ----------
     matrix : float64 array of shape (V, V), in Fortran order
         It is overwritten.
     """
-    decompose = _lapack_dsyevr()
-    if decompose is None:
-        return np.asarray(
-            scipy.linalg.eigh(matrix, driver="evr", overwrite_a=True, check_finite=False)[1]
-        )
-    size = len(matrix)
-    values, vectors = np.empty(size), np.empty((size, size), order="F")
-    work, integers = np.empty(WORK_PER_ROW * size), np.empty(10 * size, np.int32)
-    supports, unused = np.empty(2 * size, np.int32), np.zeros(1)
-    n_rows, n_work, n_integers, unused_index, n_found, failure = (
-        np.array(number, np.int32) for number in (size, len(work), len(integers), 0, 0, 0)
+    return np.asarray(
+        scipy.linalg.eigh(matrix, driver="evr", overwrite_a=True, check_finite=False)[1]
     )
-    arguments: list[npt.NDArray[Any]] = [np.array(letter) for letter in (b"V", b"A", b"L")]
-    arguments += [n_rows, matrix, n_rows, unused, unused, unused_index, unused_index, unused]
-    arguments += [n_found, values, vectors, n_rows, supports]
-    arguments += [work, n_work, integers, n_integers, failure]
-    decompose(*(ctypes.c_void_p(argument.ctypes.data) for argument in arguments))
-    if failure:
-        raise SolverError(f"the graph Fourier basis cannot be computed: dsyevr returned {failure}")
-    return vectors
-
-
-def _lapack_dsyevr() -> Callable[..., None] | None:
-    """SciPy's dsyevr for ctypes, which releases the GIL; None if its integers are not 32 bits."""
-    capsule = cython_lapack.__pyx_capi__["dsyevr"]
-    interface = ctypes.pythonapi
-    name_of, address_of = interface.PyCapsule_GetName, interface.PyCapsule_GetPointer
-    name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
-    address_of.restype = ctypes.c_void_p
-    address_of.argtypes = [ctypes.py_object, ctypes.c_char_p]
-    signature = name_of(capsule)
-    if signature.count(b" int *") != N_INTEGER_ARGUMENTS:
-        return None
-    return ctypes.CFUNCTYPE(None)(address_of(capsule, signature))

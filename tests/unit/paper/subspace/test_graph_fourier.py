@@ -1,7 +1,5 @@
 """Eq. 6 of the paper, on the eigenvectors of L."""
 
-import threading
-
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
@@ -41,38 +39,6 @@ def test_both_solvers_agree_for_multiple_eigenvalues():
     laplacian = uniform_laplacian(faces, 48)
     dense = graph_fourier_basis(laplacian, 48)[:, :9]
     np.testing.assert_allclose(graph_fourier_basis(laplacian, 9), dense, atol=1e-8)
-
-
-def test_dense_solver_equals_that_of_scipy(monkeypatch):
-    basis = graph_fourier_basis(LAPLACIAN, 72)
-    monkeypatch.setattr(graph_fourier, "_lapack_dsyevr", lambda: None)
-    np.testing.assert_allclose(graph_fourier_basis(LAPLACIAN, 72), basis, atol=1e-9)
-
-
-def test_dense_solver_lets_other_threads_run():
-    matrix = np.asfortranarray(np.diag(np.arange(600.0)) + 0.1)
-    is_over, n_counted, counts = threading.Event(), 0, []
-
-    def count():
-        nonlocal n_counted
-        while not is_over.is_set():
-            n_counted += 1
-
-    decompose = graph_fourier._lapack_dsyevr()
-    thread = threading.Thread(target=count)
-    with pytest.MonkeyPatch.context() as patch:
-
-        def counting(*arguments):
-            counts.append(n_counted)
-            decompose(*arguments)
-            counts.append(n_counted)
-
-        patch.setattr(graph_fourier, "_lapack_dsyevr", lambda: counting)
-        thread.start()
-        graph_fourier._eigenvectors(matrix)
-    is_over.set()
-    thread.join()
-    assert counts[1] > counts[0]
 
 
 @pytest.mark.parametrize("n_modes", [13, 72])
