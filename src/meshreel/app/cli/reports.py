@@ -100,9 +100,9 @@ def write_report(
     if as_json:
         print_json({**evaluation.as_dict(), "notes": notes})
         return
-    figures = str(out / "figures")
+    n_figures = sum(len(pictures) for _, pictures in evaluation.measured)
     written = {"report": str(evaluation.html), "as Markdown": str(evaluation.markdown)}
-    print_table("Written", {**written, "figures": figures})
+    print_table("Written", {**written, "figures": f"{n_figures} in {out / 'figures'}"})
 
 
 def _with_only(track: str | None, sequence: AnySequence, notes: list[str]) -> MeshSequence:

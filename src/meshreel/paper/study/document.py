@@ -69,16 +69,8 @@ CHOICES = (
 )
 
 
-def paper_document(
-    measured: Measured[PaperResults], command: str, overview: Sequence[Picture] = ()
-) -> Document:
-    """Build the report of sequences and their figures; it quotes the command line.
-
-    Parameters
-    ----------
-    overview : sequence of Picture, optional
-        Shown before the sequences.
-    """
+def paper_document(measured: Measured[PaperResults], command: str) -> Document:
+    """Build the report of sequences and their figures; it quotes the command line."""
     finished = (result for results, _ in measured for result in done(results.variants))
     parts: list[Part] = [
         *report_opening(
@@ -88,7 +80,6 @@ def paper_document(
             command,
             finished,
         ),
-        *overview,
         Heading(2, "Variants"),
         Bullets(_variant_lines(measured)),
     ]

@@ -18,7 +18,7 @@ from meshreel.paper.study.claims import (
     sparsity_run,
 )
 from meshreel.paper.study.document import paper_document
-from meshreel.paper.study.figures import diagrams, matrices, meshes, pipeline
+from meshreel.paper.study.figures import diagrams, matrices, meshes
 from meshreel.paper.study.measure import variant_run
 from meshreel.paper.study.results import PaperResults, method_of_result, setting_of_result
 from meshreel.paper.sweeps import (
@@ -133,6 +133,5 @@ class PaperStudy:
         return {}
 
     def document(self, measured: Measured[PaperResults], command: str) -> Document:
-        """The report: Fig. 1; then tables, findings and other figures of each sequence."""
-        folder = next(picture.path.parent for _, pictures in measured for picture in pictures)
-        return paper_document(measured, command, [pipeline.draw_pipeline(folder / "pipeline.png")])
+        """The report: tables, findings and figures of each sequence."""
+        return paper_document(measured, command)

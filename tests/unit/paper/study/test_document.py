@@ -11,7 +11,7 @@ from meshreel.rendering.documents import Paragraph
 def test_html_needs_no_other_file(evaluation):
     html = evaluation.html.read_text(encoding="utf-8")
     sources = re.findall(r"""(?:src|href)\s*=\s*["']([^"']*)""", html)
-    assert len(sources) == 8
+    assert len(sources) == 7
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert not re.search(r"<link|<script|@import|url\(", html)
 
@@ -19,15 +19,8 @@ def test_html_needs_no_other_file(evaluation):
 @pytest.mark.slow
 def test_markdown_refers_to_existing_pictures(evaluation, folder):
     names = re.findall(r"!\[[^]]*\]\(([^)]*)\)", evaluation.markdown.read_text(encoding="utf-8"))
-    assert len(names) == 8
+    assert len(names) == 7
     assert all((folder / name).is_file() for name in names)
-
-
-@pytest.mark.slow
-def test_report_shows_fig_1_once_before_the_sequences(evaluation):
-    text = evaluation.markdown.read_text(encoding="utf-8")
-    assert text.count("**Fig. 1.**") == 1
-    assert text.index("**Fig. 1.**") < text.index("## flag") < text.index("**Fig. 2.**")
 
 
 @pytest.mark.slow

@@ -1,8 +1,5 @@
 """The figures of a small evaluation: contents and panels."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -27,7 +24,6 @@ from meshreel.paper.study.figures.meshes import (
     uncommon_frame,
 )
 from meshreel.paper.study.figures.panels import PAGE_PX, fit_layout
-from meshreel.paper.study.figures.pipeline import STEPS, draw_pipeline, equations_text
 from meshreel.rendering.camera import fit_camera
 from meshreel.rendering.plots import blank_figure
 from meshreel.rendering.rasterizer import render
@@ -49,45 +45,9 @@ def test_every_figure_is_drawn_with_its_panels(pictures):
     assert {picture.title: picture.n_panels for picture in pictures} == PANELS
 
 
-SOURCE = Path(meshreel.__file__).parent
-LEDGER = (Path(__file__).parents[4] / "docs" / "equations.md").read_text(encoding="utf-8")
-
-
-def test_every_module_of_fig_1_exists():
-    missing = {
-        module
-        for step in STEPS.values()
-        for module in step.modules
-        if not (SOURCE / module).is_file()
-    }
-    assert missing == set()
-
-
-def test_fig_1_shows_every_equation_of_the_method_in_its_module():
-    homes = dict(re.findall(r"^\| (Eq\. \d+|Alg\. 1) \|[^|]*\| `([^`]+)` \|", LEDGER, re.MULTILINE))
-    del homes["Eq. 13"]  # counts bits
-    shown = {(name, step.modules) for step in STEPS.values() for name in step.equations}
-    assert {name for name, _ in shown} == set(homes)
-    assert [name for name, modules in shown if homes[name] not in modules] == []
-
-
-@pytest.mark.parametrize(
-    ("equations", "text"),
-    [
-        ((), ""),
-        (("Alg. 1",), "Alg. 1"),
-        (("Eq. 11", "Eq. 12"), "Eqs. 11, 12"),
-        (("Eq. 1", "Eq. 2", "Eq. 3"), "Eqs. 1\N{EN DASH}3"),
-        (("Eq. 4", "Eq. 6", "Eq. 8"), "Eqs. 4, 6, 8"),
-    ],
-)
-def test_equations_of_a_step_are_abbreviated(equations, text):
-    assert equations_text(equations) == text
-
-
 @pytest.mark.slow
-def test_figures_are_not_blank(pictures, tmp_path):
-    for picture in [draw_pipeline(tmp_path / "pipeline.png"), *pictures]:
+def test_figures_are_not_blank(pictures):
+    for picture in pictures:
         with Image.open(picture.path) as image:
             assert image.format == "PNG", picture.title
             assert min(image.size) > 300, picture.title
