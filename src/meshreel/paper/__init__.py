@@ -12,6 +12,7 @@ rates                 bits of a stream in the count of Table I (Eq. 13): StreamR
 PaperChoices          choices that the paper leaves open, for `meshreel.encode(choices=)`
 bounding_frame        the units of the coordinate matrices: BoundingFrame
 to_matrices           positions to coordinate matrices A; from_matrices inverts it
+adjacency_matrix      C, 1 for neighbors (Eq. 2)
 uniform_laplacian     L = D - C, or its rows divided by the degrees (Eqs. 1 to 3)
 cotangent_laplacian   L with cotangent weights
 delta_coordinates     L applied to columns (Eqs. 4 and 8)
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from meshreel.paper.anchors import choose_anchors
     from meshreel.paper.choices import PaperChoices
     from meshreel.paper.laplacian import (
+        adjacency_matrix,
         cotangent_laplacian,
         delta_coordinates,
         uniform_laplacian,
@@ -75,6 +77,7 @@ __all__ = [
     "RateParts",
     "ReconstructionSystem",
     "StreamRates",
+    "adjacency_matrix",
     "advance_basis",
     "align_basis",
     "autocorrelation",
@@ -101,7 +104,12 @@ __all__ = [
 _STEPS = ("dequantize", "quantize", "step_for_all_rows", "steps_for_each_row")
 _UNITS = ("BoundingFrame", "bounding_frame", "from_matrices", "to_matrices")
 _ITERATIONS = ("advance_basis", "align_basis", "ritz_vectors")
-_LAPLACIANS = ("cotangent_laplacian", "delta_coordinates", "uniform_laplacian")
+_LAPLACIANS = (
+    "adjacency_matrix",
+    "cotangent_laplacian",
+    "delta_coordinates",
+    "uniform_laplacian",
+)
 
 _MODULES = {
     **dict.fromkeys(_LAPLACIANS, "paper.laplacian"),

@@ -68,7 +68,7 @@ def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
     save_for_print(figure, path)
     caption = (
         "NMSVE of every frame, all variants at the settings of the tables. Positions are divided "
-        "by the diagonal of the first frame's bounding box."
+        "by the diagonal of the first frame's bounding box. Rates differ: Table I has them."
     )
     methods = {method_of_result(result) for result in done(results.variants)}
     if {"pca-qs", "pca-qp"} <= methods:
@@ -105,8 +105,8 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     save_for_print(figure, path)
     caption = (
         "Mean bits of an entry in each row of coefficients, entropy-coded separately; mean of x, y "
-        "and z. Rows beyond the axis take no bits. Variants with a common label have the same "
-        "coefficients."
+        "and z. With one quantization step for all rows, bits follow the energy of a row. Rows "
+        "beyond the axis take no bits. Variants with a common label have the same coefficients."
     )
     if "blocks" in groups:
         caption += " Shading separates the blocks of `blocks`."

@@ -12,7 +12,7 @@ from meshreel.codec.config import DEFAULT_ITERATIONS
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.blocks import write_curves
+from meshreel.paper.blocks import write_curves, write_rows
 from meshreel.paper.choices import PaperChoices
 from meshreel.paper.pipeline import CodedBlock, Quantized
 from meshreel.paper.quantization import step_for_all_rows
@@ -238,9 +238,10 @@ def _dictionary_caption(kept: Sequence[Quantized], whole: Sequence[Quantized], n
         )
     text = (
         f"Whole dictionaries of x ({size}) of the first {n_shown} blocks, and below them the "
-        f"differences between consecutive dictionaries, on the same color scale. {line}Root mean "
-        "squares of the entries, and their mean bits when coded as in a stream, over x, y and z "
-        f"of all {len(whole)} blocks of this length but the first: "
+        "differences between consecutive dictionaries, on the same color scale; columns have the "
+        f"order and signs closest to those of the block before. {line}Root mean "
+        "squares of the entries, and their mean bits coded entry by entry (as curves over time, as "
+        f"in streams), over x, y and z of all {len(whole)} blocks of this length but the first: "
     )
     parts = [(f"all {n_columns} columns", whole)]
     if n_kept < n_columns:
@@ -255,9 +256,10 @@ def _cost_text(dictionaries: Sequence[Quantized]) -> str:
     rms, difference_rms = (
         np.sqrt(np.mean(part**2)) for part in (values[1:], np.diff(values, axis=0))
     )
-    bits = bits_per_entry(dictionaries, write_curves)
-    assert bits is not None  # at least two dictionaries, of equal shape
+    plain, curves = (bits_per_entry(dictionaries, write) for write in (write_rows, write_curves))
+    assert plain is not None  # at least two dictionaries, of equal shape
+    assert curves is not None
     return (
-        f"differences {difference_rms:.3f} and {bits[1]:.2f} bits, "
-        f"dictionaries {rms:.3f} and {bits[0]:.2f} bits"
+        f"differences {difference_rms:.3f} and {plain[1]:.2f} ({curves[1]:.2f}) bits, "
+        f"dictionaries {rms:.3f} and {plain[0]:.2f} ({curves[0]:.2f}) bits"
     )

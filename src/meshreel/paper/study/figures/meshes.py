@@ -73,8 +73,9 @@ def draw_row_counts(
     path = folder / f"{slug}-fig3-rows.png"
     save_for_print(figure, path)
     caption = (
-        f"Frame {frame} of {sequence.n_frames} decoded from the first k_l rows of coefficients "
-        "(`pca-qp`), and the original. KG error of the whole sequence."
+        f"Frame {frame} of {sequence.n_frames}, which differs most from the mean shape, decoded "
+        "from the first k_l rows of coefficients (`pca-qp`), and the original. KG is the error of "
+        "the whole sequence."
     )
     return Picture(path, "Fig. 3", caption, len(shown))
 
@@ -115,10 +116,11 @@ def draw_variants(
     save_for_print(figure, path)
     caption = (
         f"Frame {frame} of {sequence.n_frames}, rendered with one camera. Below each panel: the "
-        f"detail inside the rectangle, enlarged {ENLARGEMENT} times, where the errors of the "
-        "variants differ most (interquartile range). Below that: the mean angle between original "
-        f"and decoded normals of the faces around each vertex; yellow is {top_deg:g} degrees or "
-        "more. STED covers the whole sequence; the angle in a title is the mean over this frame."
+        f"detail inside the rectangle of the picture, enlarged {ENLARGEMENT} times, where the "
+        "errors of the variants differ most (interquartile range). Below that: the mean angle "
+        "between original and decoded normals of the faces around each vertex; yellow is "
+        f"{top_deg:g} degrees or more. STED covers the whole sequence; the angle in a title is the "
+        "mean over this frame."
     )
     return Picture(path, "Fig. 7", caption, 3 * len(shown) + 2)
 
