@@ -277,3 +277,12 @@ def test_gft_refuses_frequencies_beyond_the_memory_limit(monkeypatch):
     monkeypatch.setattr(graph_fourier, "basis_bytes", lambda *_: 2**33 + 1)
     with pytest.raises(InvalidInputError, match=r"8\.59 GB are allowed; allow more with memory="):
         encode(waving_grid(2, 4, 4), "gft", n_modes=16)
+
+
+def test_a_single_block_decodes_as_the_whole_sequence():
+    options = {"n_modes": 4, "bits": 8}
+    blocks, whole = (
+        decode(encode(waving_grid(20), method, **options, **more)).vertices
+        for method, more in (("blocks", {"block_frames": 20}), ("pca-qp", {}))
+    )
+    np.testing.assert_allclose(blocks, whole, rtol=0, atol=1e-6)

@@ -11,6 +11,7 @@ from meshreel.paper.study.results import PaperResults, extrapolated_basis, setti
 from meshreel.paper.study.tables import (
     REMARKS,
     alternatives_table,
+    misprints,
     printed_rates,
     quality_table,
     rate_table,
@@ -123,7 +124,8 @@ def _rate_note(results: PaperResults) -> str:
         "the stream. The last two columns refer to the whole file."
     )
     if printed_rates(results.name):
-        text += " Columns named 'paper' contain its printed values; it has no row for `gft`."
+        text += " Columns named 'paper' contain its printed values; it has no row for `gft`. "
+        text += misprints(results.name)
     return text
 
 

@@ -28,6 +28,11 @@ class PrintedRates:
     q_d: float
     q_s: float
 
+    @property
+    def total(self) -> float:
+        """The sum of q, q_a and q_d, which q_s should be."""
+        return self.q + (self.q_a or 0.0) + self.q_d
+
 
 @dataclass(frozen=True)
 class PrintedSeconds:
@@ -123,6 +128,19 @@ REMARKS = {
 def printed_rates(sequence_name: str) -> dict[str, PrintedRates]:
     """Table I by method; empty unless the sequence is one of the paper's."""
     return TABLE_1.get(sequence_name.lower(), {})
+
+
+def misprints(sequence_name: str) -> str:
+    """A sentence about printed q_s that are not the sums of their parts; empty if there are none.
+
+    Rounding of the parts explains a difference of 1.5e-4.
+    """
+    wrong = [
+        f"{method} {rates.q_s:.4f} (the sum is {rates.total:.4f})"
+        for method, rates in printed_rates(sequence_name).items()
+        if abs(rates.q_s - rates.total) > 1.5e-4
+    ]
+    return f"Printed q_s that are not the sums of their parts: {', '.join(wrong)}." if wrong else ""
 
 
 def printed_seconds(sequence_name: str, n_verts: int) -> dict[str, PrintedSeconds]:

@@ -1,7 +1,9 @@
 import pytest
 
 from meshreel.paper.study.tables import (
+    TABLE_1,
     alternatives_table,
+    misprints,
     quality_table,
     rate_table,
     refusals,
@@ -139,3 +141,17 @@ def test_refusal_states_its_reason(made_sequence, made_result, refused):
     assert refusals(made_sequence("samba", [made_result("pca"), refused])) == [
         "`gft` refused samba: 500 frequencies need 7 GB"
     ]
+
+
+def test_misprinted_sums_of_table_1_are_named():
+    assert misprints("samba") == (
+        "Printed q_s that are not the sums of their parts: pca 1.0088 (the sum is 1.0097), "
+        "v2v 0.8761 (the sum is 0.8765), pca-qs 0.6226 (the sum is 0.6230), pca-qp 0.6226 (the "
+        "sum is 0.6230), blocks 0.6155 (the sum is 0.6150)."
+    )
+    assert misprints("handstand") == misprints("cow") == ""
+
+
+def test_printed_anchors_of_samba_are_those_of_the_vertices_of_handstand():
+    assert TABLE_1["samba"]["blocks"].q_a == pytest.approx(16 * 99.71 / 10_002, abs=5e-5)
+    assert pytest.approx(0.1605, abs=5e-5) == 16 * 100 / 9_971
