@@ -91,7 +91,7 @@ def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
     """Tables, verdicts and curves of a sequence."""
     results: PaperResults = run_study(PaperStudy(), sequence, folder)
     figures = results.as_dict()
-    figures["findings"] = [{**asdict(one), "verdict": one.verdict} for one in findings(results)]
+    figures["findings"] = [asdict(finding) for finding in findings(results)]
     figures["decompositions"] = None
     figures["full_decomposition"] = None
     if results.decompositions is not None:
