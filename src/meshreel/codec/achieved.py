@@ -73,6 +73,7 @@ def measure_stream(
                 yield start, given
                 progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 
+        progress("measuring", Count(first_frame, n_frames, "frames"))
         with ReelFile(BytesIO(data), memory=OWN_STREAM, segment=number) as reel:
             is_dropped = reel.order == "drop"
             internal = internal_numbers(segment.faces, segment.n_verts) if is_dropped else None

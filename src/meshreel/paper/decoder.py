@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.entropy.exact import decode_exact
-from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
+from meshreel.codec.memory import DEFAULT_LIMIT, OWN_STREAM, UNLIMITED, MemoryLimit
 from meshreel.codec.open_stream import OpenStream, StoredBlock, whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.paper.blocks import Dictionaries, read_anchor_vertices, read_coded_block, read_curves
@@ -158,6 +158,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
         anchors = read_anchor_vertices(payload, opened.n_verts)
     if opened.laplacian is Laplacian.COTANGENT:
         shape = stored_shape(opened).values[:, 0].T
+    is_own = opened.limit == UNLIMITED  # this process chose its number of graph frequencies
     return MeshModel(
         faces=opened.internal_faces,
         n_verts=opened.n_verts,
@@ -165,6 +166,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
         laplacian_choice=opened.laplacian,
         shape=shape,
         n_frames=opened.n_frames,
+        basis_memory=OWN_STREAM if is_own else None,
     )
 
 

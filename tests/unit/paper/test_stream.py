@@ -13,11 +13,12 @@ import pytest
 
 import meshreel
 import meshreel.paper
+from meshreel.codec.achieved import measure_stream
 from meshreel.errors import InvalidInputError, MemoryLimitError, TruncatedStreamError
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper import METHODS, mesh_model, read
 from meshreel.paper.subspace import graph_fourier
-from samples.meshes import irregular_sequence, waving_grid
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 GRID = waving_grid(9, 5, 6, np.float64)
 AS_COEFFICIENTS = {"choices": {"anchor_values": "coefficients"}}
@@ -210,11 +211,19 @@ def test_decoders_refuse_many_frequencies_unless_all_are_allowed(all_of_gft):
     stream = read(data)
     refused = [lambda: meshreel.decode(data), stream.reconstruct]
     for compute in (*refused, lambda: stream.graph_fourier_basis(30)):
-        with pytest.raises(InvalidInputError, match=r"at most 10 \(.*all_frequencies=True"):
+        with pytest.raises(InvalidInputError, match=r"at most 10 \(.*option all_frequencies"):
             compute()
     allowed = read(data, all_frequencies=True)
     np.testing.assert_array_equal(allowed.reconstruct(), wanted)
     assert allowed.graph_fourier_basis(30).shape == (30, 30)
+
+
+def test_own_streams_are_measured_with_any_number_of_frequencies(all_of_gft):
+    """The command line measures the streams that it writes."""
+    data, decoded = all_of_gft
+    original = SEQUENCES["shuffled"]
+    found = measure_stream(original, data).kg_error_percent
+    assert found == pytest.approx(kg_error_percent(original.vertices, decoded))
 
 
 def test_decoders_accept_the_leading_frequencies_of_many(all_of_gft):

@@ -244,7 +244,7 @@ def test_letters_of_the_paper_are_answered_with_our_option(letter, words):
 def test_gft_encodes_any_chosen_number_of_frequencies(options, monkeypatch):
     grid, stages = waving_grid(9, 5, 6), []
     monkeypatch.setattr(graph_fourier, "MAX_WORK", 1)
-    with pytest.raises(InvalidInputError, match="encode with n_modes=2"):
+    with pytest.raises(InvalidInputError, match="encode with n_modes="):
         encode(grid, "gft", **options)
     data = encode(
         grid, "gft", n_modes=30, progress=lambda stage, _: stages.append(stage), **options

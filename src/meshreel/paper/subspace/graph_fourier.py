@@ -134,8 +134,8 @@ def check_basis_size(n_verts: int, n_modes: int) -> None:
     possible = min(int((MAX_WORK / n_verts) ** 0.5), n_verts // 3)
     raise InvalidInputError(
         f"{_frequencies_text(n_verts, n_modes)} may take many minutes; use at most {possible} "
-        f"(n_modes=). If you accept the time, encode with n_modes={n_modes}, or decode with "
-        "meshreel.paper.read(data, all_frequencies=True).reconstruct()"
+        "(n_modes=). If you accept the time, encode with n_modes=, or decode with "
+        "meshreel.paper.read and its option all_frequencies"
     )
 
 
