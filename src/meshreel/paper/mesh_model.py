@@ -1,6 +1,6 @@
 """The mesh model shared by encoder and decoder: Laplacian, anchors, isolated vertices."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -88,6 +88,12 @@ class MeshModel:
         """The last graph Fourier basis, by its number of modes."""
         return {}
 
+    def with_anchors(self, anchors: Integers) -> "MeshModel":
+        """The same mesh with other anchors, and with the last graph Fourier basis."""
+        other = replace(self, anchors=anchors)
+        other._last_basis.update(self._last_basis)
+        return other
+
     def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Solve Eq. 12: values at all vertices, of shape (V, K); 0 at isolated vertices.
 
@@ -107,8 +113,12 @@ class MeshModel:
     @cached_property
     def anchor_responses(self) -> Floats:
         """Solutions of Eq. 12, of shape (V, A), for zero deltas and each anchor in turn at 1."""
-        n_anchors = len(self.anchors)
-        return self.reconstruct(np.zeros((self.n_verts, n_anchors)), np.eye(n_anchors))
+        return self.responses(self.anchors)
+
+    @staged("solving")
+    def responses(self, vertices: Integers) -> Floats:
+        """Columns of the inverse of the matrix of Eq. 12, of shape (V, N), at N vertices."""
+        return self._system.responses(vertices)
 
     @cached_property
     def _system(self) -> ReconstructionSystem:

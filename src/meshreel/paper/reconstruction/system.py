@@ -58,6 +58,15 @@ class ReconstructionSystem:
         right[self._anchors] += anchor_values
         return self._solver.solve(right)
 
+    def responses(self, vertices: Integers) -> Floats:
+        """Columns of ``(L^T L + I_a^T I_a)^-1`` of these vertices, of shape (V, N).
+
+        The column of an anchor is the solution for zero deltas and that anchor at 1.
+        """
+        units = np.zeros((self._laplacian.shape[0], len(vertices)))
+        units[vertices, np.arange(len(vertices))] = 1.0
+        return self._solver.solve(units)
+
 
 def _check_anchored(laplacian: csr_array, anchors: Integers) -> None:
     n_components, labels = connected_components(laplacian, directed=False)

@@ -46,6 +46,14 @@ def test_solution_with_one_anchor_is_the_pseudo_inverse():
     np.testing.assert_allclose(solution[9], columns()[9], atol=1e-10)
 
 
+def test_responses_are_columns_of_the_dense_inverse():
+    laplacian, anchors = uniform_laplacian(FACES, N_VERTS, normalized=True), np.array([3, 30])
+    matrix = (laplacian.T @ laplacian).toarray()
+    matrix[anchors, anchors] += 1
+    found = ReconstructionSystem(laplacian, anchors).responses(np.array([30, 5]))
+    np.testing.assert_allclose(found, np.linalg.inv(matrix)[:, [30, 5]], atol=1e-9)
+
+
 def test_error_names_a_component_without_an_anchor():
     faces = np.concatenate([FACES, octahedron_faces() + N_VERTS])
     laplacian = uniform_laplacian(faces, N_VERTS + 6)

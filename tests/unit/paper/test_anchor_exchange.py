@@ -1,0 +1,136 @@
+"""Exchanged anchors against errors that are computed with dense matrices."""
+
+import numpy as np
+import pytest
+
+from meshreel.codec.bitstream.layout import Laplacian
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.errors import InvalidInputError
+from meshreel.paper import anchor_exchange
+from meshreel.paper.anchor_exchange import MIN_REDUCTION, exchange_anchors
+from meshreel.paper.laplacian import component_labels
+from meshreel.paper.mesh_model import MeshModel
+from meshreel.paper.stream import read
+from samples.meshes import (
+    grid_faces,
+    irregular_sequence,
+    kg_error_percent,
+    octahedron_faces,
+    waving_grid,
+)
+
+TWO_SHEETS = np.concatenate([grid_faces(4, 5), octahedron_faces() + 20])
+
+
+def mesh_of(faces, n_verts, anchors):
+    return MeshModel(faces, n_verts, np.array(anchors), Laplacian.NORMALIZED)
+
+
+def noise(n_verts, n_columns=7):
+    return np.random.default_rng(5).normal(size=(n_verts, n_columns))
+
+
+def squared_error(mesh, anchors, delta_errors):
+    laplacian = mesh.laplacian.toarray()
+    matrix = laplacian.T @ laplacian
+    matrix[anchors, anchors] += 1
+    return float((np.linalg.solve(matrix, laplacian.T @ delta_errors) ** 2).sum())
+
+
+def test_no_single_exchange_is_better_by_dense_matrices():
+    mesh, errors = mesh_of(grid_faces(4, 5), 20, [0, 1, 2]), noise(20)
+    found = exchange_anchors(mesh, [errors[:, :3], errors[:, 3:]])
+    best = squared_error(mesh, found, errors)
+    assert best < squared_error(mesh, mesh.anchors, errors)
+    for anchor in found:
+        for vertex in set(range(20)) - set(found):
+            others = [*(set(found) - {anchor}), vertex]
+            assert squared_error(mesh, others, errors) >= best * (1 - MIN_REDUCTION / 3)
+
+
+def test_squared_error_after_changes_is_that_of_dense_matrices():
+    mesh, errors = mesh_of(grid_faces(4, 5), 20, [0, 7]), noise(20)
+    candidates = np.array([0, 3, 7, 11])
+    state = anchor_exchange._initial_state(mesh, candidates, [errors])
+    for position, sign, anchors in ((1, 1, [0, 3, 7]), (2, -1, [0, 3]), (3, 1, [0, 3, 11])):
+        state = state.changed(position, sign)
+        assert state.squared_error == pytest.approx(squared_error(mesh, anchors, errors))
+
+
+def test_only_anchor_of_a_component_is_exchanged_within_it():
+    mesh, errors = mesh_of(TWO_SHEETS, 26, [0, 20]), noise(26)
+    found = exchange_anchors(mesh, [errors])
+    assert found.tolist() != [0, 20]
+    assert found[0] < 20 <= found[1]
+    assert squared_error(mesh, found, errors) < squared_error(mesh, [0, 20], errors)
+
+
+@pytest.mark.parametrize(("method", "block_frames"), [("pca-qp", None), ("blocks", 10)])
+def test_optimized_anchors_reduce_the_error_at_equal_rate(method, block_frames):
+    sequence = waving_grid(20, 30, 30)
+    options = {"n_modes": 2, "bits": 8, "anchors": 0.02, "block_frames": block_frames}
+    streams = [
+        encode(sequence, method, choices={"anchor_set": name}, **options)
+        for name in ("farthest", "optimized")
+    ]
+    farthest, optimized = (
+        kg_error_percent(sequence.vertices, decode(data).vertices) for data in streams
+    )
+    assert optimized < 0.95 * farthest
+    assert len(streams[1]) < 1.02 * len(streams[0])
+
+
+@pytest.mark.parametrize(
+    ("method", "values"),
+    [
+        ("pca-qp", "positions"),
+        ("pca-qp", "coefficients"),
+        ("pca-qs", "positions"),
+        ("blocks", "positions"),
+        ("blocks", "coefficients"),
+        ("gft", "positions"),
+    ],
+)
+def test_optimized_anchors_give_the_stream_of_the_same_listed_anchors(method, values):
+    sequence, options = irregular_sequence(), {"n_modes": 2, "bits": 6}
+    if method == "blocks":
+        options["block_frames"] = 3
+    choices = {"anchor_values": values}
+    data = encode(
+        sequence, method, anchors=0.2, choices={**choices, "anchor_set": "optimized"}, **options
+    )
+    anchors = read(data).anchors.tolist()
+    assert len(anchors) == 8
+    _, labels = component_labels(sequence.faces, sequence.n_verts)
+    assert len(set(labels[anchors])) == 2
+    assert encode(sequence, method, anchors=anchors, choices=choices, **options) == data
+
+
+def test_more_anchors_than_fit_in_memory_are_refused(monkeypatch):
+    monkeypatch.setattr(anchor_exchange, "MAX_RESPONSES", 20 * 2)
+    mesh = mesh_of(grid_faces(4, 5), 20, [0, 5, 9])
+    with pytest.raises(InvalidInputError, match=r"at most 2 anchors of 20 vertices; got 3\. Use"):
+        exchange_anchors(mesh, [noise(20)])
+
+
+def test_candidates_are_limited_by_memory_and_contain_the_anchors(monkeypatch):
+    monkeypatch.setattr(anchor_exchange, "MAX_RESPONSES", 20 * 5)
+    mesh = mesh_of(grid_faces(4, 5), 20, [6, 7, 8])
+    candidates = anchor_exchange._candidates(mesh)
+    assert len(candidates) == 5
+    assert {6, 7, 8} <= set(candidates.tolist())
+
+
+def test_exchange_without_errors_keeps_the_anchors():
+    mesh = mesh_of(grid_faces(4, 5), 20, [1, 2])
+    assert exchange_anchors(mesh, [np.zeros((20, 3))]).tolist() == [1, 2]
+
+
+def test_mesh_with_other_anchors_keeps_the_graph_fourier_basis():
+    mesh = mesh_of(grid_faces(4, 5), 20, [1, 2])
+    basis = mesh.graph_fourier_basis(3)
+    other = mesh.with_anchors(np.array([4]))
+    assert other.graph_fourier_basis(3) is basis
+    assert other.anchors.tolist() == [4]
+    assert not np.allclose(other.responses(np.array([4])), mesh.responses(np.array([4])))
