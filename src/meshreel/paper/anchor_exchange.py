@@ -31,7 +31,7 @@ def exchange_anchors(mesh: MeshModel, delta_errors: Iterable[Floats]) -> Integer
     """Return anchors with which deltas of these errors decode to smaller position errors.
 
     With exact anchors S, deltas ``L x + n`` decode to ``x + e`` with ``(L^T L + S^T S) e = L^T n``
-    (paper Eq. 12). Each anchor in turn is exchanged for the candidate with the smallest squared
+    (Eq. 12). Each anchor in turn is exchanged for the candidate with the smallest squared
     error, if that is smaller than before. Adding or removing an anchor changes the inverse of the
     matrix by a rank of one, so that the error of every exchange is computed without another
     factorization.

@@ -34,17 +34,34 @@ def choose_anchors(
     -------
     int64 array of shape (A,), ascending
     """
-    n_components, labels = component_labels(faces, n_verts)
+    n_components, _ = component_labels(faces, n_verts)
     isolated = isolated_vertices(faces, n_verts)
     connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
     n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
     if rng is not None:
-        shuffled = rng.permutation(connected)
-        _, first = np.unique(labels[shuffled], return_index=True)  # one in each component
-        others = np.delete(shuffled, first)
-        return np.sort(np.concatenate([shuffled[first], others[: n_anchors - len(first)]]))
+        return first_of_components(rng.permutation(connected), faces, n_verts, n_anchors)
     adjacency = adjacency_matrix(faces, n_verts)[connected][:, connected]
     return np.sort(connected[farthest_points(csr_array(adjacency), n_anchors)])
+
+
+def first_of_components(ranked: Integers, faces: Faces, n_verts: int, n_anchors: int) -> Integers:
+    """Return the first vertex of each component in a ranking, and the first of all others.
+
+    Parameters
+    ----------
+    ranked : integer array
+        All vertices with an edge, the best first.
+    n_anchors : int
+        At least the number of components with an edge.
+
+    Returns
+    -------
+    int64 array of shape (n_anchors,), ascending
+    """
+    _, labels = component_labels(faces, n_verts)
+    _, first = np.unique(labels[ranked], return_index=True)
+    others = np.delete(ranked, first)
+    return np.sort(np.concatenate([ranked[first], others[: n_anchors - len(first)]]))
 
 
 def check_anchors(anchors: Sequence[int], faces: Faces, n_verts: int) -> Integers:
