@@ -3,6 +3,7 @@
     python bench/stored_results.py paper samba.npz cow.npz --flag 1000 --work runs
     python bench/stored_results.py codecs samba.npz cow.npz --reference points.csv --work runs
     python bench/stored_results.py choices samba.npz cow.npz
+    python bench/stored_results.py questions samba.npz cow.npz --flag 300 --work runs
     python bench/stored_results.py checks
 
 Writes docs/results/paper.json and others, with the run_study commit; `checks` measures the small
@@ -38,6 +39,9 @@ from meshreel.paper.study.results import PaperResults, extrapolated_basis, summa
 from meshreel.paper.study.study import PaperStudy
 from meshreel.paper.study.tables import SHAPES
 from meshreel.paper.sweeps import COEFFICIENTS, PRESETS
+from questions.answers import search_answers
+from questions.plot import draw_rows
+from questions.search import search_runs
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"
@@ -101,6 +105,18 @@ def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
     if full is not None:
         figures["full_decomposition"] = without_identities([full])[0]
     return figures
+
+
+def question_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
+    """Answers to the open questions of the paper; draws the search over rows of samba."""
+    subject, found = Store.for_sequence(folder, sequence), dict[str, Result]()
+    for question, run in search_runs(sequence).items():
+        print(f"  {run.name}", flush=True)
+        found[question] = result_of(run, subject)
+    if sequence.name == "samba":
+        draw_rows(found["rows"], ROOT / "docs" / "images" / "samba-rows.png")
+    shape = {name: subject.sequence[name] for name in ("name", "n_frames", "n_verts")}
+    return {**shape, **search_answers(found)}
 
 
 def printed_preset(sequence: MeshSequence, folder: Path) -> list[dict[str, Any]]:
@@ -312,10 +328,13 @@ CHECKED: dict[str, dict[str, Any]] = {
 """Options of the streams that tests re-encode."""
 
 
+WHAT = ("paper", "codecs", "choices", "questions", "checks")
+
+
 def main() -> None:
     """Measure and store the requested results."""
     parser = argparse.ArgumentParser(description="Measure and store figures of the documentation.")
-    parser.add_argument("what", choices=("paper", "codecs", "choices", "checks"))
+    parser.add_argument("what", choices=WHAT)
     parser.add_argument("inputs", nargs="*", help="sequences")
     parser.add_argument("--flag", type=int, default=0, help="frames of the flag, after the inputs")
     parser.add_argument("--reference", type=Path, help="recorded points of other codecs (codecs)")
@@ -334,6 +353,10 @@ def main() -> None:
             print(sequence.name, flush=True)
             found.append(codec_figures(sequence, arguments.work, arguments.reference))
         store("codecs", {"sequences": found})
+        return
+    if arguments.what == "questions":
+        answers = [question_figures(sequence, arguments.work) for sequence in sequences]
+        store("questions", {"sequences": answers})
         return
     if arguments.what == "choices":
         store("choices", {"sequences": [choice_figures(sequence) for sequence in sequences]})

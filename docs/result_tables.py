@@ -19,9 +19,12 @@ from typing import Any
 from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.paper.study.findings import CLAIMS
 from meshreel.paper.study.tables import printed_rates, printed_seconds
-from meshreel.rendering.documents import number, significant
+from meshreel.rendering.documents import Table, number, significant
 
 ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT / "bench"))
+from questions.tables import Answers, anchors_table, blocks_table, rows_table  # noqa: E402
+
 RESULTS = ROOT / "docs" / "results"
 PAGES = ("README.md", "docs/paper.md", "docs/benchmarks.md", "docs/codec.md")
 REGION = re.compile(
@@ -250,6 +253,27 @@ def alternatives() -> str:
     return source("paper", table(("variant", *(one["name"] for one in sequences)), rows))
 
 
+def search_rows() -> str:
+    """The best rows and bits of `pca-qp` by rate, knees, and the cost of fixed rows and bits."""
+    return _search_table("rows", rows_table)
+
+
+def search_blocks() -> str:
+    """BD-rates of `blocks` by number of blocks, each with its best rows and bits."""
+    return _search_table("blocks", blocks_table)
+
+
+def search_anchors() -> str:
+    """KG error and STED of sets of anchors at equal rate, relative to farthest points."""
+    return _search_table("anchors", anchors_table)
+
+
+def _search_table(question: str, make: Callable[[Answers], Table]) -> str:
+    """The table of an open question of the paper, for all sequences."""
+    made = make([(one["name"], one[question]) for one in results("questions")["sequences"]])
+    return source("questions", table(made.header, made.rows))
+
+
 def large_mesh() -> str:
     """Seconds of the per-mesh variant on meshes of more than 20,000 vertices."""
     one = results("paper")["large_mesh"]
@@ -387,6 +411,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "claim-thresholds": claim_thresholds,
     "entropy": entropy,
     "alternatives": alternatives,
+    "search-rows": search_rows,
+    "search-blocks": search_blocks,
+    "search-anchors": search_anchors,
     "large-mesh": large_mesh,
     "comparison": comparison,
     "bd-rates": bd_rates,

@@ -1,0 +1,1 @@
+"""Searches for the open questions of the paper: rows, blocks and anchors (Section V)."""

@@ -1,0 +1,185 @@
+"""Runs that search for the open questions of the paper's Section V: rows, blocks and anchors."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
+from meshreel.evaluation.runs.store import Outcome, Run, finite
+from meshreel.metrics.kg import kg_error_percent
+from meshreel.metrics.nmsve import nmsve_per_frame
+from meshreel.metrics.sted import sted
+from meshreel.model.sequence import MeshSequence
+from meshreel.paper.stream import read
+from meshreel.paper.sweeps import ANCHORS, BITS, MODES
+from meshreel.paper.variants import TRACKED_BLOCK_FRAMES
+from meshreel.runtime.progress import Progress
+from questions.anchor_choices import ANCHOR_CHOICES, table_stream
+
+ROWS = (2, 3, 5, 8, 12, 20, 30, 50, 80)
+BIT_COUNTS = (5, 6, 7, 8, 9, 10, 11, 12)
+
+BLOCK_COUNTS = (1, 2, 3, 4, 6, 8, 12, 16)
+BLOCK_ROWS = (2, 5, 12, 30)
+BLOCK_BIT_COUNTS = (6, 8, 10)
+
+NEAR_BITS = (BITS - 1, BITS, BITS + 1)
+"""Bits of streams with farthest points, between which their error at any rate is interpolated."""
+
+MIN_IMPROVEMENT = 0.01
+"""More rows or more bits are not tried if the last of them reduced no error by this fraction."""
+
+ERRORS = ("kg_error_percent", "sted")
+
+SEARCHES = ("rows", "blocks", "anchors")
+"""The questions."""
+
+Point = dict[str, Any]
+
+
+def search_runs(sequence: MeshSequence) -> dict[str, Run]:
+    """The searches by question: "rows", "blocks" and "anchors"."""
+    return {
+        "rows": rows_run(sequence),
+        "blocks": blocks_run(sequence),
+        "anchors": anchors_run(sequence),
+    }
+
+
+def rows_run(sequence: MeshSequence) -> Run:
+    """A run that measures `pca-qp` by rows and bits; its figures are "points"."""
+    rows = sorted({min(count, sequence.n_frames) for count in ROWS})
+    setting = {"modes": rows, "bits": list(BIT_COUNTS), "anchors": ANCHORS}
+
+    def measure(progress: Progress) -> Outcome:
+        def point(modes: int, bits: int) -> Point:
+            progress(f"{modes} rows, {bits} bits", 0.0)
+            data = encode(sequence, "pca-qp", n_modes=modes, bits=bits, anchors=ANCHORS)
+            return {"modes": modes, "bits": bits, **measured(sequence, data)}
+
+        return Outcome({"points": list(grid_points(rows, BIT_COUNTS, point))})
+
+    return Run("rows and bits", "search_rows", setting, measure)
+
+
+def blocks_run(sequence: MeshSequence) -> Run:
+    """A run that measures `blocks` by number of blocks, rows and bits, without STED.
+
+    n_b blocks have ceil(k / n_b) of the k frames each, the last one fewer. The figures are "points"
+    and "usual_blocks", the number of blocks of about 25 frames.
+    """
+    usual = -(-sequence.n_frames // TRACKED_BLOCK_FRAMES)
+    counts = dict[int, int]()
+    for n_blocks in sorted({*BLOCK_COUNTS, usual}):
+        counts.setdefault(-(-sequence.n_frames // n_blocks), n_blocks)
+    setting = {
+        "frames": list(counts), "modes": list(BLOCK_ROWS), "bits": list(BLOCK_BIT_COUNTS),
+        "anchors": ANCHORS,
+    }  # fmt: skip
+
+    def measure(progress: Progress) -> Outcome:
+        points: list[Point] = []
+        for frames, n_blocks in counts.items():
+
+            def point(modes: int, bits: int, frames: int = frames, n: int = n_blocks) -> Point:
+                progress(f"{n} blocks, {modes} rows, {bits} bits", 0.0)
+                data = encode(
+                    sequence,
+                    "blocks",
+                    n_modes=modes,
+                    bits=bits,
+                    block_frames=frames,
+                    anchors=ANCHORS,
+                )
+                errors = measured(sequence, data, ("kg_error_percent",))
+                return {"blocks": n, "modes": modes, "bits": bits, **errors}
+
+            rows = sorted({min(count, frames) for count in BLOCK_ROWS})
+            points += grid_points(rows, BLOCK_BIT_COUNTS, point)
+        return Outcome({"points": points, "usual_blocks": usual})
+
+    return Run("numbers of blocks", "search_blocks", setting, measure)
+
+
+def anchors_run(sequence: MeshSequence) -> Run:
+    """A run that compares sets of equally many anchors, with 20 rows and 8 bits of `pca-qp`.
+
+    The figures are "n_anchors"; "farthest", the points of farthest points with 7, 8 and 9 bits; and
+    "choices", a point of each choice by its name, with the processor "seconds" of choosing.
+    """
+    setting = {"modes": MODES, "bits": list(NEAR_BITS), "anchors": ANCHORS}
+    errors = (*ERRORS, "nmsve_mean")
+
+    def measure(progress: Progress) -> Outcome:
+        modes = min(MODES, sequence.n_frames)
+        streams = [
+            encode(sequence, "pca-qp", n_modes=modes, bits=bits, anchors=ANCHORS)
+            for bits in NEAR_BITS
+        ]
+        farthest, choices = read(streams[0]).anchors, {}
+        for name, choose in ANCHOR_CHOICES.items():
+            progress(f"anchors: {name}", 0.0)
+            start = time.process_time()
+            anchors = choose(sequence, farthest)
+            seconds = time.process_time() - start
+            found = measured(sequence, table_stream(sequence, anchors), errors)
+            choices[name] = {**found, "seconds": seconds}
+        points = [measured(sequence, data, errors) for data in streams]
+        return Outcome({"n_anchors": len(farthest), "farthest": points, "choices": choices})
+
+    setting["choices"] = list(ANCHOR_CHOICES)
+    return Run("sets of anchors", "search_anchors", setting, measure)
+
+
+def measured(sequence: MeshSequence, data: bytes, errors: Sequence[str] = ERRORS) -> Point:
+    """The rate of a stream without the order of vertices and faces, and errors of its frames."""
+    # The order is a section of its own; all others are the same without it.
+    size = len(data) - info(data).budget_bytes.get("order", 0)
+    original, decoded = sequence.vertices, decode(data).vertices
+    values: dict[str, Callable[[], float]] = {
+        "kg_error_percent": lambda: kg_error_percent(original, decoded),
+        "sted": lambda: sted(original, decoded, sequence.faces).sted,
+        "nmsve_mean": lambda: float(np.mean(nmsve_per_frame(original, decoded, sequence.faces))),
+    }
+    rate = 8 * size / (sequence.n_verts * sequence.n_frames)
+    return {"rate_bpvf": rate, **finite({name: values[name]() for name in errors})}
+
+
+def grid_points(
+    rows: Sequence[int], bit_counts: Sequence[int], point: Callable[[int, int], Point]
+) -> Iterator[Point]:
+    """Yield the points of pairs of rows and bits, except pairs that would only add rate.
+
+    A larger number of rows with the same bits, and of bits with the same rows, is omitted if the
+    last step in this direction reduced no error by 1 %.
+
+    Parameters
+    ----------
+    rows, bit_counts : sequences of int, ascending
+    point : callable
+        Measures a pair of rows and bits.
+    """
+    found: dict[tuple[int, int], Point] = {}
+    for bits in bit_counts:
+        for modes in rows:
+            if _is_saturated([one for (_, same), one in found.items() if same == bits]):
+                break
+            if _is_saturated([one for (same, _), one in found.items() if same == modes]):
+                continue
+            found[modes, bits] = point(modes, bits)
+            yield found[modes, bits]
+
+
+def _is_saturated(points: Sequence[Point]) -> bool:
+    """Whether the last point has hardly smaller errors than the one before."""
+    if len(points) < 2:
+        return False
+    errors = [[one.get(name) for name in ERRORS] for one in points[-2:]]
+    pairs = [(before, last) for before, last in zip(*errors, strict=True) if last is not None]
+    return all(
+        before is not None and last > (1 - MIN_IMPROVEMENT) * before for before, last in pairs
+    )

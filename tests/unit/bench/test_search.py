@@ -1,0 +1,148 @@
+"""Searches on small sequences: which streams they measure, and what they store."""
+
+import json
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.evaluation.runs.store import Store, result_of
+from meshreel.model.geometry.connectivity import isolated_vertices
+from meshreel.paper.anchors import choose_anchors
+from meshreel.paper.laplacian import component_labels
+from meshreel.runtime.progress import silent
+from questions import search
+from questions.anchor_choices import ANCHOR_CHOICES
+from questions.search import grid_points, measured, search_runs
+from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+
+
+@pytest.fixture
+def small_grid(monkeypatch):
+    """Few settings, so that searches take a second."""
+    monkeypatch.setattr(search, "ROWS", (2, 4, 80))
+    monkeypatch.setattr(search, "BIT_COUNTS", (7, 8))
+    monkeypatch.setattr(search, "BLOCK_COUNTS", (1, 2, 3, 16))
+    monkeypatch.setattr(search, "BLOCK_ROWS", (1, 2, 30))
+    monkeypatch.setattr(search, "BLOCK_BIT_COUNTS", (8,))
+
+
+def figures(sequence, name):
+    return search_runs(sequence)[name].measure(silent).figures
+
+
+@pytest.mark.parametrize("method", ["pca-qp", "blocks"])
+def test_rate_is_that_of_a_stream_without_order(method):
+    sequence = waving_grid(20)
+    options = {"n_modes": 3, "bits": 8, "block_frames": 10}
+    found = measured(sequence, meshreel.encode(sequence, method, **options))
+    data = meshreel.encode(sequence, method, order="drop", **options)
+    # The number of sections may take another byte.
+    n_values = sequence.n_verts * sequence.n_frames
+    assert abs(found["rate_bpvf"] * n_values / 8 - len(data)) <= 1
+
+
+def test_errors_are_those_of_the_decoded_frames():
+    sequence = waving_grid(20)
+    data = meshreel.encode(sequence, "pca-qp", n_modes=3, bits=8)
+    decoded = meshreel.decode(data)
+    found = measured(sequence, data, ("kg_error_percent", "sted", "nmsve_mean"))
+    quality = meshreel.compare(sequence, decoded)
+    assert found["kg_error_percent"] == pytest.approx(
+        kg_error_percent(sequence.vertices, decoded.vertices)
+    )
+    assert found["sted"] == pytest.approx(quality.sted)
+    assert found["nmsve_mean"] == pytest.approx(quality.nmsve_mean)
+
+
+def test_grid_is_complete_while_errors_fall():
+    points = grid_points((1, 2, 3), (5, 6), lambda modes, bits: {"sted": 1 / (modes * bits)})
+    assert len(list(points)) == 6
+
+
+def test_more_rows_are_omitted_after_a_step_without_gain():
+    def point(modes, bits):
+        return {"at": (modes, bits), "kg_error_percent": max(1 / modes, 0.5), "sted": None}
+
+    points = grid_points((1, 2, 3, 4), (5,), point)
+    assert [one["at"] for one in points] == [(1, 5), (2, 5), (3, 5)]
+
+
+def test_more_bits_are_omitted_for_rows_after_a_step_without_gain():
+    def point(modes, bits):
+        # Bits beyond 6 help 9 rows only.
+        return {"at": (modes, bits), "sted": 1 / (modes * (bits if modes > 8 else min(bits, 6)))}
+
+    found = [one["at"] for one in grid_points((2, 9), (5, 6, 7, 8), point)]
+    assert found == [(2, 5), (9, 5), (2, 6), (9, 6), (2, 7), (9, 7), (9, 8)]
+
+
+def test_one_error_that_falls_keeps_the_search_going():
+    def point(modes, bits):
+        return {"kg_error_percent": 1.0, "sted": 1 / modes}
+
+    assert len(list(grid_points((1, 2, 3, 4), (5,), point))) == 4
+
+
+@pytest.mark.usefixtures("small_grid")
+def test_rows_are_searched_up_to_the_number_of_frames():
+    points = figures(waving_grid(12), "rows")["points"]
+    assert {one["modes"] for one in points} == {2, 4, 12}
+    assert {one["bits"] for one in points} == {7, 8}
+
+
+@pytest.mark.usefixtures("small_grid")
+def test_blocks_have_equal_lengths_and_each_number_its_own_rows():
+    found = figures(waving_grid(60), "blocks")
+    rows = {}
+    for one in found["points"]:
+        rows.setdefault(one["blocks"], set()).add(one["modes"])
+    assert sorted(rows) == [1, 2, 3, 16]
+    assert max(rows[1]) == 30
+    assert max(rows[16]) <= 4  # frames of a block
+    assert found["usual_blocks"] == 3
+
+
+@pytest.mark.usefixtures("small_grid")
+def test_numbers_of_blocks_are_limited_by_frames():
+    found = figures(waving_grid(2, 4, 4), "blocks")
+    assert {one["blocks"] for one in found["points"]} == {1, 2}
+
+
+@pytest.mark.usefixtures("small_grid")
+def test_stored_searches_are_reused(tmp_path, monkeypatch):
+    sequence = waving_grid(6, 5, 5)
+    store = Store.for_sequence(tmp_path, sequence)
+    first = [result_of(run, store) for run in search_runs(sequence).values()]
+    monkeypatch.setattr(search, "encode", None)
+    monkeypatch.setattr(search, "table_stream", None)
+    again = [result_of(run, store) for run in search_runs(sequence).values()]
+    assert first == again
+    json.dumps(first, allow_nan=False)
+
+
+@pytest.mark.parametrize("choice", ANCHOR_CHOICES)
+def test_sets_of_anchors_are_equally_large_and_reach_every_component(choice, monkeypatch):
+    monkeypatch.setattr("questions.anchor_choices.ANCHORS", 0.2)
+    sequence = irregular_sequence()
+    farthest = choose_anchors(sequence.faces, sequence.n_verts, 0.2)
+    anchors = ANCHOR_CHOICES[choice](sequence, farthest)
+    assert len(np.unique(anchors)) == len(farthest) == 8
+    assert not set(anchors) & set(isolated_vertices(sequence.faces, sequence.n_verts))
+    _, labels = component_labels(sequence.faces, sequence.n_verts)
+    assert len(set(labels[anchors])) == 2
+
+
+def test_anchors_are_compared_with_farthest_points_of_three_rates(monkeypatch):
+    some = {name: ANCHOR_CHOICES[name] for name in ("random 1", "optimized")}
+    monkeypatch.setattr(search, "ANCHOR_CHOICES", some)
+    sequence = waving_grid(20, 20, 20)
+    found = figures(sequence, "anchors")
+    assert found["n_anchors"] == 4
+    rates = [one["rate_bpvf"] for one in found["farthest"]]
+    assert rates == sorted(rates)
+    assert len(rates) == 3
+    assert list(found["choices"]) == ["random 1", "optimized"]
+    optimized = found["choices"]["optimized"]
+    assert optimized["kg_error_percent"] < found["farthest"][1]["kg_error_percent"]
+    assert optimized["seconds"] > 0
