@@ -448,7 +448,7 @@ class EncoderConfig:
         def needed(block_frames: int) -> float:
             is_whole = block_frames >= n_frames
             return self.method_row.block_bytes(
-                block_frames, n_verts, number_bytes, is_whole=is_whole, n_modes=self.n_modes
+                block_frames, n_verts, number_bytes, is_whole=is_whole
             )
 
         if needed(chosen) <= memory:
@@ -462,9 +462,7 @@ class EncoderConfig:
 
     def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> "EncoderConfig":
         """Return these options with shorter blocks, and the memory that they need."""
-        needed = self.method_row.block_bytes(
-            block_frames, n_verts, number_bytes, is_whole=False, n_modes=self.n_modes
-        )
+        needed = self.method_row.block_bytes(block_frames, n_verts, number_bytes, is_whole=False)
         return replace(self, block_frames=block_frames, memory=needed)
 
 

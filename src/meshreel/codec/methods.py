@@ -103,13 +103,7 @@ class Method(Protocol):
         """Return the number of frames per block without an option or a memory limit."""
 
     def block_bytes(
-        self,
-        block_frames: int,
-        n_verts: int,
-        number_bytes: int,
-        *,
-        is_whole: bool,
-        n_modes: int | None = None,
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
     ) -> float:
         """Estimate the memory of encoding with blocks of this length.
 
@@ -120,8 +114,6 @@ class Method(Protocol):
             Size of a coordinate.
         is_whole : bool
             Whether one block is the whole sequence, so that no other is read meanwhile.
-        n_modes : int, optional
-            The option of this name.
         """
 
     def max_modes(self, n_frames: int, n_verts: int) -> int:

@@ -18,8 +18,6 @@ from meshreel.model.tracks import Track
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
-from meshreel.paper.pipeline import n_frequencies
-from meshreel.paper.subspace.graph_fourier import basis_bytes
 from meshreel.paper.variants import VARIANTS, Basis, Variant, equal_blocks
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
@@ -73,19 +71,10 @@ class PaperMethod:
         return n_frames if self.block_frames is None else equal_blocks(n_frames)
 
     def block_bytes(
-        self,
-        block_frames: int,
-        n_verts: int,
-        number_bytes: int,
-        *,
-        is_whole: bool,
-        n_modes: int | None = None,
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
     ) -> float:
         """Memory for encoding with blocks of this many frames, independent of the number type."""
-        needed = PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
-        if self.variant.basis is Basis.GRAPH:
-            needed += basis_bytes(n_verts, n_frequencies(n_modes, n_verts))
-        return needed
+        return PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
 
     def max_modes(self, n_frames: int, n_verts: int) -> int:
         """Largest number of modes of a block of this many frames."""

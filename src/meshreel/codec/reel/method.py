@@ -83,13 +83,7 @@ class ReelMethod:
         return -(-n_frames // n_blocks)
 
     def block_bytes(
-        self,
-        block_frames: int,
-        n_verts: int,
-        number_bytes: int,
-        *,
-        is_whole: bool,
-        n_modes: int | None = None,
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
     ) -> float:
         """Estimate the memory of encoding with blocks of this length."""
         n_positions, n_modes = block_frames * n_verts, min(3 * block_frames, MAX_MODES)
