@@ -3,7 +3,8 @@
     python docs/result_tables.py             lists the tables
     python docs/result_tables.py --write     brings README and the pages up to date
 
-`python bench/stored_results.py` measures the results in docs/results/. A table stands between the
+`python bench/stored_results.py` measures the results in docs/results/, of which `questions` come
+from searches (bench/questions/). A table stands between the
 lines ``<!-- results: NAME -->`` and ``<!-- end of results -->``; a test fails if it differs from
 the results.
 """
