@@ -46,6 +46,9 @@ KINDS = {
 
 RATES = ("q", "q_a", "q_d", "q_s")
 
+OLDER = "commit_of_anchors_and_large_mesh"
+"""Name of the commit of parts that were not measured again with the others, if there are any."""
+
 
 @cache
 def results(name: str) -> dict[str, Any]:
@@ -65,11 +68,12 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def source(name: str, text: str) -> str:
-    """A table, with the commit that it was measured at."""
+def source(name: str, text: str, commit: str = "commit") -> str:
+    """A table, with the commit that it was measured at, or another one stored under a name."""
     found = results(name)
     machine = found["machine"]
-    return f"{text}\n\n(Commit `{found['commit']}`, {machine['cpu']}, NumPy {machine['numpy']}.)"
+    measured = found.get(commit, found["commit"])
+    return f"{text}\n\n(Commit `{measured}`, {machine['cpu']}, NumPy {machine['numpy']}.)"
 
 
 def sequence_named(name: str) -> dict[str, Any]:
@@ -188,7 +192,7 @@ def anchors() -> str:
         )
         for one in results("paper")["anchors"]
     ]
-    return source("paper", table(header, rows))
+    return source("paper", table(header, rows), OLDER)
 
 
 KINDS_OF_ANCHORS = ("coefficients", "positions")
@@ -282,7 +286,7 @@ def large_mesh() -> str:
     measured = ", ".join(
         f"{each['n_verts']:,} vertices {each['seconds']:.3g} s" for each in all_of_them["measured"]
     )
-    return (
+    text = (
         f"On a flag of {one['n_verts']:,} vertices one decomposition for {one['n_modes']:,} "
         f"frequencies takes {one['seconds_each']:.3g} s; {one['n_frames']} frames are encoded in "
         f"{one['encode_s']:.3g} s and decoded in {one['decode_s']:.3g} s, with one decomposition "
@@ -290,6 +294,7 @@ def large_mesh() -> str:
         + (f"One decomposition with all frequencies: {measured}. " if measured else "")
         + " ".join(each["text"] for each in all_of_them["extrapolated"])
     )
+    return source("paper", text, OLDER)
 
 
 def comparison() -> str:
