@@ -3,10 +3,9 @@
     python docs/result_tables.py             lists the tables
     python docs/result_tables.py --write     brings README and the pages up to date
 
-`python bench/stored_results.py` measures the results in docs/results/, of which `questions` come
-from searches (bench/questions/). A table stands between the
-lines ``<!-- results: NAME -->`` and ``<!-- end of results -->``; a test fails if it differs from
-the results.
+`python bench/stored_results.py` measures the results in docs/results/; those of `questions` are
+from the searches in bench/questions/. A table is between the lines ``<!-- results: NAME -->`` and
+``<!-- end of results -->``; a test fails if it differs from the results.
 """
 
 import json

@@ -137,7 +137,7 @@ def anchors_run(sequence: MeshSequence) -> Run:
 
 def measured(sequence: MeshSequence, data: bytes, errors: Sequence[str] = ERRORS) -> Point:
     """The rate of a stream without the order of vertices and faces, and errors of its frames."""
-    # The order is a section of its own; all others are the same without it.
+    # The order is a separate section; all others are the same without it.
     size = len(data) - info(data).budget_bytes.get("order", 0)
     original, decoded = sequence.vertices, decode(data).vertices
     values: dict[str, Callable[[], float]] = {

@@ -116,7 +116,7 @@ def rates(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Stre
         dictionary = _dictionary_bits(variant, blocks, stored_bytes["basis"])
     return StreamRates(
         eq13=RateParts(
-            q=_mean_bits(fixed, blocks) / size,
+            q=_matrix_bits(fixed, blocks) / size,
             q_a=anchors,
             q_d=None if dictionary is None else dictionary * opened.n_frames / opened.n_verts,
             bits_per_row=fixed,
@@ -127,7 +127,7 @@ def rates(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Stre
             q_d=None if dictionary is None else stored("basis"),
             bits_per_row=tuple(_bits_of_rows(block, _coded_bits) for block in blocks),
         ),
-        q_entropy=_mean_bits(entropy, blocks) / size,
+        q_entropy=_matrix_bits(entropy, blocks) / size,
         dictionary_bits=dictionary,
         q_d_per_block=None if dictionary is None else dictionary * n_squares / size,
     )
@@ -139,8 +139,8 @@ def _bits_of_rows(block: CodedBlock, bits_of: Callable[[Integers], float]) -> Fl
     return np.array([[bits_of(row) / len(row) for row in axis] for axis in integers])
 
 
-def _mean_bits(bits_per_row: Sequence[Floats], blocks: Sequence[CodedBlock]) -> float:
-    """Bits of all rows of one coordinate matrix, the mean of the three."""
+def _matrix_bits(bits_per_row: Sequence[Floats], blocks: Sequence[CodedBlock]) -> float:
+    """Bits of all rows of a coordinate matrix, the mean of the three."""
     lengths = [block.coefficients.integers.shape[2] for block in blocks]
     rows = zip(bits_per_row, lengths, strict=True)
     return float(sum(bits.sum() * length for bits, length in rows)) / N_AXES

@@ -47,6 +47,9 @@ OMITTED_ENERGY = 1e-4
 
 N_DECOMPOSITIONS = 2
 
+NEAR_ZERO = 0.01, 0.001
+"""Magnitudes near zero, relative to the largest."""
+
 MAX_FULL_SECONDS = 600.0
 """Time that the study spends on all graph frequencies of a sequence."""
 
@@ -74,10 +77,8 @@ def sparsity_run(sequence: MeshSequence) -> Run:
 
     def measure(progress: Progress) -> Outcome:
         magnitudes = projected_deltas(sequence)
-        limits = {"below_percent": 0.01, "below_permille": 0.001}
-        return Outcome(
-            {name: near_zero_percent(magnitudes, limit) for name, limit in limits.items()}
-        )
+        percent, permille = (near_zero_percent(magnitudes, limit) for limit in NEAR_ZERO)
+        return Outcome({"below_percent": percent, "below_permille": permille})
 
     return Run("sparsity", "claim_sparsity", {}, measure)
 

@@ -79,7 +79,7 @@ def graph_fourier_basis(
             f"{size_text(allowed)} are allowed; allow more with memory=, or use fewer (n_modes=)"
         )
     stage = f"decomposing {counted(n_modes, 'graph frequency')} with {size_text(needed)}"
-    if _work(n_verts, n_modes) > MAX_WORK:
+    if progress is not silent and _work(n_verts, n_modes) > MAX_WORK:
         progress(stage, 0.0)
         seconds = estimated_seconds(laplacian, n_modes)
         stage += f", about {duration_text(seconds)} (an estimate)"

@@ -16,7 +16,12 @@ from meshreel.paper.blocks import write_curves, write_rows
 from meshreel.paper.choices import PaperChoices
 from meshreel.paper.pipeline import CodedBlock, Quantized
 from meshreel.paper.quantization import step_for_all_rows
-from meshreel.paper.study.claims import bits_per_entry, near_zero_percent, projected_deltas
+from meshreel.paper.study.claims import (
+    NEAR_ZERO,
+    bits_per_entry,
+    near_zero_percent,
+    projected_deltas,
+)
 from meshreel.paper.study.figures.panels import Box, axes_in, blank_sheet, save_for_print, write_in
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.rendering.documents import Picture
@@ -32,7 +37,6 @@ CORNER_ROWS, CORNER_COLUMNS = 30, 300
 MAX_SHOWN = 500  # rows and columns of a panel of Fig. 2; larger matrices are averaged
 DECADES = 6  # range of the log scale of Fig. 2, below the largest entry
 N_SHADES = 9  # samples of the color map of Fig. 2
-NEAR_ZERO = 0.01, 0.001  # magnitudes near zero, relative to the largest
 MAX_BLOCKS = 5
 AXIS = 0  # x
 
