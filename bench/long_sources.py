@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from meshreel.model.sequence import Extent, bounding_boxes, extent_of_boxes
+from meshreel.model.extent import Extent, bounding_boxes, extent_of_boxes
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import TrackSource
 

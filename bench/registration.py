@@ -33,8 +33,8 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
 from meshreel.metrics.closest_points import k_d_tree
+from meshreel.model.extent import Extent
 from meshreel.model.segments import segments_of
-from meshreel.model.sequence import Extent
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure

@@ -14,8 +14,9 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.metrics.sted import sted
 from meshreel.metrics.streamed import ErrorSums, add_blocks
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
+from meshreel.model.extent import Extent
 from meshreel.model.segments import AnySequence, segments_of
-from meshreel.model.sequence import Extent, FrameSource
+from meshreel.model.sequence import FrameSource
 from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count, Progress, silent
 

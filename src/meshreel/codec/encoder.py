@@ -14,8 +14,8 @@ from meshreel.codec.subspace.trajectories import bounding_frame
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import Measure, TrackBound, TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
+from meshreel.model.extent import Extent
 from meshreel.model.segments import AnySequence, SegmentedSequence, tracks_of_all
-from meshreel.model.sequence import Extent
 from meshreel.model.surface_selection import (
     ALL,
     Names,

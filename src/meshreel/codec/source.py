@@ -21,7 +21,8 @@ from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
 from meshreel.codec.track_bounds import TrackBound
 from meshreel.codec.tracks import Coding
-from meshreel.model.sequence import Extent, Faces, FrameSource, MeshSequence
+from meshreel.model.extent import Extent
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
 

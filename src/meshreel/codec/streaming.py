@@ -23,16 +23,16 @@ from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import (
-    Faces,
-    extent_of,
+from meshreel.model.extent import extent_of
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import Track, concatenate_tracks, describe_track, validated_tracks
+from meshreel.model.validation import (
     validate_faces,
     validate_fps,
     validate_start,
     validate_vertices,
 )
-from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import Track, concatenate_tracks, describe_track, validated_tracks
 from meshreel.runtime.counting import counted
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
 from meshreel.runtime.outputs.checks import check_extension, check_output_path

@@ -19,14 +19,15 @@ from meshreel.formats.scenes.scene_source import selected_meshes
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
+from meshreel.model.extent import bounding_boxes
 from meshreel.model.segments import AnySequence, SegmentedSequence, mesh_digest
-from meshreel.model.sequence import bounding_boxes, validate_finite
 from meshreel.model.surface_description import (
     describe_attributes,
     describe_images,
     describe_materials,
 )
 from meshreel.model.tracks import TrackSource, describe_track
+from meshreel.model.validation import validate_finite
 from meshreel.runtime.progress import Count, Progress
 
 

@@ -23,18 +23,13 @@ from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import FrameSurvey
 from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of
 from meshreel.kernel.files import OpenFile
+from meshreel.model.extent import Extent
 from meshreel.model.frame_choice import start_of
 from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, with_rate
-from meshreel.model.sequence import (
-    Extent,
-    Faces,
-    MeshSequence,
-    Vertices,
-    positions_size_bytes,
-    validate_finite,
-)
+from meshreel.model.sequence import Faces, MeshSequence, Vertices, positions_size_bytes
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
+from meshreel.model.validation import validate_finite
 from meshreel.runtime.stores.address import is_remote, without_query
 from meshreel.runtime.stores.ranged_file import open_ranged
 

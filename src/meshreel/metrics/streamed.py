@@ -10,7 +10,8 @@ from meshreel.metrics.displacement import DisplacementSums
 from meshreel.metrics.frame_sums import sums_of_frames
 from meshreel.metrics.kg import KgSums
 from meshreel.metrics.reference import reference_of_box, require_same_shape
-from meshreel.model.sequence import Extent, FrameSource, Vertices
+from meshreel.model.extent import Extent
+from meshreel.model.sequence import FrameSource, Vertices
 
 BYTES_PER_READ = 1 << 23
 """Size of the frames of the original that are read at a time."""

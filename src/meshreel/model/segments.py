@@ -12,18 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
+from meshreel.model.extent import Extent
 from meshreel.model.frame_choice import chosen_frames, start_of
 from meshreel.model.sequence import (
-    Extent,
     Faces,
     FrameContents,
     FrameSource,
     MeshSequence,
     Vertices,
     positions_size_bytes,
-    validate_start,
 )
 from meshreel.model.tracks import TrackSource, read_track
+from meshreel.model.validation import validate_start
 from meshreel.runtime.counting import counted
 
 

@@ -3,40 +3,32 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from meshreel.errors import InvalidInputError
+from meshreel.model.extent import Extent, Vertices, extent_of
 from meshreel.model.frame_choice import FrameChoice, chosen_frames
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import Track, TrackSource, validated_tracks
-from meshreel.runtime.counting import counted
+from meshreel.model.validation import (
+    Faces,
+    read_only,
+    validate_faces,
+    validate_fps,
+    validate_start,
+    validate_vertices,
+)
 
-Vertices = npt.NDArray[np.float32] | npt.NDArray[np.float64]
-Faces = npt.NDArray[np.int32]
-Corners = npt.NDArray[np.float64]
-
-ROW_VERTICES = 128
-
-
-@dataclass(frozen=True, eq=False)
-class Extent:
-    """The extent of positions, in model units.
-
-    Attributes
-    ----------
-    low, high : float64 arrays of shape (3,)
-        Corners of the bounding box of all frames.
-    mean_diagonal : float
-        Mean of the diagonals of the bounding boxes of all frames.
-    """
-
-    low: npt.NDArray[np.float64]
-    high: npt.NDArray[np.float64]
-    mean_diagonal: float
+__all__ = [
+    "Faces",
+    "FrameContents",
+    "FrameSource",
+    "MeshSequence",
+    "Vertices",
+    "positions_size_bytes",
+]
 
 
 class FrameContents(Protocol):
@@ -249,132 +241,3 @@ class MeshSequence:
 def positions_size_bytes(source: FrameSource) -> int:
     """Size of the positions of all frames in memory, in bytes."""
     return source.n_frames * source.n_verts * 3 * source.dtype.itemsize
-
-
-def extent_of(vertices: Vertices) -> Extent:
-    """The extent of positions of shape (T, V, 3)."""
-    return extent_of_boxes(*bounding_boxes(vertices))
-
-
-def extent_of_boxes(low: Corners, high: Corners) -> Extent:
-    """The extent of frames, given the corners of their bounding boxes, of shape (T, 3)."""
-    # Halved first: the difference of two very large numbers would overflow.
-    return Extent(low.min(axis=0), high.max(axis=0), 2 * mean_length(high / 2 - low / 2))
-
-
-def bounding_boxes(vertices: Vertices) -> tuple[Corners, Corners]:
-    """Lowest and highest corner of the bounding box of each frame, float64 of shape (T, 3)."""
-    low, high = (_over_vertices(reduce, vertices) for reduce in (np.minimum, np.maximum))
-    return low.astype(np.float64), high.astype(np.float64)
-
-
-def _over_vertices(reduce: np.ufunc, vertices: Vertices) -> Vertices:
-    """The minimum or maximum of each frame, of shape (T, 3)."""
-    # In rows of many vertices: reducing rows of three numbers is ten times slower.
-    n_frames, n_verts, _ = vertices.shape
-    width = min(n_verts, ROW_VERTICES)
-    whole = n_verts - n_verts % width
-    rows = vertices[:, :whole].reshape(n_frames, -1, width * 3)
-    reduced = reduce.reduce(rows, axis=1).reshape(n_frames, width, 3)
-    rest = vertices[:, whole:]
-    result: Vertices = reduce.reduce(np.concatenate([reduced, rest], axis=1), axis=1)
-    return result
-
-
-def mean_length(vectors: npt.NDArray[np.float64]) -> float:
-    """Mean length of vectors of shape (N, 3), also accurate for tiny vectors."""
-    largest = float(np.abs(vectors).max()) or 1.0  # normalizes: squares of tiny numbers underflow
-    return largest * float(np.linalg.norm(vectors / largest, axis=1).mean())
-
-
-def validate_vertices(vertices: Any) -> Vertices:
-    """Return an array of finite positions of shape (T, V, 3), T and V at least 1.
-
-    Raises
-    ------
-    InvalidInputError
-        With the shape, the type, or the first frame and vertex that is not finite.
-    """
-    array = np.asarray(vertices)
-    if array.ndim != 3 or array.shape[2] != 3:
-        raise InvalidInputError(f"vertices must have shape (T, V, 3); got {array.shape}")
-    if array.dtype not in (np.float32, np.float64):
-        raise InvalidInputError(
-            f"vertices must be float32 or float64; got {array.dtype}; convert with astype"
-        )
-    if array.shape[0] == 0:
-        raise InvalidInputError("a sequence needs at least one frame; got none")
-    if array.shape[1] == 0:
-        raise InvalidInputError("a mesh needs at least one vertex; got none")
-    validate_finite(array)
-    return array
-
-
-def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
-    """Raise `InvalidInputError` with the first frame and vertex whose position is not finite.
-
-    Parameters
-    ----------
-    vertices : float array of shape (T, V, 3)
-    first_frame : int, default 0
-        Number of the first of these frames in its sequence.
-    """
-    for index, frame in enumerate(vertices):
-        is_finite = np.isfinite(frame)
-        if not is_finite.all():
-            vertex, axis = np.argwhere(~is_finite)[0]
-            raise InvalidInputError(
-                f"every position must be finite; vertex {vertex} of frame {first_frame + index} "
-                f"has {'xyz'[axis]} = {frame[vertex, axis]}"
-            )
-
-
-def validate_faces(faces: Any, n_verts: int) -> Faces:
-    """Return the faces as int32 of shape (M, 3), all indices in 0..V-1 and M at least 1.
-
-    Raises
-    ------
-    InvalidInputError
-        With the shape, the type, or the first face that is out of range.
-    """
-    array = np.asarray(faces)
-    if array.size == 0:
-        raise InvalidInputError(
-            f"a mesh needs at least one face; got {counted(n_verts, 'vertex')} without faces "
-            "(point clouds are not supported)"
-        )
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise InvalidInputError(f"faces must have shape (M, 3); got {array.shape}")
-    if not np.issubdtype(array.dtype, np.integer):
-        raise InvalidInputError(f"faces must be integers; got {array.dtype}")
-    if array.min() < 0 or array.max() >= n_verts:
-        outside = (array < 0) | (array >= n_verts)
-        row = int(np.argmax(outside.any(axis=1)))
-        raise InvalidInputError(
-            f"face {row} is {array[row].tolist()}; indices must be in 0..{n_verts - 1}, "
-            f"because vertices of shape (T, V, 3) have V = {n_verts}"
-        )
-    return np.ascontiguousarray(array, dtype=np.int32)
-
-
-def validate_fps(fps: float) -> float:
-    """Return a frame rate that is finite and not negative, else raise `InvalidInputError`."""
-    fps = float(fps)
-    if not (np.isfinite(fps) and fps >= 0):
-        raise InvalidInputError(f"fps must be finite and at least 0 (0 = unknown); got {fps}")
-    return fps
-
-
-def validate_start(start_s: float) -> float:
-    """Return a finite time of the first frame, else raise `InvalidInputError`."""
-    start_s = float(start_s)
-    if not np.isfinite(start_s):
-        raise InvalidInputError(f"start_s must be finite; got {start_s}")
-    return start_s
-
-
-def read_only(array: Any) -> Any:
-    """A read-only view of an array."""
-    view = array.view()
-    view.flags.writeable = False
-    return view

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from meshreel.arrays import Singles
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.sequence import validate_faces, validate_vertices
+from meshreel.model.validation import validate_faces, validate_vertices
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Color, Image, covered_box, project_surface, shade_box
 from meshreel.rendering.visibility import nearness, visible_faces

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import Extent
+from meshreel.model.extent import Extent
 from meshreel.rendering.camera import Camera, fit_camera
 
 NAMED_VIEWS = {"front": (0.0, 0.0), "side": (90.0, 0.0), "top": (0.0, 90.0)}

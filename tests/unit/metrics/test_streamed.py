@@ -9,7 +9,8 @@ from meshreel.formats.save import save
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.streamed import ErrorSums, StreamedErrors, streamed_errors
-from meshreel.model.sequence import Extent, MeshSequence, extent_of
+from meshreel.model.extent import Extent, extent_of
+from meshreel.model.sequence import MeshSequence
 from samples.opening import open_source
 
 FACES = np.array([[0, 1, 2]])

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import MeshSequence, extent_of, positions_size_bytes
+from meshreel.model.extent import extent_of
+from meshreel.model.sequence import MeshSequence, positions_size_bytes
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
 FACES = np.array([[0, 1, 2]])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import Extent
+from meshreel.model.extent import Extent
 from meshreel.rendering.views import (
     NAMED_VIEWS,
     View,

@@ -10,7 +10,8 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_same_triangles
-from meshreel.model.sequence import Extent, FrameSource, Vertices
+from meshreel.model.extent import Extent
+from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
 

@@ -15,7 +15,7 @@ from meshreel.codec.targets import TargetKind
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.files import FrameDecoder
-from meshreel.model.sequence import extent_of
+from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.model.sequence import Extent
+from meshreel.model.extent import Extent
 from meshreel.runtime.profiling import staged
 
 

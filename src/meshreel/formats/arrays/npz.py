@@ -33,8 +33,9 @@ from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.model.sequence import FrameSource, MeshSequence, validate_finite
+from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.tracks import TrackSource, track_blocks
+from meshreel.model.validation import validate_finite
 from meshreel.runtime.progress import Count
 from meshreel.runtime.threads import chunks, in_threads, prefetch
 

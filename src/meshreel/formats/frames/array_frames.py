@@ -12,9 +12,10 @@ import numpy.typing as npt
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
 from meshreel.formats.options import ReadOptions
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_finite
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import TrackSource, read_track, size_bytes
+from meshreel.model.validation import validate_finite
 
 BLOCK_BYTES = 1 << 24  # positions read at a time
 

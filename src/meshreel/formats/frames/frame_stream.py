@@ -10,18 +10,16 @@ import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import (
-    Faces,
-    MeshSequence,
-    Vertices,
+from meshreel.model.sequence import Faces, MeshSequence, Vertices
+from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.tracks import TrackSource, check_tracks, read_track
+from meshreel.model.validation import (
     validate_faces,
     validate_finite,
     validate_fps,
     validate_start,
     validate_vertices,
 )
-from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import TrackSource, check_tracks, read_track
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count, Progress, silent
 

@@ -18,9 +18,10 @@ from meshreel.formats.frames.stored_frames import StoredTrack, changed_error
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT, note_frozen
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.sequence import Vertices, validate_finite
+from meshreel.model.sequence import Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.surface_selection import differing_names
+from meshreel.model.validation import validate_finite
 from meshreel.runtime.progress import Count, Progress
 
 COMPARED_BYTES, MIN_COMPARED = 1 << 24, 3

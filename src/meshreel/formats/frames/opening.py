@@ -13,9 +13,10 @@ from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.welding import Weld, weld_corners
 from meshreel.model.geometry.polygons import triangulate_fans
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, validate_fps
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import read_tracks
+from meshreel.model.validation import validate_fps
 from meshreel.runtime.progress import Progress
 
 

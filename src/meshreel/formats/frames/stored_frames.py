@@ -10,20 +10,11 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.text.decimal_text import Narrowing
-from meshreel.model.sequence import (
-    Corners,
-    Extent,
-    Faces,
-    Vertices,
-    bounding_boxes,
-    extent_of_boxes,
-    read_only,
-    validate_faces,
-    validate_fps,
-    validate_start,
-)
+from meshreel.model.extent import Corners, Extent, bounding_boxes, extent_of_boxes
+from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, check_kind, check_tracks
+from meshreel.model.validation import read_only, validate_faces, validate_fps, validate_start
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,8 +56,8 @@ from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.model.sequence import validate_fps
 from meshreel.model.surface import Surface
+from meshreel.model.validation import validate_fps
 from meshreel.runtime.counting import counted
 
 LIGHTS = "KHR_lights_punctual"

@@ -17,8 +17,9 @@ from meshreel.formats.scenes.scene_mesh import ReadMeshes, SceneMesh
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import triangulate_fans
-from meshreel.model.sequence import FrameSource, MeshSequence, Vertices, validate_finite
+from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import read_tracks, size_bytes
+from meshreel.model.validation import validate_finite
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
 

@@ -36,9 +36,9 @@ from meshreel.formats.solvers.ensight_tables import (
 )
 from meshreel.formats.surfaces.cells import CellSurface, extract_surface, used_points
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.sequence import validate_fps
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
+from meshreel.model.validation import validate_fps
 
 N_KEPT = 32
 """Files whose tables are remembered."""

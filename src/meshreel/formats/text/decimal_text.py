@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.model.sequence import Vertices, bounding_boxes
+from meshreel.model.extent import bounding_boxes
+from meshreel.model.sequence import Vertices
 
 FLOAT32_TOLERANCE = 1e-6  # of the model's size; float32 itself keeps 6e-8 of the coordinate
 # Nine digits have an error of 5e-9 of the coordinate: half the tolerance at this distance.

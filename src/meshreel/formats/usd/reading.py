@@ -44,7 +44,7 @@ from meshreel.formats.usd.sampling import (
 from meshreel.formats.usd.skinning import find_skins
 from meshreel.formats.usd.track_reading import MeshTracks
 from meshreel.formats.usd.transforms import Transforms
-from meshreel.model.sequence import validate_fps
+from meshreel.model.validation import validate_fps
 from meshreel.runtime.extras import USD
 
 AnyMesh = StageMesh | InstancedMesh

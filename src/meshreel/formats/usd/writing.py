@@ -28,8 +28,8 @@ from meshreel.formats.usd.mesh_writing import MeshWriter, uv_primvars, write_sur
 from meshreel.formats.usd.prim_names import mesh_paths
 from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.track_writing import TrackWriter, track_writers
+from meshreel.model.extent import Corners
 from meshreel.model.materials import Image
-from meshreel.model.sequence import Corners
 from meshreel.model.tracks import TrackKind
 from meshreel.runtime.extras import USD
 

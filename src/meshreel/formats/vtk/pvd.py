@@ -34,9 +34,9 @@ from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.mesh import VtkMesh
 from meshreel.formats.vtk.xml_file import read_vtk_xml
 from meshreel.formats.vtk.xml_tree import parse_xml
-from meshreel.model.sequence import validate_fps
 from meshreel.model.surface import Domain, Surface
 from meshreel.model.tracks import TrackSource
+from meshreel.model.validation import validate_fps
 
 Read = TypeVar("Read")
 

@@ -19,7 +19,7 @@ from meshreel.formats.scenes.timing import file_order_times, note_file_order
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_tree import parse_xml
-from meshreel.model.sequence import validate_fps
+from meshreel.model.validation import validate_fps
 
 
 def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:

@@ -7,7 +7,7 @@ from meshreel.codec.subspace.trajectories import (
     from_matrices,
     to_matrices,
 )
-from meshreel.model.sequence import extent_of
+from meshreel.model.extent import extent_of
 
 
 @pytest.mark.parametrize(("offset", "size"), [(0.0, 1.0), (1e6, 1.0), (0.0, 1e-6), (-5e8, 1e3)])

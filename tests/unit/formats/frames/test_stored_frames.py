@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.frames.stored_frames import FrameSurvey
-from meshreel.model.sequence import extent_of
+from meshreel.model.extent import extent_of
 
 
 def survey_of(*blocks, is_decimal=True):

@@ -25,7 +25,7 @@ from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.targets import TargetKind
 from meshreel.kernel.surface_integers import MAX_VALUE
-from meshreel.model.sequence import Extent
+from meshreel.model.extent import Extent
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
 

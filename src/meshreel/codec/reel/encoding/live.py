@@ -40,7 +40,7 @@ from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.kernel.frames import JointFrames
-from meshreel.model.sequence import extent_of
+from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
 from meshreel.runtime.threads import chunks, in_threads, n_cores
 

@@ -34,7 +34,7 @@ from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.codec.tracks import ROTATION_COLUMNS, Coding, TrackHeader, write_track
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.mesh import Neighbors, neighbors
-from meshreel.model.sequence import Extent
+from meshreel.model.extent import Extent
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
 
