@@ -86,18 +86,6 @@ def plain(what: str, layout: str, texels: TexelType) -> Way:
     return write
 
 
-def pca(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
-    """A PCA texture, with normals if the surface is smooth."""
-    notes: list[str] = []
-    path = folder / "walk.vat"
-    options = WriteOptions(layout="pca", max_error=max_error)
-    files = meshreel.save(sequence, path, options=options, notes=notes)
-    mesh, texture, data = (Path(file) for file in files)
-    n_fields = json.loads(data.read_text(encoding="utf-8"))["fields"]
-    video = mesh_bytes(mesh) + texture_bytes(texture)
-    return Cost(f"PCA, {n_fields} fields", size_of(path), video, 0, noted_error(notes))
-
-
 def morphs(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
     """A GLB with morph targets, with the video memory of three.js."""
     notes: list[str] = []
@@ -136,7 +124,6 @@ WAYS: tuple[Way, ...] = (
     plain("Labs, 8-bit PNG", "labs", TexelType.BITS_8),
     plain("Labs, 16-bit PNG", "labs", TexelType.BITS_16),
     plain("Labs, half EXR", "labs", TexelType.HALF),
-    pca,
     morphs,
     on_the_fly,
 )

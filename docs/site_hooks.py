@@ -35,7 +35,6 @@ OUTSIDE = {
     "CONTRIBUTING.md": "contributing.md",
     "SECURITY.md": "security.md",
     "integrations/blender/README.md": "guides/blender-add-on.md",
-    "integrations/pca-textures/README.md": "guides/pca-texture-shaders.md",
 }
 """Pages of the site that lie elsewhere in the repository, and their place on the site."""
 

@@ -42,12 +42,11 @@ def test_convert_uses_layout_and_textures(tmp_path):
     assert_fails(done, "--layout", "has no effect on a .glb file", ".vat")
 
 
-@pytest.mark.parametrize("layout", ["openvat", "pca"])
-def test_convert_writes_textures_of_each_segment_with_split(tmp_path, layout):
+def test_convert_writes_textures_of_each_segment_with_split(tmp_path):
     segments = [replace(one, fps=25.0) for one in (waving_grid(4), waving_grid(3, 5, 6))]
     data = meshreel.encode(meshreel.concatenate(segments), max_error=0.01)
     (tmp_path / "walk.reel").write_bytes(data)
-    words = ("convert", "walk.reel", "-o", "walk.vat/", "--layout", layout)
+    words = ("convert", "walk.reel", "-o", "walk.vat/")
     refused = run(*words, cwd=tmp_path)
     assert_fails(refused, "7 frames in 2 segments", "convert --split")
     assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
@@ -58,8 +57,7 @@ def test_convert_writes_textures_of_each_segment_with_split(tmp_path, layout):
         folder = tmp_path / f"{name}.vat"
         [description] = folder.glob("*.json")
         text = json.loads(description.read_text())
-        about = text if layout == "pca" else text["os-remap"]
-        assert about["frames" if layout == "pca" else "Frames"] == segment.n_frames
+        assert text["os-remap"]["Frames"] == segment.n_frames
         rest = meshreel.load(folder / f"{name}.glb")
         assert rest.n_faces == len(segment.faces)
     errors = [note for note in figures["notes"] if "largest error is at most" in note]

@@ -124,15 +124,15 @@ class WriteOptions:
     normals : bool, optional
         glTF: whether normals are written, animated by all morph targets. Default: smooth surfaces
         have normals, animated by as many targets as their error requires. ``.vat``: whether a
-        texture of normals is written (default); for the layout "pca" as for glTF.
+        texture of normals is written (default).
     lossless : bool, default False
         ``.reel``: whether positions and tracks are stored bit for bit; excludes `max_error`.
     layout : str, optional
         ``.vat``: layout of the textures for a shader, one of
-        `meshreel.formats.vat.folder.LAYOUT_NAMES`; default "openvat".
+        `meshreel.formats.vat.folder.LAYOUTS`; default "openvat".
     textures : str, optional
         ``.vat``: "exr" (default) for half floats, or full floats if the error requires them; "png"
-        for 8 bits, or 16 if the error requires them. Not for the layout "pca".
+        for 8 bits, or 16 if the error requires them.
     visibility : bool, default False
         glTF: whether a sequence whose faces change shows its meshes by the extensions
         KHR_node_visibility and KHR_animation_pointer, which viewers must support, instead of by

@@ -37,9 +37,9 @@ def output_files(incomplete: str) -> list[str]:
 
 def layout_names(incomplete: str) -> list[str]:
     """Layouts of vertex animation textures."""
-    from meshreel.formats.vat.folder import LAYOUT_NAMES
+    from meshreel.formats.vat.folder import LAYOUTS
 
-    return names_of(LAYOUT_NAMES)(incomplete)
+    return names_of(LAYOUTS)(incomplete)
 
 
 def texture_kinds(incomplete: str) -> list[str]:

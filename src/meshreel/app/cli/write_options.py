@@ -71,8 +71,7 @@ normals_option: Decorator = option(
     default=None,
     help="glTF: write normals of all meshes, changed by all targets; or none, so that viewers "
     "shade faces flat. Default: smooth meshes have normals, changed by enough targets for a mean "
-    "error of about 3.5 degrees. .vat: write the normals of every frame (default) or none; layout "
-    "pca: as for glTF.",
+    "error of about 3.5 degrees. .vat: write the normals of every frame (default) or none.",
     panel=GLTF_AND_TEXTURES,
 )
 visibility_option: Decorator = option(
@@ -87,8 +86,7 @@ layout_option: Decorator = option(
     metavar="NAME",
     completion=layout_names,
     help="Layout for the shaders that play the textures: openvat, openvat-unity, labs (axes of "
-    "glTF), labs-unity or labs-unreal; or pca, a much smaller texture for the shaders of meshreel. "
-    "Default: openvat.",
+    "glTF), labs-unity or labs-unreal. Default: openvat.",
     panel=TEXTURES,
 )
 textures_option: Decorator = option(
@@ -96,7 +94,7 @@ textures_option: Decorator = option(
     metavar="KIND",
     completion=texture_kinds,
     help="exr: 16-bit floats, or 32-bit if --max-error needs them; png: 8 or 16 bits. Default: "
-    "exr, which engines read directly. Not for layout pca.",
+    "exr, which engines read directly.",
     panel=TEXTURES,
 )
 force_option: Decorator = option("--force", "-f", is_flag=True, help="Replace existing outputs.")

@@ -97,7 +97,8 @@ def joint_trajectories(
     stacked = frames.reshape(-1, frames.shape[2])
     if stacked.shape[0] <= stacked.shape[1]:
         gram = gram_of_rows(lambda piece: stacked[:, piece], *stacked.shape)
-        return leading_trajectories(gram, n_modes, least)
+        with one_blas_thread():
+            return _leading_trajectories(gram, n_modes, least)
     gram = gram_of_rows(lambda piece: stacked.T[:, piece], *stacked.T.shape)
     with one_blas_thread():
         eigenvalues, vectors = _leading(gram, n_modes, least)
@@ -106,13 +107,8 @@ def joint_trajectories(
     return singular_values, fix_signs(stacked @ vectors / divisors)
 
 
-def leading_trajectories(gram: Floats, n_modes: int, least: float = 0.0) -> tuple[Floats, Floats]:
-    """Return the result of `joint_trajectories` from the Gram matrix of the rows."""
-    with one_blas_thread():
-        return _leading_trajectories(gram, n_modes, least)
-
-
 def _leading_trajectories(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
+    """Return the result of `joint_trajectories` from the Gram matrix of the rows."""
     eigenvalues, vectors = _leading(gram, n_modes, least)
     return np.sqrt(np.maximum(eigenvalues, 0.0)), fix_signs(vectors)
 

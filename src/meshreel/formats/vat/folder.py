@@ -9,7 +9,6 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF, UNITY, UNREAL
 from meshreel.formats.vat.labs import LabsSoft
 from meshreel.formats.vat.openvat import OpenVat
-from meshreel.formats.vat.pca.write import PcaNames, write_pca
 from meshreel.formats.vat.plain import write_plain
 from meshreel.formats.vat.plain_layout import FileNames, PlainLayout
 from meshreel.formats.vat.textures import TexelType
@@ -34,11 +33,6 @@ LAYOUTS: dict[str, PlainLayout] = {
 }
 """Layouts with one texel per vertex and frame."""
 
-PCA = "pca"
-"""The layout of `meshreel.formats.vat.pca`."""
-
-LAYOUT_NAMES = (*LAYOUTS, PCA)
-
 
 def vat_files(path: Path, options: WriteOptions) -> list[Path]:
     """Return the paths of the files that a folder will contain.
@@ -52,8 +46,6 @@ def vat_files(path: Path, options: WriteOptions) -> list[Path]:
     """
     if options.max_error is not None:
         bound_of(options.max_error)
-    if options.layout == PCA:
-        return _pca_files(path, options)
     kind = options.textures or DEFAULT_TEXTURES
     if kind not in TEXEL_TYPES:
         raise InvalidInputError(
@@ -75,22 +67,8 @@ def write_vat(folder: Path, stem: str, stream: FrameStream, options: WriteOption
     InvalidInputError
         If no texture meets the error bound, or it would exceed the texture size of GPUs.
     """
-    if options.layout == PCA:
-        write_pca(folder, PcaNames.of(stem), stream, options)
-        return
     types = TEXEL_TYPES[options.textures or DEFAULT_TEXTURES]
     write_plain(folder, _names(stem, options), stream, options, _layout(options), types)
-
-
-def _pca_files(path: Path, options: WriteOptions) -> list[Path]:
-    if options.textures is not None:
-        raise InvalidInputError(
-            "--textures (textures=) has no effect on the layout pca, whose texture is always an "
-            "8-bit PNG; leave it out"
-        )
-    PNG.load()
-    names = PcaNames.of(path.stem)
-    return [path / name for name in (names.mesh, names.texture, names.data)]
 
 
 def _names(stem: str, options: WriteOptions) -> FileNames:
@@ -101,6 +79,7 @@ def _names(stem: str, options: WriteOptions) -> FileNames:
 def _layout(options: WriteOptions) -> PlainLayout:
     name = options.layout or DEFAULT_LAYOUT
     if name not in LAYOUTS:
-        allowed = ", ".join(LAYOUT_NAMES)
-        raise InvalidInputError(f"--layout (layout=) must be one of {allowed}; got {name!r}")
+        raise InvalidInputError(
+            f"--layout (layout=) must be one of {', '.join(LAYOUTS)}; got {name!r}"
+        )
     return LAYOUTS[name]

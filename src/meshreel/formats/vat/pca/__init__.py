@@ -1,1 +1,0 @@
-"""PCA textures: every frame is a weighted sum of a few fields."""
