@@ -26,8 +26,7 @@ import meshreel
 from meshreel.evaluation.runs.timing import machine_facts, machine_line
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vat.folder import LAYOUTS
-from meshreel.formats.vat.plain import write_plain
+from meshreel.formats.vat.folder import write_vat
 from meshreel.formats.vat.textures import TexelType, read_texture, texel_type_of
 from speed_tables import table
 
@@ -76,11 +75,11 @@ def plain(what: str, layout: str, texels: TexelType) -> Way:
 
     def write(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
         notes: list[str] = []
-        names = LAYOUTS[layout].names("walk", texels.extension, normals=True)
-        options = WriteOptions(max_error=100.0)  # the texel type determines the error
-        write_plain(folder, names, stream_of(sequence, notes), options, LAYOUTS[layout], [texels])
-        textures = [folder / name for name in (names.positions, names.normals) if name]
-        video = mesh_bytes(folder / names.mesh) + sum(map(texture_bytes, textures))
+        options = WriteOptions(max_error=100.0, layout=layout)  # the texel type is the error
+        write_vat(folder, "walk", stream_of(sequence, notes), options, [texels])
+        [mesh] = folder.glob("*.glb")
+        textures = folder.glob(f"*{texels.extension}")
+        video = mesh_bytes(mesh) + sum(map(texture_bytes, textures))
         return Cost(what, size_of(folder), video, 0, noted_error(notes))
 
     return write

@@ -1,17 +1,28 @@
-"""Layouts of vertex animation textures, and writing a folder of their files."""
+"""Writing a folder of vertex animation textures: one texel per vertex and frame."""
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
 
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
+from meshreel.formats.gltf.quantized import IDENTITY, check_range
+from meshreel.formats.gltf.seams import describe_losses
 from meshreel.formats.options import WriteOptions
+from meshreel.formats.surfaces.polygons import describe_fans
 from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF, UNITY, UNREAL
-from meshreel.formats.vat.labs import LabsSoft
-from meshreel.formats.vat.openvat import OpenVat
-from meshreel.formats.vat.plain import write_plain
-from meshreel.formats.vat.plain_layout import FileNames, PlainLayout
-from meshreel.formats.vat.textures import TexelType
+from meshreel.formats.vat.grid import WIDTHS, TexelGrid
+from meshreel.formats.vat.layouts import FileNames, LabsSoft, Layout, OpenVat, Remap
+from meshreel.formats.vat.mesh import RestMesh
+from meshreel.formats.vat.motion import Motion, placement_for
+from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
+from meshreel.model.sequence import MeshSequence
+from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import OPEN_EXR, PNG
 
 TEXEL_TYPES = {
@@ -22,16 +33,20 @@ TEXEL_TYPES = {
 
 DEFAULT_TEXTURES = "exr"
 
-DEFAULT_LAYOUT = "openvat"
-
-LAYOUTS: dict[str, PlainLayout] = {
+LAYOUTS: dict[str, Layout] = {
     "openvat": OpenVat(),
     "openvat-unity": OpenVat(BLENDER_FBX_SPACE),
     "labs": LabsSoft(GLTF),
     "labs-unity": LabsSoft(UNITY),
     "labs-unreal": LabsSoft(UNREAL),
 }
-"""Layouts with one texel per vertex and frame."""
+
+DEFAULT_LAYOUT = "openvat"
+
+DEFAULT_MAX_ERROR = 0.1
+"""Percent of the diagonal: one pixel in a thousand, for a mesh that fills the image."""
+
+DEFAULT_FPS = 24.0
 
 
 def vat_files(path: Path, options: WriteOptions) -> list[Path]:
@@ -46,40 +61,248 @@ def vat_files(path: Path, options: WriteOptions) -> list[Path]:
     """
     if options.max_error is not None:
         bound_of(options.max_error)
+    names = _names(path.stem, options, _types(options))
+    (PNG if options.textures == "png" else OPEN_EXR).load()
+    used = (names.mesh, names.positions, names.normals, names.data)
+    return [path / name for name in used if name is not None]
+
+
+def write_vat(
+    folder: Path,
+    stem: str,
+    stream: FrameStream,
+    options: WriteOptions,
+    types: Sequence[TexelType] = (),
+) -> None:
+    """Write the mesh, the textures and the JSON of a layout.
+
+    All frames are loaded into memory.
+
+    Parameters
+    ----------
+    stream : FrameStream
+        Its notes gain all losses, and the errors achieved.
+    types : sequence of TexelType, optional
+        Candidates; the first that meets the error bound is used. Default: those of the option
+        `textures`.
+
+    Raises
+    ------
+    InvalidInputError
+        If no type meets the error bound, or a texture would exceed the size limit of GPUs.
+    """
+    types = types or _types(options)
+    layout, names, notes = _layout(options), _names(stem, options, types), stream.notes
+    has_normals = options.normals is not False
+    fps = _note_losses(stream)
+    sequence = stream.gather()
+    mesh = RestMesh(sequence.faces, sequence.surface, sequence.n_verts)
+    budget = _budget(sequence, options)
+    motion = _motion(sequence, mesh, fps, layout, budget, notes)
+    grid = layout.grid(motion.n_verts, motion.n_frames, normals=has_normals)
+    if grid.n_frames > motion.n_frames:
+        motion = motion.repeated(grid.n_frames)
+        notes.append("the frame is stored twice: shaders of this layout hide part of a single one")
+
+    stream.progress("textures", 0.0)
+    # Without a budget, the resolution of float32 for a single point.
+    bound = budget.added or float(np.spacing(np.abs(motion.rest).max()))
+    texel_type, remap, offsets, errors = _smallest_texture(motion, layout, grid, types, bound)
+    images = [offsets]
+    angle_deg = None
+    if has_normals:
+        if not layout.normal_half:
+            images.append(grid.image(layout.normal_channels, texel_type.dtype))
+        angle_deg = _write_normals(images[-1], motion, layout, grid, texel_type)
+    textures = [folder / name for name in (names.positions, names.normals) if name is not None]
+    for path, image in zip(textures, images, strict=True):
+        write_texture(path, image)
+        if not np.array_equal(read_texture(path), image):
+            raise InvalidInputError(
+                f"{path.name} decodes to other texels, a defect of the library that wrote it; "
+                "choose the other kind of textures"
+            )
+    corners = layout.corners(remap)
+    mesh.write(folder / names.mesh, motion, grid.texel_uvs(), layout.mesh_space, corners, notes)
+    document = layout.document(motion, grid, remap, stream.name or Path(names.mesh).stem)
+    text = json.dumps(document, ensure_ascii=False, indent=4)
+    (folder / names.data).write_text(f"{text}\n", encoding="utf-8")
+    _note_errors(notes, budget, errors, angle_deg, texel_type)
+    _note_sizes(notes, grid, texel_type, len(textures))
+
+
+def _types(options: WriteOptions) -> Sequence[TexelType]:
     kind = options.textures or DEFAULT_TEXTURES
     if kind not in TEXEL_TYPES:
         raise InvalidInputError(
             f"--textures (textures=) must be one of {', '.join(TEXEL_TYPES)}; got {kind!r}"
         )
-    names = _names(path.stem, options)
-    (PNG if kind == "png" else OPEN_EXR).load()
-    used = (names.mesh, names.positions, names.normals, names.data)
-    return [path / name for name in used if name is not None]
+    return TEXEL_TYPES[kind]
 
 
-def write_vat(folder: Path, stem: str, stream: FrameStream, options: WriteOptions) -> None:
-    """Write the files of a folder; the notes of the stream gain the errors achieved.
-
-    All frames are loaded into memory.
-
-    Raises
-    ------
-    InvalidInputError
-        If no texture meets the error bound, or it would exceed the texture size of GPUs.
-    """
-    types = TEXEL_TYPES[options.textures or DEFAULT_TEXTURES]
-    write_plain(folder, _names(stem, options), stream, options, _layout(options), types)
-
-
-def _names(stem: str, options: WriteOptions) -> FileNames:
-    extension = TEXEL_TYPES[options.textures or DEFAULT_TEXTURES][0].extension
-    return _layout(options).names(stem, extension, normals=options.normals is not False)
-
-
-def _layout(options: WriteOptions) -> PlainLayout:
+def _layout(options: WriteOptions) -> Layout:
     name = options.layout or DEFAULT_LAYOUT
     if name not in LAYOUTS:
         raise InvalidInputError(
             f"--layout (layout=) must be one of {', '.join(LAYOUTS)}; got {name!r}"
         )
     return LAYOUTS[name]
+
+
+def _names(stem: str, options: WriteOptions, types: Sequence[TexelType]) -> FileNames:
+    return _layout(options).names(stem, types[0].extension, normals=options.normals is not False)
+
+
+def _note_losses(stream: FrameStream) -> float:
+    """Note what the folder cannot store, and return the frame rate to write."""
+    notes, surface = stream.notes, stream.surface
+    notes.extend(describe_losses(surface))
+    if fans := describe_fans(surface.sizes(len(stream.faces))):
+        notes.append(fans)
+    if surface.parts:
+        notes.append(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
+    if stream.start_s:
+        notes.append(f"starts at 0 s, not {stream.start_s:g} s: textures have no start time")
+    if not stream.fps and stream.n_frames > 1:
+        notes.append(f"the frame rate is unknown; written as {DEFAULT_FPS:g} fps")
+    return stream.fps or DEFAULT_FPS
+
+
+def _budget(sequence: MeshSequence, options: WriteOptions) -> ErrorBudget:
+    """Return the error that textures may add.
+
+    Raises
+    ------
+    InvalidInputError
+        If positions exceed float32, or the error of the stream itself uses up the error bound.
+    """
+    extent = sequence.extent
+    check_range(extent.low, extent.high)
+    diagonal = float(np.linalg.norm(extent.high - extent.low))
+    allowed = DEFAULT_MAX_ERROR
+    if options.max_error is not None:
+        allowed = bound_of(options.max_error).percent(diagonal or 1.0)
+    return share_budget(
+        allowed,
+        diagonal,
+        options.origin,
+        is_total=options.max_error is not None,
+        consumer="textures",
+    )
+
+
+def _motion(
+    sequence: MeshSequence,
+    mesh: RestMesh,
+    fps: float,
+    layout: Layout,
+    budget: ErrorBudget,
+    notes: list[str],
+) -> Motion:
+    """Return the motion of the vertices that faces use, near the origin."""
+    frames = sequence.vertices
+    if n_isolated := sequence.n_verts - len(mesh.used):
+        notes.append(f"left out {counted(n_isolated, 'vertex')} that no face uses")
+        frames = frames[:, mesh.used]
+    placement = placement_for(frames, budget.added or np.inf, layout.max_distance)
+    if placement is not IDENTITY:
+        origin = " ".join(f"{coordinate:g}" for coordinate in placement.offset)
+        notes.append(
+            f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
+            "where float32 is too coarse; keep the node when you import it"
+        )
+    return Motion(frames, mesh.faces, fps, placement, layout.mesh_space.axes.scale)
+
+
+def _smallest_texture(
+    motion: Motion, layout: Layout, grid: TexelGrid, types: Sequence[TexelType], bound: float
+) -> tuple[TexelType, Remap, Texels, npt.NDArray[np.float64]]:
+    """Return the texture of offsets of the first type that meets the error bound.
+
+    Parameters
+    ----------
+    bound : float
+        Largest distance of a vertex from its position, in model units.
+
+    Returns
+    -------
+    texel_type : TexelType
+    remap : Remap
+    image : array of texels
+    errors : float64 array of shape (T,)
+        Largest error of each frame as shaders play it, in model units.
+
+    Raises
+    ------
+    InvalidInputError
+        If no type meets the bound.
+    """
+    min_error = np.inf
+    for texel_type in types:
+        remap = layout.remap(motion, grid, texel_type)
+        image = grid.image(3, texel_type.dtype)
+        errors = np.full(motion.n_frames, np.inf)
+        low, high = texel_type.range
+        for frame, offsets in enumerate(motion.offsets()):
+            values = remap.values(offsets)
+            if values.min() < low or values.max() > high:
+                break
+            texels = texel_type.texels(values)
+            grid.write_frame(image, frame, texels)
+            played_offsets = remap.offsets(texel_type.values(texels))
+            errors[frame] = motion.playback_errors(frame, played_offsets).max()
+        min_error = min(min_error, errors.max())
+        if min_error <= bound:
+            return texel_type, remap, image, errors
+    advice = ", or choose textures 'exr'" if texel_type.is_integer else ""
+    raise InvalidInputError(
+        f"the error with {texel_type.title} is {min_error:.4g} model units; at most {bound:.4g} "
+        f"are allowed; allow a larger error (max_error){advice}"
+    )
+
+
+def _write_normals(
+    image: Texels, motion: Motion, layout: Layout, grid: TexelGrid, texel_type: TexelType
+) -> float:
+    """Write normals to a texture; return the largest angle to them as shaders play them."""
+    angle_deg = 0.0
+    for frame, normals in enumerate(motion.normals()):
+        texels = texel_type.texels(layout.normal_values(normals, texel_type))
+        grid.write_frame(image, frame, texels, layout.normal_half)
+        played_normals = layout.normals(texel_type.values(texels), texel_type)
+        played_normals /= np.linalg.norm(played_normals, axis=1, keepdims=True)
+        # Chords are accurate for small angles; cosines are not.
+        chord = np.linalg.norm(played_normals - normals, axis=1).max()
+        angle_deg = max(angle_deg, float(np.degrees(2 * np.arcsin(min(chord / 2, 1)))))
+    return angle_deg
+
+
+def _note_errors(
+    notes: list[str],
+    budget: ErrorBudget,
+    errors: npt.NDArray[np.float64],
+    angle_deg: float | None,
+    texel_type: TexelType,
+) -> None:
+    largest, frame = float(errors.max()), int(errors.argmax())
+    added = "" if budget.origin is None else " added"
+    notes.append(
+        f"the largest error{added} is {budget.percent(largest):.3g} % of the diagonal, in frame "
+        f"{frame}, as decoded from {texel_type.title}"
+    )
+    notes += budget.describe(largest)
+    if angle_deg is not None:
+        notes.append(f"the largest error of normals is {angle_deg:.2g} degrees")
+
+
+def _note_sizes(notes: list[str], grid: TexelGrid, texel_type: TexelType, n_textures: int) -> None:
+    video_bytes = n_textures * texel_type.video_bytes(grid.height, grid.width)
+    notes.append(
+        f"{counted(n_textures, 'texture')} of {grid.width} x {grid.height} texels: "
+        f"{video_bytes / 1e6:.3g} MB of video memory"
+    )
+    if max(grid.width, grid.height) > WIDTHS[0]:
+        notes.append(
+            f"GPUs of phones, and some browsers, support at most {WIDTHS[0]} texels per side; use "
+            "fewer frames for them"
+        )

@@ -55,11 +55,6 @@ class TexelGrid:
         rows[: self.n_verts] = texels
         image[self._rows(frame, half)] = rows.reshape(self.n_rows, self.width, -1)
 
-    def read_frame(self, image: Texels, frame: int, half: int = 0) -> Texels:
-        """Return the texels of all vertices in a frame, of shape (V, C)."""
-        rows = image[self._rows(frame, half)]
-        return rows.reshape(-1, image.shape[2])[: self.n_verts]
-
     def texel_uvs(self) -> npt.NDArray[np.float64]:
         """Return the UVs of the texel centers of the first frame, of shape (V, 2), v upward."""
         row, column = np.divmod(np.arange(self.n_verts), self.width)

@@ -14,11 +14,10 @@ from meshreel.formats.gltf.mesh_writer import write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh
 from meshreel.formats.gltf.node_tree import NodeTree
 from meshreel.formats.gltf.normal_targets import NormalTargets
-from meshreel.formats.gltf.quantized import Placement
 from meshreel.formats.gltf.seams import Primitive, SplitVertices, split_at_seams
-from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.vat.axes import MeshSpace
-from meshreel.formats.vat.motion import UP
+from meshreel.formats.vat.motion import UP, Motion
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
@@ -59,23 +58,18 @@ class RestMesh:
     def write(
         self,
         path: Path,
-        rest: Singles,
-        normals: Singles,
+        motion: Motion,
         uvs: Floats,
-        placement: Placement,
         space: MeshSpace,
         corners: tuple[Singles, Singles] | None,
         notes: list[str],
-    ) -> int:
-        """Write a ``.glb`` file, and return its size in bytes.
+    ) -> None:
+        """Write a ``.glb`` file of the first frame.
 
         Parameters
         ----------
-        rest, normals : float32 arrays of shape (V, 3)
         uvs : float64 array of shape (V, 2)
             UVs of the texels of the first frame; v is 0 at the bottom.
-        placement : Placement
-            Translation of the node.
         space : MeshSpace
             Axes and units of the vertices in the file.
         corners : tuple of two float32 arrays of shape (3,), optional
@@ -90,22 +84,21 @@ class RestMesh:
                 "vertex"
             )
         surface = self._with_texel_uvs(uvs)
-        normals = space.axes.convert(normals)
-        rest = (space.axes.convert(rest) * space.axes.scale).astype(np.float32)
+        normals = space.axes.convert(next(motion.normals()).astype(np.float32))
+        rest = (space.axes.convert(motion.rest) * space.axes.scale).astype(np.float32)
         buffer = BufferWriter()
         materials = Materials(surface, buffer, notes)
-        split = split_at_seams(self._whole_part(surface)).with_indices(
-            self._compact_indices, self._compact_indices
-        )
+        [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
+        split = split_at_seams(whole).with_indices(self._compact_indices, self._compact_indices)
         if corners is not None:
             split, rest, normals = _with_corners(split, rest, normals, corners)
         still = NormalTargets(
             normals, np.empty((0, *normals.shape), np.int8), np.empty(0, np.int64)
         )
-        morph_mesh = MorphMesh(placement, rest, None, still, np.zeros(1))
+        morph_mesh = MorphMesh(motion.placement, rest, None, still, np.zeros(1))
         name = path.stem
         tree = NodeTree()
-        node = tree.add(name, 0, placement)
+        node = tree.add(name, 0, motion.placement)
         if space.rotation is not None:
             transform = {"rotation": list(space.rotation), "scale": [1 / space.axes.scale] * 3}
             tree.nodes[node] |= transform
@@ -126,11 +119,7 @@ class RestMesh:
             "extensionsRequired": sorted(materials.textures.required),
         }
         document |= {key: names for key, names in extensions.items() if names}
-        return write_container(path, document, buffer, "leave out attributes (--attributes)")
-
-    def _whole_part(self, surface: Surface) -> PartMesh:
-        [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
-        return whole
+        write_container(path, document, buffer, "leave out attributes (--attributes)")
 
     def _with_texel_uvs(self, uvs: Floats) -> Surface:
         """Return the surface with these as its second UV set; the first is zeros if it has none."""
@@ -138,7 +127,9 @@ class RestMesh:
         rows[self.used] = uvs
         texel_uvs = Attribute(TEXEL_UVS, Kind.UV, Domain.VERTEX, rows)
         attributes = list(self._surface.attributes)
-        uv_indices = [index for index, one in enumerate(attributes) if one.kind is Kind.UV]
+        uv_indices = [
+            index for index, attribute in enumerate(attributes) if attribute.kind is Kind.UV
+        ]
         if not uv_indices:
             zeros = np.zeros((self._n_verts, 2), np.float32)
             attributes.insert(0, Attribute("uv", Kind.UV, Domain.VERTEX, zeros))

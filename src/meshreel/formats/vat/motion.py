@@ -1,7 +1,7 @@
 """The motion to bake: a rest mesh, and the offsets of its vertices in each frame."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,10 @@ class Motion:
         """Rest positions in the mesh file: the first frame as float32, of shape (V, 3)."""
         return self.positions(0).astype(np.float32)
 
+    def repeated(self, n_times: int) -> "Motion":
+        """Return all frames several times in a row."""
+        return replace(self, frames=np.concatenate([self.frames] * n_times))
+
     def positions(self, frame: int) -> npt.NDArray[np.float64]:
         """Return the positions of a frame relative to the placement, of shape (V, 3)."""
         return np.asarray(self.frames[frame].astype(np.float64) - self.placement.offset)
@@ -84,13 +88,12 @@ class Motion:
 
     def bounding_box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return the corners of the bounding box of all frames."""
-        low = np.min([one.min(axis=0) for one in self.frames], axis=0).astype(np.float64)
-        high = np.max([one.max(axis=0) for one in self.frames], axis=0).astype(np.float64)
+        low, high = _box_of(self.frames)
         return low - self.placement.offset, high - self.placement.offset
 
     def offset_box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return the corners of the bounding box of all offsets."""
-        boxes = [(one.min(axis=0), one.max(axis=0)) for one in self.offsets()]
+        boxes = [(offsets.min(axis=0), offsets.max(axis=0)) for offsets in self.offsets()]
         lows, highs = zip(*boxes, strict=True)
         return np.min(lows, axis=0), np.max(highs, axis=0)
 
@@ -106,11 +109,17 @@ def placement_for(frames: Vertices, max_error: float, max_distance: float) -> Pl
     max_distance : float
         Limit of the coordinates of the mesh, in model units.
     """
-    low = np.min([one.min(axis=0) for one in frames], axis=0).astype(np.float64)
-    high = np.max([one.max(axis=0) for one in frames], axis=0).astype(np.float64)
+    low, high = _box_of(frames)
     reach = float(np.maximum(-low, high).max())
     center = ((low + high) / 2).astype(np.float32).astype(np.float64)
     is_near = np.spacing(np.float32(reach)) <= max_error / 8 and reach <= max_distance
     if is_near or not center.any():
         return IDENTITY
     return Placement(center, 1.0)
+
+
+def _box_of(frames: Vertices) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the corners of the bounding box of all frames."""
+    low = np.min([frame.min(axis=0) for frame in frames], axis=0).astype(np.float64)
+    high = np.max([frame.max(axis=0) for frame in frames], axis=0).astype(np.float64)
+    return low, high

@@ -99,10 +99,10 @@ def texel_type_of(texels: Texels) -> TexelType:
     InvalidInputError
         If no texture has this number type.
     """
-    for one in TexelType:
-        if one.dtype == texels.dtype:
-            return one
-    allowed = ", ".join(str(one.dtype) for one in TexelType)
+    for texel_type in TexelType:
+        if texel_type.dtype == texels.dtype:
+            return texel_type
+    allowed = ", ".join(str(texel_type.dtype) for texel_type in TexelType)
     raise InvalidInputError(f"textures store {allowed}; got {texels.dtype}")
 
 
@@ -164,7 +164,7 @@ def read_texture(path: Path) -> Texels:
                 channels = image.channels()
                 if len(channels) != 1:
                     raise ValueError(f"it has channels {listed(channels)}; expected RGB or RGBA")
-                [texels] = [one.pixels for one in channels.values()]
+                [texels] = [channel.pixels for channel in channels.values()]
     except (RuntimeError, ValueError) as error:  # raised by both libraries
         raise FormatError(f"{path} cannot be read as a texture: {error}") from error
     if texels.ndim != 3 or texels.shape[2] not in CHANNELS:

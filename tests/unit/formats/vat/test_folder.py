@@ -11,7 +11,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import check_output
 from meshreel.formats.vat.grid import fit_grid
-from meshreel.formats.vat.labs import encode_box
+from meshreel.formats.vat.layouts import encode_box
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
@@ -349,6 +349,6 @@ def test_grid_rejects_too_many_rows():
 
 
 def test_textures_beyond_the_limits_of_some_gpus_are_noted(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.vat.plain.WIDTHS", (64, 128))
+    monkeypatch.setattr("meshreel.formats.vat.folder.WIDTHS", (64, 128))
     notes = saved(waving_grid(), tmp_path / "a.vat")
     assert any("support at most 64 texels per side" in one for one in notes)

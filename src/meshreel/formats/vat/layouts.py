@@ -1,11 +1,18 @@
-"""The soft-body layout of SideFX Labs Vertex Animation Textures 3.0.
+"""Layouts of vertex animation textures, as the shaders of programs expect them.
 
-All rows of a frame are adjacent, and the frames follow in order. Texels of EXR files are offsets
-from the first frame; those of PNG files are normalized to a bounding box. The decimals of the box
-also carry parameters for the shaders: see `encode_box`. A second texture stores normals, as
-quaternions that rotate the y axis to the normal.
+OpenVAT's add-on for Blender writes blocks: row `f` of the first block has the first vertices of
+frame `f`, as many as fit a row; blocks of further vertices follow, and normals fill the lower half
+of the texture. Texels are offsets from the first frame in Blender's axes, normalized per axis from
+Min (0) to Max (1).
+
+In the soft-body layout of SideFX Labs Vertex Animation Textures 3.0 all rows of a frame are
+adjacent, and the frames follow in order. Texels of EXR files are offsets from the first frame;
+those of PNG files are normalized to a bounding box. The decimals of the box also carry parameters
+for the shaders: see `encode_box`. A second texture stores normals, as quaternions that rotate the
+y axis to the normal.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -14,14 +21,13 @@ import numpy as np
 
 from meshreel.arrays import Floats, Singles
 from meshreel.errors import InvalidInputError
-from meshreel.formats.vat.axes import GLTF_SPACE, UNREAL, Axes, MeshSpace
+from meshreel.formats.vat.axes import BLENDER, GLTF_SPACE, UNREAL, Axes, MeshSpace
 from meshreel.formats.vat.grid import TexelGrid, fit_grid
 from meshreel.formats.vat.motion import Motion
-from meshreel.formats.vat.plain_layout import FileNames, Remap
 from meshreel.formats.vat.textures import TexelType
 
 MAX_FRAME_ROWS = 1980
-"""Largest number of rows per frame that the box can encode."""
+"""Largest number of rows per frame that the box of Labs can encode."""
 
 RAW_CODE = 0.5
 """Added to the largest z in tenths, to mark texels that are raw offsets."""
@@ -30,8 +36,125 @@ TENTHS = 10.0
 
 
 @dataclass(frozen=True)
+class FileNames:
+    """Names of the files of a folder; `normals` is None if they have no texture of their own."""
+
+    mesh: str
+    positions: str
+    data: str
+    normals: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Remap:
+    """The mapping between offsets and texel values, in the axes and units of a program.
+
+    Attributes
+    ----------
+    low, high : float32 arrays of shape (3,)
+        Offsets at values 0 and 1, unless texels are raw offsets.
+    is_raw : bool
+        Whether texels are raw offsets.
+    """
+
+    axes: Axes
+    low: Singles
+    high: Singles
+    is_raw: bool = False
+
+    def values(self, offsets: Floats) -> Floats:
+        """Return the texel values of offsets of shape (V, 3)."""
+        converted = self.axes.scale * self.axes.convert(offsets)
+        if self.is_raw:
+            return converted
+        low, high = self.low.astype(np.float64), self.high.astype(np.float64)
+        span = np.where(high > low, high - low, 1.0)
+        return np.clip((converted - low) / span, 0.0, 1.0)
+
+    def offsets(self, values: Floats) -> Singles:
+        """Return the offsets that a shader computes from samples, of shape (V, 3), in float32."""
+        sampled = values.astype(np.float32)
+        converted = sampled if self.is_raw else self.low + sampled * (self.high - self.low)
+        return np.asarray(self.axes.convert_back(converted) / np.float32(self.axes.scale))
+
+
+@dataclass(frozen=True)
+class OpenVat:
+    """OpenVAT's layout.
+
+    Attributes
+    ----------
+    mesh_space : MeshSpace
+        The axes and units of the vertices in the mesh file.
+    normal_channels : int
+        Number of channels of normals.
+    normal_half : int
+        1 if normals are in the lower half of the offset texture; 0 if they have their own.
+    max_distance : float
+        Limit of the coordinates of the mesh, in model units.
+    """
+
+    mesh_space: MeshSpace = GLTF_SPACE
+    normal_channels: int = 3
+    normal_half: int = 1
+    max_distance: float = math.inf
+
+    def names(self, stem: str, extension: str, *, normals: bool) -> FileNames:
+        """Return the file names, for a file extension of textures."""
+        return FileNames(f"{stem}.glb", f"{stem}_vat{extension}", f"{stem}-remap_info.json")
+
+    def grid(self, n_verts: int, n_frames: int, *, normals: bool) -> TexelGrid:
+        """Return a grid of blocks of all frames, twice as high with normals."""
+        return fit_grid(n_verts, n_frames, frame_by_frame=False, n_halves=2 if normals else 1)
+
+    def remap(self, motion: Motion, grid: TexelGrid, texel_type: TexelType) -> Remap:
+        """Return the remap between the smallest and largest offset per axis, in float32."""
+        low, high = BLENDER.convert_box(*motion.offset_box())
+        return Remap(BLENDER, _float32_below(low), -_float32_below(-high))
+
+    def normal_values(self, normals: Floats, texel_type: TexelType) -> Floats:
+        """Return unit normals scaled to 0 to 1, for every texel type."""
+        return np.clip((BLENDER.convert(normals) + 1) / 2, 0.0, 1.0)
+
+    def normals(self, values: Floats, texel_type: TexelType) -> Floats:
+        """Return the normals that a shader computes from samples, of any length."""
+        return BLENDER.convert_back(2 * values - 1)
+
+    def corners(self, remap: Remap) -> tuple[Singles, Singles] | None:
+        """Return None: shaders read the bounds from the JSON."""
+        return None
+
+    def document(self, motion: Motion, grid: TexelGrid, remap: Remap, name: str) -> Any:
+        """Return the JSON that OpenVAT's importers read; its frames count from 1."""
+        fps = round(motion.fps) if motion.fps == round(motion.fps) else motion.fps
+        animation = {
+            "startFrame": 1, "endFrame": grid.n_frames, "framerate": fps, "looping": True,
+        }  # fmt: skip
+        return {
+            "os-remap": {
+                "Min": remap.low.tolist(),
+                "Max": remap.high.tolist(),
+                "Frames": grid.n_frames,
+            },
+            "animations": {name: animation},
+            "meshreel": {
+                "rows": grid.n_rows,
+                "width": grid.width,
+                "height": grid.height,
+                "normals": "lower half" if grid.n_halves == 2 else "none",
+            },
+        }
+
+
+def _float32_below(values: Floats) -> Singles:
+    """Return the largest float32 values that are not above the given values."""
+    near = values.astype(np.float32)
+    return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near)
+
+
+@dataclass(frozen=True)
 class LabsSoft:
-    """The Labs layout for a program with these axes; see `PlainLayout`."""
+    """The soft-body layout of Labs, for a program with these axes; attributes as in `OpenVat`."""
 
     axes: Axes
     normal_channels: int = 4
@@ -73,7 +196,7 @@ class LabsSoft:
             low, high = np.minimum(low, offset_low), np.maximum(high, offset_high)
         is_unreal = self.axes is UNREAL
         box = encode_box(low, high, grid.n_rows, is_raw=is_raw, encode_rows=is_unreal)
-        low, high = self.axes.convert_box(*(one.astype(np.float64) for one in box))
+        low, high = self.axes.convert_box(*(corner.astype(np.float64) for corner in box))
         return Remap(self.axes, low.astype(np.float32), high.astype(np.float32), is_raw)
 
     def normal_values(self, normals: Floats, texel_type: TexelType) -> Floats:
@@ -91,8 +214,8 @@ class LabsSoft:
     def corners(self, remap: Remap) -> tuple[Singles, Singles] | None:
         """Return the corners of the box, which Unreal's shader reads from the mesh bounds."""
         low, high = (
-            self.axes.convert_back(one.astype(np.float64) / self.axes.scale)
-            for one in (remap.low, remap.high)
+            self.axes.convert_back(corner.astype(np.float64) / self.axes.scale)
+            for corner in (remap.low, remap.high)
         )
         return np.minimum(low, high).astype(np.float32), np.maximum(low, high).astype(np.float32)
 
@@ -159,8 +282,8 @@ def encode_box(
         is_raw_decoded = (decoded >= RAW_CODE) == is_raw
         return is_raw_decoded and (not encode_rows or abs(decoded - code) < 0.004)
 
-    coded_low = [_decodable_coordinate(one, -1, _is_integer) for one in floor]
-    coded_high = [_decodable_coordinate(one, 1, _is_integer) for one in ceiling]
+    coded_low = [_decodable_coordinate(tenths, -1, _is_integer) for tenths in floor]
+    coded_high = [_decodable_coordinate(tenths, 1, _is_integer) for tenths in ceiling]
     coded_low[1] = _decodable_coordinate(floor[1] - 0.01 * remainder, -1, decodes_remainder)
     coded_high[2] = _decodable_coordinate(ceiling[2] + code, 1, decodes_code)
     return np.array(coded_low, np.float32), np.array(coded_high, np.float32)
@@ -173,8 +296,8 @@ def _decodable_coordinate(
 
     Shaders multiply by ten in float32, where most tenths are not exact.
     """
-    for more in range(11):
-        nearest = np.float32((tenths + more * direction) / TENTHS)
+    for n_tenths in range(11):
+        nearest = np.float32((tenths + n_tenths * direction) / TENTHS)
         neighbors = [np.nextafter(nearest, np.float32(end)) for end in (-np.inf, np.inf)]
         for candidate in map(np.float32, (nearest, *neighbors)):
             if is_valid(np.float32(candidate * np.float32(TENTHS))):
@@ -195,3 +318,6 @@ def _rotations_of(normals: Floats) -> Floats:
     quaternions: Floats = np.stack([z, np.zeros_like(x), -x, 1 + y], axis=1)
     quaternions[y <= -1 + 1e-9] = (1.0, 0.0, 0.0, 0.0)  # 180 degrees, about any axis
     return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
+
+
+Layout = OpenVat | LabsSoft
