@@ -4,15 +4,11 @@ The core comes from `core/` by a C compiler: that of the machine, or the package
 requested only where there is none. Without it nothing installs. The page of the player is part of
 the repository, so that an installation needs neither Node nor a compiler for WebAssembly; a test
 proves that it is what `npm/` builds.
-
-MESHREEL_TARGET names another machine that a wheel is for, one of `TARGETS` of `core/compile.py`;
-`core/wheels.py` sets it.
 """
 
 import os
 import re
 import runpy
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +21,6 @@ HEADERS = ("meshreel.h", "meshreel_threads.hpp")
 # This extra does not exist: if the package is unavailable, pip prints the requirement and with it
 # the alternatives.
 COMPILER = "ziglang[or-install-gcc-or-clang]>=0.13"
-ELSEWHERE = "MESHREEL_TARGET"
 
 VERSION = re.compile(r'^__version__ = "(.+)"$', re.MULTILINE)
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
@@ -48,9 +43,7 @@ class ReadmeHook(MetadataHookInterface):
     def update(self, metadata: dict[str, Any]) -> None:
         """Add the description to the metadata."""
         root = Path(self.root)
-        version = VERSION.findall((root / "src/meshreel/__init__.py").read_text(encoding="utf-8"))[
-            0
-        ]
+        [version] = VERSION.findall((root / "src/meshreel/__init__.py").read_text(encoding="utf-8"))
         text = (root / "README.md").read_text(encoding="utf-8")
         text = with_absolute_links(text, metadata["urls"]["Repository"], f"v{version}")
         metadata["readme"] = {"content-type": "text/markdown", "text": text}
@@ -62,9 +55,7 @@ class BuildHook(BuildHookInterface):
     def dependencies(self) -> list[str]:
         """Return what building needs besides hatchling: a compiler, where the machine has none."""
         core = runpy.run_path(str(Path(self.root) / COMPILE_CORE))
-        if self.target_name != "wheel" or core["zig"]():
-            return []
-        return [COMPILER] if os.environ.get(ELSEWHERE) or not core["compiler"]() else []
+        return [COMPILER] if self.target_name == "wheel" and not core["compiler"]() else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the core for a wheel, unless that of the checkout is current.
@@ -80,27 +71,17 @@ class BuildHook(BuildHookInterface):
         """
         if self.target_name != "wheel":
             return
-        root, other = Path(self.root), os.environ.get(ELSEWHERE)
+        root = Path(self.root)
         core = runpy.run_path(str(root / COMPILE_CORE))
         try:
-            if other:
-                target = core["TARGETS"][other]
-                self.work = tempfile.TemporaryDirectory()
-                library = core["build"](Path(self.work.name, target.library), target=other)
-                build_data["force_include"][str(library)] = f"meshreel/kernel/{target.library}"
-            else:
-                library = core["TARGET"] if core["is_current"]() else core["build"]()
-                build_data["artifacts"].append(f"/{library.relative_to(root).as_posix()}")
+            is_current = core["is_current"]() and not os.environ.get(core["RELEASE"])
+            library = core["TARGET"] if is_current else core["build"]()
         except RuntimeError as error:
             self.app.abort(f"meshreel cannot be built: {error}")
+        build_data["artifacts"].append(f"/{library.relative_to(root).as_posix()}")
         if version == "standard":
             for name in HEADERS:
                 header = root / "core" / "include" / name
                 build_data["force_include"][str(header)] = f"meshreel/kernel/{name}"
         build_data["pure_python"] = False
-        build_data["tag"] = f"py3-none-{target.tag if other else core['wheel_tag']()}"
-
-    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
-        """Remove a core that is for another machine."""
-        if hasattr(self, "work"):
-            self.work.cleanup()
+        build_data["tag"] = f"py3-none-{core['wheel_tag']()}"

@@ -1,7 +1,8 @@
 """Compile the core: `python core/compile.py` writes the library to where meshreel loads it.
 
-The compiler is $CC, else cc, clang or gcc, else the one in the package `ziglang`. Other machines
-(--target) and WebAssembly always use ziglang, which includes the headers and libraries they need.
+The compiler is $CC, else cc, clang or gcc, else the one in the package `ziglang`, which always
+compiles WebAssembly (--target). With $MESHREEL_RELEASE, set for the wheels of a release, the
+library is compiled for speed instead of a short installation.
 """
 
 import argparse
@@ -63,7 +64,7 @@ PAGE_FUNCTIONS = (
 
 @dataclass(frozen=True)
 class Target:
-    """A platform that the core is compiled for.
+    """What the core is compiled for: this machine, or WebAssembly.
 
     Attributes
     ----------
@@ -72,9 +73,7 @@ class Target:
     flags : tuple of str
         Compiler flags in addition to `FLAGS`.
     triple : str
-        The target triple of zig.
-    tag : str
-        Platform tag of its wheel; empty for WebAssembly, which has none.
+        The target triple of zig; empty for this machine.
     optimization : tuple of str
         Optimization flags of all files but those in `hot`; the last level takes effect.
     hot : dict of str to tuple of str
@@ -85,18 +84,15 @@ class Target:
 
     library: str
     flags: tuple[str, ...]
-    triple: str
-    tag: str = ""
+    triple: str = ""
     optimization: tuple[str, ...] = ()
     hot: Levels = field(default_factory=dict)
     linker: tuple[str, ...] = ()
 
 
+RELEASE = "MESHREEL_RELEASE"
 ELF = ("-O3", "-fPIC", "-shared")
-# No C library is linked, so one wheel serves glibc and musl: the few functions that compilers call
-# exist in every process.
-FREESTANDING_ELF = (*ELF, "-nostdlib", "-s")
-MACH_O = ("-O3", "-fPIC", "-shared", "-Wl,-s", "-Wl,-install_name,@rpath/libreel.dylib")
+MACH_O = (*ELF, "-Wl,-install_name,@rpath/libreel.dylib")
 PE = ("-O3", "-shared", "-s")
 # For installation from source: gcc takes 6 s instead of 15 s (-O3, all marked functions inlined);
 # the library is as fast on lossless files and 5 % slower on others. Measured with
@@ -161,34 +157,18 @@ def wasm(library: str, *flags: str) -> Target:
 
 
 TARGETS = {
-    "linux-x86_64": Target(
-        "libreel.so",
-        FREESTANDING_ELF,
-        "x86_64-linux-gnu.2.17",
-        "manylinux_2_17_x86_64.manylinux2014_x86_64.musllinux_1_1_x86_64",
-    ),
-    "linux-aarch64": Target(
-        "libreel.so",
-        FREESTANDING_ELF,
-        "aarch64-linux-gnu.2.17",
-        "manylinux_2_17_aarch64.manylinux2014_aarch64.musllinux_1_1_aarch64",
-    ),
-    "macosx-arm64": Target("libreel.dylib", MACH_O, "aarch64-macos.11.0", "macosx_11_0_arm64"),
-    "macosx-x86_64": Target("libreel.dylib", MACH_O, "x86_64-macos.11.0", "macosx_11_0_x86_64"),
-    "win-amd64": Target("reel.dll", PE, "x86_64-windows-gnu", "win_amd64"),
-    "win-arm64": Target("reel.dll", PE, "aarch64-windows-gnu", "win_arm64"),
     # What most files contain; a page loads the whole module only for others.
     "wasm": wasm("reel.wasm", "-msimd128", *SMALL),
     "wasm-whole": wasm("reel_whole.wasm", "-msimd128"),
     "wasm-plain": wasm("reel_plain.wasm"),  # for engines without SIMD
 }
-HERE = Target(
-    *{"win32": ("reel.dll", PE), "darwin": ("libreel.dylib", ELF)}.get(
-        sys.platform, ("libreel.so", ELF)
-    ),
-    triple="",
-    optimization=("-O1",),
-    hot=SOURCE_HOT,
+LIBRARY, SHARED = {"win32": ("reel.dll", PE), "darwin": ("libreel.dylib", MACH_O)}.get(
+    sys.platform, ("libreel.so", ELF)
+)
+HERE = (
+    Target(LIBRARY, SHARED)
+    if os.environ.get(RELEASE)
+    else Target(LIBRARY, (*SHARED, *SOURCE_FLAGS), optimization=("-O1",), hot=SOURCE_HOT)
 )
 TARGET = KERNEL / HERE.library
 
@@ -212,9 +192,9 @@ def compiler() -> list[str] | None:
     for name in COMPILERS:
         if shutil.which(name):
             return [name]
-    found = zig()
+    command = zig()
     # By default zig compiles for the exact processor it runs on.
-    return found and [*found, "-mcpu=baseline"]
+    return command and [*command, "-mcpu=baseline"]
 
 
 def commands(
@@ -222,21 +202,21 @@ def commands(
 ) -> tuple[list[list[str]], list[str]]:
     """Return the commands that compile the files, in any order, and the one that links them.
 
-    They are for this machine, or for a target, and must run in an empty folder.
+    They are for this machine, or for a target of `TARGETS`, and must run in an empty folder.
 
     Raises
     ------
     RuntimeError
         If there is no compiler.
     """
-    found = zig() if target else compiler()
-    if found is None:
+    chosen = zig() if target else compiler()
+    if chosen is None:
         raise RuntimeError(f"{target} needs the package ziglang" if target else NO_COMPILER)
     platform_target = TARGETS[target] if target else HERE
     flags = [
         *FLAGS,
         *platform_target.flags,
-        *(("-target", platform_target.triple) if target else SOURCE_FLAGS),
+        *(("-target", platform_target.triple) if target else ()),
         *extra,
     ]
     compiled = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib", "-shared"))]
@@ -244,7 +224,7 @@ def commands(
     objects = {file: f"{file.parent.name}_{file.stem}.o" for file in files}
     steps = [
         [
-            *found,
+            *chosen,
             *compiled,
             *platform_target.hot.get(file.name, platform_target.optimization),
             "-c",
@@ -255,7 +235,7 @@ def commands(
         for file, name in objects.items()
     ]
     linker = zig("wasm-ld") if platform_target.linker else None
-    link = [*linker, *platform_target.linker] if linker else [*found, *flags]
+    link = [*linker, *platform_target.linker] if linker else [*chosen, *flags]
     return steps, [*link, *sorted(objects.values()), "-o", str(output)]
 
 
@@ -298,8 +278,8 @@ def wheel_tag() -> str:
     """Return the platform tag of a wheel whose core was compiled for this machine only."""
     name = sysconfig.get_platform()
     if sys.platform == "darwin":  # Python may support older and other machines than the core
-        system = max(int(platform.mac_ver()[0].split(".")[0] or 0), 11)
-        name = f"macosx-{system}-0-{platform.machine()}"
+        oldest = os.environ.get("MACOSX_DEPLOYMENT_TARGET") or platform.mac_ver()[0]
+        name = f"macosx-{max(int(oldest.split('.')[0] or 0), 11)}-0-{platform.machine()}"
     return name.replace("-", "_").replace(".", "_")
 
 
@@ -307,7 +287,7 @@ def main() -> None:
     """Compile the library to --output, or to where meshreel loads it from."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, help="path of the library")
-    parser.add_argument("--target", choices=TARGETS, help="platform to compile for with ziglang")
+    parser.add_argument("--target", choices=TARGETS, help="compile for this with ziglang")
     parser.add_argument("--warnings", action="store_true", help="warnings are errors")
     parser.add_argument("flags", nargs="*", help="additional compiler flags, after --")
     options = parser.parse_args()

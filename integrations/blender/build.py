@@ -1,14 +1,15 @@
 """Build the add-on as a Blender extension with all required Python packages.
 
     python integrations/blender/build.py -o meshreel_blender.zip
-    python integrations/blender/build.py -o meshreel_blender.zip --platform linux-x64
+    python integrations/blender/build.py -o meshreel_blender.zip --wheels dist
 
-Wheels of other packages come from pip's index; that of meshreel is built from this repository, for
-each platform by the compiler of the package ziglang, which pip fetches.
+The first is for this machine: pip compiles meshreel from this repository. The second is for all
+platforms of Blender, with meshreel's wheels in a folder, as the workflow `wheels` builds them.
+Wheels of other packages come from pip's index.
 """
 
 import argparse
-import os
+import platform
 import re
 import subprocess
 import sys
@@ -34,14 +35,6 @@ PLATFORMS = {
 }
 """Blender's name of each platform, and its wheel tags."""
 
-TARGETS = {
-    "linux-x64": "linux-x86_64",
-    "windows-x64": "win-amd64",
-    "macos-arm64": "macosx-arm64",
-    "macos-x64": "macosx-x86_64",
-}
-"""Name of each platform in `core/compile.py`."""
-
 NOT_NEEDED = frozenset({"click", "numpy"})
 """Blender includes NumPy; Click is for the command line."""
 
@@ -51,26 +44,48 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True, help="the .zip to write")
     parser.add_argument(
-        "--platform", action="append", choices=sorted(PLATFORMS), help="repeat for several [all]"
+        "--wheels", type=Path, help="folder of meshreel's wheels; the zip is for all platforms"
     )
-    chosen = parser.parse_args(arguments)
-    platforms = chosen.platform or list(PLATFORMS)
+    options = parser.parse_args(arguments)
+    platforms = list(PLATFORMS) if options.wheels else [platform_here()]
     with tempfile.TemporaryDirectory() as folder:
-        wheels = collect_wheels(platforms, Path(folder))
-        write_extension(chosen.output, platforms, wheels)
-    size = chosen.output.stat().st_size
-    print(f"{chosen.output}: {size / 1e6:.1f} MB, {len(wheels)} wheels for {', '.join(platforms)}")
+        wheels = collect_wheels(platforms, options.wheels, Path(folder))
+        write_extension(options.output, platforms, wheels)
+    size = options.output.stat().st_size
+    print(f"{options.output}: {size / 1e6:.1f} MB, {len(wheels)} wheels for {', '.join(platforms)}")
 
 
-def collect_wheels(platforms: Iterable[str], folder: Path) -> list[Path]:
-    """Download or build the wheels for these platforms into a folder; return their paths."""
-    for platform in platforms:
-        _pip("wheel", "--no-deps", "--wheel-dir", folder, REPOSITORY, target=TARGETS[platform])
-        tags = [part for tag in PLATFORMS[platform] for part in ("--platform", tag)]
-        _pip(
+def platform_here() -> str:
+    """Blender's name of the platform of this machine."""
+    system = {"linux": "linux", "win32": "windows", "darwin": "macos"}.get(sys.platform)
+    processor = {"x86_64": "x64", "amd64": "x64"}.get(platform.machine().lower(), "arm64")
+    name = f"{system}-{processor}"
+    if name not in PLATFORMS:
+        sys.exit(f"the extension is for {', '.join(PLATFORMS)}; this machine is {name}")
+    return name
+
+
+def collect_wheels(platforms: Iterable[str], own: Path | None, folder: Path) -> list[Path]:
+    """Download or build the wheels for these platforms into a folder; return their paths.
+
+    Parameters
+    ----------
+    platforms : iterable of str
+    own : Path, optional
+        Folder with a wheel of meshreel for each platform; otherwise that for this machine is built.
+    folder : Path
+    """
+    for name in platforms:
+        tags = [part for tag in PLATFORMS[name] for part in ("--platform", tag)]
+        download = [
             "download", "--no-deps", "--only-binary", ":all:", "--python-version", PYTHON_VERSION,
-            "--implementation", "cp", *tags, "--dest", folder, *requirements(),
-        )  # fmt: skip
+            "--implementation", "cp", *tags, "--dest", folder,
+        ]  # fmt: skip
+        _pip(*download, *requirements())
+        if own is None:
+            _pip("wheel", "--no-deps", "--wheel-dir", folder, REPOSITORY)
+        else:
+            _pip(*download, "--no-index", "--find-links", own, "meshreel")
     return sorted(folder.glob("*.whl"))
 
 
@@ -79,7 +94,8 @@ def requirements() -> list[str]:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
     # Markers exclude only platforms that Blender does not support.
     stated = [requirement.partition(";")[0].strip() for requirement in project["dependencies"]]
-    return [one for one in stated if re.split(r"[<>=!~ \[]", one, maxsplit=1)[0] not in NOT_NEEDED]
+    names = {text: re.split(r"[<>=!~ \[]", text, maxsplit=1)[0] for text in stated}
+    return [text for text, name in names.items() if name not in NOT_NEEDED]
 
 
 def write_extension(output: Path, platforms: Iterable[str], wheels: Iterable[Path]) -> None:
@@ -112,10 +128,9 @@ def _toml_list(key: str, values: Iterable[str]) -> str:
     return f"\n{key} = [\n{lines}]\n"
 
 
-def _pip(*arguments: object, target: str = "") -> None:
+def _pip(*arguments: object) -> None:
     command = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
-    environment = {**os.environ, "MESHREEL_TARGET": target}
-    subprocess.run([*command, *map(str, arguments)], check=True, env=environment)
+    subprocess.run([*command, *map(str, arguments)], check=True)
 
 
 if __name__ == "__main__":

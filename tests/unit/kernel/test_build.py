@@ -100,6 +100,27 @@ def test_library_is_current_until_a_source_is_newer(core, tmp_path):
     assert not core["is_current"](built)
 
 
+@pytest.mark.parametrize("release", ["", "1"])
+def test_library_is_compiled_for_speed_only_when_it_is_for_a_release(
+    monkeypatch, tmp_path, release
+):
+    monkeypatch.setenv("MESHREEL_RELEASE", release)
+    monkeypatch.setenv("CC", "cc")
+    steps, _ = runpy.run_path(str(COMPILE))["commands"](tmp_path / "libreel.so")
+    levels = {[flag for flag in step if flag.startswith("-O")][-1] for step in steps}
+    assert levels == ({"-O3"} if release else {"-O1", "-O2", "-O3"})
+    assert any("REEL_INLINE" in flag for flag in steps[0]) != bool(release)
+
+
+def test_wheel_tag_names_the_deployment_target_when_built_for_macos(core, monkeypatch):
+    monkeypatch.setattr(sys, "platform", "darwin")
+    monkeypatch.setattr("platform.machine", lambda: "arm64")
+    monkeypatch.setattr("platform.mac_ver", lambda: ("15.1", ("", "", ""), ""))
+    assert core["wheel_tag"]() == "macosx_15_0_arm64"
+    monkeypatch.setenv("MACOSX_DEPLOYMENT_TARGET", "11.0")
+    assert core["wheel_tag"]() == "macosx_11_0_arm64"
+
+
 def test_page_build_exports_the_public_header_and_imports_its_host(core):
     declared = (COMPILE.parent / "include" / "meshreel.h").read_text()
     declared += (COMPILE.parent / "reader" / "page.c").read_text()
