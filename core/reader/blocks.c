@@ -1,6 +1,6 @@
 /* Decoding of a track's block: docs/format.md, FIELDS to "Prediction", and VALUES. */
 
-#include "decoder.h"
+#include "blocks.h"
 
 /* Modes that a preview includes at least, if only with their mean over the block. */
 #define N_PREVIEW_MODES 16
@@ -659,6 +659,17 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
 }
 
 /* ---- a block ---- */
+
+uint64_t reel_decoder_bytes(const meshreel_decoder *decoder) {
+    uint64_t n_bytes = decoder->pool.held;
+    for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
+        const reel_track_state *track = &decoder->tracks[i];
+        n_bytes += track->current.pool.held + track->current.fields.pool.held +
+                   track->previous.pool.held + track->previous.fields.pool.held +
+                   track->key.pool.held;
+    }
+    return n_bytes;
+}
 
 static void release_block(reel_call *call, reel_loaded_block *loaded) {
     call->held -= loaded->pool.held;

@@ -1,6 +1,6 @@
 /* Decoders: frames of tracks in the caller's layout. docs/format.md, "Frames" and "Tracks". */
 
-#include "decoder.h"
+#include "values.h"
 
 #define PIECE_BYTES ((uint64_t)16 << 20) /* of values converted or predicted at once */
 
@@ -58,15 +58,9 @@ void meshreel_end(meshreel_decoder *decoder) {
     reel_release(&host, &pool);
 }
 
-uint64_t reel_decoder_bytes(const meshreel_decoder *decoder) {
-    uint64_t n_bytes = decoder->pool.held;
-    for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
-        const reel_track_state *track = &decoder->tracks[i];
-        n_bytes += track->current.pool.held + track->current.fields.pool.held +
-                   track->previous.pool.held + track->previous.fields.pool.held +
-                   track->key.pool.held;
-    }
-    return n_bytes;
+static reel_call begin_call(const meshreel_decoder *decoder) {
+    const meshreel_file *file = decoder->file;
+    return reel_begin_call(&file->source, &file->host, reel_decoder_bytes(decoder));
 }
 
 static int check_track(const meshreel_decoder *decoder, uint32_t track, uint32_t n_modes,
@@ -92,8 +86,7 @@ int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uin
     if (block >= decoder->file->info.n_blocks) {
         return reel_invalid(error, "the block does not exist");
     }
-    reel_call call =
-        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
+    reel_call call = begin_call(decoder);
     failed = reel_load(&call, decoder, track, block, n_modes);
     return reel_end_call(&call, failed, error);
 }
@@ -113,8 +106,7 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
     if (!current->basis || definition->difference || definition->info.coding == REEL_ROTATIONS) {
         return MESHREEL_OK;
     }
-    reel_call call =
-        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
+    reel_call call = begin_call(decoder);
     if (!reel_loaded_fields(state)) { /* only the packed fields are left */
         reel_forget(&call, decoder, track);
         failed = reel_load(&call, decoder, track, block, 0);
@@ -255,8 +247,7 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
     if ((uintptr_t)values % to.size) {
         return reel_invalid(error, "values are not aligned to their number type");
     }
-    reel_call call =
-        reel_begin_call(&decoder->file->source, &decoder->file->host, reel_decoder_bytes(decoder));
+    reel_call call = begin_call(decoder);
     uint64_t done = 0;
     while (done < count && !failed) {
         uint64_t frame = first + done;
@@ -290,7 +281,7 @@ int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *posit
     }
     const meshreel_file *file = decoder->file;
     int64_t n_verts = file->info.n_verts, n_faces = file->info.n_triangles;
-    reel_call call = reel_begin_call(&file->source, &file->host, reel_decoder_bytes(decoder));
+    reel_call call = begin_call(decoder);
     double *output = type == MESHREEL_FLOAT64
                          ? normals
                          : reel_scratch(&call, 3 * (uint64_t)n_verts, sizeof *output);

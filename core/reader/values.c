@@ -1,6 +1,6 @@
 /* Values of frames of a loaded block: docs/format.md, "Frames" and "Tracks". */
 
-#include "decoder.h"
+#include "values.h"
 
 #define MAX_FRAMES_PER_CALL 256 /* frames per call of reel_frames */
 

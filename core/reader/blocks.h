@@ -1,7 +1,7 @@
-/* A decoder: the current and the previous block of each track. */
+/* Loaded blocks: the current and the previous block of each track of a decoder. */
 
-#ifndef REEL_DECODER_H
-#define REEL_DECODER_H
+#ifndef REEL_BLOCKS_H
+#define REEL_BLOCKS_H
 
 #include "file.h"
 #include "group.h"
@@ -60,17 +60,12 @@ void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track);
 
 /* Fields of the current block: its own, or those of the key block if it is one; NULL if they were
    released. */
-const double *reel_loaded_fields(const reel_track_state *held);
+const double *reel_loaded_fields(const reel_track_state *state);
 
 /* Find the row of these fields for each output item. */
-void reel_find_field_rows(const reel_track_state *held, int32_t *rows);
+void reel_find_field_rows(const reel_track_state *state, int32_t *rows);
 
 /* Pack them in output order, unless that is done. */
-int reel_pack_fields(reel_call *call, reel_track_state *held);
-
-/* Decode values of frames first..first+count-1 of the current block, before they are shared by
-   corners: count x n_values x n_columns numbers of the track's type, or of float if `size` is 4. */
-int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t first,
-                uint64_t count, uint32_t size, void *out);
+int reel_pack_fields(reel_call *call, reel_track_state *state);
 
 #endif
