@@ -7,11 +7,11 @@
 
 /* Whether all finite floats have decimal indices that restore them, sampled every `step`
    numbers. */
-static bool restores_all(const exact_coder *f, const reel_numbers *numbers, int64_t step) {
-    int64_t count = f->n_frames * f->n_items * f->width;
+static bool restores_all(const exact_coder *coder, const reel_numbers *numbers, int64_t step) {
+    int64_t count = coder->n_frames * coder->n_items * coder->width;
     int decade = 0;
     for (int64_t i = 0; i < count; i += step) {
-        uint64_t pattern = reel_read_pattern(numbers, f->values, i);
+        uint64_t pattern = reel_read_pattern(numbers, coder->values, i);
         if (!reel_is_special(numbers, pattern)) {
             uint64_t index = reel_index_of(numbers, pattern, &decade);
             if (reel_pattern_of(numbers, index, decade) != pattern) {
@@ -23,13 +23,13 @@ static bool restores_all(const exact_coder *f, const reel_numbers *numbers, int6
 }
 
 /* Mean number of octaves by which the decimal grid is coarser than the binary one. */
-static double octaves_saved(const exact_coder *f, const reel_numbers *decimal, int64_t step) {
+static double octaves_saved(const exact_coder *coder, const reel_numbers *decimal, int64_t step) {
     reel_numbers plain = *decimal;
     plain.digits = 0;
     int decade = 0;
-    int64_t count = f->n_frames * f->n_items * f->width, sum = 0, n = 0;
+    int64_t count = coder->n_frames * coder->n_items * coder->width, sum = 0, n = 0;
     for (int64_t i = 0; i < count; i += step) {
-        uint64_t pattern = reel_read_pattern(decimal, f->values, i);
+        uint64_t pattern = reel_read_pattern(decimal, coder->values, i);
         if (!reel_is_special(decimal, pattern)) {
             double value = reel_float_value(decimal, pattern) * decimal->down;
             int32_t coarse, fine;
@@ -44,26 +44,26 @@ static double octaves_saved(const exact_coder *f, const reel_numbers *decimal, i
 
 /* Choose the decimal grid with the fewest digits, then places, if it is coarser than the binary
    one. */
-static void choose_decimal(exact_coder *f) {
-    int64_t count = f->n_frames * f->n_items * f->width, step = count / 1024 + 1;
-    reel_numbers tried = f->numbers;
-    int max_digits = f->numbers.size == 4 ? 8 : REEL_MAX_DIGITS;
+static void choose_decimal(exact_coder *coder) {
+    int64_t count = coder->n_frames * coder->n_items * coder->width, step = count / 1024 + 1;
+    reel_numbers tried = coder->numbers;
+    int max_digits = coder->numbers.size == 4 ? 8 : REEL_MAX_DIGITS;
     for (int digits = 1; digits <= max_digits; digits++) {
         reel_set_decimal(&tried, digits, REEL_MAX_PLACES);
-        if (!restores_all(f, &tried, step)) {
+        if (!restores_all(coder, &tried, step)) {
             continue;
         }
         int places = REEL_MAX_PLACES;
         do {
             reel_set_decimal(&tried, digits, places--);
-        } while (places >= 0 && restores_all(f, &tried, step));
+        } while (places >= 0 && restores_all(coder, &tried, step));
         for (places += 2; places <= REEL_MAX_PLACES; places++) {
             reel_set_decimal(&tried, digits, places);
-            if (octaves_saved(f, &tried, step) < 4) {
+            if (octaves_saved(coder, &tried, step) < 4) {
                 break;
             }
-            if (restores_all(f, &tried, 1)) {
-                f->numbers = tried;
+            if (restores_all(coder, &tried, 1)) {
+                coder->numbers = tried;
                 return;
             }
         }
@@ -71,17 +71,17 @@ static void choose_decimal(exact_coder *f) {
 }
 
 /* Choose the grid and scale of the floats. */
-static void choose_numbers(exact_coder *f) {
-    reel_numbers *numbers = &f->numbers;
+static void choose_numbers(exact_coder *coder) {
+    reel_numbers *numbers = &coder->numbers;
     if (numbers->type != REEL_FLOATS) {
         return;
     }
-    int64_t count = f->n_frames * f->n_items * f->width;
+    int64_t count = coder->n_frames * coder->n_items * coder->width;
     uint64_t any = 0, max_pattern = 0, magnitudes = reel_sign_bit(numbers) - 1;
     for (int64_t i = 0; i < count; i++) {
-        uint64_t pattern = reel_read_pattern(numbers, f->values, i) & magnitudes;
+        uint64_t pattern = reel_read_pattern(numbers, coder->values, i) & magnitudes;
         if (reel_is_special(numbers, pattern)) {
-            f->has_special = true;
+            coder->has_special = true;
         } else {
             any |= pattern;
             max_pattern = pattern > max_pattern ? pattern : max_pattern;
@@ -92,27 +92,27 @@ static void choose_numbers(exact_coder *f) {
     int scale = (int)(reel_bits_of(largest) >> 52) - 1022;
     scale = scale < -REEL_MAX_SCALE ? -REEL_MAX_SCALE : scale;
     reel_set_scale(numbers, scale < REEL_MAX_SCALE ? scale : REEL_MAX_SCALE);
-    choose_decimal(f);
+    choose_decimal(coder);
 }
 
 /* Sample differences between the values of consecutive items in each frame. */
-static void sample_frames(exact_coder *f) {
-    for (int64_t t = 0; t < f->n_frames; t++) {
+static void sample_frames(exact_coder *coder) {
+    for (int64_t t = 0; t < coder->n_frames; t++) {
         for (int64_t i = 0; i < N_SAMPLES; i++) {
-            int64_t position = i * f->n_items / N_SAMPLES, other = position ? position - 1 : 0;
-            int64_t col = i % f->width;
+            int64_t position = i * coder->n_items / N_SAMPLES, other = position ? position - 1 : 0;
+            int64_t col = i % coder->width;
             double values[2];
             for (int k = 0; k < 2; k++) {
-                int64_t item = f->traversal.order[k ? other : position];
-                values[k] = reel_known_value(&f->numbers, pattern_at(f, t, item, col), 0);
+                int64_t item = coder->traversal.order[k ? other : position];
+                values[k] = reel_known_value(&coder->numbers, pattern_at(coder, t, item, col), 0);
             }
-            f->samples[t * N_SAMPLES + i] = (float)(values[0] - values[1]);
+            coder->samples[t * N_SAMPLES + i] = (float)(values[0] - values[1]);
         }
     }
 }
 
-static double frame_distance(const exact_coder *f, int64_t t, int64_t other) {
-    const float *a = f->samples + t * N_SAMPLES, *b = f->samples + other * N_SAMPLES;
+static double frame_distance(const exact_coder *coder, int64_t t, int64_t other) {
+    const float *a = coder->samples + t * N_SAMPLES, *b = coder->samples + other * N_SAMPLES;
     float sum = 0;
     for (int i = 0; i < N_SAMPLES; i++) {
         sum += a[i] < b[i] ? b[i] - a[i] : a[i] - b[i];
@@ -121,104 +121,104 @@ static double frame_distance(const exact_coder *f, int64_t t, int64_t other) {
 }
 
 /* Choose the lags of frames that resemble earlier ones, as in cyclic motion. */
-static void choose_lags(exact_coder *f) {
+static void choose_lags(exact_coder *coder) {
     int64_t n_found = 0;
-    sample_frames(f);
-    for (int64_t t = 0; t < f->n_frames; t++) {
-        double best = t ? frame_distance(f, t, t - 1) / 2 : 0;
-        f->lags[t] = 0;
+    sample_frames(coder);
+    for (int64_t t = 0; t < coder->n_frames; t++) {
+        double best = t ? frame_distance(coder, t, t - 1) / 2 : 0;
+        coder->lags[t] = 0;
         for (int32_t lag = 3; lag <= t && lag < MAX_LAG; lag++) {
-            double distance = frame_distance(f, t, t - lag);
+            double distance = frame_distance(coder, t, t - lag);
             if (distance < best) {
                 best = distance;
-                f->lags[t] = lag;
+                coder->lags[t] = lag;
             }
         }
-        n_found += f->lags[t] > 0;
+        n_found += coder->lags[t] > 0;
     }
-    f->has_lags = n_found >= f->n_frames / 8 + 1;
+    coder->has_lags = n_found >= coder->n_frames / 8 + 1;
 }
 
 /* Whether many rows repeat the previous row (more than half), or some (more than 1 in 256). */
-static void count_repeats(exact_coder *f, bool *many, bool *some) {
+static void count_repeats(exact_coder *coder, bool *many, bool *some) {
     int64_t n_repeated = 0, n_rows = 0, n_constant = 0;
-    for (f->item = 0; f->item < f->n_items; f->item++) {
-        if (is_constant(f)) {
+    for (coder->item = 0; coder->item < coder->n_items; coder->item++) {
+        if (is_constant(coder)) {
             n_constant++;
             continue;
         }
-        for (int64_t t = 1; t < f->n_frames; t++) {
-            n_repeated += same_rows(f, t, t - 1);
+        for (int64_t t = 1; t < coder->n_frames; t++) {
+            n_repeated += same_rows(coder, t, t - 1);
         }
-        n_rows += f->n_frames - 1;
+        n_rows += coder->n_frames - 1;
     }
     *some = n_repeated > n_rows / 256;
-    *many = n_repeated > n_rows / 2 || n_constant > f->n_items / 2;
+    *many = n_repeated > n_rows / 2 || n_constant > coder->n_items / 2;
 }
 
 /* An additional mode to try: labels in the given order. */
 enum { LABELS_IN_GIVEN_ORDER = RAW + 1 };
 
-static void set_mode(exact_coder *f, int mode) {
-    f->in_given_order = mode == LABELS_IN_GIVEN_ORDER;
-    f->kind = f->in_given_order ? LABELS : mode;
+static void set_mode(exact_coder *coder, int mode) {
+    coder->in_given_order = mode == LABELS_IN_GIVEN_ORDER;
+    coder->kind = coder->in_given_order ? LABELS : mode;
 }
 
 /* Return the size of the first items when coded in a mode. */
-static int64_t try_mode(exact_coder *f, int mode, uint8_t *out, size_t capacity) {
-    exact_coder tried = *f;
-    reel_range_coder coder = reel_start_encoder(out, capacity);
-    int64_t count = f->n_items / 32 + 64;
+static int64_t try_mode(exact_coder *coder, int mode, uint8_t *out, size_t capacity) {
+    exact_coder tried = *coder;
+    reel_range_coder range_coder = reel_start_encoder(out, capacity);
+    int64_t count = coder->n_items / 32 + 64;
     set_mode(&tried, mode);
-    tried.coder = &coder;
-    int64_t size = reel_exact_block(&tried, count < f->n_items ? count : f->n_items);
-    f->traversal = tried.traversal;
+    tried.range_coder = &range_coder;
+    int64_t size = reel_exact_block(&tried, count < coder->n_items ? count : coder->n_items);
+    coder->traversal = tried.traversal;
     return size < 0 ? INT64_MAX : size;
 }
 
-static void choose_mode(exact_coder *f, uint8_t *out, size_t capacity) {
+static void choose_mode(exact_coder *coder, uint8_t *out, size_t capacity) {
     static const int candidates[] = {LABELS, MEANS, LABELS_IN_GIVEN_ORDER};
     bool many_repeats;
-    count_repeats(f, &many_repeats, &f->has_repeats);
-    bool is_float = f->numbers.type == REEL_FLOATS;
-    int best = f->n_frames > 1 && (is_float || f->numbers.size > 1) ? FILTER : MEANS;
+    count_repeats(coder, &many_repeats, &coder->has_repeats);
+    bool is_float = coder->numbers.type == REEL_FLOATS;
+    int best = coder->n_frames > 1 && (is_float || coder->numbers.size > 1) ? FILTER : MEANS;
     if (!is_float || many_repeats) {
         int numeric = best;
-        int64_t min_bytes = try_mode(f, numeric, out, capacity);
+        int64_t min_bytes = try_mode(coder, numeric, out, capacity);
         for (int i = 0; i < 3; i++) {
             bool is_new = candidates[i] != numeric && !(is_float && candidates[i] == MEANS);
-            int64_t result = is_new ? try_mode(f, candidates[i], out, capacity) : INT64_MAX;
+            int64_t result = is_new ? try_mode(coder, candidates[i], out, capacity) : INT64_MAX;
             if (result < min_bytes) {
                 min_bytes = result;
                 best = candidates[i];
             }
         }
     }
-    set_mode(f, best);
+    set_mode(coder, best);
 }
 
 int64_t reel_exact_encode(void *memory, size_t memory_size, void *values, int64_t n_frames,
                           int64_t n_items, int64_t width, int64_t size, int64_t type,
                           const int32_t *starts, const int32_t *near, uint8_t *out,
                           size_t capacity) {
-    exact_coder f = coder_of(values, n_frames, n_items, width, size, type);
-    enum reel_code code = reel_exact_prepare(&f, memory, memory_size, starts, near);
+    exact_coder coder = coder_of(values, n_frames, n_items, width, size, type);
+    enum reel_code code = reel_exact_prepare(&coder, memory, memory_size, starts, near);
     if (code) {
         return reel_failure(code, 0);
     }
-    choose_numbers(&f);
+    choose_numbers(&coder);
     if (type != REEL_FLOATS) {
-        reel_set_scale(&f.numbers, 8 * f.numbers.size);
+        reel_set_scale(&coder.numbers, 8 * coder.numbers.size);
     }
-    choose_lags(&f);
-    choose_mode(&f, out, capacity);
-    reel_range_coder coder = reel_start_encoder(out, capacity);
-    f.coder = &coder;
-    int64_t n_bytes = reel_exact_block(&f, n_items);
+    choose_lags(&coder);
+    choose_mode(&coder, out, capacity);
+    reel_range_coder range_coder = reel_start_encoder(out, capacity);
+    coder.range_coder = &range_coder;
+    int64_t n_bytes = reel_exact_block(&coder, n_items);
     if (n_bytes < 0) { /* incompressible */
-        coder = reel_start_encoder(out, capacity);
-        f.kind = RAW;
-        n_bytes = reel_exact_block(&f, n_items);
+        range_coder = reel_start_encoder(out, capacity);
+        coder.kind = RAW;
+        n_bytes = reel_exact_block(&coder, n_items);
     }
     return n_bytes;
 }

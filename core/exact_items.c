@@ -5,63 +5,65 @@
 #include "exact_filter.h"
 #include "exact_sizes.h"
 
-REEL_INLINE double mean_near(const exact_coder *f, int64_t t, int64_t col, int max_neighbors) {
-    int64_t stride = f->n_frames * f->width, at = t * f->width + col;
-    int n = f->n_near < max_neighbors ? f->n_near : max_neighbors;
+REEL_INLINE double mean_near(const exact_coder *coder, int64_t t, int64_t col, int max_neighbors) {
+    int64_t stride = coder->n_frames * coder->width, at = t * coder->width + col;
+    int n = coder->n_near < max_neighbors ? coder->n_near : max_neighbors;
     double sum = 0;
     for (int i = 0; i < n; i++) {
-        const double *row = f->known + f->near[i] * stride + at;
-        sum += t ? row[0] - row[-f->width] : row[0];
+        const double *row = coder->known + coder->near[i] * stride + at;
+        sum += t ? row[0] - row[-coder->width] : row[0];
     }
     return n ? sum / n : 0;
 }
 
 /* Code whether a number is not finite, and if so its bit pattern. */
-REEL_INLINE bool code_special(exact_coder *f, int64_t t, int64_t col, uint64_t *pattern) {
-    int own = t && f->flags[f->position * f->n_frames + t - 1] & SPECIAL, near = 0;
-    for (int i = 0; i < f->n_near && i < 2; i++) {
-        near += (f->flags[f->near[i] * f->n_frames + t] & SPECIAL) != 0;
+REEL_INLINE bool code_special(exact_coder *coder, int64_t t, int64_t col, uint64_t *pattern) {
+    int own = t && coder->flags[coder->position * coder->n_frames + t - 1] & SPECIAL, near = 0;
+    for (int i = 0; i < coder->n_near && i < 2; i++) {
+        near += (coder->flags[coder->near[i] * coder->n_frames + t] & SPECIAL) != 0;
     }
-    bool special = reel_is_encoder(f->coder) && reel_is_special(&f->numbers, *pattern);
-    if (!reel_bit(f->coder, &f->models->special[own][near], special)) {
+    bool special =
+        reel_is_encoder(coder->range_coder) && reel_is_special(&coder->numbers, *pattern);
+    if (!reel_bit(coder->range_coder, &coder->models->special[own][near], special)) {
         return false;
     }
-    uint64_t last = f->models->last_special;
-    f->flags[f->position * f->n_frames + t] |= SPECIAL;
-    if (reel_bit(f->coder, &f->models->special_repeats,
-                 reel_is_encoder(f->coder) && *pattern == last)) {
+    uint64_t last = coder->models->last_special;
+    coder->flags[coder->position * coder->n_frames + t] |= SPECIAL;
+    if (reel_bit(coder->range_coder, &coder->models->special_repeats,
+                 reel_is_encoder(coder->range_coder) && *pattern == last)) {
         *pattern = last;
     } else {
         uint64_t result = 0;
-        for (int i = f->numbers.size - 1; i >= 0; i--) {
-            result = result << 8 | reel_code_raw(f->coder, 8, (uint32_t)(*pattern >> 8 * i & 0xFF));
+        for (int i = coder->numbers.size - 1; i >= 0; i--) {
+            result = result << 8 |
+                     reel_code_raw(coder->range_coder, 8, (uint32_t)(*pattern >> 8 * i & 0xFF));
         }
-        *pattern = f->models->last_special = result;
+        *pattern = coder->models->last_special = result;
     }
     (void)col;
     return true;
 }
 
 /* Record a number and the size of its difference for later predictions. */
-REEL_INLINE void record(exact_coder *f, int64_t t, int64_t col, double value, int32_t size) {
-    column_state *state = &f->columns[col];
-    int64_t at = (f->position * f->n_frames + t) * f->width + col;
-    f->known[at] = value;
-    f->sizes[at] = (int16_t)size;
-    int32_t more = size - (t > 1 ? state->fast >> 4 : state->here);
-    f->excess = col ? (f->excess + more) >> 1 : more;
-    state->now = state->last = size;
+REEL_INLINE void record(exact_coder *coder, int64_t t, int64_t col, double value, int32_t size) {
+    column_state *state = &coder->columns[col];
+    int64_t at = (coder->position * coder->n_frames + t) * coder->width + col;
+    coder->known[at] = value;
+    coder->sizes[at] = (int16_t)size;
+    int32_t excess = size - (t > 1 ? state->fast >> 4 : state->recent);
+    coder->excess = col ? (coder->excess + excess) >> 1 : excess;
+    state->last = size;
 }
 
 /* Update the size statistics of the columns after a row. */
-static void update_columns(exact_coder *f, int64_t t) {
-    for (int64_t col = 0; col < f->width; col++) {
-        column_state *state = &f->columns[col];
+static void update_columns(exact_coder *coder, int64_t t) {
+    for (int64_t col = 0; col < coder->width; col++) {
+        column_state *state = &coder->columns[col];
         if (t < 2) {
-            state->fast = state->slow = state->now * 16;
+            state->fast = state->slow = state->last * 16;
         } else {
-            state->fast += (state->now * 16 - state->fast) >> 2;
-            state->slow += (state->now * 16 - state->slow) >> 4;
+            state->fast += (state->last * 16 - state->fast) >> 2;
+            state->slow += (state->last * 16 - state->slow) >> 4;
         }
     }
 }
@@ -73,18 +75,18 @@ typedef struct {
     uint64_t index; /* index of the base, for integers */
 } prediction;
 
-REEL_INLINE prediction predict_first(exact_coder *f, int64_t col) {
-    int64_t stride = f->n_frames * f->width;
+REEL_INLINE prediction predict_first(exact_coder *coder, int64_t col) {
+    int64_t stride = coder->n_frames * coder->width;
     prediction result = {0};
-    int64_t source = f->n_near ? f->near[0] : f->position - 1;
+    int64_t source = coder->n_near ? coder->near[0] : coder->position - 1;
     if (source < 0) {
         return result;
     }
-    result.base = f->known[source * stride + col];
-    result.value = f->n_near ? mean_near(f, 0, col, REEL_MAX_NEAR) : result.base;
-    if (f->numbers.type != REEL_FLOATS) {
-        uint64_t pattern = pattern_at(f, 0, f->traversal.order[source], col);
-        result.index = reel_integer_of(&f->numbers, pattern);
+    result.base = coder->known[source * stride + col];
+    result.value = coder->n_near ? mean_near(coder, 0, col, REEL_MAX_NEAR) : result.base;
+    if (coder->numbers.type != REEL_FLOATS) {
+        uint64_t pattern = pattern_at(coder, 0, coder->traversal.order[source], col);
+        result.index = reel_integer_of(&coder->numbers, pattern);
     }
     return result;
 }
@@ -110,74 +112,77 @@ REEL_INLINE prediction predict_first(exact_coder *f, int64_t col) {
 #endif
 
 /* Code a row number by number. */
-REEL_INLINE void code_numbers(exact_coder *f, int64_t t) {
+REEL_INLINE void code_numbers(exact_coder *coder, int64_t t) {
 #ifdef REEL_HAS_WIDE
-    if (f->vector_width >= 4) {
-        code_numbers_4(f, t);
+    if (coder->vector_width >= 4) {
+        code_numbers_4(coder, t);
         return;
     }
 #endif
-    code_numbers_2(f, t);
+    code_numbers_2(coder, t);
 }
 
 /* ---- rows ---- */
 
 /* Code whether a row differs from the previous one. */
-REEL_INLINE bool code_moved(exact_coder *f, int64_t t, bool moved) {
-    const uint8_t *own = f->flags + f->position * f->n_frames + t;
+REEL_INLINE bool code_moved(exact_coder *coder, int64_t t, bool moved) {
+    const uint8_t *own = coder->flags + coder->position * coder->n_frames + t;
     int near = 0;
-    for (int i = 0; i < f->n_near && i < N_VOTES; i++) {
-        near += f->flags[f->near[i] * f->n_frames + t] & MOVED;
+    for (int i = 0; i < coder->n_near && i < N_VOTES; i++) {
+        near += coder->flags[coder->near[i] * coder->n_frames + t] & MOVED;
     }
     int history = (t > 1 ? own[-1] & MOVED : 0) | (t > 2 ? (own[-2] & MOVED) << 1 : 0);
-    return reel_bit(f->coder, &f->models->moved[near][history], moved);
+    return reel_bit(coder->range_coder, &coder->models->moved[near][history], moved);
 }
 
-static void copy_row(const exact_coder *f, int64_t t, int64_t from) {
-    size_t size = (size_t)(f->width * f->numbers.size);
-    reel_copy(f->values + (size_t)(t * f->n_items + f->item) * size,
-              f->values + (size_t)(from * f->n_items + f->item) * size, size);
+static void copy_row(const exact_coder *coder, int64_t t, int64_t from) {
+    size_t size = (size_t)(coder->width * coder->numbers.size);
+    reel_copy(coder->values + (size_t)(t * coder->n_items + coder->item) * size,
+              coder->values + (size_t)(from * coder->n_items + coder->item) * size, size);
 }
 
 /* Repeat the previous row. */
-static void repeat_row(exact_coder *f, int64_t t) {
-    uint8_t *flags = f->flags + f->position * f->n_frames + t;
-    if (!reel_is_encoder(f->coder)) {
-        copy_row(f, t, t - 1);
-        for (int64_t at = t * f->width; f->kind != LABELS && at < (t + 1) * f->width; at++) {
-            f->patterns[at] = f->patterns[at - f->width];
+static void repeat_row(exact_coder *coder, int64_t t) {
+    uint8_t *flags = coder->flags + coder->position * coder->n_frames + t;
+    if (!reel_is_encoder(coder->range_coder)) {
+        copy_row(coder, t, t - 1);
+        for (int64_t at = t * coder->width; coder->kind != LABELS && at < (t + 1) * coder->width;
+             at++) {
+            coder->patterns[at] = coder->patterns[at - coder->width];
         }
     }
     *flags = flags[-1] & SPECIAL;
-    if (f->kind == LABELS) {
+    if (coder->kind == LABELS) {
         return;
     }
-    for (int64_t col = 0; col < f->width; col++) {
-        double value = f->known[(f->position * f->n_frames + t - 1) * f->width + col];
+    for (int64_t col = 0; col < coder->width; col++) {
+        double value =
+            coder->known[(coder->position * coder->n_frames + t - 1) * coder->width + col];
         int32_t step;
-        reel_predict_index(&f->numbers, value, value, 0, &f->columns[col].decade, &step);
-        record(f, t, col, value, clamp(step - 16, REEL_MAX_SIZE));
+        reel_predict_index(&coder->numbers, value, value, 0, &coder->columns[col].decade, &step);
+        record(coder, t, col, value, clamp(step - 16, REEL_MAX_SIZE));
     }
 }
 
 /* ---- labels: rows repeated from neighbors ---- */
 
-static const uint8_t *row_of(const exact_coder *f, int64_t t, int64_t item) {
-    return f->values + (size_t)((t * f->n_items + item) * f->width * f->numbers.size);
+static const uint8_t *row_of(const exact_coder *coder, int64_t t, int64_t item) {
+    return coder->values +
+           (size_t)((t * coder->n_items + item) * coder->width * coder->numbers.size);
 }
 
 /* Find the distinct rows that this row may repeat: that of two frames before, and those of
    neighbors. Returns how many; votes count the neighbors that have each. */
-static int find_candidates(const exact_coder *f, int64_t t, const uint8_t **rows, int *votes) {
-    size_t size = (size_t)(f->width * f->numbers.size);
-    const uint8_t *before = t ? row_of(f, t - 1, f->item) : NULL;
+static int find_candidates(const exact_coder *coder, int64_t t, const uint8_t **rows, int *votes) {
+    size_t size = (size_t)(coder->width * coder->numbers.size);
+    const uint8_t *before = t ? row_of(coder, t - 1, coder->item) : NULL;
     int n = 0;
-    for (int i = -1; i < f->n_near && i < N_VOTES; i++) {
+    for (int i = -1; i < coder->n_near && i < N_VOTES; i++) {
         if (i < 0 && t < 2) {
             continue;
         }
-        const uint8_t *row =
-            i < 0 ? row_of(f, t - 2, f->item) : row_of(f, t, f->traversal.order[f->near[i]]);
+        const uint8_t *row = i < 0 ? row_of(coder, t - 2, coder->item)
+                                   : row_of(coder, t, coder->traversal.order[coder->near[i]]);
         int same = 0;
         while (same < n && !reel_equal_bytes(rows[same], row, size)) {
             same++;
@@ -192,121 +197,127 @@ static int find_candidates(const exact_coder *f, int64_t t, const uint8_t **rows
     return n;
 }
 
-static void code_new_row(exact_coder *f, int64_t t) {
-    const reel_numbers *numbers = &f->numbers;
+static void code_new_row(exact_coder *coder, int64_t t) {
+    const reel_numbers *numbers = &coder->numbers;
     int decade = 0; /* unused */
-    for (int64_t col = 0; col < f->width; col++) {
-        column_state *state = &f->columns[col];
-        int64_t from = f->position ? f->traversal.order[f->position - 1] : -1;
-        uint64_t base = t          ? pattern_at(f, t - 1, f->item, col)
-                        : from >= 0 ? pattern_at(f, 0, from, col)
+    for (int64_t col = 0; col < coder->width; col++) {
+        column_state *state = &coder->columns[col];
+        int64_t from = coder->position ? coder->traversal.order[coder->position - 1] : -1;
+        uint64_t base = t           ? pattern_at(coder, t - 1, coder->item, col)
+                        : from >= 0 ? pattern_at(coder, 0, from, col)
                                     : 0;
         uint64_t index = reel_index_of(numbers, base, &decade);
-        uint64_t pattern = reel_is_encoder(f->coder) ? pattern_at(f, t, f->item, col) : 0;
+        uint64_t pattern =
+            reel_is_encoder(coder->range_coder) ? pattern_at(coder, t, coder->item, col) : 0;
         uint64_t difference = reel_index_of(numbers, pattern, &decade) - index;
-        difference = code_difference(f, class_of(state->last >> 4), difference);
+        difference = code_difference(coder, class_of(state->last >> 4), difference);
         int32_t size = size_of(difference >> 63 ? 0 - difference : difference);
         state->last += (size * 16 - state->last) >> 2;
-        put_pattern(f, t, col, reel_pattern_of(numbers, index + difference, decade));
+        put_pattern(coder, t, col, reel_pattern_of(numbers, index + difference, decade));
     }
 }
 
-static void code_label(exact_coder *f, int64_t t) {
+static void code_label(exact_coder *coder, int64_t t) {
     const uint8_t *rows[N_VOTES + 1];
-    int votes[N_VOTES + 1], n = find_candidates(f, t, rows, votes);
-    size_t size = (size_t)(f->width * f->numbers.size);
-    uint8_t *row = f->values + (row_of(f, t, f->item) - f->values);
-    f->flags[f->position * f->n_frames + t] = MOVED;
+    int votes[N_VOTES + 1], n = find_candidates(coder, t, rows, votes);
+    size_t size = (size_t)(coder->width * coder->numbers.size);
+    uint8_t *row = coder->values + (row_of(coder, t, coder->item) - coder->values);
+    coder->flags[coder->position * coder->n_frames + t] = MOVED;
     for (int i = 0; i < n; i++) {
-        bool same = reel_is_encoder(f->coder) && reel_equal_bytes(rows[i], row, size);
+        bool same = reel_is_encoder(coder->range_coder) && reel_equal_bytes(rows[i], row, size);
         int vote = votes[i] < N_VOTES ? votes[i] : N_VOTES;
-        if (reel_bit(f->coder, &f->models->candidate[t > 0][i][vote], same)) {
-            if (!reel_is_encoder(f->coder)) {
+        if (reel_bit(coder->range_coder, &coder->models->candidate[t > 0][i][vote], same)) {
+            if (!reel_is_encoder(coder->range_coder)) {
                 reel_copy(row, rows[i], size);
             }
             return;
         }
     }
-    code_new_row(f, t);
+    code_new_row(coder, t);
 }
 
 /* ---- items ---- */
 
-static bool code_constant(exact_coder *f) {
-    bool constant = f->n_frames > 1 && reel_is_encoder(f->coder) && is_constant(f);
-    int near = f->n_near ? 1 : 0;
-    for (int i = 0; i < f->n_near && i < 2; i++) {
-        near += f->constant[f->near[i]];
+static bool code_constant(exact_coder *coder) {
+    bool constant =
+        coder->n_frames > 1 && reel_is_encoder(coder->range_coder) && is_constant(coder);
+    int near = coder->n_near ? 1 : 0;
+    for (int i = 0; i < coder->n_near && i < 2; i++) {
+        near += coder->constant[coder->near[i]];
     }
-    if (f->n_frames > 1) {
-        constant = reel_bit(f->coder, &f->models->constant[near], constant);
+    if (coder->n_frames > 1) {
+        constant = reel_bit(coder->range_coder, &coder->models->constant[near], constant);
     }
-    f->constant[f->position] = constant;
+    coder->constant[coder->position] = constant;
     return constant;
 }
 
 /* Load the bit patterns of the item (encoder), and the sizes of its neighbors. */
-static void load_item(exact_coder *f) {
-    int64_t count = f->n_frames * f->width;
-    int n = f->n_near < N_NEAR ? f->n_near : N_NEAR;
-    if (reel_is_encoder(f->coder)) {
-        for (int64_t t = 0; t < f->n_frames; t++) {
-            for (int64_t col = 0; col < f->width; col++) {
-                f->patterns[t * f->width + col] = pattern_at(f, t, f->item, col);
+static void load_item(exact_coder *coder) {
+    int64_t count = coder->n_frames * coder->width;
+    int n = coder->n_near < N_NEAR ? coder->n_near : N_NEAR;
+    if (reel_is_encoder(coder->range_coder)) {
+        for (int64_t t = 0; t < coder->n_frames; t++) {
+            for (int64_t col = 0; col < coder->width; col++) {
+                coder->patterns[t * coder->width + col] = pattern_at(coder, t, coder->item, col);
             }
         }
     }
-    reel_zero(f->sums, (size_t)count * sizeof *f->sums);
+    reel_zero(coder->sums, (size_t)count * sizeof *coder->sums);
     for (int i = 0; i < n; i++) {
-        const int16_t *row = f->sizes + f->near[i] * count;
+        const int16_t *row = coder->sizes + coder->near[i] * count;
         for (int64_t at = 0; at < count; at++) {
-            f->sums[at] += row[at];
-            f->max_sizes[at] = i && f->max_sizes[at] > row[at] ? f->max_sizes[at] : row[at];
+            coder->sums[at] += row[at];
+            coder->max_sizes[at] =
+                i && coder->max_sizes[at] > row[at] ? coder->max_sizes[at] : row[at];
         }
     }
 }
 
-static void code_item(exact_coder *f) {
-    int64_t next = f->traversal.order[f->position + 1 < f->n_items ? f->position + 1 : f->position];
-    bool constant = code_constant(f);
-    if (f->kind != LABELS) {
-        load_item(f);
+static void code_item(exact_coder *coder) {
+    int64_t next =
+        coder->traversal
+            .order[coder->position + 1 < coder->n_items ? coder->position + 1 : coder->position];
+    bool constant = code_constant(coder);
+    if (coder->kind != LABELS) {
+        load_item(coder);
     }
-    if (f->kind == FILTER) {
-        begin_item_filter(f);
+    if (coder->kind == FILTER) {
+        begin_item_filter(coder);
     }
-    for (int64_t t = 0; t < f->n_frames; t++) {
-        __builtin_prefetch(row_of(f, t, next));
+    for (int64_t t = 0; t < coder->n_frames; t++) {
+        __builtin_prefetch(row_of(coder, t, next));
         bool moved = !constant || t == 0;
-        if (t && !constant && f->has_repeats) {
-            moved = reel_is_encoder(f->coder) && !same_rows(f, t, t - 1);
-            moved = code_moved(f, t, moved);
+        if (t && !constant && coder->has_repeats) {
+            moved = reel_is_encoder(coder->range_coder) && !same_rows(coder, t, t - 1);
+            moved = code_moved(coder, t, moved);
         }
         if (!moved) {
-            repeat_row(f, t);
-        } else if (f->kind == LABELS) {
-            code_label(f, t);
+            repeat_row(coder, t);
+        } else if (coder->kind == LABELS) {
+            code_label(coder, t);
         } else {
-            if (f->kind == FILTER && t >= f->first + MOTION_FRAMES) {
-                load_motions(f, t);
+            if (coder->kind == FILTER && t >= coder->first + MOTION_FRAMES) {
+                load_motions(coder, t);
             }
-            code_numbers(f, t);
+            code_numbers(coder, t);
         }
     }
-    if (f->kind == FILTER) {
-        end_filter(f);
+    if (coder->kind == FILTER) {
+        end_filter(coder);
     }
 }
 
-void reel_exact_items(exact_coder *f, int64_t count) {
-    for (f->position = 0; f->position < count; f->position++) {
-        f->item = f->traversal.order[f->position];
-        int max_neighbors = f->kind == LABELS ? N_VOTES : REEL_MAX_NEAR;
-        f->n_near = reel_find_near(&f->traversal, (int32_t)f->position, max_neighbors, f->near);
-        if (f->in_given_order && f->position) {
-            f->n_near =
-                reel_prepend_position((int32_t)f->position - 1, f->near, f->n_near, max_neighbors);
+void reel_exact_items(exact_coder *coder, int64_t count) {
+    for (coder->position = 0; coder->position < count; coder->position++) {
+        coder->item = coder->traversal.order[coder->position];
+        int max_neighbors = coder->kind == LABELS ? N_VOTES : REEL_MAX_NEAR;
+        coder->n_near =
+            reel_find_near(&coder->traversal, (int32_t)coder->position, max_neighbors, coder->near);
+        if (coder->in_given_order && coder->position) {
+            coder->n_near = reel_prepend_position((int32_t)coder->position - 1, coder->near,
+                                                  coder->n_near, max_neighbors);
         }
-        code_item(f);
+        code_item(coder);
     }
 }

@@ -24,168 +24,169 @@ TARGET REEL_INLINE double NAMED(filter_sum)(const double *a, const double *input
 }
 
 /* Compute the gains = covariance inputs; returns the variance of the predicted motion. */
-TARGET REEL_INLINE double NAMED(find_gains)(exact_coder *f, const double *inputs,
+TARGET REEL_INLINE double NAMED(find_gains)(exact_coder *coder, const double *inputs,
                                             const double *temporal) {
-    const VEC *row = (const VEC *)f->covariance;
+    const VEC *row = (const VEC *)coder->covariance;
     VEC sums[N_VECS];
     FOR_VECS(k) { sums[k] = (VEC){0}; }
     for (int j = 0; j < REEL_MAX_NEAR; j++) {
         FOR_VECS(k) { sums[k] += row[N_VECS * j + k] * inputs[j]; }
     }
     for (int i = 0; i < TEMPORAL; i++) {
-        FOR_VECS(k) { sums[k] += row[N_VECS * (f->n_near + i) + k] * temporal[i]; }
+        FOR_VECS(k) { sums[k] += row[N_VECS * (coder->n_near + i) + k] * temporal[i]; }
     }
-    FOR_VECS(k) { ((VEC *)f->gains)[k] = sums[k]; }
-    return NAMED(filter_sum)(f->gains, inputs, f->n_near, temporal);
+    FOR_VECS(k) { ((VEC *)coder->gains)[k] = sums[k]; }
+    return NAMED(filter_sum)(coder->gains, inputs, coder->n_near, temporal);
 }
 
 /* Kalman update with a prediction error of variance `spread`: move the weights along the gains, and
    shrink the covariance. Returns false if the numbers are unusable. */
-TARGET REEL_INLINE bool NAMED(update_filter)(exact_coder *f, double error, double spread) {
+TARGET REEL_INLINE bool NAMED(update_filter)(exact_coder *coder, double error, double spread) {
     if (!(spread > 0 && spread < 1e100 && error * error < 1e100)) {
         return false;
     }
     double by = 1.0 / spread, step = error * by;
     VEC gains[N_VECS];
     FOR_VECS(k) {
-        gains[k] = ((const VEC *)f->gains)[k];
-        ((VEC *)f->weights)[k] += gains[k] * step;
+        gains[k] = ((const VEC *)coder->gains)[k];
+        ((VEC *)coder->weights)[k] += gains[k] * step;
     }
     for (int j = 0; j < INPUTS; j++) {
-        VEC *row = (VEC *)(f->covariance + INPUTS * j);
-        double gain = f->gains[j] * by;
+        VEC *row = (VEC *)(coder->covariance + INPUTS * j);
+        double gain = coder->gains[j] * by;
         FOR_VECS(k) { row[k] -= gains[k] * gain; }
     }
     return true;
 }
 
 /* Inflate the covariance, unless the weights are nearly unknown. */
-TARGET REEL_INLINE void NAMED(inflate_covariance)(exact_coder *f) {
+TARGET REEL_INLINE void NAMED(inflate_covariance)(exact_coder *coder) {
     double sum = 0;
-    for (int i = 0; i < f->n_near + TEMPORAL; i++) {
-        sum += f->covariance[INPUTS * i + i];
+    for (int i = 0; i < coder->n_near + TEMPORAL; i++) {
+        sum += coder->covariance[INPUTS * i + i];
     }
     if (!(sum < INITIAL_VARIANCE)) {
         return;
     }
     for (int k = 0; k < INPUTS * N_VECS; k++) {
-        ((VEC *)f->covariance)[k] *= COVARIANCE_GROWTH;
+        ((VEC *)coder->covariance)[k] *= COVARIANCE_GROWTH;
     }
 }
 
 /* Initialize the weights from the positions of the neighbors at frame 0. */
-TARGET static void NAMED(update_from_positions)(exact_coder *f, int64_t col, double mean,
+TARGET static void NAMED(update_from_positions)(exact_coder *coder, int64_t col, double mean,
                                                 double value) {
     static const double none[TEMPORAL] = {0};
-    int64_t stride = f->n_frames * f->width;
+    int64_t stride = coder->n_frames * coder->width;
     double positions[INPUTS] __attribute__((aligned(REEL_ALIGNMENT))) = {0};
-    for (int i = 0; i < f->n_near; i++) {
-        positions[i] = f->known[f->near[i] * stride + col] - mean;
+    for (int i = 0; i < coder->n_near; i++) {
+        positions[i] = coder->known[coder->near[i] * stride + col] - mean;
     }
     double squares = NAMED(filter_sum)(positions, positions, 0, NULL);
-    double sum = NAMED(filter_sum)(f->weights, positions, 0, NULL);
-    double spread = NAMED(find_gains)(f, positions, none) + 0.2 * (squares / f->n_near);
-    NAMED(update_filter)(f, (value - mean) - sum, spread + f->numbers.rounding);
+    double sum = NAMED(filter_sum)(coder->weights, positions, 0, NULL);
+    double spread = NAMED(find_gains)(coder, positions, none) + 0.2 * (squares / coder->n_near);
+    NAMED(update_filter)(coder, (value - mean) - sum, spread + coder->numbers.rounding);
 }
 
 /* Motion of the item relative to the weighted motions of its neighbors. */
-TARGET REEL_INLINE double NAMED(residual_motion)(const exact_coder *f, const double *motions,
+TARGET REEL_INLINE double NAMED(residual_motion)(const exact_coder *coder, const double *motions,
                                                  double motion) {
-    return motion - NAMED(filter_sum)(f->weights, motions, 0, NULL);
+    return motion - NAMED(filter_sum)(coder->weights, motions, 0, NULL);
 }
 
 /* Predict the motion of a number since the last frame, from its neighbors' motions and its own
    recent ones. */
-TARGET REEL_INLINE double NAMED(predict_motion)(exact_coder *f, int64_t t, int64_t col,
+TARGET REEL_INLINE double NAMED(predict_motion)(exact_coder *coder, int64_t t, int64_t col,
                                                 double *spread) {
-    int64_t w = f->width, lag = f->lags[t], at = (t - f->first + 1) * w + col;
-    const double *patterns = f->known + (f->position * f->n_frames + t) * w + col;
-    const double *motions = f->motions + at * INPUTS;
+    int64_t w = coder->width, lag = coder->lags[t], at = (t - coder->first + 1) * w + col;
+    const double *patterns = coder->known + (coder->position * coder->n_frames + t) * w + col;
+    const double *motions = coder->motions + at * INPUTS;
     double temporal[TEMPORAL] = {0};
     if (t > 1) {
         temporal[0] =
-            NAMED(residual_motion)(f, motions - w * INPUTS, patterns[-w] - patterns[-2 * w]);
+            NAMED(residual_motion)(coder, motions - w * INPUTS, patterns[-w] - patterns[-2 * w]);
     }
     if (lag) {
-        temporal[1] = NAMED(residual_motion)(f, f->lagged_motions + at * INPUTS,
+        temporal[1] = NAMED(residual_motion)(coder, coder->lagged_motions + at * INPUTS,
                                              patterns[-lag * w] - patterns[-w]);
     }
-    double fast = 4 * f->fast_noise, noise = f->noise < fast ? f->noise : fast;
-    *spread = (NAMED(find_gains)(f, motions, temporal) + noise) + f->numbers.rounding;
-    return NAMED(filter_sum)(f->weights, motions, f->n_near, temporal);
+    double fast = 4 * coder->fast_noise, noise = coder->noise < fast ? coder->noise : fast;
+    *spread = (NAMED(find_gains)(coder, motions, temporal) + noise) + coder->numbers.rounding;
+    return NAMED(filter_sum)(coder->weights, motions, coder->n_near, temporal);
 }
 
-TARGET REEL_INLINE prediction NAMED(predict_at)(exact_coder *f, int64_t t, int64_t col) {
+TARGET REEL_INLINE prediction NAMED(predict_at)(exact_coder *coder, int64_t t, int64_t col) {
     prediction result = {0};
-    result.base = f->known[(f->position * f->n_frames + t - 1) * f->width + col];
-    if (f->kind == FILTER) {
-        result.value = result.base + NAMED(predict_motion)(f, t, col, &result.spread);
+    result.base = coder->known[(coder->position * coder->n_frames + t - 1) * coder->width + col];
+    if (coder->kind == FILTER) {
+        result.value = result.base + NAMED(predict_motion)(coder, t, col, &result.spread);
     } else {
-        result.value = result.base + mean_near(f, t, col, N_NEAR);
+        result.value = result.base + mean_near(coder, t, col, N_NEAR);
     }
-    if (f->numbers.type != REEL_FLOATS) {
-        result.index = reel_integer_of(&f->numbers, f->patterns[(t - 1) * f->width + col]);
+    if (coder->numbers.type != REEL_FLOATS) {
+        result.index =
+            reel_integer_of(&coder->numbers, coder->patterns[(t - 1) * coder->width + col]);
     }
     return result;
 }
 
-TARGET REEL_INLINE void NAMED(learn_motion)(exact_coder *f, const prediction *predicted,
+TARGET REEL_INLINE void NAMED(learn_motion)(exact_coder *coder, const prediction *predicted,
                                             double value) {
     double error = value - predicted->value;
-    if (NAMED(update_filter)(f, error, predicted->spread)) {
-        f->noise += (error * error - f->noise) / 20;
-        f->fast_noise += (error * error - f->fast_noise) / 8;
+    if (NAMED(update_filter)(coder, error, predicted->spread)) {
+        coder->noise += (error * error - coder->noise) / 20;
+        coder->fast_noise += (error * error - coder->fast_noise) / 8;
     }
 }
 
 /* Code a number. */
-TARGET REEL_INLINE void NAMED(code_number)(exact_coder *f, int64_t t, int64_t col) {
-    const reel_numbers *numbers = &f->numbers;
-    prediction predicted = t ? NAMED(predict_at)(f, t, col) : predict_first(f, col);
-    uint64_t pattern = f->patterns[t * f->width + col];
+TARGET REEL_INLINE void NAMED(code_number)(exact_coder *coder, int64_t t, int64_t col) {
+    const reel_numbers *numbers = &coder->numbers;
+    prediction predicted = t ? NAMED(predict_at)(coder, t, col) : predict_first(coder, col);
+    uint64_t pattern = coder->patterns[t * coder->width + col];
     if (!(predicted.value >= -0x1p1000 && predicted.value <= 0x1p1000)) {
         predicted.value = predicted.base;
     }
     int32_t step;
-    int decade = f->columns[col].decade;
+    int decade = coder->columns[col].decade;
     uint64_t index = reel_predict_index(numbers, predicted.value, predicted.base, predicted.index,
                                         &decade, &step);
-    f->columns[col].decade = decade;
-    int32_t inputs[N_INPUTS], size = predict_size(f, t, col, predicted.spread, inputs);
-    if (f->has_special && code_special(f, t, col, &pattern)) {
-        put_pattern(f, t, col, pattern);
-        record(f, t, col, predicted.value, clamp(size, REEL_MAX_SIZE));
+    coder->columns[col].decade = decade;
+    int32_t inputs[N_INPUTS], size = predict_size(coder, t, col, predicted.spread, inputs);
+    if (coder->has_special && code_special(coder, t, col, &pattern)) {
+        put_pattern(coder, t, col, pattern);
+        record(coder, t, col, predicted.value, clamp(size, REEL_MAX_SIZE));
         return;
     }
     uint64_t difference = reel_index_of(numbers, pattern, &decade) - index;
-    difference = code_difference(f, class_of(size - step), difference);
-    if (!reel_is_encoder(f->coder)) {
+    difference = code_difference(coder, class_of(size - step), difference);
+    if (!reel_is_encoder(coder->range_coder)) {
         pattern = reel_pattern_of(numbers, index + difference, decade);
-        put_pattern(f, t, col, pattern);
+        put_pattern(coder, t, col, pattern);
     }
     int32_t coded_size = size_of(difference >> 63 ? 0 - difference : difference) + step;
     coded_size = clamp(coded_size, REEL_MAX_SIZE);
-    update_size_weights(f, inputs, coded_size - size);
+    update_size_weights(coder, inputs, coded_size - size);
     double value = reel_known_value(numbers, pattern, predicted.value);
-    record(f, t, col, value, coded_size);
-    if (f->kind != FILTER) {
+    record(coder, t, col, value, coded_size);
+    if (coder->kind != FILTER) {
         return;
     }
     if (t) {
-        NAMED(learn_motion)(f, &predicted, value);
-    } else if (f->n_near) {
-        NAMED(update_from_positions)(f, col, predicted.value, value);
+        NAMED(learn_motion)(coder, &predicted, value);
+    } else if (coder->n_near) {
+        NAMED(update_from_positions)(coder, col, predicted.value, value);
     }
 }
 
-TARGET static void NAMED(code_numbers)(exact_coder *f, int64_t t) {
-    f->flags[f->position * f->n_frames + t] = MOVED;
-    for (int64_t col = 0; col < f->width; col++) {
-        NAMED(code_number)(f, t, col);
+TARGET static void NAMED(code_numbers)(exact_coder *coder, int64_t t) {
+    coder->flags[coder->position * coder->n_frames + t] = MOVED;
+    for (int64_t col = 0; col < coder->width; col++) {
+        NAMED(code_number)(coder, t, col);
     }
-    update_columns(f, t);
-    if (t && f->kind == FILTER) {
-        NAMED(inflate_covariance)(f);
+    update_columns(coder, t);
+    if (t && coder->kind == FILTER) {
+        NAMED(inflate_covariance)(coder);
     }
 }
 

@@ -1,17 +1,17 @@
-/* Differences of the exact coder as bits, and the prediction of their size.
+/* Differences of the exact coder: their entropy coding, and the prediction of their size.
 
-   docs/format.md, "Exact values", "Sizes". The size of a difference is regressed, in integer
-   arithmetic, from earlier sizes, from those of neighbors and of other columns; its class is the
-   context. */
+   docs/format.md, "Exact values", "Sizes". A size is a logarithm, in sixteenths of an octave.
+   Linear regression in integers predicts it from the sizes of earlier rows, neighbors and earlier
+   columns. The predicted size selects the class, which is the context of the difference. */
 
 #ifndef REEL_EXACT_SIZES_H
 #define REEL_EXACT_SIZES_H
 
 #include "exact_state.h"
 
-#define RAW_BITS 24 /* raw bits coded at once */
-#define MAX_INPUT 128
-#define MAX_ERROR 64
+#define RAW_BITS 24   /* raw bits coded at once */
+#define MAX_INPUT 128 /* limit of the inputs of the regression */
+#define MAX_ERROR 64  /* limit of the error that updates its weights */
 
 /* ---- differences ---- */
 
@@ -21,29 +21,29 @@ REEL_INLINE int32_t clamp(int32_t value, int32_t limit) {
     return value < -limit ? -limit : value > limit ? limit : value;
 }
 
-/* Size of a magnitude: 16 log2(2 magnitude + 1) - 16, that is the logarithm of the middle of its
-   step. */
+/* Size of a magnitude: 16 log2(magnitude + 1 / 2), linear between powers of 2 and rounded down. */
 REEL_INLINE int32_t size_of(uint64_t magnitude) {
     uint64_t twice = magnitude >> 62 ? UINT64_MAX : 2 * magnitude + 1;
     int length = bit_length(twice);
     return 16 * (length - 2) + (int32_t)(twice << (64 - length) >> 59 & 15U);
 }
 
-/* Code the length of a magnitude, relative to the predicted length of the class. */
-REEL_INLINE int code_length(exact_coder *f, int class, int target_length) {
-    exact_models *models = f->models;
+/* Code the number of bits of a magnitude, in steps up or down from the number that its class
+   predicts. */
+REEL_INLINE int code_length(exact_coder *coder, int class, int actual) {
+    exact_models *models = coder->models;
     int length = class >> 2;
-    if (reel_bit(f->coder, &models->above[class], target_length > length)) {
+    if (reel_bit(coder->range_coder, &models->above[class], actual > length)) {
         length++;
         for (int i = 0; length < 64; i += i < N_STEPS - 1) {
-            if (!reel_bit(f->coder, &models->longer[class][i], target_length > length)) {
+            if (!reel_bit(coder->range_coder, &models->longer[class][i], actual > length)) {
                 break;
             }
             length++;
         }
     } else {
         for (int i = 0; length > 0; i += i < N_STEPS - 1) {
-            if (!reel_bit(f->coder, &models->shorter[class][i], target_length < length)) {
+            if (!reel_bit(coder->range_coder, &models->shorter[class][i], actual < length)) {
                 break;
             }
             length--;
@@ -52,11 +52,12 @@ REEL_INLINE int code_length(exact_coder *f, int class, int target_length) {
     return length;
 }
 
-/* Code a difference modulo 2^64 in a class of predicted sizes. */
-REEL_INLINE uint64_t code_difference(exact_coder *f, int class, uint64_t difference) {
-    exact_models *models = f->models;
+/* Code a difference modulo 2^64: the number of bits of its magnitude, the bit below the highest,
+   then the remaining bits and the sign, which have no model. */
+REEL_INLINE uint64_t code_difference(exact_coder *coder, int class, uint64_t difference) {
+    exact_models *models = coder->models;
     uint64_t magnitude = difference >> 63 ? 0 - difference : difference;
-    int length = code_length(f, class, bit_length(magnitude));
+    int length = code_length(coder, class, bit_length(magnitude));
     if (length == 0) {
         return 0;
     }
@@ -65,15 +66,15 @@ REEL_INLINE uint64_t code_difference(exact_coder *f, int class, uint64_t differe
     relative = relative < 0 ? 0 : relative > 7 ? 7 : relative;
     if (low > 0) {
         low--;
-        result = 2U | (uint64_t)reel_bit(f->coder, &models->second[class][relative],
+        result = 2U | (uint64_t)reel_bit(coder->range_coder, &models->second[class][relative],
                                          (int)(magnitude >> low & 1U));
     }
     for (; low >= RAW_BITS; low -= RAW_BITS) {
         uint32_t bits = (uint32_t)(magnitude >> (low - RAW_BITS));
-        result = result << RAW_BITS | reel_code_raw(f->coder, RAW_BITS, bits);
+        result = result << RAW_BITS | reel_code_raw(coder->range_coder, RAW_BITS, bits);
     }
     uint32_t rest = (uint32_t)(magnitude << 1 | difference >> 63); /* with the sign below */
-    rest = reel_code_raw(f->coder, low + 1, rest);
+    rest = reel_code_raw(coder->range_coder, low + 1, rest);
     result = result << low | rest >> 1;
     return rest & 1U ? 0 - result : result;
 }
@@ -85,41 +86,45 @@ REEL_INLINE int class_of(int32_t size) {
 
 /* ---- predicted sizes ---- */
 
-/* Q16 inverses of the number of neighbors. */
-static const int32_t inverses[N_NEAR + 1] = {0, 65536, 32768, 21845, 16384, 13107, 10922};
+static const int32_t inverses_q16[N_NEAR + 1] = {0, 65536, 32768, 21845, 16384, 13107, 10922};
 
-REEL_INLINE int32_t predict_size(exact_coder *f, int64_t t, int64_t col, double spread,
+/* Predict the size of a difference. `inputs` receives those of the regression: a constant, then
+   differences of sizes. */
+REEL_INLINE int32_t predict_size(exact_coder *coder, int64_t t, int64_t col, double spread,
                                  int32_t inputs[N_INPUTS]) {
-    column_state *state = &f->columns[col];
-    int n = f->n_near < N_NEAR ? f->n_near : N_NEAR;
-    int64_t at = t * f->width + col;
-    int32_t own = state->fast >> 4, here = n   ? f->sums[at] * inverses[n] >> 16
-                                           : t ? own
-                                               : state->last;
-    own = t > 1 ? own : here;
-    int32_t before = n && t ? f->sums[at - f->width] * inverses[n] >> 16 : own;
-    state->here = own;
+    column_state *state = &coder->columns[col];
+    int n = coder->n_near < N_NEAR ? coder->n_near : N_NEAR;
+    int64_t at = t * coder->width + col;
+    int32_t recent = state->fast >> 4; /* mean size of recent rows in this column */
+    int32_t neighbors = n   ? coder->sums[at] * inverses_q16[n] >> 16 /* their mean size */
+                        : t ? recent
+                            : state->last;
+    recent = t > 1 ? recent : neighbors;
+    int32_t neighbors_before =
+        n && t ? coder->sums[at - coder->width] * inverses_q16[n] >> 16 : recent;
+    state->recent = recent;
     inputs[0] = 16;
-    inputs[1] = here - own;
-    inputs[2] = col ? f->excess : 0;
-    inputs[3] = before - own;
-    inputs[4] = t > 1 ? own - (state->slow >> 4) : 0;
-    inputs[5] = n ? f->max_sizes[at] - here : 0;
-    inputs[6] = spread > 0 ? reel_size_of_variance(spread) - own : 0;
+    inputs[1] = neighbors - recent;
+    inputs[2] = col ? coder->excess : 0;
+    inputs[3] = neighbors_before - recent;
+    inputs[4] = t > 1 ? recent - (state->slow >> 4) : 0;
+    inputs[5] = n ? coder->max_sizes[at] - neighbors : 0;
+    inputs[6] = spread > 0 ? reel_size_of_variance(spread) - recent : 0;
     int64_t sum = 0;
     for (int i = 0; i < N_INPUTS; i++) {
         inputs[i] = clamp(inputs[i], MAX_INPUT);
-        sum += (int64_t)f->models->weights[i] * inputs[i];
+        sum += (int64_t)coder->models->weights[i] * inputs[i];
     }
-    return own + (int32_t)(sum >> 16);
+    return recent + (int32_t)(sum >> 16);
 }
 
-/* Update the weights by the difference of actual and predicted size. */
-REEL_INLINE void update_size_weights(exact_coder *f, const int32_t *inputs, int32_t error) {
+/* Move the weights of the regression along its inputs; `error` is the actual minus the predicted
+   size. */
+REEL_INLINE void update_size_weights(exact_coder *coder, const int32_t *inputs, int32_t error) {
     error = clamp(error + 10, MAX_ERROR);
     for (int i = 0; i < N_INPUTS; i++) {
         uint32_t more = (uint32_t)(error * inputs[i] >> 3);
-        f->models->weights[i] = (int32_t)((uint32_t)f->models->weights[i] + more);
+        coder->models->weights[i] = (int32_t)((uint32_t)coder->models->weights[i] + more);
     }
 }
 

@@ -40,15 +40,16 @@ typedef struct {
     uint64_t last_special;
 } exact_models;
 
-/* Size statistics of a column of the item. Sizes are in sixteenths of octaves, `fast` and `slow` in
-   1/16 of that. */
+/* Size statistics of a column of the item; see exact_sizes.h. */
 typedef struct {
-    int32_t fast, slow, now, last, here;
-    int decade; /* decade of the last number, for decimal floats */
+    int32_t fast, slow; /* running means of the sizes over about 4 and 16 rows, in sixteenths */
+    int32_t last;       /* size in the last row; of labels a running mean over 4, in sixteenths */
+    int32_t recent;     /* size that the next one is predicted from */
+    int decade;         /* decade of the last number, for decimal floats */
 } column_state;
 
 typedef struct {
-    reel_range_coder *coder;
+    reel_range_coder *range_coder;
     reel_numbers numbers;
     uint8_t *values; /* frames x items x width numbers */
     int64_t n_frames, n_items, width;
@@ -89,14 +90,14 @@ REEL_INLINE size_t exact_motions_count(int64_t width) {
 }
 
 /* Set up a coder for values on a graph, in the caller's memory. */
-enum reel_code reel_exact_prepare(exact_coder *f, void *memory, size_t memory_size,
+enum reel_code reel_exact_prepare(exact_coder *coder, void *memory, size_t memory_size,
                                   const int32_t *starts, const int32_t *near);
 
 /* Code a block, or its first `count` items; returns its size in bytes, or a failure. */
-int64_t reel_exact_block(exact_coder *f, int64_t count);
+int64_t reel_exact_block(exact_coder *coder, int64_t count);
 
 /* Code the first `count` items in coding order. */
-void reel_exact_items(exact_coder *f, int64_t count);
+void reel_exact_items(exact_coder *coder, int64_t count);
 
 REEL_INLINE exact_coder coder_of(void *values, int64_t n_frames, int64_t n_items, int64_t width,
                                  int64_t size, int64_t type) {
@@ -108,31 +109,34 @@ REEL_INLINE exact_coder coder_of(void *values, int64_t n_frames, int64_t n_items
                          .numbers = {.size = (int)size, .type = (int)type}};
 }
 
-REEL_INLINE uint64_t pattern_at(const exact_coder *f, int64_t t, int64_t item, int64_t col) {
-    const reel_numbers *numbers = &f->numbers;
-    return reel_read_pattern(numbers, f->values, (t * f->n_items + item) * f->width + col);
+REEL_INLINE uint64_t pattern_at(const exact_coder *coder, int64_t t, int64_t item, int64_t col) {
+    const reel_numbers *numbers = &coder->numbers;
+    return reel_read_pattern(numbers, coder->values,
+                             (t * coder->n_items + item) * coder->width + col);
 }
 
-REEL_INLINE void put_pattern(const exact_coder *f, int64_t t, int64_t col, uint64_t pattern) {
-    const reel_numbers *numbers = &f->numbers;
-    f->patterns[t * f->width + col] = pattern;
-    reel_write_pattern(numbers, f->values, (t * f->n_items + f->item) * f->width + col, pattern);
+REEL_INLINE void put_pattern(const exact_coder *coder, int64_t t, int64_t col, uint64_t pattern) {
+    const reel_numbers *numbers = &coder->numbers;
+    coder->patterns[t * coder->width + col] = pattern;
+    reel_write_pattern(numbers, coder->values,
+                       (t * coder->n_items + coder->item) * coder->width + col, pattern);
 }
 
 /* Whether the item has equal rows at two frames. */
-REEL_INLINE bool same_rows(const exact_coder *f, int64_t t, int64_t other) {
-    size_t size = (size_t)(f->width * f->numbers.size);
-    return reel_equal_bytes(f->values + (size_t)(t * f->n_items + f->item) * size,
-                            f->values + (size_t)(other * f->n_items + f->item) * size, size);
+REEL_INLINE bool same_rows(const exact_coder *coder, int64_t t, int64_t other) {
+    size_t size = (size_t)(coder->width * coder->numbers.size);
+    return reel_equal_bytes(coder->values + (size_t)(t * coder->n_items + coder->item) * size,
+                            coder->values + (size_t)(other * coder->n_items + coder->item) * size,
+                            size);
 }
 
 /* Whether the item has equal rows at all frames. */
-REEL_INLINE bool is_constant(const exact_coder *f) {
+REEL_INLINE bool is_constant(const exact_coder *coder) {
     int64_t t = 1;
-    while (t < f->n_frames && same_rows(f, t, t - 1)) {
+    while (t < coder->n_frames && same_rows(coder, t, t - 1)) {
         t++;
     }
-    return t == f->n_frames;
+    return t == coder->n_frames;
 }
 
 #endif

@@ -1,59 +1,64 @@
-/* Memory of a host whose allocator is slow, or is called under a lock: released blocks are kept for
-   later ones of about the same size. The Python package lends it to the file reader.
+/* A cache of memory blocks, for hosts whose allocator is slow or takes a lock: a released block is
+   reused by a later request of about its size. The Python package lends it to the file reader.
 
-   A flag protects the lists of blocks. A thread that finds it set does not wait: it takes a new
-   block, or releases one, and a process that forked meanwhile does so from then on. */
+   The lists of free blocks have a lock for which no thread waits: while another thread holds it,
+   blocks come from the allocator, and return there. So does a process that was forked meanwhile, in
+   which nobody releases the lock. */
 
 #include "base.h"
 
-/* What precedes each block, within REEL_ALIGNMENT bytes. */
+/* Header of a block, in the REEL_ALIGNMENT bytes before the memory that the host receives. */
 typedef struct reel_block {
     struct reel_block *next;
-    void *raw; /* from the allocator */
+    void *raw; /* what the allocator returned */
 } reel_block;
 
-_Static_assert(sizeof(reel_block) <= REEL_ALIGNMENT, "a block begins behind its header");
+_Static_assert(sizeof(reel_block) <= REEL_ALIGNMENT, "the header precedes an aligned address");
 
-/* Round a size up to one of four per power of 2, whose number is `place`. */
-static size_t rounded(size_t size, int *place) {
+/* Round a size up to the next of four per power of 2; `list` becomes the number of its list. */
+static size_t round_up(size_t size, int *list) {
     size = size < REEL_ALIGNMENT ? REEL_ALIGNMENT : size;
     int shift = 61 - __builtin_clzll(size);
     size_t quarters = (size >> shift) + ((size & (((size_t)1 << shift) - 1)) != 0);
-    *place = 4 * shift + (int)quarters - 4;
+    *list = 4 * shift + (int)quarters - 4;
     return quarters << shift;
 }
 
-static bool begin(reel_block_store *store) {
-    return !__atomic_test_and_set(&store->is_used, __ATOMIC_ACQUIRE);
+static bool try_lock(reel_block_store *store) {
+    return !__atomic_test_and_set(&store->is_locked, __ATOMIC_ACQUIRE);
 }
 
-static void end(reel_block_store *store) { __atomic_clear(&store->is_used, __ATOMIC_RELEASE); }
+static void unlock(reel_block_store *store) {
+    __atomic_clear(&store->is_locked, __ATOMIC_RELEASE);
+}
 
-static reel_block *take(reel_block_store *store, int place, size_t size) {
+/* Return a free block, or NULL if there is none, or another thread holds the lock. */
+static reel_block *pop_block(reel_block_store *store, int list, size_t size) {
     reel_block *block = NULL;
-    if (begin(store)) {
-        block = store->blocks[place];
+    if (try_lock(store)) {
+        block = store->blocks[list];
         if (block) {
-            store->blocks[place] = block->next;
+            store->blocks[list] = block->next;
             store->n_bytes -= size;
         }
-        end(store);
+        unlock(store);
     }
     return block;
 }
 
-static bool keep(reel_block_store *store, reel_block *block, int place, size_t size) {
-    bool is_kept = false;
-    if (begin(store)) {
-        is_kept = size <= store->max_bytes && store->n_bytes <= store->max_bytes - size;
-        if (is_kept) {
-            block->next = store->blocks[place];
-            store->blocks[place] = block;
+/* Add a free block; returns false if the store is full, or another thread holds the lock. */
+static bool push_block(reel_block_store *store, reel_block *block, int list, size_t size) {
+    bool fits = false;
+    if (try_lock(store)) {
+        fits = size <= store->max_bytes && store->n_bytes <= store->max_bytes - size;
+        if (fits) {
+            block->next = store->blocks[list];
+            store->blocks[list] = block;
             store->n_bytes += size;
         }
-        end(store);
+        unlock(store);
     }
-    return is_kept;
+    return fits;
 }
 
 void *reel_host_allocate(void *user, size_t size) {
@@ -61,9 +66,9 @@ void *reel_host_allocate(void *user, size_t size) {
     if (size > SIZE_MAX / 4) {
         return NULL;
     }
-    int place;
-    size_t capacity = rounded(size, &place);
-    reel_block *block = take(host->store, place, capacity);
+    int list;
+    size_t capacity = round_up(size, &list);
+    reel_block *block = pop_block(host->store, list, capacity);
     if (!block) {
         void *raw = host->store->allocate(capacity + 2 * REEL_ALIGNMENT);
         if (!raw) {
@@ -80,10 +85,10 @@ void *reel_host_allocate(void *user, size_t size) {
 void reel_host_release(void *user, void *memory, size_t size) {
     reel_host_memory *host = user;
     reel_block *block = (reel_block *)((uint8_t *)memory - REEL_ALIGNMENT);
-    int place;
-    size_t capacity = rounded(size, &place);
+    int list;
+    size_t capacity = round_up(size, &list);
     __atomic_sub_fetch(&host->n_bytes, size, __ATOMIC_RELAXED);
-    if (!keep(host->store, block, place, capacity)) {
+    if (!push_block(host->store, block, list, capacity)) {
         host->store->release(block->raw);
     }
 }

@@ -384,16 +384,16 @@ REEL_API int64_t reel_order_decode(void *memory, size_t memory_size, const uint8
                                    int32_t *sequence);
 
 /* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory:
-   blocks of an allocator that are kept when they are released, up to max_bytes of them, for any file
-   that shares the store. May be called from several threads. Functions of this section are not
-   pure: they change the structures. */
+   released blocks of an allocator, up to max_bytes of them, are reused by all files that share the
+   store. May be called from several threads. Functions of this section are not pure: they change
+   the structures. */
 #define REEL_BLOCK_SIZES 256
 typedef struct {
-    void *(*allocate)(size_t size); /* from several threads; returns NULL if it fails */
+    void *(*allocate)(size_t size); /* called by several threads; returns NULL if it fails */
     void (*release)(void *memory);
-    uint64_t max_bytes, n_bytes;    /* of released blocks */
-    void *blocks[REEL_BLOCK_SIZES]; /* released blocks by size */
-    uint8_t is_used;                /* a thread changes the lists */
+    uint64_t max_bytes, n_bytes;    /* of free blocks */
+    void *blocks[REEL_BLOCK_SIZES]; /* lists of free blocks by size */
+    uint8_t is_locked;              /* a thread changes the lists */
 } reel_block_store;
 typedef struct {
     reel_block_store *store;

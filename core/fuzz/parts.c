@@ -44,11 +44,11 @@ static reel_block_store make_store(void) {
 /* Release the blocks that a store keeps, which must be all that is left. */
 static void end_store(reel_block_store *store) {
     reel_host_memory host = {.store = store};
-    FUZZ_CHECK(store->n_bytes <= store->max_bytes && !store->is_used);
+    FUZZ_CHECK(store->n_bytes <= store->max_bytes && !store->is_locked);
     store->max_bytes = 0;
-    for (int place = 0; place < REEL_BLOCK_SIZES; place++) {
-        while (store->blocks[place]) {
-            size_t size = (size_t)(4 + place % 4) << place / 4;
+    for (int list = 0; list < REEL_BLOCK_SIZES; list++) {
+        while (store->blocks[list]) {
+            size_t size = (size_t)(4 + list % 4) << list / 4;
             reel_host_release(&host, reel_host_allocate(&host, size), size);
         }
     }
@@ -109,19 +109,19 @@ void fuzz_host_memory(void) {
         int number = (int)fuzz_below(MAX_HELD);
         held_block *block = &blocks[number];
         uint64_t n_kept = store.n_bytes;
-        store.is_used = fuzz_one_in(6); /* as if another thread changed the lists */
-        bool is_used = store.is_used;
+        store.is_locked = fuzz_one_in(6); /* as if another thread changed the lists */
+        bool was_locked = store.is_locked;
         if (block->memory) {
             n_bytes[block->host] -= block->size;
             give_back(block, hosts, number);
         } else if (hold(block, hosts, number)) {
             n_bytes[block->host] += block->size;
         }
-        FUZZ_CHECK(is_used == store.is_used && (!is_used || store.n_bytes == n_kept));
+        FUZZ_CHECK(was_locked == store.is_locked && (!was_locked || store.n_bytes == n_kept));
         FUZZ_CHECK(store.n_bytes <= store.max_bytes);
         FUZZ_CHECK(hosts[0].n_bytes == n_bytes[0] && hosts[1].n_bytes == n_bytes[1]);
         fuzz_hash(&store.n_bytes, 1, sizeof store.n_bytes);
-        store.is_used = 0;
+        store.is_locked = 0;
     }
     for (int number = 0; number < MAX_HELD; number++) {
         if (blocks[number].memory) {

@@ -24,7 +24,7 @@ MAX_UNUSED_BYTES = 64 << 20
 
 
 class BlockStore(ctypes.Structure):
-    """`reel_block_store`: released blocks that the next ones reuse.
+    """`reel_block_store`: released blocks that later requests reuse.
 
     The system clears memory that is new to a process page by page, which takes a tenth of decoding.
     """
@@ -35,7 +35,7 @@ class BlockStore(ctypes.Structure):
         ("max_bytes", _U64),
         ("n_bytes", _U64),
         ("blocks", _POINTER * N_BLOCK_SIZES),
-        ("is_used", ctypes.c_uint8),
+        ("is_locked", ctypes.c_uint8),
     ]
 
 

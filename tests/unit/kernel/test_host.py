@@ -76,7 +76,7 @@ def test_threads_share_a_store(store):
         held = list(threads.map(exchange_blocks, files, range(4), [500] * 4))
     assert [one.memory.n_bytes for one in files] == held
     assert store.n_bytes <= MAX_BYTES
-    assert not store.is_used
+    assert not store.is_locked
 
 
 @pytest.mark.parametrize("size", [0, 1, 64, 65, 127, 128, 1000, 10**5, 8 * 10**5])
@@ -104,8 +104,8 @@ def test_released_blocks_are_bounded(store):
     assert store.n_bytes == kept
 
 
-def test_a_store_in_use_delays_nobody(store):
-    memory, store.is_used = Memory(store), 1
+def test_locked_store_delays_nobody(store):
+    memory, store.is_locked = Memory(store), 1
     exchange_blocks(memory, 0, 100)
     assert store.n_bytes == 0
 
