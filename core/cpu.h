@@ -10,9 +10,8 @@
 
 #include "base.h"
 
-#if defined(__x86_64__) &&                                                                         \
-    !defined(                                                                                      \
-        REEL_NARROW) /* REEL_NARROW disables wide vectors, to test that the bits are the same */
+/* REEL_NARROW disables wide vectors, to test that the bits are the same. */
+#if defined(__x86_64__) && !defined(REEL_NARROW)
 #define REEL_HAS_WIDE 1
 #define REEL_TARGET_4 __attribute__((target("avx2")))
 #define REEL_TARGET_8 __attribute__((target("avx512f")))

@@ -1,47 +1,57 @@
-/* The per-batch part of predict.c: REEL_BATCH vertices at once, one per lane. Included once per
-   vector width, see cpu.h; FLOATS is the number of floats in a vector, and several vectors hold a
-   batch. Nothing is summed across lanes: each vertex sees the order of operations of the code, so
-   all widths give the same bits. No include guard. */
+/* The part of predict.c that handles REEL_BATCH vertices at once, one per lane. It is included once
+   for each vector width, see cpu.h, so it has no include guard; several vectors hold a batch.
+   Nothing is summed across lanes: the operations of each vertex have the same order, so all widths
+   give the same bits.
 
-#define PARTS (REEL_BATCH / FLOATS)
+   Defined by predict.c:
+     FLOATS      floats in a vector: 4, 8 or 16
+     TARGET      attribute of functions that need such vectors
+     NAMED(x)    x with FLOATS appended: a name for each width
+   Types:
+     VEC         FLOATS floats
+     BATCH_VEC   one float for each vertex of a batch, in N_VECS vectors
+     VEC_D       DOUBLES doubles, as many as fit in a vector, unaligned
+     HALF_VEC_F  as many floats, likewise; HALF_VEC_I integers; VEC_MASK results of comparisons
+   Shorthands:
+     FOR_VECS(p)         loop over the vectors of a batch
+     AT(batch_vec, l)    the float of lane l
+     SELECT(mask, v)     v, or 0 where the mask is clear
+     SHUFFLE, INDICES, LOAD_ROW   transposition of eight fields; see `transpose` */
+
+#define N_VECS (REEL_BATCH / FLOATS)
+#define DOUBLES (FLOATS / 2)
 #define VEC REEL_VEC_F(FLOATS)
-#define BATCH_VEC NAMED(batch_vec) /* one float for each vertex of a batch */
+#define BATCH_VEC NAMED(batch_vec)
+#define VEC_D NAMED(vec_d)
+#define HALF_VEC_F NAMED(half_vec_f)
+#define HALF_VEC_I NAMED(half_vec_i)
+#define VEC_MASK NAMED(vec_mask)
+typedef VEC BATCH_VEC[N_VECS];
+typedef double VEC_D __attribute__((vector_size(8 * DOUBLES), may_alias, aligned(8)));
+typedef float HALF_VEC_F __attribute__((vector_size(4 * DOUBLES), may_alias, aligned(4)));
+typedef int32_t HALF_VEC_I __attribute__((vector_size(4 * DOUBLES), may_alias, aligned(4)));
+typedef int64_t VEC_MASK __attribute__((vector_size(8 * DOUBLES)));
 
-typedef VEC BATCH_VEC[PARTS];
+/* Unrolled, so that the vectors stay in registers even where compilers optimize for size. */
+#define FOR_VECS(p) _Pragma("GCC unroll 4") for (int p = 0; p < N_VECS; p++)
+#define AT(batch_vec, l) (((float *)(batch_vec))[l]) /* valid without strict aliasing */
+#define SELECT(mask, values) ((VEC_D)((mask) & (VEC_MASK)(values)))
 
-/* Vectors of doubles, and as many values of other types; unaligned. */
-#define WIDTH (FLOATS / 2)
-typedef double NAMED(VEC_D) __attribute__((vector_size(8 * WIDTH), may_alias, aligned(8)));
-typedef float NAMED(VEC_F) __attribute__((vector_size(4 * WIDTH), may_alias, aligned(4)));
-#if FLOATS >= 8
-typedef float NAMED(VEC_8F) __attribute__((vector_size(32), may_alias, aligned(4)));
-#endif
-typedef int32_t NAMED(VEC_I) __attribute__((vector_size(4 * WIDTH), may_alias, aligned(4)));
-typedef int64_t NAMED(VEC_MASK) __attribute__((vector_size(8 * WIDTH)));
-#define VEC_D NAMED(VEC_D)
-#define VEC_F NAMED(VEC_F)
-#define VEC_I NAMED(VEC_I)
-#define VEC_MASK NAMED(VEC_MASK)
-#define SELECT(mask, values) ((VEC_D)((mask) & (VEC_MASK)(values))) /* 0 where the mask is clear */
-
-/* One number for each vertex of a batch. */
-typedef union {
-    double number[REEL_BATCH];
-    VEC_D vector[REEL_BATCH / WIDTH];
-} NAMED(batch_numbers);
-
-/* Rows of covariances processed together: limited by the number of registers; builds for pages
-   prefer small code. */
+/* Rows of covariances, and vectors of modes, processed together: limited by the number of
+   registers; builds for pages prefer small code. */
 #ifdef REEL_DECODER_ONLY
 #define ROWS 1
-#define MODE_VECS 1 /* vectors of modes processed together */
+#define MODE_VECS 1
 #else
 #define ROWS (FLOATS == 16 ? 4 : 3)
 #define MODE_VECS 2
 #endif
-/* Unrolled, so that the vectors stay in registers even where compilers optimize for size. */
-#define FOR_PARTS(p) _Pragma("GCC unroll 4") for (int p = 0; p < PARTS; p++)
-#define AT(vectors, l) (((float *)(vectors))[l]) /* valid without strict aliasing */
+
+/* One number for each vertex of a batch. */
+typedef union {
+    double number[REEL_BATCH];
+    VEC_D vector[REEL_BATCH / DOUBLES];
+} NAMED(batch_numbers);
 
 /* State of the Kalman filters of a batch. */
 typedef struct {
@@ -53,9 +63,7 @@ typedef struct {
     int n_lanes;                            /* distinct vertices; the others repeat the last */
     int32_t neighbors[N_SLOTS][REEL_BATCH]; /* vertex numbers; missing entries repeat the first */
     BATCH_VEC mask[MAX_STENCIL];            /* 1, or 0 where an entry is missing */
-    BATCH_VEC
-    /* Relative prior variance by distance; 0 where an entry is missing. */
-    prior[MAX_STENCIL];
+    BATCH_VEC prior[MAX_STENCIL]; /* relative variance by distance; 0 where an entry is missing */
     NAMED(filter) filter;
     /* The rank-1 update of the covariance by the last observation is deferred: it is applied in
        passing when the covariance is next read. covariance -= scaled gains^T. */
@@ -91,10 +99,10 @@ TARGET REEL_INLINE void NAMED(load_batch)(NAMED(batch) *b, const reel_mesh *mesh
 TARGET REEL_INLINE void NAMED(start_weights)(NAMED(batch) *b, int size) {
     BATCH_VEC sum = {0};
     for (int j = 0; j < size; j++) {
-        FOR_PARTS(p) sum[p] += b->prior[j][p];
+        FOR_VECS(p) sum[p] += b->prior[j][p];
     }
     for (int j = 0; j < size; j++) {
-        FOR_PARTS(p) b->filter.weight[j][p] = b->prior[j][p] / sum[p];
+        FOR_VECS(p) b->filter.weight[j][p] = b->prior[j][p] / sum[p];
     }
 }
 
@@ -110,7 +118,7 @@ TARGET REEL_INLINE void NAMED(apply_update)(NAMED(batch) *b, int size) {
     BATCH_VEC *row = b->filter.variance, *gain = b->gains[b->last];
     for (int i = 0; i < size; row += ++i) {
         for (int j = 0; j <= i; j++) {
-            FOR_PARTS(p) row[j][p] -= b->scaled_gain[i][p] * gain[j][p];
+            FOR_VECS(p) row[j][p] -= b->scaled_gain[i][p] * gain[j][p];
         }
     }
     NAMED(clear_update)(b);
@@ -122,17 +130,17 @@ TARGET REEL_INLINE void NAMED(add_prior)(NAMED(batch) *b, int size, const BATCH_
     BATCH_VEC *row = b->filter.variance;
     for (int i = 0; i < size; row += ++i) {
         for (int j = 0; j < i; j++) {
-            FOR_PARTS(p) row[j][p] -= share * (by_distance[i][p] * b->prior[j][p]);
+            FOR_VECS(p) row[j][p] -= share * (by_distance[i][p] * b->prior[j][p]);
         }
-        FOR_PARTS(p) row[i][p] += share * (b->prior[i][p] - by_distance[i][p] * b->prior[i][p]);
+        FOR_VECS(p) row[i][p] += share * (b->prior[i][p] - by_distance[i][p] * b->prior[i][p]);
     }
 }
 
 TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const BATCH_VEC *offset,
                                        VEC *predicted) {
-    FOR_PARTS(p) predicted[p] = (VEC){0};
+    FOR_VECS(p) predicted[p] = (VEC){0};
     for (int j = 0; j < size; j++) {
-        FOR_PARTS(p) predicted[p] += b->filter.weight[j][p] * offset[j][p];
+        FOR_VECS(p) predicted[p] += b->filter.weight[j][p] * offset[j][p];
     }
 }
 
@@ -144,7 +152,7 @@ TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const BAT
     REEL_UNROLLED for (int r = 0; r < n; r++) {
         rows[r] = b->filter.variance + (i + r) * (i + r + 1) / 2;
     }
-    FOR_PARTS(p) {
+    FOR_VECS(p) {
         VEC sums[ROWS], scaled_gain[ROWS], own[ROWS];
         REEL_UNROLLED for (int r = 0; r < n; r++) {
             sums[r] = (VEC){0};
@@ -184,7 +192,7 @@ TARGET REEL_INLINE void NAMED(observe_stencil)(NAMED(batch) *b, int size, BATCH_
     const BATCH_VEC *before = b->gains[b->last];
     BATCH_VEC *gain = b->gains[b->last ^= 1];
     for (int i = 0; i < size; i++) {
-        FOR_PARTS(p) offset[i][p] = b->mask[i][p] * (offset[i][p] - predicted[p]);
+        FOR_VECS(p) offset[i][p] = b->mask[i][p] * (offset[i][p] - predicted[p]);
     }
     int done = 0;
     for (; done + ROWS <= size; done += ROWS) {
@@ -194,16 +202,16 @@ TARGET REEL_INLINE void NAMED(observe_stencil)(NAMED(batch) *b, int size, BATCH_
         NAMED(add_rows)(b, done, 1, offset, before, gain);
     }
     for (int i = 0; i < size; i++) {
-        FOR_PARTS(p) squares[p] += offset[i][p] * offset[i][p];
+        FOR_VECS(p) squares[p] += offset[i][p] * offset[i][p];
     }
-    FOR_PARTS(p) total[p] = noise[p] + relative * squares[p] + ERROR_NOISE * (error[p] * error[p]);
+    FOR_VECS(p) total[p] = noise[p] + relative * squares[p] + ERROR_NOISE * (error[p] * error[p]);
     for (int i = 0; i < size; i++) {
-        FOR_PARTS(p) total[p] += offset[i][p] * gain[i][p];
+        FOR_VECS(p) total[p] += offset[i][p] * gain[i][p];
     }
-    FOR_PARTS(p) total[p] = 1.0F / total[p];
+    FOR_VECS(p) total[p] = 1.0F / total[p];
     for (int i = 0; i < size; i++) {
-        FOR_PARTS(p) b->scaled_gain[i][p] = gain[i][p] * total[p];
-        FOR_PARTS(p) b->filter.weight[i][p] += b->scaled_gain[i][p] * error[p];
+        FOR_VECS(p) b->scaled_gain[i][p] = gain[i][p] * total[p];
+        FOR_VECS(p) b->filter.weight[i][p] += b->scaled_gain[i][p] * error[p];
     }
 }
 
@@ -243,6 +251,8 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, BATCH_VEC *off
 #endif
 
 #if HAS_TRANSPOSE
+#define VEC_8F NAMED(vec_8f)
+typedef float VEC_8F __attribute__((vector_size(32), may_alias, aligned(4)));
 #define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 #if FLOATS == 16
 #define INDICES(...) __VA_ARGS__ /* indices into two vectors, for vectors of 16 */
@@ -281,13 +291,13 @@ TARGET REEL_INLINE void NAMED(transpose)(const VEC *rows, BATCH_VEC *lanes, int 
 }
 
 /* Difference of eight values and eight others, rounded to single. */
-TARGET REEL_INLINE NAMED(VEC_8F) NAMED(difference)(const double *at, const double *base) {
+TARGET REEL_INLINE VEC_8F NAMED(difference)(const double *at, const double *base) {
 #if FLOATS == 16
-    return __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, NAMED(VEC_8F));
+    return __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, VEC_8F);
 #else
-    VEC_F low = __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, VEC_F);
-    VEC_F high =
-        __builtin_convertvector(*(const VEC_D *)(at + 4) - *(const VEC_D *)(base + 4), VEC_F);
+    HALF_VEC_F low = __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, HALF_VEC_F);
+    HALF_VEC_F high =
+        __builtin_convertvector(*(const VEC_D *)(at + 4) - *(const VEC_D *)(base + 4), HALF_VEC_F);
     return SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
 #endif
 }
@@ -307,9 +317,9 @@ TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, const float 
     const int32_t *neighbors = b->neighbors[slot], *first = b->neighbors[0];
 #if HAS_TRANSPOSE
 #define SMOOTH(l)                                                                                  \
-    (*(const NAMED(VEC_8F) *)(smooth + (int64_t)neighbors[l] * REEL_SMOOTH_FIELDS) -               \
-     *(const NAMED(VEC_8F) *)(smooth + (int64_t)first[l] * REEL_SMOOTH_FIELDS))
-    FOR_PARTS(p) {
+    (*(const VEC_8F *)(smooth + (int64_t)neighbors[l] * REEL_SMOOTH_FIELDS) -                      \
+     *(const VEC_8F *)(smooth + (int64_t)first[l] * REEL_SMOOTH_FIELDS))
+    FOR_VECS(p) {
         VEC rows[8];
         REEL_UNROLLED for (int l = 0; l < 8; l++) { rows[l] = LOAD_ROW(l + 8 * p, SMOOTH); }
         NAMED(transpose)(rows, offset[0] + slot, p);
@@ -337,16 +347,16 @@ TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const f
     }
     for (int f = 0; f < REEL_SMOOTH_FIELDS; f++) {
         for (int j = 0; j < size; j++) {
-            FOR_PARTS(p) {
+            FOR_VECS(p) {
                 VEC difference = b->mask[j][p] * (offset[f][j][p] - offset[f][SELF][p]);
                 noise[p] += difference * difference;
             }
         }
     }
-    FOR_PARTS(p) noise[p] = smooth_noise / (float)size * noise[p] + SMOOTH_FLOOR;
+    FOR_VECS(p) noise[p] = smooth_noise / (float)size * noise[p] + SMOOTH_FLOOR;
     for (int f = 0; f < REEL_SMOOTH_FIELDS; f++) {
         NAMED(predict)(b, size, offset[f], predicted);
-        FOR_PARTS(p) error[p] = offset[f][SELF][p] - predicted[p];
+        FOR_VECS(p) error[p] = offset[f][SELF][p] - predicted[p];
         NAMED(observe)(b, size, offset[f], predicted, error, noise, 0.0F);
     }
 }
@@ -360,7 +370,7 @@ TARGET REEL_INLINE void NAMED(gather_slot)(const NAMED(batch) *b, const double *
 #define VALUES(l)                                                                                  \
     NAMED(difference)(values + b->neighbors[slot][l] * stride, values + b->neighbors[0][l] * stride)
     if (n == FIELDS_PER_GATHER) {
-        FOR_PARTS(p) {
+        FOR_VECS(p) {
             VEC rows[8];
             REEL_UNROLLED for (int l = 0; l < 8; l++) { rows[l] = LOAD_ROW(l + 8 * p, VALUES); }
             NAMED(transpose)(rows, result->offset[0] + slot, p);
@@ -384,8 +394,7 @@ TARGET REEL_CALLED void NAMED(gather)(const NAMED(batch) *b, int size, const dou
                                       NAMED(offsets) *result) {
     int n = n_fields - k < FIELDS_PER_GATHER ? (int)(n_fields - k) : FIELDS_PER_GATHER;
     for (int m = 0; m < n; m++) {
-        FOR_LANES(l)
-        result->base[m][l] = values[b->neighbors[0][l] * n_fields + k + m];
+        FOR_LANES(l) { result->base[m][l] = values[b->neighbors[0][l] * n_fields + k + m]; }
     }
     for (int j = 0; j < size; j++) {
         NAMED(gather_slot)(b, values + k, n_fields, n, j, result);
@@ -401,14 +410,14 @@ TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel
     BATCH_VEC predicted, error, noise;
     int64_t n_key = fields->n_key;
     int64_t n_modes = n_key < fields->n_learned ? n_key : fields->n_learned;
-    FOR_PARTS(p) noise[p] = ROUNDING_NOISE + (VEC){0};
+    FOR_VECS(p) noise[p] = ROUNDING_NOISE + (VEC){0};
     for (int64_t k = 0; k < n_modes; k++) {
         BATCH_VEC *offset = result.offset[k % FIELDS_PER_GATHER];
         if (k % FIELDS_PER_GATHER == 0) {
             NAMED(gather)(b, size, fields->key, k, n_key, true, &result);
         }
         NAMED(predict)(b, size, offset, predicted);
-        FOR_PARTS(p) error[p] = offset[SELF][p] - predicted[p];
+        FOR_VECS(p) error[p] = offset[SELF][p] - predicted[p];
         NAMED(observe)(b, size, offset, predicted, error, noise, RELATIVE_NOISE / (float)size);
     }
 }
@@ -428,13 +437,13 @@ TARGET REEL_CALLED void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fie
     NAMED(observe_key)(b, size, fields);
 }
 
-/* Quantize WIDTH modes of a vertex to residuals, and count zeros and ones of each. `shaped`, where
-   noise is shaped, are the predictions that the target values would give. Returns false if a
+/* Quantize DOUBLES modes of a vertex to residuals, and count zeros and ones of each. `shaped`,
+   where noise is shaped, are the predictions that the target values would give. Returns false if a
    residual is too large. */
 TARGET REEL_INLINE bool NAMED(quantize_modes)(bool to_nearest, const reel_quantizer *quantizer,
                                               const VEC_D *zones, const VEC_D *predictions,
                                               const VEC_D *target_value, const VEC_D *shaped,
-                                              VEC_I *residuals, VEC_D *zeros, VEC_D *ones) {
+                                              HALF_VEC_I *residuals, VEC_D *zeros, VEC_D *ones) {
     const VEC_D none = {0}, one = none + 1.0;
     VEC_D target = *target_value;
     if (shaped) {
@@ -449,16 +458,16 @@ TARGET REEL_INLINE bool NAMED(quantize_modes)(bool to_nearest, const reel_quanti
     *ones += SELECT(~is_zero & (size < ONE_LIMIT), one);
     /* Vectorized reel_round_rd. */
     VEC_D raised = SELECT(fits, size) + (to_nearest ? 0.5 : 0.5 - REEL_ROUNDING_BIAS);
-    VEC_I whole = __builtin_convertvector(raised, VEC_I);
+    HALF_VEC_I whole = __builtin_convertvector(raised, HALF_VEC_I);
     VEC_D rounded = __builtin_convertvector(whole, VEC_D);
     rounded = SELECT(~is_zero, rounded + SELECT(rounded < one, one));
     rounded = SELECT(~is_negative, rounded) - SELECT(is_negative, rounded);
-    *residuals = __builtin_convertvector(rounded, VEC_I);
+    *residuals = __builtin_convertvector(rounded, HALF_VEC_I);
     int n_fit = 0;
-    for (int i = 0; i < WIDTH; i++) {
+    for (int i = 0; i < DOUBLES; i++) {
         n_fit -= (int)fits[i];
     }
-    return n_fit == WIDTH;
+    return n_fit == DOUBLES;
 }
 
 /* Quantize one mode at the vertices of a batch. */
@@ -470,20 +479,22 @@ TARGET REEL_INLINE bool NAMED(quantize_batch)(const NAMED(batch) *b, int size, b
     NAMED(batch_numbers) targets, shaped_values, zones, zeros = {{0}}, ones = {{0}};
     union {
         int32_t number[REEL_BATCH];
-        VEC_I vector[REEL_BATCH / WIDTH];
+        HALF_VEC_I vector[REEL_BATCH / DOUBLES];
     } residuals;
     if (shaped) {
         BATCH_VEC predicted;
         NAMED(predict)(b, size, shaped->offset[k % FIELDS_PER_GATHER], predicted);
-        FOR_LANES(l)
-        shaped_values.number[l] = shaped->base[k % FIELDS_PER_GATHER][l] + (double)AT(predicted, l);
+        FOR_LANES(l) {
+            shaped_values.number[l] =
+                shaped->base[k % FIELDS_PER_GATHER][l] + (double)AT(predicted, l);
+        }
     }
     FOR_LANES(l) {
         targets.number[l] = quantizer->targets[b->neighbors[SELF][l] * fields->n_modes + k];
         zones.number[l] = quantizer->zones[k];
     }
     bool fits = true;
-    for (int i = 0; i < REEL_BATCH / WIDTH; i++) {
+    for (int i = 0; i < REEL_BATCH / DOUBLES; i++) {
         fits &=
             NAMED(quantize_modes)(to_nearest, quantizer, zones.vector + i, predictions->vector + i,
                                   targets.vector + i, shaped ? shaped_values.vector + i : NULL,
@@ -506,7 +517,7 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
     BATCH_VEC predicted, error, noise;
     NAMED(batch_numbers) predictions;
     int64_t n_modes = fields->n_modes;
-    FOR_PARTS(p) noise[p] = ROUNDING_NOISE + (VEC){0};
+    FOR_VECS(p) noise[p] = ROUNDING_NOISE + (VEC){0};
     for (int64_t k = 0; k < n_adaptive; k++) {
         int m = (int)(k % FIELDS_PER_GATHER);
         if (!m) {
@@ -516,8 +527,7 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
             NAMED(gather)(b, size, quantizer->targets, k, n_modes, false, &shaped);
         }
         NAMED(predict)(b, size, result.offset[m], predicted);
-        FOR_LANES(l)
-        predictions.number[l] = result.base[m][l] + (double)AT(predicted, l);
+        FOR_LANES(l) { predictions.number[l] = result.base[m][l] + (double)AT(predicted, l); }
         if (quantizer && !NAMED(quantize_batch)(b, size, to_nearest, k, fields, quantizer,
                                                 &predictions, is_shaped ? &shaped : NULL)) {
             return false;
@@ -536,17 +546,17 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
     return true;
 }
 
-/* Predict n WIDTH modes at one vertex of a batch. */
+/* Predict n * DOUBLES modes at one vertex of a batch. */
 TARGET REEL_INLINE void NAMED(predict_modes)(const NAMED(batch) *b, int size, int l, int n,
                                              const double *values, int64_t stride,
                                              VEC_D *predictions) {
     const VEC_D *base = (const VEC_D *)(values + b->neighbors[0][l] * stride);
-    VEC_F sums[2] = {{0}, {0}};
+    HALF_VEC_F sums[2] = {{0}, {0}};
     for (int j = 0; j < size; j++) {
         const VEC_D *neighbors = (const VEC_D *)(values + b->neighbors[j][l] * stride);
         float weight = AT(b->filter.weight[j], l);
         REEL_UNROLLED for (int i = 0; i < n; i++) {
-            sums[i] += weight * __builtin_convertvector(neighbors[i] - base[i], VEC_F);
+            sums[i] += weight * __builtin_convertvector(neighbors[i] - base[i], HALF_VEC_F);
         }
     }
     REEL_UNROLLED for (int i = 0; i < n; i++) {
@@ -555,28 +565,29 @@ TARGET REEL_INLINE void NAMED(predict_modes)(const NAMED(batch) *b, int size, in
 }
 
 /* Load residuals that are `stride` apart. */
-TARGET REEL_INLINE VEC_I NAMED(load_residuals)(const int32_t *from, int64_t stride) {
-#if WIDTH == 2
-    return (VEC_I){from[0], from[stride]};
-#elif WIDTH == 4
-    return (VEC_I){from[0], from[stride], from[2 * stride], from[3 * stride]};
+TARGET REEL_INLINE HALF_VEC_I NAMED(load_residuals)(const int32_t *from, int64_t stride) {
+#if DOUBLES == 2
+    return (HALF_VEC_I){from[0], from[stride]};
+#elif DOUBLES == 4
+    return (HALF_VEC_I){from[0], from[stride], from[2 * stride], from[3 * stride]};
 #else
-    return (VEC_I){from[0],          from[stride],     from[2 * stride], from[3 * stride],
-                   from[4 * stride], from[5 * stride], from[6 * stride], from[7 * stride]};
+    return (HALF_VEC_I){from[0],          from[stride],     from[2 * stride], from[3 * stride],
+                        from[4 * stride], from[5 * stride], from[6 * stride], from[7 * stride]};
 #endif
 }
 
-/* Code n WIDTH modes at the vertices of a batch, n of 1 or 2, by weights that no longer adapt. */
+/* Code n * DOUBLES modes at the vertices of a batch, n of 1 or 2, by weights that no longer adapt.
+ */
 TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n, bool to_nearest,
                                           bool is_shaped, int64_t k, reel_fields *fields,
                                           const reel_quantizer *quantizer) {
     VEC_D predictions[2], shaped[2], zeros[2] = {{0}, {0}}, ones[2] = {{0}, {0}};
-    VEC_I residuals;
+    HALF_VEC_I residuals;
     int64_t n_modes = fields->n_modes, n_verts = fields->n_verts;
     bool fits = true;
-    for (int m = 0; quantizer && m < n * WIDTH; m++) {
-        zeros[m / WIDTH][m % WIDTH] = quantizer->counts[2 * (k + m)];
-        ones[m / WIDTH][m % WIDTH] = quantizer->counts[2 * (k + m) + 1];
+    for (int m = 0; quantizer && m < n * DOUBLES; m++) {
+        zeros[m / DOUBLES][m % DOUBLES] = quantizer->counts[2 * (k + m)];
+        ones[m / DOUBLES][m % DOUBLES] = quantizer->counts[2 * (k + m) + 1];
     }
     for (int l = 0; l < b->n_lanes; l++) {
         int64_t own = b->neighbors[SELF][l];
@@ -586,13 +597,13 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
         }
         VEC_D *values = (VEC_D *)(fields->values + own * n_modes + k);
         REEL_UNROLLED for (int i = 0; i < n; i++) {
-            int32_t *residual = fields->residuals + (k + i * WIDTH) * n_verts + own;
+            int32_t *residual = fields->residuals + (k + i * DOUBLES) * n_verts + own;
             if (quantizer) {
                 fits &= NAMED(quantize_modes)(
                     to_nearest, quantizer, (const VEC_D *)(quantizer->zones + k) + i,
                     &predictions[i], (const VEC_D *)(quantizer->targets + own * n_modes + k) + i,
                     is_shaped ? &shaped[i] : NULL, &residuals, &zeros[i], &ones[i]);
-                for (int m = 0; m < WIDTH; m++) {
+                for (int m = 0; m < DOUBLES; m++) {
                     residual[m * n_verts] = residuals[m];
                 }
             } else {
@@ -601,9 +612,9 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
             values[i] = predictions[i] + __builtin_convertvector(residuals, VEC_D);
         }
     }
-    for (int m = 0; quantizer && m < n * WIDTH; m++) {
-        quantizer->counts[2 * (k + m)] = zeros[m / WIDTH][m % WIDTH];
-        quantizer->counts[2 * (k + m) + 1] = ones[m / WIDTH][m % WIDTH];
+    for (int m = 0; quantizer && m < n * DOUBLES; m++) {
+        quantizer->counts[2 * (k + m)] = zeros[m / DOUBLES][m % DOUBLES];
+        quantizer->counts[2 * (k + m) + 1] = ones[m / DOUBLES][m % DOUBLES];
     }
     return fits;
 }
@@ -613,28 +624,28 @@ TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool to_nea
                                           bool is_shaped, reel_fields *fields,
                                           const reel_quantizer *quantizer) {
     int64_t n_modes = fields->n_modes, n_fixed = n_modes - fields->n_learned;
-    int64_t n_adaptive = n_fixed < 0 ? n_modes : fields->n_learned + n_fixed % WIDTH;
+    int64_t n_adaptive = n_fixed < 0 ? n_modes : fields->n_learned + n_fixed % DOUBLES;
     bool fits = NAMED(code_adaptive)(b, size, to_nearest, is_shaped, n_adaptive, fields, quantizer);
     int64_t k = n_adaptive;
-    for (; MODE_VECS == 2 && fits && k + 2 * WIDTH <= n_modes; k += 2 * WIDTH) {
+    for (; MODE_VECS == 2 && fits && k + 2 * DOUBLES <= n_modes; k += 2 * DOUBLES) {
         fits = NAMED(code_fixed)(b, size, MODE_VECS, to_nearest, is_shaped, k, fields, quantizer);
     }
-    for (; fits && k < n_modes; k += WIDTH) {
+    for (; fits && k < n_modes; k += DOUBLES) {
         fits = NAMED(code_fixed)(b, size, 1, to_nearest, is_shaped, k, fields, quantizer);
     }
     return fits;
 }
 
 /* The prepared filters of a batch. Those of a level follow those of all levels before. */
-TARGET REEL_INLINE NAMED(filter) *NAMED(prepared_filter)(const reel_fields *fields, int64_t level,
-                                                         int64_t first) {
+TARGET REEL_INLINE NAMED(filter) *
+    NAMED(prepared_filter)(const reel_fields *fields, int64_t level, int64_t first) {
     return (NAMED(filter) *)fields->prepared + first / REEL_BATCH + level;
 }
 
-TARGET REEL_INLINE void NAMED(prepare_level)(const reel_mesh *mesh, const reel_fields *fields,
-                                             int64_t level, int64_t first, int64_t last,
-                                             int size) {
+TARGET static void NAMED(prepare_vertices)(const reel_mesh *mesh, const reel_fields *fields,
+                                           int64_t level, int64_t first, int64_t last) {
     NAMED(batch) b;
+    int size = (int)mesh->stencil_size;
     const float *smooth = smooth_rows(mesh, level);
     float noise = smooth_noise(mesh, level);
     for (; first < last; first += REEL_BATCH) {
@@ -645,15 +656,15 @@ TARGET REEL_INLINE void NAMED(prepare_level)(const reel_mesh *mesh, const reel_f
     }
 }
 
-TARGET static void NAMED(prepare_vertices)(const reel_mesh *mesh, const reel_fields *fields,
-                                           int64_t level, int64_t first, int64_t last) {
-    NAMED(prepare_level)(mesh, fields, level, first, last, (int)mesh->stencil_size);
-}
-
-TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fields,
-                                          const reel_quantizer *quantizer, int64_t level,
-                                          int64_t first, int64_t last, int size) {
+/* Code vertices first..last-1 of a level above the coarsest. */
+TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
+                               const reel_quantizer *quantizer, int64_t level, int64_t first,
+                               int64_t last) {
+#ifdef REEL_DECODER_ONLY
+    quantizer = NULL;
+#endif
     NAMED(batch) b;
+    int size = (int)mesh->stencil_size;
     const float *smooth = smooth_rows(mesh, level);
     float noise = smooth_noise(mesh, level);
     bool is_shaped = quantizer && level >= quantizer->first_shaped;
@@ -676,30 +687,21 @@ TARGET REEL_INLINE bool NAMED(code_level)(const reel_mesh *mesh, reel_fields *fi
     return true;
 }
 
-/* Code vertices first..last-1 of a level above the coarsest. */
-TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
-                               const reel_quantizer *quantizer, int64_t level, int64_t first,
-                               int64_t last) {
-#ifdef REEL_DECODER_ONLY
-    quantizer = NULL;
-#endif
-    return NAMED(code_level)(mesh, fields, quantizer, level, first, last, (int)mesh->stencil_size);
-}
-
-#undef PARTS
+#undef N_VECS
 #undef VEC
 #undef BATCH_VEC
-#undef FOR_PARTS
+#undef FOR_VECS
 #undef AT
 #undef ROWS
-#undef WIDTH
+#undef DOUBLES
 #undef HAS_TRANSPOSE
 #undef MODE_VECS
+#undef VEC_8F
 #undef SHUFFLE
 #undef INDICES
 #undef LOAD_ROW
 #undef VEC_D
-#undef VEC_F
-#undef VEC_I
+#undef HALF_VEC_F
+#undef HALF_VEC_I
 #undef VEC_MASK
 #undef SELECT
