@@ -1,9 +1,10 @@
 /* Loops over vector lanes, compiled for the baseline vectors of the machine and, on x86-64, again
    for AVX2 or AVX-512, which are detected at run time.
 
-   A file with such loops includes its `..._lanes.h` once per vector width, with LANES, TARGET and
-   NAMED defined: doubles per vector, attribute of each function, and name of each function. Lanes
-   are independent and no operations are fused, so all widths give the same bits. */
+   A file with such loops defines LANES, the number of doubles in a vector, and includes its
+   `..._lanes.h`, which undefines it; once for each width. There, TARGET is the attribute of functions,
+   and NAMED(x) is x with LANES appended: a name for each width. Lanes are independent and no
+   operations are fused, so all widths give the same bits. */
 
 #ifndef REEL_CPU_H
 #define REEL_CPU_H
@@ -17,12 +18,11 @@
 #define REEL_TARGET_8 __attribute__((target("avx512f")))
 #endif
 
-typedef double reel_vec2d __attribute__((vector_size(16), may_alias));
-typedef double reel_vec4d __attribute__((vector_size(32), may_alias));
-typedef double reel_vec8d __attribute__((vector_size(64), may_alias));
-typedef float reel_vec4f __attribute__((vector_size(16), may_alias));
-typedef float reel_vec8f __attribute__((vector_size(32), may_alias));
-typedef float reel_vec16f __attribute__((vector_size(64), may_alias));
+#define REEL_TARGET_2
+#define REEL_JOIN_(a, b) a##b
+#define REEL_JOIN(a, b) REEL_JOIN_(a, b)
+#define TARGET REEL_JOIN(REEL_TARGET_, LANES)
+#define NAMED(name) REEL_JOIN(name, REEL_JOIN(_, LANES))
 
 /* Precedes short loops over vectors whose values must stay in registers. Builds for pages prefer
    small code. */
@@ -31,13 +31,6 @@ typedef float reel_vec16f __attribute__((vector_size(64), may_alias));
 #else
 #define REEL_UNROLLED _Pragma("GCC unroll 32")
 #endif
-
-#define REEL_JOIN_(a, b) a##b
-#define REEL_JOIN(a, b) REEL_JOIN_(a, b)
-
-/* Vector types by their number of lanes: REEL_VEC_F(8) is reel_vec8f. */
-#define REEL_VEC_F(n) REEL_JOIN(reel_vec, REEL_JOIN(n, f))
-#define REEL_VEC_D(n) REEL_JOIN(reel_vec, REEL_JOIN(n, d))
 
 #ifdef REEL_HAS_WIDE
 

@@ -92,22 +92,12 @@ REEL_INLINE prediction predict_first(exact_coder *coder, int64_t col) {
 }
 
 #define LANES 2
-#define TARGET
-#define NAMED(name) REEL_JOIN(name, _2)
 #include "exact_lanes.h"
-#undef LANES
-#undef TARGET
-#undef NAMED
 
 #ifdef REEL_HAS_WIDE
 
 #define LANES 4
-#define TARGET REEL_TARGET_4
-#define NAMED(name) REEL_JOIN(name, _4)
 #include "exact_lanes.h"
-#undef LANES
-#undef TARGET
-#undef NAMED
 
 #endif
 

@@ -8,7 +8,8 @@
 #define FOR_VECS(k) REEL_UNROLLED for (int k = 0; k < N_VECS; k++)
 #define FOR_SUMS(k) REEL_UNROLLED for (int k = 0; k < SUMS; k++)
 
-#define VEC REEL_VEC_D(LANES)
+#define VEC NAMED(vec)
+typedef double VEC __attribute__((vector_size(8 * LANES), may_alias));
 
 /* Inner product in four interleaved partial sums; the temporal inputs come last. */
 TARGET REEL_INLINE double NAMED(filter_sum)(const double *a, const double *inputs, int n,
@@ -195,3 +196,4 @@ TARGET static void NAMED(code_numbers)(exact_coder *coder, int64_t t) {
 #undef FOR_VECS
 #undef FOR_SUMS
 #undef VEC
+#undef LANES

@@ -136,29 +136,14 @@ REEL_INLINE void write_floats(float (*values)[TILE], int64_t left, int64_t strid
 }
 
 #define LANES 2
-#define TARGET
-#define NAMED(name) name##_2
 #include "frames_lanes.h"
-#undef LANES
-#undef TARGET
-#undef NAMED
 
 #ifdef REEL_HAS_WIDE
 #define LANES 4
-#define TARGET REEL_TARGET_4
-#define NAMED(name) name##_4
 #include "frames_lanes.h"
-#undef LANES
-#undef TARGET
-#undef NAMED
 
 #define LANES 8
-#define TARGET REEL_TARGET_8
-#define NAMED(name) name##_8
 #include "frames_lanes.h"
-#undef LANES
-#undef TARGET
-#undef NAMED
 #endif
 
 static void sum_tile(const frames_job *job, const void *tile, int64_t number,

@@ -75,3 +75,4 @@ TARGET static bool NAMED(place_tile)(const frames_job *job, double (*sums)[TILE]
     }
     return is_finite;
 }
+#undef LANES

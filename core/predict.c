@@ -91,32 +91,17 @@ static const float *smooth_rows(const reel_mesh *mesh, int64_t level) {
                : mesh->smooth + start * REEL_SMOOTH_FIELDS;
 }
 
-#define FLOATS 4
-#define TARGET
-#define NAMED(name) name##_4
+#define LANES 2
 #include "predict_lanes.h"
-#undef FLOATS
-#undef TARGET
-#undef NAMED
 
 #ifdef REEL_HAS_WIDE
-#define FLOATS 8
-#define TARGET REEL_TARGET_4
-#define NAMED(name) name##_8
+#define LANES 4
 #include "predict_lanes.h"
-#undef FLOATS
-#undef TARGET
-#undef NAMED
 
 #if defined(__clang__) || __GNUC__ >= 12 /* which have __builtin_shufflevector */
 #define HAS_WIDEST 1
-#define FLOATS 16
-#define TARGET REEL_TARGET_8
-#define NAMED(name) name##_16
+#define LANES 8
 #include "predict_lanes.h"
-#undef FLOATS
-#undef TARGET
-#undef NAMED
 #endif
 #endif
 
@@ -153,34 +138,34 @@ static bool code_level(int widest, const reel_mesh *mesh, reel_fields *fields,
     }
 #ifdef HAS_WIDEST
     if (widest >= 8) {
-        return code_16(mesh, fields, quantizer, level, first, last);
+        return code_8(mesh, fields, quantizer, level, first, last);
     }
 #endif
 #ifdef REEL_HAS_WIDE
     if (widest >= 4) {
-        return code_8(mesh, fields, quantizer, level, first, last);
+        return code_4(mesh, fields, quantizer, level, first, last);
     }
 #endif
     (void)widest;
-    return code_4(mesh, fields, quantizer, level, first, last);
+    return code_2(mesh, fields, quantizer, level, first, last);
 }
 
 static void prepare_level(int widest, const reel_mesh *mesh, const reel_fields *fields,
                           int64_t level, int64_t first, int64_t last) {
 #ifdef HAS_WIDEST
     if (widest >= 8) {
-        prepare_vertices_16(mesh, fields, level, first, last);
+        prepare_vertices_8(mesh, fields, level, first, last);
         return;
     }
 #endif
 #ifdef REEL_HAS_WIDE
     if (widest >= 4) {
-        prepare_vertices_8(mesh, fields, level, first, last);
+        prepare_vertices_4(mesh, fields, level, first, last);
         return;
     }
 #endif
     (void)widest;
-    prepare_vertices_4(mesh, fields, level, first, last);
+    prepare_vertices_2(mesh, fields, level, first, last);
 }
 
 /* Code vertices first..last-1, level by level. */
@@ -208,7 +193,7 @@ int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
 }
 
 size_t reel_predict_prepare_memory(int64_t n_verts, int64_t n_levels) {
-    return ((size_t)n_verts / REEL_BATCH + (size_t)n_levels) * sizeof(filter_4);
+    return ((size_t)n_verts / REEL_BATCH + (size_t)n_levels) * sizeof(filter_2);
 }
 
 int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *fields, int64_t first,

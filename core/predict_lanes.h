@@ -1,16 +1,11 @@
-/* The part of predict.c that handles REEL_BATCH vertices at once, one per lane. It is included once
-   for each vector width, see cpu.h, so it has no include guard; several vectors hold a batch.
-   Nothing is summed across lanes: the operations of each vertex have the same order, so all widths
-   give the same bits.
+/* The part of predict.c that handles REEL_BATCH vertices at once, one per lane; see cpu.h for LANES,
+   TARGET and NAMED. Several vectors hold a batch. Nothing is summed across lanes: the operations of
+   each vertex have the same order, so all widths give the same bits.
 
-   Defined by predict.c:
-     FLOATS      floats in a vector: 4, 8 or 16
-     TARGET      attribute of functions that need such vectors
-     NAMED(x)    x with FLOATS appended: a name for each width
    Types:
-     VEC         FLOATS floats
+     VEC         FLOATS floats, as many as fit in a vector
      BATCH_VEC   one float for each vertex of a batch, in N_VECS vectors
-     VEC_D       DOUBLES doubles, as many as fit in a vector, unaligned
+     VEC_D       LANES doubles, unaligned
      HALF_VEC_F  as many floats, likewise; HALF_VEC_I integers; VEC_MASK results of comparisons
    Shorthands:
      FOR_VECS(p)         loop over the vectors of a batch
@@ -18,19 +13,20 @@
      SELECT(mask, v)     v, or 0 where the mask is clear
      SHUFFLE, INDICES, LOAD_ROW   transposition of eight fields; see `transpose` */
 
+#define FLOATS (2 * LANES)
 #define N_VECS (REEL_BATCH / FLOATS)
-#define DOUBLES (FLOATS / 2)
-#define VEC REEL_VEC_F(FLOATS)
+#define VEC NAMED(vec)
 #define BATCH_VEC NAMED(batch_vec)
 #define VEC_D NAMED(vec_d)
 #define HALF_VEC_F NAMED(half_vec_f)
 #define HALF_VEC_I NAMED(half_vec_i)
 #define VEC_MASK NAMED(vec_mask)
+typedef float VEC __attribute__((vector_size(8 * LANES), may_alias));
 typedef VEC BATCH_VEC[N_VECS];
-typedef double VEC_D __attribute__((vector_size(8 * DOUBLES), may_alias, aligned(8)));
-typedef float HALF_VEC_F __attribute__((vector_size(4 * DOUBLES), may_alias, aligned(4)));
-typedef int32_t HALF_VEC_I __attribute__((vector_size(4 * DOUBLES), may_alias, aligned(4)));
-typedef int64_t VEC_MASK __attribute__((vector_size(8 * DOUBLES)));
+typedef double VEC_D __attribute__((vector_size(8 * LANES), may_alias, aligned(8)));
+typedef float HALF_VEC_F __attribute__((vector_size(4 * LANES), may_alias, aligned(4)));
+typedef int32_t HALF_VEC_I __attribute__((vector_size(4 * LANES), may_alias, aligned(4)));
+typedef int64_t VEC_MASK __attribute__((vector_size(8 * LANES)));
 
 /* Unrolled, so that the vectors stay in registers even where compilers optimize for size. */
 #define FOR_VECS(p) _Pragma("GCC unroll 4") for (int p = 0; p < N_VECS; p++)
@@ -43,14 +39,14 @@ typedef int64_t VEC_MASK __attribute__((vector_size(8 * DOUBLES)));
 #define ROWS 1
 #define MODE_VECS 1
 #else
-#define ROWS (FLOATS == 16 ? 4 : 3)
+#define ROWS (LANES == 8 ? 4 : 3)
 #define MODE_VECS 2
 #endif
 
 /* One number for each vertex of a batch. */
 typedef union {
     double number[REEL_BATCH];
-    VEC_D vector[REEL_BATCH / DOUBLES];
+    VEC_D vector[REEL_BATCH / LANES];
 } NAMED(batch_numbers);
 
 /* State of the Kalman filters of a batch. */
@@ -244,7 +240,7 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, BATCH_VEC *off
 }
 
 /* Whether to load eight fields of a vertex at once, and transpose them to lanes. */
-#if FLOATS >= 8 && (defined(__clang__) || __GNUC__ >= 12)
+#if LANES >= 4 && (defined(__clang__) || __GNUC__ >= 12)
 #define HAS_TRANSPOSE 1
 #else
 #define HAS_TRANSPOSE 0
@@ -254,7 +250,7 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, BATCH_VEC *off
 #define VEC_8F NAMED(vec_8f)
 typedef float VEC_8F __attribute__((vector_size(32), may_alias, aligned(4)));
 #define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
-#if FLOATS == 16
+#if LANES == 8
 #define INDICES(...) __VA_ARGS__ /* indices into two vectors, for vectors of 16 */
 #else
 #define INDICES(a, b, c, d, e, f, g, h, ...)                                                       \
@@ -292,7 +288,7 @@ TARGET REEL_INLINE void NAMED(transpose)(const VEC *rows, BATCH_VEC *lanes, int 
 
 /* Difference of eight values and eight others, rounded to single. */
 TARGET REEL_INLINE VEC_8F NAMED(difference)(const double *at, const double *base) {
-#if FLOATS == 16
+#if LANES == 8
     return __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, VEC_8F);
 #else
     HALF_VEC_F low = __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, HALF_VEC_F);
@@ -303,7 +299,7 @@ TARGET REEL_INLINE VEC_8F NAMED(difference)(const double *at, const double *base
 }
 
 /* Row of vertex l, or of vertices l and l + 8 side by side. */
-#if FLOATS == 16
+#if LANES == 8
 #define LOAD_ROW(l, of)                                                                            \
     SHUFFLE(of(l), of((l) + 8), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 #else
@@ -437,7 +433,7 @@ TARGET REEL_CALLED void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fie
     NAMED(observe_key)(b, size, fields);
 }
 
-/* Quantize DOUBLES modes of a vertex to residuals, and count zeros and ones of each. `shaped`,
+/* Quantize LANES modes of a vertex to residuals, and count zeros and ones of each. `shaped`,
    where noise is shaped, are the predictions that the target values would give. Returns false if a
    residual is too large. */
 TARGET REEL_INLINE bool NAMED(quantize_modes)(bool to_nearest, const reel_quantizer *quantizer,
@@ -464,10 +460,10 @@ TARGET REEL_INLINE bool NAMED(quantize_modes)(bool to_nearest, const reel_quanti
     rounded = SELECT(~is_negative, rounded) - SELECT(is_negative, rounded);
     *residuals = __builtin_convertvector(rounded, HALF_VEC_I);
     int n_fit = 0;
-    for (int i = 0; i < DOUBLES; i++) {
+    for (int i = 0; i < LANES; i++) {
         n_fit -= (int)fits[i];
     }
-    return n_fit == DOUBLES;
+    return n_fit == LANES;
 }
 
 /* Quantize one mode at the vertices of a batch. */
@@ -479,7 +475,7 @@ TARGET REEL_INLINE bool NAMED(quantize_batch)(const NAMED(batch) *b, int size, b
     NAMED(batch_numbers) targets, shaped_values, zones, zeros = {{0}}, ones = {{0}};
     union {
         int32_t number[REEL_BATCH];
-        HALF_VEC_I vector[REEL_BATCH / DOUBLES];
+        HALF_VEC_I vector[REEL_BATCH / LANES];
     } residuals;
     if (shaped) {
         BATCH_VEC predicted;
@@ -494,7 +490,7 @@ TARGET REEL_INLINE bool NAMED(quantize_batch)(const NAMED(batch) *b, int size, b
         zones.number[l] = quantizer->zones[k];
     }
     bool fits = true;
-    for (int i = 0; i < REEL_BATCH / DOUBLES; i++) {
+    for (int i = 0; i < REEL_BATCH / LANES; i++) {
         fits &=
             NAMED(quantize_modes)(to_nearest, quantizer, zones.vector + i, predictions->vector + i,
                                   targets.vector + i, shaped ? shaped_values.vector + i : NULL,
@@ -546,7 +542,7 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
     return true;
 }
 
-/* Predict n * DOUBLES modes at one vertex of a batch. */
+/* Predict n * LANES modes at one vertex of a batch. */
 TARGET REEL_INLINE void NAMED(predict_modes)(const NAMED(batch) *b, int size, int l, int n,
                                              const double *values, int64_t stride,
                                              VEC_D *predictions) {
@@ -566,9 +562,9 @@ TARGET REEL_INLINE void NAMED(predict_modes)(const NAMED(batch) *b, int size, in
 
 /* Load residuals that are `stride` apart. */
 TARGET REEL_INLINE HALF_VEC_I NAMED(load_residuals)(const int32_t *from, int64_t stride) {
-#if DOUBLES == 2
+#if LANES == 2
     return (HALF_VEC_I){from[0], from[stride]};
-#elif DOUBLES == 4
+#elif LANES == 4
     return (HALF_VEC_I){from[0], from[stride], from[2 * stride], from[3 * stride]};
 #else
     return (HALF_VEC_I){from[0],          from[stride],     from[2 * stride], from[3 * stride],
@@ -576,7 +572,7 @@ TARGET REEL_INLINE HALF_VEC_I NAMED(load_residuals)(const int32_t *from, int64_t
 #endif
 }
 
-/* Code n * DOUBLES modes at the vertices of a batch, n of 1 or 2, by weights that no longer adapt.
+/* Code n * LANES modes at the vertices of a batch, n of 1 or 2, by weights that no longer adapt.
  */
 TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n, bool to_nearest,
                                           bool is_shaped, int64_t k, reel_fields *fields,
@@ -585,9 +581,9 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
     HALF_VEC_I residuals;
     int64_t n_modes = fields->n_modes, n_verts = fields->n_verts;
     bool fits = true;
-    for (int m = 0; quantizer && m < n * DOUBLES; m++) {
-        zeros[m / DOUBLES][m % DOUBLES] = quantizer->counts[2 * (k + m)];
-        ones[m / DOUBLES][m % DOUBLES] = quantizer->counts[2 * (k + m) + 1];
+    for (int m = 0; quantizer && m < n * LANES; m++) {
+        zeros[m / LANES][m % LANES] = quantizer->counts[2 * (k + m)];
+        ones[m / LANES][m % LANES] = quantizer->counts[2 * (k + m) + 1];
     }
     for (int l = 0; l < b->n_lanes; l++) {
         int64_t own = b->neighbors[SELF][l];
@@ -597,13 +593,13 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
         }
         VEC_D *values = (VEC_D *)(fields->values + own * n_modes + k);
         REEL_UNROLLED for (int i = 0; i < n; i++) {
-            int32_t *residual = fields->residuals + (k + i * DOUBLES) * n_verts + own;
+            int32_t *residual = fields->residuals + (k + i * LANES) * n_verts + own;
             if (quantizer) {
                 fits &= NAMED(quantize_modes)(
                     to_nearest, quantizer, (const VEC_D *)(quantizer->zones + k) + i,
                     &predictions[i], (const VEC_D *)(quantizer->targets + own * n_modes + k) + i,
                     is_shaped ? &shaped[i] : NULL, &residuals, &zeros[i], &ones[i]);
-                for (int m = 0; m < DOUBLES; m++) {
+                for (int m = 0; m < LANES; m++) {
                     residual[m * n_verts] = residuals[m];
                 }
             } else {
@@ -612,9 +608,9 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
             values[i] = predictions[i] + __builtin_convertvector(residuals, VEC_D);
         }
     }
-    for (int m = 0; quantizer && m < n * DOUBLES; m++) {
-        quantizer->counts[2 * (k + m)] = zeros[m / DOUBLES][m % DOUBLES];
-        quantizer->counts[2 * (k + m) + 1] = ones[m / DOUBLES][m % DOUBLES];
+    for (int m = 0; quantizer && m < n * LANES; m++) {
+        quantizer->counts[2 * (k + m)] = zeros[m / LANES][m % LANES];
+        quantizer->counts[2 * (k + m) + 1] = ones[m / LANES][m % LANES];
     }
     return fits;
 }
@@ -624,13 +620,13 @@ TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool to_nea
                                           bool is_shaped, reel_fields *fields,
                                           const reel_quantizer *quantizer) {
     int64_t n_modes = fields->n_modes, n_fixed = n_modes - fields->n_learned;
-    int64_t n_adaptive = n_fixed < 0 ? n_modes : fields->n_learned + n_fixed % DOUBLES;
+    int64_t n_adaptive = n_fixed < 0 ? n_modes : fields->n_learned + n_fixed % LANES;
     bool fits = NAMED(code_adaptive)(b, size, to_nearest, is_shaped, n_adaptive, fields, quantizer);
     int64_t k = n_adaptive;
-    for (; MODE_VECS == 2 && fits && k + 2 * DOUBLES <= n_modes; k += 2 * DOUBLES) {
+    for (; MODE_VECS == 2 && fits && k + 2 * LANES <= n_modes; k += 2 * LANES) {
         fits = NAMED(code_fixed)(b, size, MODE_VECS, to_nearest, is_shaped, k, fields, quantizer);
     }
-    for (; fits && k < n_modes; k += DOUBLES) {
+    for (; fits && k < n_modes; k += LANES) {
         fits = NAMED(code_fixed)(b, size, 1, to_nearest, is_shaped, k, fields, quantizer);
     }
     return fits;
@@ -693,7 +689,7 @@ TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
 #undef FOR_VECS
 #undef AT
 #undef ROWS
-#undef DOUBLES
+#undef FLOATS
 #undef HAS_TRANSPOSE
 #undef MODE_VECS
 #undef VEC_8F
@@ -705,3 +701,4 @@ TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
 #undef HALF_VEC_I
 #undef VEC_MASK
 #undef SELECT
+#undef LANES

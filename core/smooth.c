@@ -39,29 +39,14 @@ static const series large = {
     },
 };
 
-#define LANES 4
-#define TARGET
-#define NAMED(name) name##_4
+#define LANES 2
 #include "smooth_lanes.h"
-#undef LANES
-#undef TARGET
-#undef NAMED
 
 #ifdef REEL_HAS_WIDE
+#define LANES 4
+#include "smooth_lanes.h"
 #define LANES 8
-#define TARGET REEL_TARGET_4
-#define NAMED(name) name##_8
 #include "smooth_lanes.h"
-#undef LANES
-#undef TARGET
-#undef NAMED
-#define LANES 16
-#define TARGET REEL_TARGET_8
-#define NAMED(name) name##_16
-#include "smooth_lanes.h"
-#undef LANES
-#undef TARGET
-#undef NAMED
 #endif
 
 size_t reel_smoother_bytes(size_t n, size_t n_near) {
@@ -110,13 +95,13 @@ static void write_neighbor_rows(int32_t *near, const reel_graph *graph) {
 static const float *diffuse(const reel_smoother *smoother, const reel_graph *graph) {
 #ifdef REEL_HAS_WIDE
     if (smoother->lanes == 8) {
-        return diffuse_16(smoother, graph);
-    }
-    if (smoother->lanes == 4) {
         return diffuse_8(smoother, graph);
     }
+    if (smoother->lanes == 4) {
+        return diffuse_4(smoother, graph);
+    }
 #endif
-    return diffuse_4(smoother, graph);
+    return diffuse_2(smoother, graph);
 }
 
 void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, const int32_t *order,

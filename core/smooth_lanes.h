@@ -1,17 +1,19 @@
-/* Smooth fields, LANES floats per vector; see smooth.c and cpu.h. Loops over the vectors of a row
+/* Smooth fields, FLOATS floats per vector; see smooth.c and cpu.h. Loops over the vectors of a row
    are unrolled, so that they stay in registers even where compilers optimize for size. */
 
-#define VECTOR REEL_VEC_F(LANES)
-#define N_VECS (FIELDS / LANES)
+#define FLOATS (2 * LANES)
+#define VECTOR NAMED(vector)
+#define N_VECS (FIELDS / FLOATS)
 #define FOR_VECS(k) _Pragma("GCC unroll 4") for (int k = 0; k < N_VECS; k++)
 
-typedef uint32_t NAMED(bit_vector) __attribute__((vector_size(4 * LANES)));
+typedef float VECTOR __attribute__((vector_size(8 * LANES), may_alias));
+typedef uint32_t NAMED(bit_vector) __attribute__((vector_size(4 * FLOATS)));
 
-/* A value times LANES signs: bit 0 of the vector's bits is the sign of its first lane; 1 is
+/* A value times FLOATS signs: bit 0 of the vector's bits is the sign of its first lane; 1 is
    positive. */
 TARGET REEL_INLINE VECTOR NAMED(apply_signs)(uint32_t signs, int k, NAMED(bit_vector) shifts,
                                              VECTOR value) {
-    NAMED(bit_vector) bits = (NAMED(bit_vector)){0} + (~signs >> k * LANES);
+    NAMED(bit_vector) bits = (NAMED(bit_vector)){0} + (~signs >> k * FLOATS);
     return (VECTOR)((NAMED(bit_vector))value ^ bits >> shifts << 31);
 }
 
@@ -20,7 +22,7 @@ TARGET REEL_INLINE VECTOR NAMED(apply_signs)(uint32_t signs, int k, NAMED(bit_ve
 TARGET static void NAMED(step)(const reel_smoother *smoother, const reel_graph *graph, float factor,
                                float value, const float *last, float *b) {
     NAMED(bit_vector) shifts;
-    for (int lane = 0; lane < LANES; lane++) {
+    for (int lane = 0; lane < FLOATS; lane++) {
         shifts[lane] = (uint32_t)lane;
     }
     VECTOR values = value + (VECTOR){0};
@@ -63,3 +65,5 @@ TARGET static const float *NAMED(diffuse)(const reel_smoother *smoother, const r
 #undef VECTOR
 #undef N_VECS
 #undef FOR_VECS
+#undef FLOATS
+#undef LANES
