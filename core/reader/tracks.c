@@ -6,7 +6,7 @@
 
 #define MAX_COLUMNS 256
 #define LAST_KIND MESHREEL_TRACK_SCALAR
-#define LAST_DOMAIN (MESHREEL_CORNERS + REEL_OF_ROWS)
+#define LAST_DOMAIN ((int)MESHREEL_CORNERS + (int)REEL_OF_ROWS)
 
 static int fail_track(reel_call *call, const reel_section *section, const char *message) {
     return reel_fail(call, MESHREEL_CORRUPT, section->payload.at, message);
