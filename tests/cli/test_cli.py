@@ -123,32 +123,6 @@ def test_decode_writes_the_selected_frames(reel, tmp_path, text, frames):
     np.testing.assert_array_equal(meshreel.load(tmp_path / "part.npz").vertices, expected.vertices)
 
 
-@pytest.mark.parametrize(
-    ("command", "expected"),
-    [
-        ("encode", ["reading", "connectivity", "trajectories", "fields", "hierarchy", "measuring"]),
-        ("decode", ["connectivity", "fields", "frames"]),
-    ],
-)
-def test_profile_contains_seconds_by_stage(grid, reel, tmp_path, command, expected):
-    arguments = [command, {"encode": grid, "decode": reel}[command], "--profile"]
-    profile = run_json(
-        *arguments, "-o", tmp_path / {"encode": "a.reel", "decode": "a.npz"}[command]
-    )
-    stages = profile["profile"]["stages"]
-    assert set(expected) <= {one["stage"][-1] for one in stages}
-    outermost = [one for one in stages if len(one["stage"]) == 1 and not one["in_other_thread"]]
-    assert 0 < sum(one["seconds"] for one in outermost) <= profile["profile"]["wall_s"]
-    shown = run(*arguments, "-o", tmp_path / {"encode": "b.reel", "decode": "b.npz"}[command])
-    for word in [*expected, "seconds by stage", "total"]:
-        assert word in shown.stdout
-
-
-def test_profile_is_not_printed_by_default(grid, tmp_path):
-    assert "profile" not in run_json("encode", grid, "-o", tmp_path / "a.reel")
-    assert "seconds by stage" not in run("encode", grid, "-o", tmp_path / "b.reel").stdout
-
-
 def test_info_prints_the_bytes_by_section_as_json(reel):
     figures = run_json("info", reel)
     assert sum(figures["budget_bytes"].values()) == reel.stat().st_size

@@ -67,15 +67,16 @@ def test_real_faces_round_trip_exactly(mesh, order):
     coded = encode_connectivity(faces, n_verts, order=order)
     internal = decode_connectivity(coded.payload, n_verts, len(faces))
     np.testing.assert_array_equal(internal, coded.internal_faces)
-    found, listed = decode_order(coded.order_payload, internal, n_verts)
+    vertex_order, decoded = decode_order(coded.order_payload, internal, n_verts)
     if order == "keep":
-        np.testing.assert_array_equal(listed, faces)
+        np.testing.assert_array_equal(decoded, faces)
     if order == "drop":
-        listed = coded.internal_to_given[listed]
+        given = coded.internal_to_given[decoded]
     else:
-        np.testing.assert_array_equal(found, coded.internal_to_given)
+        given = decoded
+        np.testing.assert_array_equal(vertex_order, coded.internal_to_given)
     np.testing.assert_array_equal(
-        sorted_triangles(listed, n_verts), sorted_triangles(faces, n_verts)
+        sorted_triangles(given, n_verts), sorted_triangles(faces, n_verts)
     )
 
 

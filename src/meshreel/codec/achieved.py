@@ -17,7 +17,6 @@ from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_
 from meshreel.model.extent import Extent
 from meshreel.model.segments import AnySequence, segments_of
 from meshreel.model.sequence import FrameSource
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count, Progress, silent
 
 Vertices = npt.NDArray[np.floating]
@@ -39,7 +38,6 @@ class Achieved:
     tracks: dict[str, TrackErrors]
 
 
-@staged("measuring")
 def measure_stream(
     sequence: AnySequence,
     data: bytes,
@@ -96,7 +94,6 @@ def measure_stream(
     )
 
 
-@staged("measuring")
 def measure_tracks(sequence: FrameSource, data: bytes) -> dict[str, TrackErrors]:
     """Return the errors of the tracks of a stream; parameters as in `measure_stream`."""
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:

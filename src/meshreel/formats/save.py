@@ -39,7 +39,6 @@ from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import plural
 from meshreel.runtime.outputs.atomic import replace_all_when_done
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -111,7 +110,6 @@ def save(
     return [target.name(path) for path in written] if target.is_remote else written
 
 
-@staged("writing")
 def save_part(
     sequence: "AnySource",
     wanted: range,

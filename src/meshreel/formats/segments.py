@@ -23,7 +23,6 @@ from meshreel.model.matching.segments import match_segments
 from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, single_segment
 from meshreel.model.sequence import FrameSource
 from meshreel.runtime.counting import counted
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Count
 
 MANY_SEGMENTS = 0.8
@@ -36,7 +35,6 @@ COMPARING = "comparing"
 """Stage of progress while the faces of all frames are compared."""
 
 
-@staged("reading")
 def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
     """Open a sequence whose faces may change; frames may stay in their files.
 
@@ -83,7 +81,6 @@ def registered(sequence: AnySequence, options: ReadOptions) -> SegmentedSequence
     return registration.sequence
 
 
-@staged("reading")
 def open_constant(found: SourceFiles, options: ReadOptions, purpose: str = "load") -> FrameSource:
     """Open a sequence as `open_any`, whose faces must not change.
 

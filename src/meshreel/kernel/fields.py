@@ -14,7 +14,6 @@ import numpy.typing as npt
 from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.library import call, memory, size_of
-from meshreel.runtime.profiling import staged
 
 MAX_MAGNITUDE = (1 << 31) - 1
 MAX_NEAR = 16
@@ -163,7 +162,6 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: Passes | None = None)
     return out[:size].tobytes()
 
 
-@staged("entropy coding")
 def decode_fields(
     data: bytes,
     n_rows: int,

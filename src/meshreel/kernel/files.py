@@ -55,7 +55,6 @@ from meshreel.kernel.structures import (
     Track,
 )
 from meshreel.runtime.counting import counted, size_text
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
 
 Integers = npt.NDArray[np.int32]
@@ -275,7 +274,6 @@ class FrameDecoder:
         self._process = 0  # that began the decoder of the core
         self._handle = _POINTER()
 
-    @staged("fields")
     def load(self, block: int, track: int = 0) -> None:
         """Load a block, unless it is held; raises as `fill`."""
         with self._lock:
@@ -283,7 +281,6 @@ class FrameDecoder:
             n_modes = 0 if track else self._n_modes
             self._file.call("load", self._handle, _U32(track), _U32(block), _U32(n_modes))
 
-    @staged("frames")
     def fill(self, out: npt.NDArray[Any], first: int, track: int = 0) -> None:
         """Fill a contiguous array of shape (n, N, C) with frames of a track from `first` on.
 
@@ -515,7 +512,6 @@ class OpenFile:
             return MemoryError(f"decoding takes {error.size} bytes, which the system does not have")
         return _stream_error(error)
 
-    @staged("connectivity")
     def read_mesh(self) -> None:
         """Decode the triangles and the order of vertices; raises as the class."""
         with self._lock:

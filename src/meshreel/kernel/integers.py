@@ -8,7 +8,6 @@ import numpy.typing as npt
 from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.library import call
-from meshreel.runtime.profiling import staged
 
 MAX_MAGNITUDE = (1 << 31) - 1
 BYTES_EACH = 16
@@ -64,7 +63,6 @@ def encode_integers(
     return out[:size].tobytes()
 
 
-@staged("entropy coding")
 def decode_integers(
     data: bytes, lengths: Sequence[int], tables: Sequence[int] | None = None
 ) -> list[Integers]:

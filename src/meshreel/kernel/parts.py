@@ -13,7 +13,6 @@ import numpy.typing as npt
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.library import library
 from meshreel.kernel.structures import OK, Error, fields_of
-from meshreel.runtime.profiling import staged
 
 
 class _Part(ctypes.Structure):
@@ -49,7 +48,6 @@ class SegmentFrames:
     with_surface: bool
 
 
-@staged("segments")
 def decode_together(segments: Sequence[SegmentFrames]) -> None:
     """Decode mesh and frames of each segment on one thread.
 

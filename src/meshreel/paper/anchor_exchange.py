@@ -12,7 +12,6 @@ from meshreel.paper.anchors import farthest_points
 from meshreel.paper.laplacian import adjacency_matrix, component_labels
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import MAX_RESPONSES
-from meshreel.runtime.profiling import staged
 
 CANDIDATES_PER_ANCHOR = 10
 
@@ -26,7 +25,6 @@ N_ALTERNATIVES = 5
 """Candidates that are tried instead of the only anchor of a component."""
 
 
-@staged("anchors")
 def exchange_anchors(mesh: MeshModel, delta_errors: Iterable[Floats]) -> Integers:
     """Return anchors with which deltas of these errors decode to smaller position errors.
 

@@ -10,10 +10,8 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.model.sequence import Faces
 from meshreel.paper.laplacian import adjacency_matrix, component_labels, neighbors_of
-from meshreel.runtime.profiling import staged
 
 
-@staged("anchors")
 def choose_anchors(
     faces: Faces, n_verts: int, share: float, rng: np.random.Generator | None = None
 ) -> Integers:

@@ -15,7 +15,6 @@ from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Anchors, CodedBlock, Quantized
 from meshreel.paper.quantization import Steps
 from meshreel.paper.variants import Basis, Decoding, Variant
-from meshreel.runtime.profiling import staged
 
 MAX_DIFFERENCE = 2
 
@@ -43,7 +42,6 @@ def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
     return anchors
 
 
-@staged("entropy coding")
 def write_curves(curves: Quantized) -> bytes:
     """Payload of rows over time, each with its best order of differences."""
     n_rows, n_frames = curves.integers.shape[1:]
@@ -65,7 +63,6 @@ def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
     return Quantized(summed.reshape(3, n_rows, n_frames), steps)
 
 
-@staged("entropy coding")
 def write_rows(rows: Quantized) -> bytes:
     """Payload of rows of coefficients; similar modes share a table."""
     n_rows, length = rows.integers.shape[1:]

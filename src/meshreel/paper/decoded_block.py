@@ -11,7 +11,6 @@ from meshreel.arrays import Floats, Integers
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
 from meshreel.kernel.frames import PackedFields, frame_columns, packed_fields
 from meshreel.paper.subspace.basis import expand
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
 Vertices = npt.NDArray[np.floating]
@@ -77,7 +76,6 @@ class DecodedBlock:
     exact: Vertices | None = None
     exact_places: Integers | None = None
 
-    @staged("frames")
     def fill(self, out: Vertices, first: int) -> None:
         """Fill an array of shape (T, V, 3) with frames of this block, on all cores.
 

@@ -12,7 +12,6 @@ from meshreel.arrays import Floats, Integers
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
 RELATIVE_RIDGE = 1e-3
@@ -157,7 +156,6 @@ def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -
     return np.asarray(laplacian @ np.asarray(columns, np.float64))
 
 
-@staged("filters")
 def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) -> csr_array:
     """Laplacian ``I - W`` whose weights reproduce known fields on the mesh.
 

@@ -13,7 +13,6 @@ from meshreel.model.sequence import Faces
 from meshreel.paper.laplacian import cotangent_laplacian, uniform_laplacian
 from meshreel.paper.reconstruction.system import ReconstructionSystem
 from meshreel.paper.subspace.graph_fourier import check_basis_size, graph_fourier_basis
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.progress import Progress, silent
 
 
@@ -115,7 +114,6 @@ class MeshModel:
         """Solutions of Eq. 12, of shape (V, A), for zero deltas and each anchor in turn at 1."""
         return self.responses(self.anchors)
 
-    @staged("solving")
     def responses(self, vertices: Integers) -> Floats:
         """Columns of the inverse of the matrix of Eq. 12, of shape (V, N), at N vertices."""
         return self._system.responses(vertices)
@@ -124,11 +122,9 @@ class MeshModel:
     def _system(self) -> ReconstructionSystem:
         return self._new_system()
 
-    @staged("factoring")
     def _new_system(self) -> ReconstructionSystem:
         return ReconstructionSystem(self.laplacian, np.concatenate([self.anchors, self.isolated]))
 
-    @staged("solving")
     def _solve(self, system: ReconstructionSystem, deltas: Floats, anchor_values: Floats) -> Floats:
         zeros = np.zeros((len(self.isolated), anchor_values.shape[1]))
         return system.solve(deltas, np.concatenate([anchor_values, zeros]))

@@ -24,7 +24,6 @@ from meshreel.paper.settings import allocation_of, anchor_bits, bits_of, choices
 from meshreel.paper.subspace.basis import expand, modes_for_energy, project
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_named
-from meshreel.runtime.profiling import staged
 
 DEFAULT_FREQUENCIES = 0.05
 """Fraction of the graph frequencies that `gft` keeps by default."""
@@ -167,7 +166,6 @@ class CodedBlock:
         return BlockValues(basis, self.coefficients.values, coefficients, residuals)
 
 
-@staged("analysis")
 def analyse(
     vertices: npt.NDArray[np.floating],
     frame: BoundingFrame,

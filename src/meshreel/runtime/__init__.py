@@ -1,1 +1,1 @@
-"""Running work: threads, worker processes, progress, profiling, remote files, atomic output."""
+"""Running work: threads, worker processes, progress, remote files, atomic output."""

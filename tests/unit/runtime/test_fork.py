@@ -24,7 +24,6 @@ from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.engine.engine import Engine
-from meshreel.runtime.profiling import Profile
 from meshreel.runtime.stores.ranged_file import with_own_position
 from meshreel.runtime.threads import fork_safe_lock, in_background, in_threads, one_blas_thread
 from samples.costs import draws
@@ -285,12 +284,6 @@ def test_cached_property_is_computed_in_a_child_while_another_thread_computes_it
         pytest.skip("cached properties of this Python have no lock")
     with held_elsewhere(own_lock):
         assert_succeeds_in_child(assert_codes)
-
-
-def test_child_adds_to_a_profile_while_another_thread_adds():
-    profile = Profile()
-    with held_elsewhere(profile._lock):
-        assert_succeeds_in_child(lambda: profile.add(("stage",), 1.0, 1))
 
 
 class UntouchedWorkers:

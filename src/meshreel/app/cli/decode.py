@@ -56,7 +56,6 @@ if TYPE_CHECKING:
 @textures_option
 @force_option
 @option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
-@option("--profile", is_flag=True, help="Print seconds by stage.")
 def decode_command(
     source: str,
     output: str,
@@ -74,7 +73,6 @@ def decode_command(
     textures: str | None,
     force: bool,
     as_json: bool,
-    profile: bool,
 ) -> None:
     """Decode the animation of a .reel file.
 
@@ -95,7 +93,6 @@ def decode_command(
     from contextlib import nullcontext
 
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
-    from meshreel.app.cli.profile import print_profile, profile_figures
     from meshreel.app.cli.read_options import refuse_other_formats
     from meshreel.app.cli.write_options import (
         checked_bound,
@@ -110,7 +107,6 @@ def decode_command(
     from meshreel.formats.outputs import check_output
     from meshreel.formats.remote import local_file, uploaded
     from meshreel.formats.save import save_part
-    from meshreel.runtime.profiling import profiled
     from meshreel.runtime.stores.address import is_remote
 
     chosen = frame_slice(frames)
@@ -132,7 +128,6 @@ def decode_command(
         refuse_other_formats(Path(source), "meshreel convert writes it in another format")
         with (
             progress_bar() as progress,
-            profiled() as times,
             _open(stream, modes, segment, memory) as reel,
             errors_naming(source),
         ):
@@ -153,12 +148,9 @@ def decode_command(
         notes.append(f"{source} is truncated: these are the frames of its complete blocks")
     print_notes(notes)
     if as_json:
-        timing = {"profile": profile_figures(times)} if profile else {}
-        print_json({**figures, "is_whole": reel.is_whole, "notes": notes, **timing})
+        print_json({**figures, "is_whole": reel.is_whole, "notes": notes})
         return
     print_written(figures)
-    if profile:
-        print_profile(times)
 
 
 def _open(

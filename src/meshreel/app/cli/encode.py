@@ -42,7 +42,6 @@ OTHER_OUTPUTS = (
 @split_option
 @option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
 @option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
-@option("--profile", is_flag=True, help="Print seconds by stage.")
 def encode_command(
     inputs: tuple[str, ...],
     output: str | None,
@@ -52,7 +51,6 @@ def encode_command(
     split: bool,
     force: bool,
     as_json: bool,
-    profile: bool,
 ) -> None:
     """Compress an animated mesh into one .reel file.
 
@@ -95,7 +93,6 @@ def encode_command(
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.app.cli.encoded_file import encode_file
-    from meshreel.app.cli.profile import print_profile, profile_figures
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
@@ -106,7 +103,6 @@ def encode_command(
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.extras import require
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
-    from meshreel.runtime.profiling import profiled
 
     output = output or f"{output_stem(inputs[0])}.reel"
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
@@ -119,7 +115,7 @@ def encode_command(
         files = files_of_source(source, reading.topology)
         check_output_path(stream_path, overwrite=force, inputs=files)
         require(extras_to_read(files, reading))
-        progress, times = stack.enter_context(progress_bar()), stack.enter_context(profiled())
+        progress = stack.enter_context(progress_bar())
         keeps_order = config.order in ("keep", "vertices")
         reading = replace(reading, progress=progress, matches_frames=not keeps_order)
         pieces: list[tuple[Callable[[], AnySequence], Path]]
@@ -160,12 +156,9 @@ def encode_command(
         figures = {"outputs": outputs} if split else outputs[0]
         for report in reports:
             figures |= report.figures()
-        timing = {"profile": profile_figures(times)} if profile else {}
-        print_json({**figures, "notes": notes, **timing})
+        print_json({**figures, "notes": notes})
         return
     for result in results:
         result.show()
     for report, result in zip(reports, results, strict=False):
         print_table("relative to the raw capture", report.rows(result.stream.size_bytes))
-    if profile:
-        print_profile(times)

@@ -89,14 +89,13 @@ def encode_file(
     from meshreel.formats.notes import note_unknown_rate
     from meshreel.model.segments import SegmentedSequence, segments_of, tracks_of_all
     from meshreel.runtime.outputs.atomic import replace_when_done
-    from meshreel.runtime.profiling import stage
 
     given = sequence
     sequence = without_reordering(given, config.order)
     notes += filter(None, [joined_note(given, sequence)])
     tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
-    with stage("writing"), replace_when_done(output, overwrite=force) as temporary:
+    with replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(data)
     achieved = measure_stream(sequence, data, with_sted=config.sted is not None, progress=progress)
     stream = info(data)

@@ -15,7 +15,6 @@ from meshreel.codec.connectivity.order import decode_given_order, encode_order
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.connectivity import decode_faces, encode_faces
 from meshreel.model.sequence import Faces
-from meshreel.runtime.profiling import staged
 
 ORDERS = ("keep", "vertices", "drop")
 GOOD_WALK_BYTES = 0.5
@@ -53,7 +52,6 @@ class CodedConnectivity:
         return len(self.payload) + len(self.order_payload)
 
 
-@staged("connectivity")
 def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> CodedConnectivity:
     """Encode a face list as a walk over the surface or as a plain list, whichever is smaller.
 
@@ -81,7 +79,6 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
     return min(walked, listed, key=lambda coded: coded.size_bytes)
 
 
-@staged("connectivity")
 def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
     """Decode the internal faces, int32 of shape (M, 3).
 
@@ -100,7 +97,6 @@ def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
     return decode_faces(payload, n_verts, n_faces)
 
 
-@staged("order")
 def decode_order(
     order_payload: bytes, internal_faces: Faces, n_verts: int
 ) -> tuple[Integers, Faces]:

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 
 RANK_TOLERANCE = 1e-13
@@ -113,7 +112,6 @@ def _leading_trajectories(gram: Floats, n_modes: int, least: float) -> tuple[Flo
     return np.sqrt(np.maximum(eigenvalues, 0.0)), fix_signs(vectors)
 
 
-@staged("trajectories")
 def truncated_pca(
     columns: Callable[[slice], npt.NDArray[np.floating]],
     gram: Floats,
@@ -174,7 +172,6 @@ def _above(values: Floats, vectors: Floats, least: float) -> tuple[Floats, Float
     return values[:count], vectors[:, :count]
 
 
-@staged("trajectories")
 def gram_of_rows(
     columns: Callable[[slice], npt.NDArray[np.floating]], n_rows: int, n_columns: int
 ) -> Floats:

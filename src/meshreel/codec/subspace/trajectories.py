@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.model.extent import Extent
-from meshreel.runtime.profiling import staged
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,6 @@ def bounding_frame(extent: Extent) -> BoundingFrame:
     return BoundingFrame(origin, min(scale, largest_float))
 
 
-@staged("coordinates")
 def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Floats:
     """Coordinate matrices A of shape (3, T, V), relative to the center, in diagonals."""
     # Always a copy, because it is changed in place below.

@@ -26,7 +26,6 @@ from meshreel.kernel.basis import (
 )
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, Prepared, encode_values
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_background, in_threads
 
 Floats = npt.NDArray[np.float64]
@@ -189,7 +188,6 @@ def analyze_fields(
     return min(without_reuse, reused, key=lambda one: one.cost)
 
 
-@staged("fields")
 def _encode_fields(
     frames: BlockFrames,
     basis: npt.NDArray[np.int32],
@@ -367,7 +365,6 @@ class ReusedFields:
     remainder: BlockFrames
 
 
-@staged("reused fields")
 def reuse_fields(
     frames: BlockFrames,
     values: Floats,

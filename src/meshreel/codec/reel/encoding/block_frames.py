@@ -11,7 +11,6 @@ import numpy.typing as npt
 from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, truncated_pca
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.frames import add_coordinate_rows, coordinate_rows
-from meshreel.runtime.profiling import staged
 from meshreel.runtime.threads import chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
@@ -95,7 +94,6 @@ class BlockFrames:
         return self.vertices.size <= MAX_CACHED
 
     @cached_property
-    @staged("coordinates")
     def _all(self) -> Floats:
         if self.subtracted is None:
             return self._rows(slice(0, self.n_verts))

@@ -9,7 +9,6 @@ from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.frames import JointFrames
-from meshreel.runtime.profiling import staged
 
 Floats = npt.NDArray[np.float64]
 
@@ -56,7 +55,6 @@ def check_error_bound(bound: float, rounding: float, dtype: np.dtype[np.floating
     )
 
 
-@staged("corrections")
 def corrections_of_block(
     block: BlockFrames,
     decoded: JointFrames,

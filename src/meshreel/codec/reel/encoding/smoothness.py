@@ -11,7 +11,6 @@ import numpy.typing as npt
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
-from meshreel.runtime.profiling import staged
 
 Vertices = npt.NDArray[np.floating]
 Floats = npt.NDArray[np.float64]
@@ -38,7 +37,6 @@ def sampled_frames(n_frames: int) -> list[int]:
     return sorted({n_frames * (2 * part + 1) // (2 * N_FRAMES) for part in range(N_FRAMES)})
 
 
-@staged("smoothness")
 def step_share(faces: Faces, n_verts: int, frames: Vertices) -> float:
     """Return the factor of the step for a surface, `MIN_SHARE` to 1.
 

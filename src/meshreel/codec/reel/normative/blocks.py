@@ -26,7 +26,6 @@ from meshreel.kernel.mesh import Neighbors
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.kernel.surface_integers import encode_on_surface
 from meshreel.model.sequence import Faces
-from meshreel.runtime.profiling import stage
 from meshreel.runtime.threads import in_background, n_cores
 
 Numbers = npt.NDArray[Any]
@@ -145,8 +144,7 @@ class ReadBlock:
     @property
     def basis(self) -> npt.NDArray[np.int32]:
         """Residuals of the temporal basis; waits for the background thread."""
-        with stage("waiting"):
-            return self.basis_future.result()
+        return self.basis_future.result()
 
     def values(self, mesh: FieldMesh, key: KeyFields | None = None) -> Floats:
         """Decode fields of shape (V, K), in coding order and in steps."""

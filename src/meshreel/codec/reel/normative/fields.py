@@ -14,7 +14,6 @@ from meshreel.arrays import Floats
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import NO_REST, BasisCoding, Rests, basis_vectors, lengths_of
 from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
-from meshreel.runtime.profiling import staged
 
 NONE_REUSED = np.float32(0.0)
 
@@ -110,7 +109,6 @@ class KeyFields:
         return self._prepared[n_learned]
 
 
-@staged("fields")
 def decoded_values(
     residuals: npt.NDArray[np.int32],
     layout: Layout,

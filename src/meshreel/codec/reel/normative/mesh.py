@@ -13,7 +13,6 @@ from meshreel.kernel.fields import CodingOrder, order_of_rows
 from meshreel.kernel.mesh import Hierarchy, Neighbors, hierarchy, neighbors
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.model.sequence import Faces
-from meshreel.runtime.profiling import staged
 
 MAX_PREPARED_VERTICES = 1 << 16
 """Maximum size of a mesh whose prepared weights are cached: 608 bytes a vertex, at most 40 MB."""
@@ -55,7 +54,6 @@ class FieldMesh:
         return neighbors(self.faces, self.n_verts)
 
     @cached_property
-    @staged("hierarchy")
     def hierarchy(self) -> Hierarchy:
         """All vertices in coding order, with their stencils."""
         return hierarchy(self.neighbors, self.stencil_size)

@@ -18,7 +18,6 @@ from meshreel.kernel.basis import MAX_REST_BITS, NO_REST, Rests
 from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.kernel.mesh import MAX_STENCIL
-from meshreel.runtime.profiling import staged
 
 SINGLE, DOUBLE = 4, 8
 """Layout codes, named after the precision in which frames are summed."""
@@ -42,7 +41,6 @@ MAX_STEP = 1e6
 """Upper limit of steps: a million diagonals times the square root of the number of frames."""
 
 
-@staged("entropy coding")
 def field_sections(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
 ) -> list[tuple[Section, bytes]]:
@@ -181,7 +179,6 @@ def write_basis(
     return encode_fields(rows, time_order(n_columns, n_frames, rests, has_cosines=has_cosines))
 
 
-@staged("temporal basis")
 def read_basis(
     payload: bytes,
     n_modes: int,
@@ -219,7 +216,6 @@ def write_corrections(corrections: Corrections) -> bytes:
     )
 
 
-@staged("corrections")
 def read_corrections(
     payload: bytes,
     n_columns: int,
