@@ -192,18 +192,3 @@ def test_convert_splits_the_segments_of_a_stream(changing, tmp_path):
         np.testing.assert_array_equal(
             meshreel.load(tmp_path / name).vertices, segment.read(0, segment.n_frames)
         )
-
-
-def test_convert_writes_visibility_of_segments(changing, tmp_path):
-    run_json("convert", changing, "-o", tmp_path / "a.glb", "--visibility", "--fps", 10)
-    assert b"KHR_node_visibility" in (tmp_path / "a.glb").read_bytes()
-    figures = run_json("convert", tmp_path / "a.glb", "-o", tmp_path / "b_%02d.ply")
-    assert (figures["n_frames"], figures["n_segments"]) == (5, 2)
-    done = run("convert", changing, "-o", tmp_path / "a.abc", "--visibility")
-    assert_fails(done, "--visibility", "has no effect on a .abc file", ".glb, .gltf")
-
-
-def test_decode_writes_visibility_of_segments(changing, tmp_path):
-    run_json("encode", changing, "-o", tmp_path / "a.reel", "--fps", 10)
-    run_json("decode", tmp_path / "a.reel", "-o", tmp_path / "a.gltf", "--visibility")
-    assert "KHR_animation_pointer" in (tmp_path / "a.gltf").read_text()

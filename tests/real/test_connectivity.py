@@ -70,11 +70,9 @@ def test_real_faces_round_trip_exactly(mesh, order):
     vertex_order, decoded = decode_order(coded.order_payload, internal, n_verts)
     if order == "keep":
         np.testing.assert_array_equal(decoded, faces)
-    if order == "drop":
-        given = coded.internal_to_given[decoded]
-    else:
-        given = decoded
+    if order != "drop":
         np.testing.assert_array_equal(vertex_order, coded.internal_to_given)
+    given = coded.internal_to_given[decoded] if order == "drop" else decoded
     np.testing.assert_array_equal(
         sorted_triangles(given, n_verts), sorted_triangles(faces, n_verts)
     )

@@ -22,9 +22,7 @@ from meshreel.runtime.extras import Extra
 ReadOption = Literal[
     "object", "merge", "topology", "dataset", "skip_bad", "allow_outside", "animation"
 ]
-WriteOption = Literal[
-    "targets", "max_error", "normals", "visibility", "lossless", "layout", "textures"
-]
+WriteOption = Literal["targets", "max_error", "normals", "lossless", "layout", "textures"]
 
 WriteSegments = Callable[[Path, SegmentedStream, WriteOptions], None]
 

@@ -133,10 +133,6 @@ class WriteOptions:
     textures : str, optional
         ``.vat``: "exr" (default) for half floats, or full floats if the error requires them; "png"
         for 8 bits, or 16 if the error requires them.
-    visibility : bool, default False
-        glTF: whether a sequence whose faces change shows its meshes by the extensions
-        KHR_node_visibility and KHR_animation_pointer, which viewers must support, instead of by
-        their scale.
     origin : Origin, optional
         Origin of decoded frames; None for original frames.
     """
@@ -147,5 +143,4 @@ class WriteOptions:
     lossless: bool = False
     layout: str | None = None
     textures: str | None = None
-    visibility: bool = False
     origin: Origin | None = None

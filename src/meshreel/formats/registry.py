@@ -111,7 +111,7 @@ FRAME_FORMATS = {
         ),
     )
 }
-GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "normals", "visibility"})
+GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "normals"})
 SEQUENCE_FORMATS = {
     found.extension: found
     for found in (

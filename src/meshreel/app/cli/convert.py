@@ -21,7 +21,6 @@ from meshreel.app.cli.write_options import (
     start_number_option,
     targets_option,
     textures_option,
-    visibility_option,
 )
 
 if TYPE_CHECKING:
@@ -49,7 +48,6 @@ GENERAL_OPTIONS = ("max_error", "unit")
 @split_option
 @targets_option
 @normals_option
-@visibility_option
 @layout_option
 @textures_option
 @encode_options(max_error=output_error_option)
@@ -67,7 +65,6 @@ def convert_command(
     split: bool,
     targets: int | None,
     normals: bool | None,
-    visibility: bool,
     layout: str | None,
     textures: str | None,
     encoding: Encoding,
@@ -146,7 +143,6 @@ def convert_command(
                 normals,
                 layout=layout,
                 textures=textures,
-                visibility=visibility,
                 origin=origin,
             ),
             config,

@@ -19,7 +19,6 @@ from meshreel.app.cli.write_options import (
     start_number_option,
     targets_option,
     textures_option,
-    visibility_option,
 )
 from meshreel.codec.config import option_named
 
@@ -51,7 +50,6 @@ if TYPE_CHECKING:
 @gltf_error_option
 @encode_option(option_named("unit"), GLTF_AND_TEXTURES)
 @normals_option
-@visibility_option
 @layout_option
 @textures_option
 @force_option
@@ -68,7 +66,6 @@ def decode_command(
     max_error: str | None,
     unit: str | None,
     normals: bool | None,
-    visibility: bool,
     layout: str | None,
     textures: str | None,
     force: bool,
@@ -112,9 +109,7 @@ def decode_command(
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)
     refuse_stream(output)
-    options = WriteOptions(
-        targets, bound, normals, layout=layout, textures=textures, visibility=visibility
-    )
+    options = WriteOptions(targets, bound, normals, layout=layout, textures=textures)
     notes: list[str] = []
     with (
         uploaded(output, overwrite=force) as target,

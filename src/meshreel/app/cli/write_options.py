@@ -74,13 +74,6 @@ normals_option: Decorator = option(
     "error of about 3.5 degrees. .vat: write the normals of every frame (default) or none.",
     panel=GLTF_AND_TEXTURES,
 )
-visibility_option: Decorator = option(
-    "--visibility",
-    is_flag=True,
-    help="Where faces change, show meshes by the extensions KHR_node_visibility and "
-    "KHR_animation_pointer, which the viewer must support. Default: by keys of their scale.",
-    panel=GLTF,
-)
 layout_option: Decorator = option(
     "--layout",
     metavar="NAME",

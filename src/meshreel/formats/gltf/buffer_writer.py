@@ -95,12 +95,6 @@ class BufferWriter:
         accessor = _accessor(self._add_view(column.tobytes(), {}), column, 0)
         return self._add_accessor(accessor | (_bounds(column) if are_times else {}))
 
-    def add_bytes(self, values: npt.NDArray[np.uint8]) -> int:
-        """Append unsigned bytes of an animation, of shape (N,), and return their accessor."""
-        column = values.reshape(-1, 1)
-        view = self._add_view(column.tobytes(), {})
-        return self._add_accessor(_accessor(view, column, 0))
-
     def add_vectors(self, values: npt.NDArray[np.float32]) -> int:
         """Append vectors of an animation, of shape (N, C), and return their accessor."""
         data = values.astype("<f4")

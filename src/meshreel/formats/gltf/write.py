@@ -15,7 +15,6 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.gltf.animation import POINTER, VISIBILITY
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.container import write_container
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
@@ -87,8 +86,8 @@ def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
     """Write a self-contained ``.glb`` file.
 
     All frames of a segment, and the file, are in memory. Each segment has its own meshes, below a
-    node whose scale is 1 in its frames and 0 in the others, or which is visible only in its frames.
-    `stream.notes` gains the errors achieved.
+    node whose scale is 1 in its frames and 0 in the others. `stream.notes` gains the errors
+    achieved.
 
     Raises
     ------
@@ -168,16 +167,7 @@ def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
     morph_options = MorphOptions(options.targets, budget.added, CHOICES[options.normals])
     stream.progress("morph targets", 0.0)
-    scene = build_scene(
-        segments,
-        stream.name,
-        times_s,
-        morph_options,
-        stream.notes,
-        uses_visibility=options.visibility,
-    )
-    if options.visibility and stream.n_segments == 1:
-        stream.notes.append("--visibility (visibility=) has no effect, as the faces never change")
+    scene = build_scene(segments, stream.name, times_s, morph_options, stream.notes)
     if scene.n_isolated:
         stream.notes.append(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
     errors = scene.errors
@@ -274,10 +264,7 @@ def _note_normals(notes: list[str], scene: Scene, options: WriteOptions) -> None
 class _SceneWriter:
     """Collects the meshes, nodes and buffer of a scene."""
 
-    def __init__(
-        self, surface: Surface, notes: list[str], *, uses_visibility: bool = False
-    ) -> None:
-        self.uses_visibility = uses_visibility
+    def __init__(self, surface: Surface, notes: list[str]) -> None:
         self.buffer, self.tree = BufferWriter(), NodeTree()
         self.materials = Materials(surface, self.buffer, notes)
         self.meshes: list[Json] = []
@@ -299,10 +286,7 @@ class _SceneWriter:
         label = f"{name or 'segment'} {number}".replace("/", "_")
         node = self.tree.group(label)
         self.tree.nodes[node]["extras"] = {SEGMENT_START: start_s}
-        # Without an animation, the first segment is shown.
-        if self.uses_visibility:
-            self.tree.nodes[node]["extensions"] = {VISIBILITY: {"visible": number == 0}}
-        elif number:
+        if number:  # without an animation, the first segment is shown
             self.tree.nodes[node]["scale"] = [0.0, 0.0, 0.0]
         self._segments.append((node, frames))
         return f"/{label}"
@@ -357,23 +341,17 @@ class _SceneWriter:
             channels.append({"sampler": len(samplers), "target": {"node": node, "path": "weights"}})
             samplers.append({"input": inputs[key], "output": values, "interpolation": "LINEAR"})
         for node, frames in self._segments:
-            keys = _visibility_keys(frames, len(times))
-            shown = np.array([frames.start <= key < frames.stop for key in keys], np.uint8)
+            keys = _scale_keys(frames, len(times))
+            shown = np.array([frames.start <= key < frames.stop for key in keys], np.float32)
             sampled = self.buffer.add_samples(times[keys], are_times=True)
-            target: Json = {"node": node, "path": "scale"}
-            if self.uses_visibility:
-                values = self.buffer.add_bytes(shown)
-                pointer = f"/nodes/{node}/extensions/{VISIBILITY}/visible"
-                target = {"path": "pointer", "extensions": {POINTER: {"pointer": pointer}}}
-            else:
-                scales = np.repeat(shown[:, np.newaxis], 3, axis=1)
-                values = self.buffer.add_vectors(scales.astype(np.float32))
-            channels.append({"sampler": len(samplers), "target": target})
+            scales = np.repeat(shown[:, np.newaxis], 3, axis=1)
+            values = self.buffer.add_vectors(scales)
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": "scale"}})
             samplers.append({"input": sampled, "output": values, "interpolation": "STEP"})
         return {"name": name, "samplers": samplers, "channels": channels} if samplers else None
 
 
-def _visibility_keys(frames: slice, n_frames: int) -> list[int]:
+def _scale_keys(frames: slice, n_frames: int) -> list[int]:
     """Return the frames at which the scale of a segment has keys.
 
     The first segment has keys in all frames, so that readers find each of them even if no vertex
@@ -390,8 +368,6 @@ def build_scene(
     times_s: Sequence[float],
     options: MorphOptions,
     notes: list[str],
-    *,
-    uses_visibility: bool = False,
 ) -> Scene:
     """Return the scene that plays the segments of a sequence.
 
@@ -406,14 +382,12 @@ def build_scene(
     options : MorphOptions
     notes : list of str
         Gains a sentence for every material property that glTF cannot store.
-    uses_visibility : bool, default False
-        Whether segments are shown by their visibility, not by their scale.
     """
     writer: _SceneWriter | None = None
     errors: list[npt.NDArray[np.floating]] = []
     has_hard_edges, first = False, 0
     for number, segment in enumerate(segments):
-        writer = writer or _SceneWriter(segment.surface, notes, uses_visibility=uses_visibility)
+        writer = writer or _SceneWriter(segment.surface, notes)
         frames = slice(first, first + segment.n_frames)
         first = frames.stop
         has_hard_edges = has_hard_edges or segment.surface.hard_edges is not None
@@ -447,8 +421,6 @@ def build_scene(
         document["animations"] = [animation]
     if any(one.morphs is not None for one in writer.morph_meshes):
         required.add(QUANTIZATION)
-    if any("extensions" in node for node in writer.tree.nodes):
-        required |= {VISIBILITY, POINTER}  # viewers without them would show all segments at once
     used = required | writer.materials.textures.used
     extensions = {"extensionsUsed": sorted(used), "extensionsRequired": sorted(required)}
     document |= {key: names for key, names in extensions.items() if names}

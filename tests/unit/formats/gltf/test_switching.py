@@ -8,7 +8,6 @@ import pytest
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import WriteOptions
-from samples.glb import Glb
 from samples.gltf import Gltf
 from samples.meshes import waving_grid
 
@@ -177,10 +176,9 @@ def changing():
 
 
 @pytest.mark.parametrize("keeps_extras", [True, False])
-@pytest.mark.parametrize("visibility", [True, False])
-def test_segments_survive_writing_and_reading(tmp_path, visibility, keeps_extras):
+def test_segments_survive_writing_and_reading(tmp_path, keeps_extras):
     sequence = changing()
-    options = WriteOptions(max_error=0.01, visibility=visibility)
+    options = WriteOptions(max_error=0.01)
     meshreel.save(sequence, tmp_path / "a.gltf", options=options)
     if not keeps_extras:  # as files of other programs
         document = json.loads((tmp_path / "a.gltf").read_text())
@@ -193,43 +191,3 @@ def test_segments_survive_writing_and_reading(tmp_path, visibility, keeps_extras
         assert len(one.faces) == len(other.faces)
         np.testing.assert_allclose(one.vertices.min(axis=0), other.vertices.min(axis=0), atol=2e-4)
         np.testing.assert_allclose(one.vertices.max(axis=0), other.vertices.max(axis=0), atol=2e-4)
-
-
-def test_visibility_is_written_as_the_extensions_require(tmp_path):
-    sequence = changing()
-    meshreel.save(sequence, tmp_path / "a.glb", options=WriteOptions(visibility=True))
-    found = Glb.read((tmp_path / "a.glb").read_bytes())
-    for names in ("extensionsUsed", "extensionsRequired"):
-        assert {VISIBILITY, POINTER} <= set(found.document[names])
-    [animation] = found.document["animations"]
-    times = sequence.start_s + np.arange(sequence.n_frames) / sequence.fps
-    n_seen = 0
-    for channel in animation["channels"]:
-        if channel["target"]["path"] != "pointer":
-            continue
-        assert "node" not in channel["target"]
-        pointer = channel["target"]["extensions"][POINTER]["pointer"]
-        node = int(pointer.split("/")[2])
-        assert pointer == f"/nodes/{node}/extensions/{VISIBILITY}/visible"
-        visible = found.document["nodes"][node]["extensions"][VISIBILITY]["visible"]
-        assert visible == (n_seen == 0)
-        assert "scale" not in found.document["nodes"][node]
-        sampler = animation["samplers"][channel["sampler"]]
-        assert sampler["interpolation"] == "STEP"
-        accessor = found.document["accessors"][sampler["output"]]
-        assert (accessor["componentType"], accessor["type"]) == (5121, "SCALAR")
-        keys, values = found.array(sampler["input"])[:, 0], found.array(sampler["output"])[:, 0]
-        before = np.searchsorted(keys, times + 1e-4, side="right") - 1
-        expected = [sequence.segment_of(number) == n_seen for number in range(sequence.n_frames)]
-        np.testing.assert_array_equal(values[before], expected)
-        n_seen += 1
-    assert n_seen == sequence.n_segments
-
-
-def test_visibility_has_no_effect_on_one_segment(tmp_path):
-    notes = []
-    meshreel.save(
-        waving_grid(2), tmp_path / "a.glb", options=WriteOptions(visibility=True), notes=notes
-    )
-    assert any("--visibility (visibility=) has no effect" in note for note in notes)
-    assert VISIBILITY not in json.dumps(Glb.read((tmp_path / "a.glb").read_bytes()).document)
