@@ -64,7 +64,6 @@ MISSING = {
     "render walk.reel -o walk.gif": "render",
     "render walk.reel -o walk.mp4": "video",
     "render run.vtkhdf -o walk.mp4": "video,hdf",
-    "render run.vtkhdf -o walk.png --track heat --at 3": "plot,hdf",
     "register walk.npz -o other.reel --texture images": "register,video",
     "register walk.npz -o a.reel --texture images --texture-output t_%d.png": "register",
     "register frame.drc -o other.reel": "draco,register",

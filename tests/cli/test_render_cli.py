@@ -203,13 +203,6 @@ def test_render_shows_the_error_of_a_track_with_an_original(warm, tmp_path):
         assert len(list(ImageSequence.Iterator(image))) == 2
 
 
-def test_render_plots_a_track_at_a_vertex(warm, tmp_path):
-    options = ["--track", "speed", "--at", 5, "--original", warm / "warm.npz", "--frames", "2:9"]
-    made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
-    assert made["plotted_frames"] == 7
-    assert inked(tmp_path / "a.png").any()
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -218,20 +211,11 @@ def test_render_plots_a_track_at_a_vertex(warm, tmp_path):
         (["--range", "0:1"], "--range applies to a track; name it with --track"),
         (["--colormap", "diverging"], "--colormap applies to a track; name it with"),
         (["--track", "height", "--colormap", "jet"], "is sequential or diverging; got 'jet'"),
-        (
-            ["--track", "height", "--at", 5, "--colormap", "diverging"],
-            "--colormap cannot be combined with",
-        ),
         (["--track", "height", "--range", "1:0"], "a range is LOW:HIGH, low first"),
         (
             ["--track", "speed", "--component", "w"],
             "--component is 0 to 2, x, y, z, magnitude",
         ),
-        (["--at", 5], "--at applies to a track; name it with --track"),
-        (["--track", "height", "--at", 320], "has values of vertex 0 to 319; got 320"),
-        (["--track", "height", "--at", 5, "--size", "9x9"], "--size cannot be combined with"),
-        (["--track", "height", "--at", 5, "--view", "top"], "--view cannot be combined with"),
-        (["--track", "height", "--at", 5, "-o", "a.gif"], "--at draws a plot over time; write"),
         (["--track", "height", "--heatmap", "track"], "give that with --original"),
         (["--original", "warm.npz", "--heatmap", "track"], "shows the error of a track; name it"),
     ],
@@ -281,11 +265,3 @@ def test_render_shows_distances_of_frames_whose_faces_change(capture, tmp_path, 
     with Image.open(tmp_path / "a.png") as image:
         picture = np.asarray(image.convert("RGB"))
     assert (picture == HEAT[-1]).all(axis=2).sum() > 10
-
-
-def test_render_refuses_a_plot_of_frames_whose_faces_change(capture, tmp_path):
-    options = ["-o", tmp_path / "a.png", "--track", "heat", "--at", 3]
-    assert_fails(
-        run("render", capture / "keep.reel", *options),
-        "the faces change: 6 frames in 2 segments; a plot over time (--at) needs the same faces",
-    )

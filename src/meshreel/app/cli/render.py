@@ -74,14 +74,6 @@ VIEW, BACKGROUND = "30,12", "white"
     f"{SHEET_FRAMES} frames of a range ({COMPARED_FRAMES} with an original), evenly spaced.",
 )
 @option(
-    "--at",
-    type=int,
-    metavar="INDEX",
-    help="Plot the track over time at this vertex, face or corner instead of drawing the mesh; "
-    "writes a .png.",
-    panel=COLORS,
-)
-@option(
     "--turntable", type=float, metavar="SECONDS", help="Films: time of one turn around the mesh."
 )
 @option(
@@ -125,7 +117,6 @@ def render_command(
     range: str | None,
     colormap: str | None,
     frames: str | None,
-    at: int | None,
     turntable: float | None,
     view: str,
     up: str | None,
@@ -142,7 +133,7 @@ def render_command(
     --original, each frame has a row: original, decoded and, with --heatmap, the error. --track
     colors the mesh by one of its tracks. The faces may change.
 
-    Pictures and .gif need the extra [render], .mp4 needs [video], and --at needs [plot].
+    Pictures and .gif need the extra [render], and .mp4 needs [video].
 
     Examples:
 
@@ -156,15 +147,12 @@ def render_command(
 
     - `meshreel render crash.reel -o stress.png --track stress --range 0:500`
 
-    - `meshreel render crash.reel -o stress.png --track stress --at 120`
-
     - `meshreel render walk.reel -o turn.gif --frames 17 --turntable 4`
     """
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
     from meshreel.app.cli.render_options import (
-        check_plot,
         frame_numbers,
         is_range,
         parse_color,
@@ -175,8 +163,6 @@ def render_command(
     from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
-    from meshreel.model.segments import single_segment
-    from meshreel.rendering.plots import plot_track
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.views import guess_up, parse_view
     from meshreel.runtime.extras import require
@@ -184,17 +170,9 @@ def render_command(
 
     is_film = check_extension(output, EXTENSIONS) != ".png"
     _check_combination(original, heatmap, turntable, follow, is_film=is_film)
-    look = track_look(track, component, range, colormap, heatmap, at)
-    if at is not None:
-        options = {
-            "--range": range, "--colormap": colormap, "--heatmap": heatmap,
-            "--turntable": turntable, "--up": up, "--follow": follow, "--size": size,
-            "--view": view if view != VIEW else None,
-            "--background": background if background != BACKGROUND else None,
-        }  # fmt: skip
-        check_plot(options, is_film=is_film)
+    look = track_look(track, component, range, colormap, heatmap)
     files = [file for path in (source, original) if path for file in files_of_source(path)]
-    require([*_drawing_extras(output, is_plot=at is not None), *extras_to_read(files)])
+    require([*_drawing_extras(output), *extras_to_read(files)])
     check_output_path(output, overwrite=force, inputs=files)
     size_px, color = picture_size(size), parse_color(background)
     parse_view(view, up or "y")
@@ -207,23 +185,13 @@ def render_command(
         if original:
             reference = open_for_encoding(original, None, supported_only(reading, original))
         numbers = frame_numbers(frames, shown.n_frames, notes)
-        if look is not None and at is not None:
-            numbers = sorted(set(numbers))
-            purpose = "a plot over time (--at)"
-            plot_track(
-                output, look, at, single_segment(shown, purpose),
-                None if reference is None else single_segment(reference, purpose),
-                numbers, overwrite=force, progress=progress,
-            )  # fmt: skip
-            figures: dict[str, Any] = {"plotted_frames": len(numbers)}
-        else:
-            scene = Scene(shown, reference, heatmap, background=color, track=look)
-            parsed_view = parse_view(view, up or guess_up(scene.framed.extent))
-            figures = _draw(
-                scene, numbers, parsed_view, output,
-                size=size_px, turn_s=turntable, follow=follow,
-                is_range=is_range(frames), force=force, progress=progress,
-            )  # fmt: skip
+        scene = Scene(shown, reference, heatmap, background=color, track=look)
+        parsed_view = parse_view(view, up or guess_up(scene.framed.extent))
+        figures = _draw(
+            scene, numbers, parsed_view, output,
+            size=size_px, turn_s=turntable, follow=follow,
+            is_range=is_range(frames), force=force, progress=progress,
+        )  # fmt: skip
     print_notes(notes)
     figures = {"output": str(output), **figures, "size_bytes": output.stat().st_size}
     if as_json:
@@ -272,12 +240,10 @@ def _draw(
     return {"size_px": list(picture.size), "frames": numbers}
 
 
-def _drawing_extras(output: Path, *, is_plot: bool) -> list["Extra"]:
+def _drawing_extras(output: Path) -> list["Extra"]:
     """The extras that draw and write the output."""
-    from meshreel.runtime.extras import PLOT, RENDER, VIDEO, VIDEO_PILLOW
+    from meshreel.runtime.extras import RENDER, VIDEO, VIDEO_PILLOW
 
-    if is_plot:
-        return [PLOT]
     return [VIDEO, VIDEO_PILLOW] if output.suffix.lower() == ".mp4" else [RENDER]
 
 
@@ -313,10 +279,6 @@ def _print_figures(figures: dict[str, Any]) -> None:
     from meshreel.app.cli.console import print_table
     from meshreel.runtime.counting import size_text
 
-    if "plotted_frames" in figures:
-        rows = {"plot": counted(figures["plotted_frames"], "frame")}
-        print_table(figures["output"], {**rows, "size": size_text(figures["size_bytes"])})
-        return
     width, height = figures["size_px"]
     rows = {"picture": f"{width} x {height} pixels"}
     if "fps" in figures:

@@ -1,7 +1,6 @@
 """Parse the options of `meshreel render`: frames, size, color, track."""
 
 import re
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import click
@@ -81,7 +80,6 @@ def track_look(
     ends: str | None,
     colormap: str | None,
     heatmap: str | None = None,
-    at: int | None = None,
 ) -> "TrackLook | None":
     """The look of a track; None without a track.
 
@@ -95,9 +93,7 @@ def track_look(
     from meshreel.rendering.track_colors import TrackLook, parse_range
 
     if track is None:
-        options = {
-            "--component": component, "--range": ends, "--colormap": colormap, "--at": at,
-        }  # fmt: skip
+        options = {"--component": component, "--range": ends, "--colormap": colormap}
         unused = next((name for name, value in options.items() if value is not None), None)
         if heatmap == TRACK_HEAT:
             raise click.UsageError("--heatmap track shows the error of a track; name it: --track")
@@ -109,19 +105,3 @@ def track_look(
     if colormap is not None:
         check_colormap(colormap)
     return TrackLook(track, component, ends, colormap)
-
-
-def check_plot(unsupported: Mapping[str, object], *, is_film: bool) -> None:
-    """Raise if an option does not apply to a plot over time, or the output is a film.
-
-    Parameters
-    ----------
-    unsupported : mapping
-        Values of the options that do not apply to plots; None if absent.
-    is_film : bool
-    """
-    unused = next((name for name, value in unsupported.items() if value is not None), None)
-    if unused:
-        raise click.UsageError(f"{unused} cannot be combined with a plot over time (--at)")
-    if is_film:
-        raise click.UsageError("--at draws a plot over time; write a .png")
