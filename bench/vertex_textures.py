@@ -99,7 +99,7 @@ def morphs(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> C
             kinds = sorted({kind for target in targets for kind in target})
             video += len(targets) * len(kinds) * n_verts * MORPH_TEXEL_BYTES
             accessors = [*primitive["attributes"].values(), primitive["indices"]]
-            video += sum(accessor_bytes(document, one) for one in accessors)
+            video += sum(accessor_bytes(document, number) for number in accessors)
     n_targets = max(len(mesh["primitives"][0].get("targets", [])) for mesh in document["meshes"])
     what = f"GLB, {n_targets} morph targets"
     return Cost(what, path.stat().st_size, video, 4 * n_targets, noted_error(notes))

@@ -26,11 +26,11 @@ def functions() -> list[str]:
 def structures() -> dict[str, list[str]]:
     """Return the names of the public structures, with the names of their fields."""
     text = re.sub(r"/\*.*?\*/", "", HEADER.read_text(), flags=re.DOTALL)
-    found = {}
+    fields = {}
     for name, body in re.findall(r"typedef struct (\w+) \{(.*?)\n\}", text, re.DOTALL):
         lines = [line for line in body.split(";") if line.strip()]
-        found[name] = [field for line in lines for field in _names(line)]
-    return found
+        fields[name] = [field for line in lines for field in _names(line)]
+    return fields
 
 
 def _names(declaration: str) -> list[str]:
@@ -80,13 +80,13 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="update reader/abi.txt")
     options = parser.parse_args()
     try:
-        found = described()
+        interface = described()
     except RuntimeError as error:
         sys.exit(str(error))
     if options.write:
-        STORED.write_text(found)
+        STORED.write_text(interface)
     else:
-        print(found, end="")
+        print(interface, end="")
 
 
 if __name__ == "__main__":

@@ -56,16 +56,16 @@ def main() -> None:
     parser.add_argument("--plain", action="store_true", help="build with -O0: slower runs")
     parser.add_argument("--libfuzzer", type=Path, metavar="FOLDER")
     options = parser.parse_args()
-    found = next((name for name in ("clang", "gcc") if shutil.which(name)), None)
-    if found is None or (options.libfuzzer and found != "clang"):
+    compiler = next((name for name in ("clang", "gcc") if shutil.which(name)), None)
+    if compiler is None or (options.libfuzzer and compiler != "clang"):
         sys.exit("fuzzing needs a compiler with sanitizers: clang, or gcc without --libfuzzer")
     if options.libfuzzer:
         options.libfuzzer.mkdir(parents=True, exist_ok=True)
         extra = ("-O2", *core.SANITIZERS[1:], "-DREEL_GUARDED", *LIBFUZZER)
-        program = build(Path(tempfile.mkdtemp(), "fuzz"), [found], extra)
+        program = build(Path(tempfile.mkdtemp(), "fuzz"), [compiler], extra)
         arguments = [str(options.libfuzzer), f"-max_total_time={options.seconds}", "-max_len=4096"]
     else:
-        program = guarded(found, ["-O0"] if options.plain else [])
+        program = guarded(compiler, ["-O0"] if options.plain else [])
         arguments = [options.seconds, options.seed, options.first, options.count]
     try:
         sys.exit(subprocess.run([program, *arguments]).returncode)

@@ -39,7 +39,7 @@ def read_glb(path):
         triangles.append(values(primitive["indices"]).reshape(-1, 3).astype(int) + n_verts)
         n_verts += len(block["POSITION"])
         blocks.append(block)
-    joined = {name: np.concatenate([one[name] for one in blocks]) for name in blocks[0]}
+    joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     return joined, np.concatenate(triangles), document["nodes"][0]
 
 
@@ -48,10 +48,10 @@ def texels_at(image, u, v):
     height, width = image.shape[:2]
     column = np.floor((u % 1) * F(width)).astype(int)
     row = np.floor((v % 1) * F(height)).astype(int)
-    found = image[row, column]
-    if found.dtype.kind == "u":
-        return found.astype(F) / F(np.iinfo(found.dtype).max)
-    return found.astype(F)
+    texels = image[row, column]
+    if texels.dtype.kind == "u":
+        return texels.astype(F) / F(np.iinfo(texels.dtype).max)
+    return texels.astype(F)
 
 
 def rotated(vector, quaternions):
@@ -62,8 +62,8 @@ def rotated(vector, quaternions):
 
 
 def only(folder, pattern):
-    [found] = sorted(Path(folder).glob(pattern))
-    return found
+    [path] = sorted(Path(folder).glob(pattern))
+    return path
 
 
 class Player:
@@ -101,9 +101,8 @@ class OpenVatPlayer(Player):
         self.low, self.high = np.array(remap["Min"], F), np.array(remap["Max"], F)
 
     def positions(self, frame):
-        found = texels_at(self.image, self.u, self.v + F(frame) * (F(1) / F(len(self.image))))
-        found = self.low + found * (self.high - self.low)
-        return self.rest + from_blender(found)
+        values = texels_at(self.image, self.u, self.v + F(frame) * (F(1) / F(len(self.image))))
+        return self.rest + from_blender(self.low + values * (self.high - self.low))
 
     def normals(self, frame):
         v = self.v + F(frame) * (F(1) / F(len(self.image))) + F(0.5)
@@ -123,8 +122,8 @@ class OpenVatUnityPlayer(OpenVatPlayer):
         return texels_at(self.image, self.u, 1 - v)
 
     def positions(self, frame):
-        found = self.low + self.sample(frame, 0) * (self.high - self.low)
-        return self.placed(self.object_rest + mirrored(found * F(0.01)))
+        offsets = self.low + self.sample(frame, 0) * (self.high - self.low)
+        return self.placed(self.object_rest + mirrored(offsets * F(0.01)))
 
     def normals(self, frame):
         return rotated_by_node(mirrored(mirrored(F(2) * self.sample(frame, 0.5) - F(1))), self.node)
@@ -167,12 +166,12 @@ class LabsPlayer(Player):
         return self.u * ratio_u, (self.v + F(frame) / F(self.n_frames)) * ratio_v
 
     def offsets(self, frame):
-        found = texels_at(self.positions_image, *self.texel_uvs(frame))
-        return found if self.is_raw else found * (self.high - self.low) + self.low
+        values = texels_at(self.positions_image, *self.texel_uvs(frame))
+        return values if self.is_raw else values * (self.high - self.low) + self.low
 
     def quaternions(self, frame):
-        found = texels_at(self.rotations_image, *self.texel_uvs(frame))
-        return found if self.is_raw else (found - F(0.5)) * F(2)
+        values = texels_at(self.rotations_image, *self.texel_uvs(frame))
+        return values if self.is_raw else (values - F(0.5)) * F(2)
 
     def positions(self, frame):
         return self.rest + self.offsets(frame)

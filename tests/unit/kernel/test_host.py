@@ -74,20 +74,20 @@ def test_threads_share_a_store(store):
     files = [Memory(store) for _ in range(4)]
     with ThreadPoolExecutor(4) as threads:
         held = list(threads.map(exchange_blocks, files, range(4), [500] * 4))
-    assert [one.memory.n_bytes for one in files] == held
+    assert [file.memory.n_bytes for file in files] == held
     assert store.n_bytes <= MAX_BYTES
     assert not store.is_locked
 
 
 @pytest.mark.parametrize("size", [0, 1, 64, 65, 127, 128, 1000, 10**5, 8 * 10**5])
 def test_released_blocks_are_reused_by_other_files(store, size):
-    one, other = Memory(store), Memory(store)
-    address = one.allocate(size)
-    one.release(address, size)
+    first, second = Memory(store), Memory(store)
+    address = first.allocate(size)
+    first.release(address, size)
     assert size <= store.n_bytes <= max(1.25 * size, 64)
-    assert other.allocate(size) == address
+    assert second.allocate(size) == address
     assert store.n_bytes == 0
-    other.release(address, size)
+    second.release(address, size)
 
 
 def test_released_blocks_are_bounded(store):

@@ -73,7 +73,8 @@ def with_extensions(incomplete: str, extensions: Iterable[str]) -> list[str]:
     if not dot or not stem:
         return []
     path = incomplete.removesuffix(f".{beginning}")
-    return [path + one for one in extensions if one.startswith(f".{beginning.lower()}")]
+    typed = f".{beginning.lower()}"
+    return [path + extension for extension in extensions if extension.startswith(typed)]
 
 
 def _files(incomplete: str, extensions: set[str]) -> list[str]:

@@ -79,7 +79,7 @@ class Scene:
     @property
     def n_targets(self) -> list[int]:
         """Number of morph targets of each animated mesh, ascending."""
-        return sorted(len(one.morphs.targets) for one in self.meshes if one.morphs)
+        return sorted(len(mesh.morphs.targets) for mesh in self.meshes if mesh.morphs)
 
 
 def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
@@ -144,20 +144,20 @@ def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
     _check_options(options)
 
     def note_losses(mesh: SegmentMesh) -> None:
-        found = [*describe_losses(mesh.surface)]
-        found.append(describe_fans(mesh.surface.sizes(len(mesh.faces))))
-        stream.notes.extend(one for one in found if one and one not in stream.notes)
+        losses = [*describe_losses(mesh.surface)]
+        losses.append(describe_fans(mesh.surface.sizes(len(mesh.faces))))
+        stream.notes.extend(loss for loss in losses if loss and loss not in stream.notes)
 
     sharing, _ = sharing_materials(stream, note_losses)
     times_s = _times(stream)
     segments: Iterable[MeshSequence]
     if stream.n_segments == 1:
-        [segments] = [[one.gather()] for one in stream.segments()]
+        [segments] = [[segment.gather()] for segment in stream.segments()]
         extent = segments[0].extent
         low, high = extent.low, extent.high
     else:
         low, high = _box(stream)
-        segments = (one.gather() for one in sharing.segments())
+        segments = (segment.gather() for segment in sharing.segments())
     check_range(low, high)
     diagonal = float(np.linalg.norm(high - low))
     if options.max_error is not None:
@@ -246,12 +246,12 @@ def _note_normals(notes: list[str], scene: Scene, options: WriteOptions) -> None
     """Note which meshes have normals, and the error of animated normals."""
     if options.normals is False:
         return
-    normals = [one.normals for one in scene.meshes if one.normals is not None]
+    normals = [mesh.normals for mesh in scene.meshes if mesh.normals is not None]
     if not normals:
         reason = TOO_FEW_TARGETS if options.targets == 1 else CREASED_REASON
         notes.append(f"no normals, so viewers use flat shading: {reason}")
         return
-    angle_deg = max(one.angle_deg for one in normals)
+    angle_deg = max(targets.angle_deg for targets in normals)
     error = f", with a mean error of {angle_deg:.1f} degrees in motion" if angle_deg else ""
     n_meshes = len(scene.meshes)
     few = f" of {len(normals)} of {n_meshes} meshes" if len(normals) < n_meshes else ""
@@ -396,12 +396,12 @@ def build_scene(
             above = writer.begin_segment(number, name, frames, times_s[frames.start])
         n_before = len(writer.morph_meshes)
         parts = split_parts(segment.faces, segment.surface, segment.n_verts, name)
-        for part in sorted(parts, key=lambda one: len(path_of(one.name))):
+        for part in sorted(parts, key=lambda part: len(path_of(part.name))):
             placed = part
             if above:
                 placed = replace(part, name="/".join([above, *path_of(part.name)]))
             writer.add(placed, segment, options, frames)
-        own = [one.errors for one in writer.morph_meshes[n_before:]]
+        own = [mesh.errors for mesh in writer.morph_meshes[n_before:]]
         errors.append(np.max(own, axis=0) if own else np.zeros(segment.n_frames))
     assert writer is not None
     animation = writer.animation(name or "animation", times_s)
@@ -419,7 +419,7 @@ def build_scene(
     required = set(writer.materials.textures.required)
     if animation:
         document["animations"] = [animation]
-    if any(one.morphs is not None for one in writer.morph_meshes):
+    if any(mesh.morphs is not None for mesh in writer.morph_meshes):
         required.add(QUANTIZATION)
     used = required | writer.materials.textures.used
     extensions = {"extensionsUsed": sorted(used), "extensionsRequired": sorted(required)}

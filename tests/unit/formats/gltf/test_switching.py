@@ -29,9 +29,9 @@ def pointer_target(node, end=f"extensions/{VISIBILITY}/visible"):
 def show(file, node, shown, by, keys=TIMES):
     """Animate whether a node is shown, by "visible" or "scale"."""
     if by == "scale":
-        file.animate(node, "scale", keys, [[one] * 3 for one in shown], "STEP")
+        file.animate(node, "scale", keys, [[scale] * 3 for scale in shown], "STEP")
         return
-    file.animate(node, "scale", keys, [[one] * 3 for one in shown], "STEP")
+    file.animate(node, "scale", keys, [[scale] * 3 for scale in shown], "STEP")
     animation = file.json["animations"][0]
     animation["samplers"][-1]["output"] = file.accessor(np.uint8(shown), "u1")
     animation["channels"][-1]["target"] = pointer_target(node)
@@ -52,10 +52,10 @@ def switching(by, shown):
 @pytest.mark.parametrize("by", ["visible", "scale"])
 def test_meshes_shown_in_turn_are_segments(tmp_path, by):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 0, 0], "back": [0, 0, 0, 1, 1]}
-    found = meshreel.load_segments(switching(by, shown).save(tmp_path / "a.glb"))
-    assert found.starts == (0, 2, 3, 5)
-    assert found.fps == 4
-    for segment, faces in zip(found.segments, FACES.values(), strict=True):
+    loaded = meshreel.load_segments(switching(by, shown).save(tmp_path / "a.glb"))
+    assert loaded.starts == (0, 2, 3, 5)
+    assert loaded.fps == 4
+    for segment, faces in zip(loaded.segments, FACES.values(), strict=True):
         np.testing.assert_array_equal(segment.faces, faces)
         np.testing.assert_array_equal(
             segment.read(0, segment.n_frames)[0], SQUARE[: segment.n_verts]
@@ -65,16 +65,16 @@ def test_meshes_shown_in_turn_are_segments(tmp_path, by):
 @pytest.mark.parametrize("by", ["visible", "scale"])
 def test_a_mesh_that_returns_is_a_further_segment(tmp_path, by):
     shown = {"tri": [1, 0, 0, 1, 1], "quad": [0, 1, 1, 0, 0]}
-    found = meshreel.load_segments(switching(by, shown).save(tmp_path / "a.gltf"))
-    assert found.starts == (0, 1, 3, 5)
-    assert (found.n_segments, found.n_meshes) == (3, 2)
+    loaded = meshreel.load_segments(switching(by, shown).save(tmp_path / "a.gltf"))
+    assert loaded.starts == (0, 1, 3, 5)
+    assert (loaded.n_segments, loaded.n_meshes) == (3, 2)
 
 
 def test_nodes_shown_together_are_parts_of_a_segment(tmp_path):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1], "back": [0, 0, 1, 1, 1]}
-    found = meshreel.load_segments(switching("visible", shown).save(tmp_path / "a.glb"))
-    assert found.starts == (0, 2, 5)
-    assert [part.name for part in found.segments[1].surface.parts] == ["/quad", "/back"]
+    loaded = meshreel.load_segments(switching("visible", shown).save(tmp_path / "a.glb"))
+    assert loaded.starts == (0, 2, 5)
+    assert [part.name for part in loaded.segments[1].surface.parts] == ["/quad", "/back"]
 
 
 def test_visibility_of_a_node_above_hides_its_meshes(tmp_path):
@@ -82,23 +82,23 @@ def test_visibility_of_a_node_above_hides_its_meshes(tmp_path):
     child = file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad", is_root=False)
     parent = file.node(children=[child], name="group")
     show(file, parent, [0, 0, 1, 1, 1], "visible")
-    found = meshreel.load_segments(file.save(tmp_path / "a.glb"))
-    assert found.starts == (0, 2, 5)
-    assert found.segments[1].n_verts == 4
+    loaded = meshreel.load_segments(file.save(tmp_path / "a.glb"))
+    assert loaded.starts == (0, 2, 5)
+    assert loaded.segments[1].n_verts == 4
 
 
 def test_frames_without_a_mesh_at_the_ends_are_left_out(tmp_path):
     shown = {"tri": [0, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 0]}
-    found = meshreel.load_segments(switching("visible", shown).save(tmp_path / "a.glb"))
-    assert (found.starts, found.start_s) == ((0, 1, 3), 0.25)
+    loaded = meshreel.load_segments(switching("visible", shown).save(tmp_path / "a.glb"))
+    assert (loaded.starts, loaded.start_s) == ((0, 1, 3), 0.25)
 
 
 def test_animation_of_meshes_continues_while_they_are_shown(tmp_path):
     file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
     for node in (0, 1):
         file.animate(node, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
-    found = meshreel.load_segments(file.save(tmp_path / "a.glb"), fps=4)
-    moved = [frame.vertices[0, 0] for frame in found]
+    loaded = meshreel.load_segments(file.save(tmp_path / "a.glb"), fps=4)
+    moved = [frame.vertices[0, 0] for frame in loaded]
     np.testing.assert_allclose(moved, [0, 1, 2, 3, 4], atol=1e-6)
 
 
@@ -107,8 +107,8 @@ def test_transforms_are_read_from_pointers(tmp_path):
     node = file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad")
     file.animate(node, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
     file.json["animations"][0]["channels"][0]["target"] = pointer_target(node, "translation")
-    found = meshreel.load(file.save(tmp_path / "a.glb"), fps=4)
-    np.testing.assert_allclose(found.vertices[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-6)
+    loaded = meshreel.load(file.save(tmp_path / "a.glb"), fps=4)
+    np.testing.assert_allclose(loaded.vertices[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -123,8 +123,8 @@ def test_other_changes_of_visibility_are_left_out_with_a_note(tmp_path, shown):
     path, notes = switching("visible", shown).save(tmp_path / "a.glb"), []
     with pytest.raises(InvalidInputError, match="2 meshes"):
         meshreel.load(path)
-    found = meshreel.load(path, merge=True, notes=notes)
-    assert found.n_verts == 7
+    loaded = meshreel.load(path, merge=True, notes=notes)
+    assert loaded.n_verts == 7
     assert "left out: changes of the visibility of /tri, /quad" in notes
 
 
@@ -185,9 +185,13 @@ def test_segments_survive_writing_and_reading(tmp_path, keeps_extras):
         removed = [node.pop("extras") for node in document["nodes"] if "extras" in node]
         assert len(removed) == 3
         (tmp_path / "a.gltf").write_text(json.dumps(document))
-    found = meshreel.load_segments(tmp_path / "a.gltf")
-    assert found.starts == sequence.starts
-    for one, other in zip(found, sequence, strict=True):
-        assert len(one.faces) == len(other.faces)
-        np.testing.assert_allclose(one.vertices.min(axis=0), other.vertices.min(axis=0), atol=2e-4)
-        np.testing.assert_allclose(one.vertices.max(axis=0), other.vertices.max(axis=0), atol=2e-4)
+    loaded = meshreel.load_segments(tmp_path / "a.gltf")
+    assert loaded.starts == sequence.starts
+    for actual, expected in zip(loaded, sequence, strict=True):
+        assert len(actual.faces) == len(expected.faces)
+        np.testing.assert_allclose(
+            actual.vertices.min(axis=0), expected.vertices.min(axis=0), atol=2e-4
+        )
+        np.testing.assert_allclose(
+            actual.vertices.max(axis=0), expected.vertices.max(axis=0), atol=2e-4
+        )

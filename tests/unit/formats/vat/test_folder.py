@@ -34,16 +34,16 @@ ERROR = 0.1
 def test_files_are_named_after_the_folder(tmp_path, layout, output):
     options = WriteOptions(layout=layout)
     written = meshreel.save(waving_grid(), f"{tmp_path}/{output}", options=options)
-    assert sorted(one.name.lower() for one in written) == sorted(NAMES[layout])
+    assert sorted(path.name.lower() for path in written) == sorted(NAMES[layout])
     assert sorted(written) == sorted(tmp_path.glob("*/*"))
 
 
 def test_existing_files_are_replaced_only_with_overwrite(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.vat")
-    before = {one: one.read_bytes() for one in (tmp_path / "walk.vat").iterdir()}
+    before = {path: path.read_bytes() for path in (tmp_path / "walk.vat").iterdir()}
     with pytest.raises(InvalidInputError, match="already exists"):
         meshreel.save(waving_grid(3), tmp_path / "walk.vat")
-    assert {one: one.read_bytes() for one in (tmp_path / "walk.vat").iterdir()} == before
+    assert {path: path.read_bytes() for path in (tmp_path / "walk.vat").iterdir()} == before
     meshreel.save(waving_grid(3), tmp_path / "walk.vat", overwrite=True)
     after = (tmp_path / "walk.vat" / "walk_vat.exr").read_bytes()
     assert after != before[tmp_path / "walk.vat" / "walk_vat.exr"]
@@ -122,7 +122,7 @@ def test_textures_of_a_stream_use_the_rest_of_its_error_bound(tmp_path):
     with meshreel.open(tmp_path / "walk.reel") as reel:
         options = WriteOptions(max_error=0.2)
         meshreel.save(reel, tmp_path / "walk.vat", options=options, notes=notes)
-        [total] = [one for one in notes if one.startswith("against the original")]
+        [total] = [note for note in notes if note.startswith("against the original")]
         assert float(total.split(" % ")[0].split()[-1]) <= 0.2
         options = WriteOptions(max_error=0.04)
         with pytest.raises(InvalidInputError, match="leaves nothing for textures"):
@@ -162,13 +162,13 @@ def largest_error(sequence, folder, layout):
     rows = vertex_indices(player, sequence.vertices[0] - player.shift)
     used = np.unique(sequence.faces)
     assert set(rows) == set(used)
-    found = []
+    errors = []
     for frame in range(sequence.n_frames):
         positions = player.positions(frame)[~player.is_hidden]
-        found.append(
+        errors.append(
             np.linalg.norm(positions + player.shift - sequence.vertices[frame][rows], axis=1)
         )
-    return max(one.max() for one in found)
+    return max(distances.max() for distances in errors)
 
 
 def diagonal(sequence):
@@ -186,12 +186,12 @@ def test_sheet_is_played_within_the_error_bounds_of_positions_and_normals(
     assert largest_error(sequence, tmp_path / "a.vat", layout) <= ERROR / 100 * diagonal(sequence)
     player = PLAYERS[layout](tmp_path / "a.vat")
     rows = vertex_indices(player, sequence.vertices[0])
-    noted = next(float(one.split()[6]) for one in notes if "error of normals" in one)
+    noted = next(float(note.split()[6]) for note in notes if "error of normals" in note)
     for frame in range(sequence.n_frames):
         expected = vertex_normals(sequence.vertices[frame], sequence.faces)[rows]
-        found = player.normals(frame)[~player.is_hidden].astype(float)
-        found /= np.linalg.norm(found, axis=1, keepdims=True)
-        angle = np.degrees(np.arccos(np.clip((found * expected).sum(axis=1), -1, 1))).max()
+        normals = player.normals(frame)[~player.is_hidden].astype(float)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        angle = np.degrees(np.arccos(np.clip((normals * expected).sum(axis=1), -1, 1))).max()
         assert angle <= 1.1 * noted + 0.05  # the note is rounded, and cosines are coarse near 1
 
 
@@ -238,7 +238,7 @@ def test_flat_and_static_sequences_are_played(tmp_path, layout, textures):
 def test_node_moves_a_centered_mesh_far_from_the_origin(tmp_path, layout):
     sequence = strip(40, 5, shift=np.array([1e6, -2e6, 3e5]), dtype=np.float64)
     notes = saved(sequence, tmp_path / "a.vat", layout=layout, max_error=0.05)
-    assert any("centered at the origin" in one for one in notes)
+    assert any("centered at the origin" in note for note in notes)
     player = PLAYERS[layout](tmp_path / "a.vat")
     assert player.shift.any()
     # Rest positions are not unique in float32, so match vertices by their order.
@@ -269,8 +269,9 @@ def test_max_error_selects_the_smallest_texel_type(tmp_path, textures, max_error
     saved(sequence, tmp_path / "a.vat", textures=textures, max_error=max_error)
     player = PLAYERS["openvat"](tmp_path / "a.vat")
     assert player.image.dtype == expected
-    found = largest_error(sequence, tmp_path / "a.vat", "openvat")
-    assert found <= max_error / 100 * diagonal(sequence)
+    assert largest_error(sequence, tmp_path / "a.vat", "openvat") <= max_error / 100 * diagonal(
+        sequence
+    )
 
 
 def test_error_bound_below_all_texel_types_is_rejected_without_files(tmp_path):
@@ -282,11 +283,11 @@ def test_error_bound_below_all_texel_types_is_rejected_without_files(tmp_path):
 def test_note_states_the_error_of_the_files(tmp_path):
     sequence = waving_grid()
     notes = saved(sequence, tmp_path / "a.vat", textures="png", max_error=0.5)
-    [noted] = [one for one in notes if one.startswith("the largest error is")]
+    [noted] = [note for note in notes if note.startswith("the largest error is")]
     percent = 100 * largest_error(sequence, tmp_path / "a.vat", "openvat") / diagonal(sequence)
     assert float(noted.split()[4]) == pytest.approx(percent, rel=0.01)
     assert noted.endswith("as decoded from 8-bit PNG")
-    [video] = [one for one in notes if "video memory" in one]
+    [video] = [note for note in notes if "video memory" in note]
     assert video == "1 texture of 99 x 24 texels: 0.0095 MB of video memory"
 
 
@@ -297,7 +298,7 @@ def test_vertices_split_at_seams_share_a_texel_and_unused_ones_have_none(tmp_pat
     assert len(mesh["POSITION"]) > 30
     assert len(np.unique(mesh["TEXCOORD_1"], axis=0)) == 30
     assert len(triangles) == len(sheet.faces)
-    assert any("starts at 0 s" in one for one in notes)
+    assert any("starts at 0 s" in note for note in notes)
     odd = irregular_sequence()
     notes = saved(odd, tmp_path / "b.vat")
     assert "left out 2 vertices that no face uses" in notes
@@ -321,7 +322,7 @@ def test_mesh_of_labs_fills_the_box_that_shaders_read(tmp_path, layout):
 
 def test_single_frame_of_several_rows_is_stored_twice(tmp_path):
     notes = saved(strip(8193, 1), tmp_path / "a.vat", layout="labs", normals=False)
-    assert any(one.startswith("the frame is stored twice") for one in notes)
+    assert any(note.startswith("the frame is stored twice") for note in notes)
     [about] = json.loads((tmp_path / "a.vat" / "a_data.json").read_text("utf-8"))
     assert about["Frame Count"] == 2
 
@@ -351,4 +352,4 @@ def test_grid_rejects_too_many_rows():
 def test_textures_beyond_the_limits_of_some_gpus_are_noted(tmp_path, monkeypatch):
     monkeypatch.setattr("meshreel.formats.vat.folder.WIDTHS", (64, 128))
     notes = saved(waving_grid(), tmp_path / "a.vat")
-    assert any("support at most 64 texels per side" in one for one in notes)
+    assert any("support at most 64 texels per side" in note for note in notes)
