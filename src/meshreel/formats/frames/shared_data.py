@@ -9,7 +9,7 @@ import numpy as np
 
 from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
 from meshreel.formats.notes import listed, note_unwritten_tracks
-from meshreel.formats.scenes.merged_surfaces import MaterialTable
+from meshreel.formats.scenes.merging import MaterialTable
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.model.tracks import TrackSource
 

@@ -21,10 +21,11 @@ from meshreel.formats.solvers.d3plot_layout import (
     SHELLS,
     SOLIDS,
     D3plotLayout,
+    Words,
+    adapted_roots,
     shell_columns,
     stress_columns,
 )
-from meshreel.formats.solvers.d3plot_words import Words, adapted_roots
 from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface, used_points
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import ragged_indices

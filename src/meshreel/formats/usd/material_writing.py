@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from meshreel.formats.notes import MaterialNotes
-from meshreel.formats.usd.preview_surface import UV_READER, WRAPS, usd_translation
-from meshreel.formats.usd.prim_names import prim_name, unique_name
+from meshreel.formats.usd.materials import UV_READER, WRAPS, usd_translation
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
 from meshreel.model.surface import FaceGroups
 from meshreel.runtime.extras import USD
@@ -14,6 +13,22 @@ from meshreel.runtime.extras import USD
 WRAP_TOKENS = {wrap: token for token, wrap in WRAPS.items()}
 PACKAGE_TYPES = ("image/png", "image/jpeg", "image/x-exr", "image/avif")
 """Image types that USDZ packages may contain."""
+
+
+def prim_name(name: str) -> str:
+    """Return the name with ``_`` in place of characters that USD forbids; never empty."""
+    is_allowed = USD.load("Sdf").Path.IsValidIdentifier
+    cleaned = "".join(char if is_allowed(f"_{char}") else "_" for char in name) or "mesh"
+    return cleaned if is_allowed(cleaned) else f"_{cleaned}"
+
+
+def unique_name(name: str, used: set[str]) -> str:
+    """Return the name, with a number appended if it is in use, and add it to `used`."""
+    unique, number = name, 2
+    while unique in used:
+        unique, number = f"{name}_{number}", number + 1
+    used.add(unique)
+    return unique
 
 
 class TextureWriter:

@@ -16,23 +16,22 @@ import numpy as np
 from meshreel.errors import FormatError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.usd.diagnostics import usd_errors
-from meshreel.formats.usd.instanced_mesh import InstancedMesh, note_instances
-from meshreel.formats.usd.instancers import Placements
-from meshreel.formats.usd.layers import (
-    DAMAGED,
-    DEFAULT_RATE,
-    MAX_RATE,
-    MIN_RATE,
-    check_used_layers,
-    checked_layers,
-    codes_per_second,
-    layer_number,
+from meshreel.formats.usd.materials import StageMaterials
+from meshreel.formats.usd.meshes import (
+    InstancedMesh,
+    MeshNotes,
+    MeshTracks,
+    StageMesh,
+    find_skins,
+    note_instances,
+    shape_of,
 )
-from meshreel.formats.usd.material_reading import StageMaterials
-from meshreel.formats.usd.mesh_notes import MeshNotes
-from meshreel.formats.usd.mesh_reading import StageMesh
-from meshreel.formats.usd.rendered import RenderedMesh, rendered_meshes, shape_of
+from meshreel.formats.usd.rendered import (
+    Placements,
+    RenderedMesh,
+    Transforms,
+    rendered_meshes,
+)
 from meshreel.formats.usd.sampling import (
     TOLERANCE,
     Codes,
@@ -41,9 +40,17 @@ from meshreel.formats.usd.sampling import (
     frame_grid,
     snap,
 )
-from meshreel.formats.usd.skinning import find_skins
-from meshreel.formats.usd.track_reading import MeshTracks
-from meshreel.formats.usd.transforms import Transforms
+from meshreel.formats.usd.stage import (
+    DAMAGED,
+    DEFAULT_RATE,
+    MAX_RATE,
+    MIN_RATE,
+    check_used_layers,
+    checked_layers,
+    codes_per_second,
+    layer_number,
+    usd_errors,
+)
 from meshreel.model.validation import validate_fps
 from meshreel.runtime.extras import USD
 

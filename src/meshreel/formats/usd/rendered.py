@@ -1,17 +1,354 @@
-"""The prims of a stage that are rendered and can be read as meshes."""
+"""Matrices from prims to the world or to a prototype, at any time code."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.notes import note_kinds, note_left_out
-from meshreel.formats.usd.instancers import PointInstancer, PrototypeInstances, all_prims_predicate
-from meshreel.formats.usd.mesh_shape import MeshShape
-from meshreel.formats.usd.primitives import PRIMITIVES, PrimitiveShape
+from meshreel.formats.text.decimal_text import Narrowing
+from meshreel.formats.usd.primitives import PRIMITIVES
 from meshreel.formats.usd.sampling import attribute_codes
+from meshreel.model.sequence import Vertices
 from meshreel.runtime.extras import USD
+
+Matrix = npt.NDArray[np.float64]
+
+
+class Transforms:
+    """Transforms of the prims of a stage, cached per time code.
+
+    Parameters
+    ----------
+    root : Usd.Prim, optional
+        Transform prims below it to its space; default: to the world.
+    """
+
+    def __init__(self, root: Any = None) -> None:
+        self._root = root
+        self._geometry = USD.load("UsdGeom")
+        self._cache = self._geometry.XformCache()
+        self._codes: dict[str, list[float]] = {}
+
+    def codes(self, prim: Any) -> list[float]:
+        """Return the time codes where transforms of a prim or its ancestors have samples."""
+        if not prim or prim.IsPseudoRoot() or (self._root and prim == self._root):
+            return []
+        path = str(prim.GetPath())
+        if path not in self._codes:
+            self._codes[path] = self._codes_of(prim)
+        return self._codes[path]
+
+    def world(self, prim: Any, code: float) -> Matrix:
+        """Return the matrix from the prim to the world, of shape (4, 4), for row vectors.
+
+        Raises
+        ------
+        FormatError
+            If the prim is not below the root.
+        """
+        self._cache.SetTime(code)
+        if self._root:
+            if not prim.GetPath().HasPrefix(self._root.GetPath()):
+                raise FormatError(
+                    f"{prim.GetPath()} moves a mesh of the prototype {self._root.GetPath()} but is "
+                    "not below it; move it there"
+                )
+            relative, _ = self._cache.ComputeRelativeTransform(prim, self._root)
+            return np.array(relative, np.float64)
+        return np.array(self._cache.GetLocalToWorldTransform(prim), np.float64)
+
+    @staticmethod
+    def own_codes(prim: Any) -> list[float]:
+        """Return the time codes where the transform of a prim alone has samples."""
+        xformable = USD.load("UsdGeom").Xformable(prim)
+        operations = xformable.GetOrderedXformOps() if xformable else []
+        return [code for one in operations for code in attribute_codes(one.GetAttr())]
+
+    def _codes_of(self, prim: Any) -> list[float]:
+        own = self.own_codes(prim)
+        xformable = self._geometry.Xformable(prim)
+        if xformable and xformable.GetResetXformStack():
+            return own
+        return own + self.codes(prim.GetParent())
+
+
+def transform_points(points: Vertices, matrix: Matrix) -> Vertices:
+    """Return transformed points of shape (V, 3), in their own float type if that is enough.
+
+    They are computed in float64 and rounded once. The result stays float64 if it is so far from
+    the origin that rounding would move a vertex by more than a millionth of the mesh size.
+    """
+    if np.array_equal(matrix, np.eye(4)):
+        return points
+    return transform_instances(points, matrix[np.newaxis])
+
+
+def transform_instances(points: Vertices, matrices: Matrix) -> Vertices:
+    """Return points of shape (V, 3) transformed by each of (I, 4, 4) matrices, as (I * V, 3).
+
+    The float type is that of `transform_points`.
+    """
+    with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
+        moved = points.astype(np.float64) @ matrices[:, :3, :3] + matrices[:, np.newaxis, 3, :3]
+        world: Vertices = moved.reshape(-1, 3)
+        narrowing = Narrowing()
+        narrowing.add(world)
+        dtype: Any = points.dtype if narrowing.is_harmless else np.float64
+        vertices: Vertices = world.astype(dtype)
+    return vertices
+
+
+def is_mirroring(matrix: Matrix) -> bool:
+    """Return whether a transform reverses orientation."""
+    with np.errstate(all="ignore"):
+        return bool(np.linalg.det(matrix[:3, :3]) < 0)
+
+
+Indices = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+MAX_INSTANCES = 1 << 22
+"""Limit of instances of a prototype, multiplied over nested instancers."""
+
+
+def all_prims_predicate() -> Any:
+    """Return a traversal predicate that includes instance proxies and ``over`` prims."""
+    usd = USD.load("Usd")
+    return usd.TraverseInstanceProxies(usd.PrimIsActive & usd.PrimIsLoaded & ~usd.PrimIsAbstract)
+
+
+class PointInstancer:
+    """A ``UsdGeom.PointInstancer``, whose arrays are cached for one time code.
+
+    Parameters
+    ----------
+    prim : Usd.Prim
+    """
+
+    def __init__(self, prim: Any) -> None:
+        self.prim = prim
+        self._instancer = USD.load("UsdGeom").PointInstancer(prim)
+        self._cached_selection: tuple[float, Indices, Mask] | None = None
+        self._cached_transforms: tuple[float, Matrix] | None = None
+
+    @property
+    def path(self) -> str:
+        """Its path in the stage."""
+        return str(self.prim.GetPath())
+
+    @cached_property
+    def prototypes(self) -> list[Any]:
+        """The prototype prims, in the order of protoIndices; invalid prims where missing."""
+        stage, targets = self.prim.GetStage(), self._instancer.GetPrototypesRel()
+        return [stage.GetPrimAtPath(target) for target in targets.GetForwardedTargets()]
+
+    @property
+    def codes(self) -> list[float]:
+        """Time codes where its arrays have samples."""
+        instancer = self._instancer
+        arrays = (
+            instancer.GetPositionsAttr(),
+            instancer.GetOrientationsAttr(),
+            self.prim.GetAttribute("orientationsf"),  # unknown to the oldest supported library
+            instancer.GetScalesAttr(),
+        )
+        own = [code for one in arrays if one for code in attribute_codes(one)]
+        return own + self.selection_codes
+
+    @property
+    def selection_codes(self) -> list[float]:
+        """Time codes where the rendered instances, or their prototypes, may change."""
+        instancer = self._instancer
+        arrays = (
+            instancer.GetProtoIndicesAttr(),
+            instancer.GetIdsAttr(),
+            instancer.GetInvisibleIdsAttr(),
+        )
+        return [code for one in arrays for code in attribute_codes(one)]
+
+    @property
+    def instance_primvars(self) -> list[str]:
+        """Names of primvars with a value per instance."""
+        primvars = USD.load("UsdGeom").PrimvarsAPI(self.prim).GetPrimvarsWithAuthoredValues()
+        return [
+            str(one.GetPrimvarName()) for one in primvars if one.GetInterpolation() != "constant"
+        ]
+
+    def selection(self, code: float) -> tuple[Indices, Mask]:
+        """Return the prototype of each instance at a time code, and a mask of those rendered.
+
+        Inactive and invisible instances are not rendered.
+
+        Raises
+        ------
+        FormatError
+            If there are too many, or they do not match the prototypes or their ids.
+        """
+        if self._cached_selection is None or self._cached_selection[0] != code:
+            self._cached_selection = code, *self._read_selection(code)
+        return self._cached_selection[1:]
+
+    def transforms(self, number: int, code: float) -> Matrix:
+        """Return matrices from a prototype to the instancer, (I, 4, 4), of rendered instances.
+
+        Raises
+        ------
+        FormatError
+            As `selection`, or if the number of positions, orientations or scales differs.
+        """
+        numbers, is_rendered = self.selection(code)
+        if self._cached_transforms is None or self._cached_transforms[0] != code:
+            self._cached_transforms = code, self._read_transforms(len(numbers), code)
+        rendered: Matrix = self._cached_transforms[1][(numbers == number) & is_rendered]
+        return rendered
+
+    def selection_changes(self) -> bool:
+        """Return whether the rendered instances, or their order, change over time."""
+
+        def state_at(code: float) -> tuple[bytes, ...]:
+            ids = self._instancer.GetIdsAttr().Get(code)
+            state = (*self.selection(code), np.asarray([] if ids is None else ids, np.int64))
+            return tuple(one.tobytes() for one in state)
+
+        return len({state_at(code) for code in self.selection_codes}) > 1
+
+    def _read_selection(self, code: float) -> tuple[Indices, Mask]:
+        indices = self._instancer.GetProtoIndicesAttr().Get(code)
+        numbers = np.asarray([] if indices is None else indices, np.int64)
+        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(self.prototypes):
+            raise FormatError(
+                f"{self.path} has protoIndices from {numbers.min()} to {numbers.max()} at time "
+                f"code {code:g}, but {len(self.prototypes)} prototypes"
+            )
+        if len(numbers) > MAX_INSTANCES:
+            raise instance_limit_error(self.path, len(numbers))
+        if not len(numbers):
+            return numbers, np.zeros(0, bool)
+        mask = np.asarray(self._instancer.ComputeMaskAtTime(code), bool)
+        is_rendered = mask if len(mask) else np.ones(len(numbers), bool)
+        if len(is_rendered) != len(numbers):
+            raise self._mismatch_error(len(numbers), "ids", code)
+        return numbers, is_rendered
+
+    def _read_transforms(self, n_instances: int, code: float) -> Matrix:
+        if not n_instances:
+            return np.zeros((0, 4, 4))
+        instancer = self._instancer
+        transforms = instancer.ComputeInstanceTransformsAtTime(
+            code, code, instancer.IncludeProtoXform, instancer.IgnoreMask
+        )
+        if len(transforms) != n_instances:
+            raise self._mismatch_error(n_instances, "positions, orientations or scales", code)
+        return np.array(transforms, np.float64)
+
+    def _mismatch_error(self, n_instances: int, what: str, code: float) -> FormatError:
+        return FormatError(
+            f"{self.path} has {n_instances} protoIndices but another number of {what} at time "
+            f"code {code:g}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PrototypeInstances:
+    """The instances of a prototype by an instancer.
+
+    Parameters
+    ----------
+    number : int
+        Index of the prototype.
+    """
+
+    instancer: PointInstancer
+    number: int
+
+    @property
+    def root(self) -> Any:
+        """The root prim of the prototype."""
+        return self.instancer.prototypes[self.number]
+
+    @cached_property
+    def to_root(self) -> Transforms:
+        """Transforms from prims below the prototype root to the root."""
+        return Transforms(self.root)
+
+    @property
+    def codes(self) -> list[float]:
+        """Time codes where the instances move within the instancer."""
+        return self.instancer.codes + Transforms.own_codes(self.root)
+
+    def are_rendered(self) -> bool:
+        """Return whether any instance is rendered at some time, or the instancer is unreadable."""
+        for code in self.instancer.selection_codes or [0.0]:
+            try:
+                numbers, is_rendered = self.instancer.selection(code)
+            except FormatError:  # raised again when its meshes are read
+                return True
+            if (is_rendered & (numbers == self.number)).any():
+                return True
+        return False
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """World transforms of all instances of a prototype, over nested instancers.
+
+    Parameters
+    ----------
+    levels : sequence of PrototypeInstances
+        From the outermost instancer to the innermost; at least one.
+    transforms : Transforms
+        Transforms of the stage.
+    """
+
+    levels: Sequence[PrototypeInstances]
+    transforms: Transforms
+
+    @property
+    def codes(self) -> list[float]:
+        """Time codes where the instances move."""
+        own = [code for one in self.levels for code in one.codes]
+        above = [code for level, above in self._above() for code in above.codes(level)]
+        return own + above
+
+    def world(self, code: float) -> Matrix:
+        """Return matrices from the innermost prototype to the world, of shape (I, 4, 4).
+
+        Raises
+        ------
+        FormatError
+            If the arrays of an instancer do not match, or there are too many instances.
+        """
+        matrices = np.eye(4)[np.newaxis]
+        pairs = list(zip(self.levels, self._above(), strict=True))
+        for level, (prim, above) in reversed(pairs):
+            own = level.instancer.transforms(level.number, code)
+            if len(own) * len(matrices) > MAX_INSTANCES:
+                raise instance_limit_error(level.instancer.path, len(own) * len(matrices))
+            with np.errstate(all="ignore"):  # non-finite positions are reported later
+                outer = own @ above.world(prim, code)
+                matrices = (matrices[np.newaxis] @ outer[:, np.newaxis]).reshape(-1, 4, 4)
+        return matrices
+
+    def _above(self) -> Iterator[tuple[Any, Transforms]]:
+        """Yield each instancer with the transforms to its parent space: world or prototype."""
+        above = self.transforms
+        for level in self.levels:
+            yield level.instancer.prim, above
+            above = level.to_root
+
+
+def instance_limit_error(path: str, n_instances: int) -> FormatError:
+    """Return the error for an instancer with too many instances."""
+    return FormatError(
+        f"{path} makes {n_instances} instances of a prototype; the limit is {MAX_INSTANCES}"
+    )
+
 
 MAX_PRIMS = 1_000_000
 """Limit, since nested instances can make a small file expand to any number of prims."""
@@ -74,11 +411,6 @@ def rendered_meshes(stage: Any, notes: list[str]) -> list[RenderedMesh]:
     if hidden or geometry.others:
         note_left_out(notes, _describe(hidden, geometry.others))
     return rendered
-
-
-def shape_of(prim: Any) -> MeshShape | PrimitiveShape:
-    """Return the shape of a mesh or primitive prim, in its local space."""
-    return PrimitiveShape(prim) if prim.GetTypeName() in PRIMITIVES else MeshShape(prim)
 
 
 @dataclass(eq=False)

@@ -1,6 +1,6 @@
 import pytest
 
-from meshreel.formats.alembic.names import object_paths
+from meshreel.formats.alembic.write import object_paths
 
 
 @pytest.mark.parametrize(

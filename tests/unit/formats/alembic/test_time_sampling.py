@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.alembic.time_sampling import TimeSampling, bracketing_samples
+from meshreel.formats.alembic.archive import TimeSampling, bracketing_samples
 
 TIMES = np.array([1.0, 2.0, 4.0])
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from meshreel.formats.usd.prim_names import mesh_paths, prim_name, unique_name
+from meshreel.formats.usd.material_writing import prim_name, unique_name
+from meshreel.formats.usd.writing import mesh_paths
 
 
 @pytest.mark.parametrize(

@@ -387,9 +387,9 @@ def test_load_rejects_an_instancer_within_its_own_prototype(stage_file):
 
 
 def test_load_rejects_instances_that_exceed_the_limits(stage_file, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.usd.instanced_mesh.MAX_FRAME_BYTES", 200)
+    monkeypatch.setattr("meshreel.formats.usd.meshes.MAX_FRAME_BYTES", 200)
     with pytest.raises(FormatError, match=r"3 instances of 4 vertices need .* the limit is 200"):
         load(stage_file(instancer(THREE, mesh())))
-    monkeypatch.setattr("meshreel.formats.usd.instancers.MAX_INSTANCES", 2)
+    monkeypatch.setattr("meshreel.formats.usd.rendered.MAX_INSTANCES", 2)
     with pytest.raises(FormatError, match="makes 3 instances of a prototype; the limit is 2"):
         load(stage_file(instancer(THREE, mesh())))
