@@ -1,4 +1,4 @@
-"""Transforms of an Alembic hierarchy, and world matrices of meshes.
+"""Reading the meshes of an Alembic file, in world space.
 
 Points are row vectors, as in the file: a point is multiplied by the matrix of the innermost
 transform first.
@@ -9,41 +9,32 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError
-from meshreel.formats.alembic.archive import (
-    AbcObject,
-    Archive,
-    Property,
-    Times,
-    bracketing_samples,
-    damage_error,
-)
+from meshreel.formats.alembic.archive import AbcObject, Archive, Property, damage_error
 from meshreel.formats.alembic.attributes import (
     NORMALS,
-    MeshTracks,
+    animated_quantities,
+    domain_of,
     read_attributes,
     read_face_sets,
     read_normals,
 )
-from meshreel.formats.alembic.winding import reversed_corners
-from meshreel.formats.notes import GatheredNote, describe_cages, note_left_out
+from meshreel.formats.frames.field_tracks import Key
+from meshreel.formats.notes import GatheredNote, describe_cages, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.merging import unite_times
+from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.scenes.timing import frame_times
+from meshreel.formats.scenes.timing import frame_times, neighbours, unite_times
+from meshreel.formats.scenes.transforms import transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
-from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.text.decimal_text import Narrowing
+from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners
 from meshreel.model.sequence import Vertices
-from meshreel.model.surface import Surface
+from meshreel.model.surface import Domain, Surface
 from meshreel.model.tracks import TrackSource
-
-Matrix = npt.NDArray[np.float64]
 
 SCALE, TRANSLATE, ROTATE, MATRIX, ROTATE_X, ROTATE_Y, ROTATE_Z = range(7)
 N_CHANNELS = {
@@ -65,7 +56,7 @@ class Transform:
     properties: dict[str, Property]
 
     @property
-    def times_s(self) -> list[Times]:
+    def times_s(self) -> list[Floats]:
         """Sample times of each animated property; empty if the transform is static."""
         properties = (self.properties.get(name) for name in (".vals", ".inherits"))
         return [one.times_s for one in properties if one is not None and not one.is_constant]
@@ -73,22 +64,22 @@ class Transform:
     def inherits(self, time_s: float) -> bool:
         """Return whether the parent transforms apply."""
         inherits = self.properties.get(".inherits")
-        if inherits is None or inherits.header.n_samples == 0:
+        if inherits is None or inherits.n_samples == 0:
             return True
-        before, after, weight = bracketing_samples(inherits.times_s, time_s)
+        before, after, weight = neighbours(inherits.times_s, time_s)
         return bool(inherits.numbers(after if weight > 1 / 2 else before).any())
 
-    def matrix(self, time_s: float) -> Matrix:
+    def matrix(self, time_s: float) -> Floats:
         """Return the local matrix at a time, interpolated between samples, of shape (4, 4)."""
         values = self.properties.get(".vals")
-        if values is None or ".ops" not in self.properties or values.header.n_samples == 0:
+        if values is None or ".ops" not in self.properties or values.n_samples == 0:
             return np.eye(4)
-        before, after, weight = bracketing_samples(values.times_s, time_s)
+        before, after, weight = neighbours(values.times_s, time_s)
         if weight == 0:
             return self._sample(before)
         return _interpolate(self._sample(before), self._sample(after), weight)
 
-    def _sample(self, index: int) -> Matrix:
+    def _sample(self, index: int) -> Floats:
         operations = self.properties[".ops"].integers() >> 4
         values = self.properties[".vals"].numbers(index).ravel().astype(np.float64)
         matrix, start = np.eye(4), 0
@@ -104,7 +95,7 @@ class Transform:
         return matrix
 
 
-def world_matrix(chain: Sequence[Transform], time_s: float) -> Matrix:
+def world_matrix(chain: Sequence[Transform], time_s: float) -> Floats:
     """Return the world matrix below a chain of transforms, outermost first, of shape (4, 4)."""
     world = np.eye(4)
     for transform in chain:
@@ -113,25 +104,7 @@ def world_matrix(chain: Sequence[Transform], time_s: float) -> Matrix:
     return world
 
 
-def transform_points(points: Vertices, world: Matrix) -> Vertices:
-    """Return transformed points, in their own float type.
-
-    The result is float64 if it is so far from the origin that float32 would move a point by more
-    than a millionth of the mesh size.
-    """
-    linear, shift = world[:3, :3], world[3, :3]
-    if (world == np.eye(4)).all():
-        return points
-    with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
-        wide = points.astype(np.float64)
-        moved: Vertices = (wide if (linear == np.eye(3)).all() else wide @ linear) + shift
-        narrowing = Narrowing()
-        narrowing.add(moved)
-        is_narrow = points.dtype == np.float32 and narrowing.is_harmless
-        return moved.astype(np.float32) if is_narrow else moved
-
-
-def _operation(operation: int, channels: npt.NDArray[np.float64]) -> Matrix:
+def _operation(operation: int, channels: Floats) -> Floats:
     if operation == MATRIX:
         return channels.reshape(4, 4)
     matrix = np.eye(4)
@@ -146,17 +119,17 @@ def _operation(operation: int, channels: npt.NDArray[np.float64]) -> Matrix:
     return matrix
 
 
-def _rotation(axis: npt.NDArray[np.float64], angle_deg: float) -> Matrix:
+def _rotation(axis: Floats, angle_deg: float) -> Floats:
     """Return the rotation about an axis for row vectors (Rodrigues' formula)."""
     with np.errstate(all="ignore"):
         x, y, z = axis / (np.linalg.norm(axis) or 1.0)
         angle = np.deg2rad(angle_deg)
         cross = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
-        turn: Matrix = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+        turn: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
         return turn
 
 
-def _axis_and_angle(rotation: Matrix) -> tuple[npt.NDArray[np.float64], float]:
+def _axis_and_angle(rotation: Floats) -> tuple[Floats, float]:
     """Return the axis, of any length, and the angle of a rotation for row vectors, in degrees."""
     products = np.empty((4, 4))  # of the quaternion with itself, times 4; its scalar comes first
     products[1:, 1:] = rotation + rotation.T + (1 - np.trace(rotation)) * np.eye(3)
@@ -170,7 +143,7 @@ def _axis_and_angle(rotation: Matrix) -> tuple[npt.NDArray[np.float64], float]:
     return quaternion[1:], float(np.rad2deg(angle))
 
 
-def _interpolate(first: Matrix, second: Matrix, weight: float) -> Matrix:
+def _interpolate(first: Floats, second: Floats, weight: float) -> Floats:
     """Return a matrix between two: rotations are interpolated spherically, the rest linearly."""
     blend = (1 - weight) * first + weight * second
     if not np.isfinite(blend).all():
@@ -182,7 +155,7 @@ def _interpolate(first: Matrix, second: Matrix, weight: float) -> Matrix:
     return blend
 
 
-def _polar(linear: Matrix) -> tuple[Matrix, Matrix]:
+def _polar(linear: Floats) -> tuple[Floats, Floats]:
     """Return the polar decomposition, stretch and rotation with stretch @ rotation == linear."""
     left, _, right = np.linalg.svd(linear)
     rotation = left @ right
@@ -192,6 +165,8 @@ def _polar(linear: Matrix) -> tuple[Matrix, Matrix]:
 
 
 POINTS, CORNERS, COUNTS = "P", ".faceIndices", ".faceCounts"
+
+UNSUPPORTED = "properties that do not fit the mesh or are not numeric"
 
 MAX_OBJECTS, MAX_DEPTH = 100_000, 256
 """Limits, since nested instances can make a small file expand to any number of objects."""
@@ -216,14 +191,11 @@ class Node:
     ----------
     path : str
         Names from the root, such as "/root/body".
-    schema : str
-        Schema without its version: "AbcGeom_PolyMesh".
     chain : tuple of Transform
         The transforms above it, outermost first.
     """
 
     path: str
-    schema: str
     object: AbcObject
     chain: tuple[Transform, ...]
 
@@ -237,12 +209,12 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         If it is damaged, or contains no mesh; the message lists what it contains.
     """
     nodes = list(walk_hierarchy(Archive(path)))
-    meshes = [node for node in nodes if node.schema in (POLYGONS, SUBDIVISION)]
+    meshes = [node for node in nodes if node.object.schema in (POLYGONS, SUBDIVISION)]
     if not meshes:
         raise FormatError(
             f"contains no mesh, only {describe_contents(nodes)}; export polygon meshes into it"
         )
-    if any(node.schema in OTHER_SCHEMAS for node in nodes):
+    if any(node.object.schema in OTHER_SCHEMAS for node in nodes):
         note_left_out(options.notes, describe_contents(nodes))
 
     cages, normals = GatheredNote(options.notes, describe_cages), NormalNotes(options.notes)
@@ -279,109 +251,143 @@ class _AnimatedMesh:
         self._points, self._corners, self._counts = (
             self._properties[name] for name in (POINTS, CORNERS, COUNTS)
         )
-        self._animated = MeshTracks(node.path, self._properties, notes)
-        self._times_s = self._sample_times()
         self._cached_faces: tuple[Hashable, PolygonMesh] | None = None
+        above = [one for transform in node.chain for one in transform.times_s]
+        self._is_transform_animated = bool(above)
+        own = (one.times_s for one in (self._points, self._corners, self._counts))
+        self._times_s = unite_times([*own, *above])
+        if len(self._times_s) < 2:  # then tracks determine the frames
+            times = (one.times() for one in self._animated.values())
+            self._times_s = unite_times([self._times_s, *times])
 
     def scene_mesh(self) -> SceneMesh:
         """Return the mesh as the format-independent representation of a scene mesh."""
         sampling, fps = self._points.sampling, None
-        if len(self._times_s) == 1 and sampling.is_uniform and self._points.header.sampling:
+        if len(self._times_s) == 1 and sampling.is_uniform and self._points.sampling_index:
             fps = frame_times(sampling.times(2)).fps  # one sample alone has no frame rate
         return SceneMesh(
             self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks
         )
 
-    def _sample_times(self) -> Times:
-        """Return the times at which points, faces or transforms change, or else tracks do."""
-        own = (self._points, self._corners, self._counts)
-        above = (one for transform in self._node.chain for one in transform.times_s)
-        times = unite_times([*(one.times_s for one in own), *above])
-        return times if len(times) > 1 else unite_times([times, *self._animated.times_s])
+    @cached_property
+    def _animated(self) -> dict[str, Quantity]:
+        """The animated properties, by property name."""
+        return animated_quantities(self._node.path, self._properties, self._notes)
 
     def _frame(self, index: int) -> PolygonMesh:
         time_s = float(self._times_s[index])
-        points = self._points_at(time_s)
-        faces = self._faces_at(time_s, points)
-        return PolygonMesh(
-            transform_points(points, self._world(time_s)), faces.counts, faces.corners
-        )
+        mesh = self._mesh_at(time_s)
+        return replace(mesh, vertices=transform_points(mesh.vertices, self._world(time_s)))
+
+    def _surface(self, index: int) -> Surface:
+        node, time_s = self._node, float(self._times_s[index])
+        mesh = self._mesh_at(time_s)
+        surface = read_attributes(self._properties, mesh, time_s, self._notes, self._animated)
+        normals, hard_edges = read_normals(self._properties, mesh, time_s), None
+        if normals is not None:
+            normal_edges = find_hard_edges(mesh, normals)
+            self._normal_notes.add(node.path, normal_edges, is_track=NORMALS in self._animated)
+            hard_edges = normal_edges.edges
+        if "visible" in node.object.properties:
+            note_left_out(self._notes, f"visibility of {node.path}")
+        if node.object.schema == SUBDIVISION:
+            self._cages.add(node.path)
+        sets = {
+            child.name: child.properties[".faceset"].properties
+            for child in node.object.children
+            if ".faceset" in child.properties
+        }
+        materials = read_face_sets(sets, len(mesh.counts), time_s)
+        return replace(surface, groups=(*materials, *surface.groups), hard_edges=hard_edges)
 
     def _tracks(self, frames: range) -> Mapping[str, TrackSource]:
-        times = self._times_s[frames.start : frames.stop]
-        first = float(times[0])
-        mesh = self._faces_at(first, self._points_at(first))
-        return self._animated.tracks(
-            times,
-            mesh,
-            self._world,
-            self._times_s,
+        if not self._animated:
+            return {}
+        path, notes = self._node.path, self._notes
+        span = float(self._times_s[-1] - self._times_s[0]) / max(1, len(self._times_s) - 1)
+        note_quantities(
+            path, self._animated.values(), self._times_s, 1e-3 * span, notes,
             is_transform_animated=self._is_transform_animated,
-        )
+        )  # fmt: skip
+        times = self._times_s[frames.start : frames.stop]
+        mesh = self._mesh_at(float(times[0]))
+        order = reversed_corners(mesh.counts)
+        domains = [_fitting_domain(one, times, mesh) for one in self._animated.values()]
+        quantities = {
+            (domain, one.name): one
+            for domain, one in zip(domains, self._animated.values(), strict=True)
+            if domain is not None
+        }
+        named = zip(domains, self._animated.values(), strict=True)
+        note_kinds(notes, UNSUPPORTED, [one.name for domain, one in named if domain is None])
 
-    @cached_property
-    def _is_transform_animated(self) -> bool:
-        return any(transform.times_s for transform in self._node.chain)
+        def place(key: Key, values: Values, time_s: float) -> Values:
+            values = values[order] if key[0] is Domain.CORNER else values
+            to_world = quantities[key].to_world
+            return values if to_world is None else to_world(values, self._world(time_s))
 
-    def _world(self, time_s: float) -> Matrix:
+        sizes = mesh.n_items, mesh.n_items
+        return quantity_tracks(path, quantities, times, sizes, place, notes, UNSUPPORTED)
+
+    def _world(self, time_s: float) -> Floats:
         if self._is_transform_animated:
             return world_matrix(self._node.chain, time_s)
         return self._static_world
 
     @cached_property
-    def _static_world(self) -> Matrix:
+    def _static_world(self) -> Floats:
         """The world matrix if no transform is animated."""
         return world_matrix(self._node.chain, float(self._times_s[0]))
 
     def _points_at(self, time_s: float) -> Vertices:
-        before, after, weight = bracketing_samples(self._points.times_s, time_s)
-        first = _positions(self._points.numbers(before), self._node.path)
-        if weight == 0:
+        before, after, share = neighbours(self._points.times_s, time_s)
+        first = self._positions(before)
+        if share == 0:
             return first
-        second = _positions(self._points.numbers(after), self._node.path)
+        second = self._positions(after)
         if len(second) != len(first):
             return first
         with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
-            blend = (1 - weight) * first.astype(np.float64) + weight * second
+            blend = (1 - share) * first.astype(np.float64) + share * second
             return blend.astype(np.float32) if first.dtype == np.float32 else blend
 
-    def _faces_at(self, time_s: float, points: Vertices) -> PolygonMesh:
-        """Return the validated faces at a time, cached until they change.
-
-        The vertices of the result may be of an earlier time with the same faces.
-        """
-        corners, counts = (_sample_index(one, time_s) for one in (self._corners, self._counts))
-        key = self._corners.stored_index(corners), self._counts.stored_index(counts), len(points)
-        cached = self._cached_faces
-        if cached is None or cached[0] != key:
-            mesh = _counterclockwise_mesh(
-                points, self._counts.integers(counts), self._corners.integers(corners)
+    def _positions(self, index: int) -> Vertices:
+        points = self._points.numbers(index)
+        if points.dtype.kind != "f" or points.shape[1] != 3:
+            raise damage_error(
+                f"the points of {self._node.path} are {points.shape[1]} x {points.dtype}"
             )
-            cached = self._cached_faces = key, mesh
-        return cached[1]
+        positions: Vertices = points.astype(np.promote_types(points.dtype, np.float32), copy=False)
+        return positions
 
-    def _surface(self, index: int) -> Surface:
-        time_s = float(self._times_s[index])
+    def _mesh_at(self, time_s: float) -> PolygonMesh:
+        """Return the mesh at a time in local space; its faces are validated once."""
         points = self._points_at(time_s)
-        mesh = replace(self._faces_at(time_s, points), vertices=points)
-        animated = self._animated.properties
-        surface = read_attributes(self._properties, mesh, time_s, self._notes, animated)
-        normals, hard_edges = read_normals(self._properties, mesh, time_s), None
-        if normals is not None:
-            normal_edges = find_hard_edges(mesh, normals)
-            self._normal_notes.add(self._node.path, normal_edges, is_track=NORMALS in animated)
-            hard_edges = normal_edges.edges
-        if "visible" in self._node.object.properties:
-            note_left_out(self._notes, f"visibility of {self._node.path}")
-        if self._node.schema == SUBDIVISION:
-            self._cages.add(self._node.path)
-        sets = {
-            child.header.name: child.properties[".faceset"].properties
-            for child in self._node.object.children
-            if ".faceset" in child.properties
-        }
-        materials = read_face_sets(sets, len(mesh.counts), time_s)
-        return replace(surface, groups=(*materials, *surface.groups), hard_edges=hard_edges)
+        stored = self._counts, self._corners
+        samples = [neighbours(one.times_s, time_s).before for one in stored]
+        indices = [one.stored_index(sample) for one, sample in zip(stored, samples, strict=True)]
+        key = (*indices, len(points))
+        if self._cached_faces is None or self._cached_faces[0] != key:
+            pairs = zip(stored, samples, strict=True)
+            counts, corners = (one.integers(sample) for one, sample in pairs)
+            total = int(counts.sum())
+            if total != len(corners) or (counts < 0).any():
+                raise damage_error(
+                    f"its face sizes add up to {total} corners, but it has {len(corners)}"
+                )
+            mesh = polygon_mesh(points, counts, corners[reversed_corners(counts)])
+            self._cached_faces = key, mesh
+        return replace(self._cached_faces[1], vertices=points)
+
+
+def _fitting_domain(quantity: Quantity, times: Floats, mesh: PolygonMesh) -> Domain | None:
+    """Return the domain of which a property has values at some time, if any."""
+    for time_s in times.tolist():
+        values = quantity.values(time_s)
+        domain = None if values is None else domain_of(quantity.domain, len(values), mesh)
+        if domain is not None:
+            return domain
+    return None
 
 
 def walk_hierarchy(archive: Archive) -> Iterator[Node]:
@@ -394,44 +400,34 @@ def walk_hierarchy(archive: Archive) -> Iterator[Node]:
         instance, or there are too many objects.
     """
     seen: set[str] = set()
-    root = Node("", "", archive.top, ())
-    stack = [
-        (one, root, frozenset({archive.top.reference})) for one in _reversed_children(archive.top)
-    ]
+    root = Node("", archive.top, ())
+    stack = [(one, root, frozenset({archive.top.reference})) for one in archive.top.children[::-1]]
     while stack:
         child, parent, ancestors = stack.pop()
-        path = f"{parent.path}/{child.header.name}"
+        path = f"{parent.path}/{child.name}"
         if path in seen:
             raise damage_error(f"two objects have the path {path}")
         seen.add(path)
         if len(seen) > MAX_OBJECTS:
             raise FormatError(f"contains more than {MAX_OBJECTS} objects; export fewer of them")
-        source = _source(archive, child, path) if child.header.is_instance else child
+        source = _source(archive, child, path) if child.is_instance else child
         if source.reference in ancestors:
             raise damage_error(f"{path} contains itself")
         if len(ancestors) > MAX_DEPTH:
             raise FormatError(f"nests {path} below more than {MAX_DEPTH} objects; flatten it")
-        node = Node(path, _schema_name(source), source, parent.chain)
-        yield node
-        if node.schema == TRANSFORM and ".xform" in source.properties:
-            transform = Transform(source.properties[".xform"].properties)
-            node = Node(path, node.schema, source, (*parent.chain, transform))
-        stack += [(one, node, ancestors | {source.reference}) for one in _reversed_children(source)]
+        yield Node(path, source, chain := parent.chain)
+        if source.schema == TRANSFORM and ".xform" in source.properties:
+            chain = (*chain, Transform(source.properties[".xform"].properties))
+        above = Node(path, source, chain), ancestors | {source.reference}
+        stack += [(one, *above) for one in source.children[::-1]]
 
 
 def describe_contents(nodes: Sequence[Node]) -> str:
     """Return the contents of a file without meshes in words: "cameras (2), curves (1)"."""
-    counts = Counter(OTHER_SCHEMAS[node.schema] for node in nodes if node.schema in OTHER_SCHEMAS)
-    listed = [f"{what} ({count})" for what, count in sorted(counts.items())]
-    return ", ".join(listed) or ("only transforms" if nodes else "no objects")
-
-
-def _reversed_children(parent: AbcObject) -> list[AbcObject]:
-    return parent.children[::-1]
-
-
-def _schema_name(source: AbcObject) -> str:
-    return source.header.schema.rpartition("_v")[0]
+    schemas = (node.object.schema for node in nodes)
+    counts = Counter(OTHER_SCHEMAS[one] for one in schemas if one in OTHER_SCHEMAS)
+    contents = [f"{what} ({count})" for what, count in sorted(counts.items())]
+    return ", ".join(contents) or ("only transforms" if nodes else "no objects")
 
 
 def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:
@@ -441,28 +437,7 @@ def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:
     source: AbcObject | None = archive.top
     for name in source_path.strip("/").split("/"):
         children = source.children if source is not None else []
-        source = next((one for one in children if one.header.name == name), None)
-    if source is None or source.header.is_instance:
+        source = next((one for one in children if one.name == name), None)
+    if source is None or source.is_instance:
         raise damage_error(f"{path} is an instance of {source_path!r}, which does not exist")
     return source
-
-
-def _sample_index(values: Property, time_s: float) -> int:
-    """Return the index of the sample in effect at a time."""
-    return bracketing_samples(values.times_s, time_s)[0]
-
-
-def _positions(points: npt.NDArray[Any], path: str) -> Vertices:
-    if points.dtype.kind != "f" or points.shape[1] != 3:
-        raise damage_error(f"the points of {path} are {points.shape[1]} x {points.dtype}")
-    positions: Vertices = points.astype(np.promote_types(points.dtype, np.float32), copy=False)
-    return positions
-
-
-def _counterclockwise_mesh(
-    points: Vertices, counts: npt.NDArray[np.int64], corners: npt.NDArray[np.int64]
-) -> PolygonMesh:
-    total = int(counts.sum())
-    if total != len(corners) or (counts < 0).any():
-        raise damage_error(f"its face sizes add up to {total} corners, but it has {len(corners)}")
-    return polygon_mesh(points, counts, corners[reversed_corners(counts)])

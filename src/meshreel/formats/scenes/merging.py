@@ -5,13 +5,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.stored_frames import StoredTrack
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.timing import Neighbours, neighbours
+from meshreel.formats.scenes.timing import Neighbours, neighbours, unite_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumbered
@@ -56,20 +55,6 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sc
     rates = {mesh.fps for mesh in meshes if mesh.fps}
     fps = rates.pop() if len(rates) == 1 else None
     return SceneMesh(name, times, frame, surface, fps, tracks)
-
-
-def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
-    """Return the union of ascending times; those of static meshes are ignored if any moves.
-
-    Times that differ by less than a thousandth of the shortest interval are merged.
-    """
-    moving = [one for one in times if len(one) > 1]
-    if not moving:
-        return np.asarray(times[0][:1], np.float64)
-    all_times = np.sort(np.concatenate(moving))
-    least = min(float(np.diff(one).min()) for one in moving) / 1000
-    distinct: npt.NDArray[np.float64] = all_times[np.diff(all_times, prepend=-np.inf) > least]
-    return distinct
 
 
 def _at(mesh: SceneMesh, time_s: float) -> PolygonMesh:
@@ -120,16 +105,10 @@ def merge_tracks(
     shifted = [
         [one.shifted(-start) for one, start in zip(row, first, strict=True)] for row in places
     ]
-    sizes = [_sizes(mesh, start) for mesh, start in zip(meshes, first, strict=True)]
+    sizes = [mesh.frame(start).n_items for mesh, start in zip(meshes, first, strict=True)]
     names = dict.fromkeys(name for tracks in mesh_tracks for name in tracks)
     found = {name: _merged(name, mesh_tracks, shifted, sizes, notes) for name in names}
     return {name: track for name, track in found.items() if track is not None}
-
-
-def _sizes(mesh: SceneMesh, index: int) -> dict[Domain, int]:
-    frame = mesh.frame(index)
-    counts = len(frame.vertices), len(frame.counts), int(frame.counts.sum())
-    return dict(zip(Domain, counts, strict=True))
 
 
 def _merged(
@@ -202,13 +181,14 @@ def merge_surfaces(
         Part(name, len(frame.vertices), len(frame.counts))
         for name, frame in zip(names, frames, strict=True)
     )
-    surfaces, materials, images = merge_materials(surfaces)
+    table = MaterialTable()
+    surfaces = [table.add(surface) for surface in surfaces]
     attributes = _merged_attributes(unify_domains(surfaces, frames), frames, notes)
     groups = _merged_groups(surfaces, frames)
     hard_edges = merged_edges(
         [one.hard_edges for one in surfaces], [len(frame.vertices) for frame in frames]
     )
-    return Surface(None, attributes, groups, parts, materials, images, hard_edges)
+    return Surface(None, attributes, groups, parts, table.materials, table.images, hard_edges)
 
 
 def unify_domains(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) -> list[Surface]:
@@ -231,39 +211,22 @@ def unify_domains(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) ->
         for meaning, one in zip(matches, surface.attributes, strict=True):
             domains.setdefault(meaning, set()).add(one.domain)
     mixed = {meaning for meaning, found in domains.items() if len(found) > 1} - twice
+
+    def unified(one: Attribute, frame: PolygonMesh) -> Attribute:
+        if one.domain is Domain.CORNER or _meaning(one) not in mixed:
+            return one
+        items = frame.items_of_corners(one.domain)
+        rows = items if one.indices is None else one.indices[items]
+        return replace(one, domain=Domain.CORNER, indices=rows.astype(np.int32))
+
     return [
-        replace(surface, attributes=_of_corners(surface.attributes, mixed, frame))
+        replace(surface, attributes=tuple(unified(one, frame) for one in surface.attributes))
         for surface, frame in zip(surfaces, frames, strict=True)
     ]
 
 
 def _meaning(attribute: Attribute) -> Meaning:
     return attribute.kind, attribute.name, attribute.values.shape[1]
-
-
-def _of_corners(
-    attributes: Sequence[Attribute], mixed: set[Meaning], frame: PolygonMesh
-) -> tuple[Attribute, ...]:
-    return tuple(_spread(one, frame) if _meaning(one) in mixed else one for one in attributes)
-
-
-def _spread(attribute: Attribute, frame: PolygonMesh) -> Attribute:
-    """Return the attribute as an indexed corner attribute with the same values."""
-    if attribute.domain is Domain.CORNER:
-        return attribute
-    item_of: npt.NDArray[np.integer] = frame.corners
-    if attribute.domain is Domain.FACE:
-        item_of = np.repeat(np.arange(len(frame.counts)), frame.counts)
-    rows = item_of if attribute.indices is None else attribute.indices[item_of]
-    return replace(attribute, domain=Domain.CORNER, indices=rows.astype(np.int32))
-
-
-def _n_items(frame: PolygonMesh, domain: Domain) -> int:
-    return {
-        Domain.VERTEX: len(frame.vertices),
-        Domain.FACE: len(frame.counts),
-        Domain.CORNER: len(frame.corners),
-    }[domain]
 
 
 def _merged_attributes(
@@ -281,8 +244,7 @@ def _merged_attributes(
             note = f"{sample.kind} {sample.name!r} is 0 in meshes without it"
             if note not in notes:
                 notes.append(note)
-        dtype = np.result_type(*(one.values.dtype for one in matches if one is not None))
-        merged.append(_concatenate(sample, matches, frames, dtype))
+        merged.append(_concatenate(sample, matches, frames))
     return tuple(merged)
 
 
@@ -292,28 +254,25 @@ def _key(attribute: Attribute) -> tuple[str, str, str, int, bool]:
 
 
 def _concatenate(
-    sample: Attribute,
-    matches: Sequence[Attribute | None],
-    frames: Sequence[PolygonMesh],
-    dtype: np.dtype[np.generic],
+    sample: Attribute, matches: Sequence[Attribute | None], frames: Sequence[PolygonMesh]
 ) -> Attribute:
     width, start = sample.values.shape[1], 0
     is_indexed = any(one is not None and one.indices is not None for one in matches)
-    values, indices = [], []
+    tables, rows = [], []
     for one, frame in zip(matches, frames, strict=True):
-        n_items = _n_items(frame, sample.domain)
-        if one is None:
-            # Unindexed attributes need a row per item; indexed ones share a single row.
-            table = np.zeros((1 if is_indexed else n_items, width), dtype)
-            rows = np.zeros(n_items, np.int32)
-        else:
-            table = one.values.astype(dtype, copy=False)
-            rows = np.arange(n_items, dtype=np.int32) if one.indices is None else one.indices
-        values.append(table)
-        indices.append(rows + np.int32(start))
+        n_items = frame.n_items[sample.domain]
+        if one is not None:
+            table, indices = one.values, one.indices
+        else:  # unindexed attributes need a row per item; indexed ones share a single row
+            table = np.zeros((1 if is_indexed else n_items, width), sample.values.dtype)
+            indices = np.zeros(n_items, np.int32)
+        tables.append(table)
+        rows.append((np.arange(n_items) if indices is None else indices) + start)
         start += len(table)
-    joined = np.concatenate(indices).astype(np.int32) if is_indexed else None
-    return Attribute(sample.name, sample.kind, sample.domain, np.concatenate(values), joined)
+    dtype = np.result_type(*(one.values.dtype for one in matches if one is not None))
+    values = np.concatenate(tables).astype(dtype, copy=False)
+    joined = np.concatenate(rows).astype(np.int32) if is_indexed else None
+    return replace(sample, values=values, indices=joined)
 
 
 def _merged_groups(
@@ -333,15 +292,6 @@ def _merged_groups(
             numbers.append(np.array([*new, -1], np.int32)[matches.numbers])
         merged.append(FaceGroups(name, tuple(labels), np.concatenate(numbers)))
     return tuple(merged)
-
-
-def merge_materials(
-    surfaces: Sequence[Surface],
-) -> tuple[list[Surface], tuple[Material, ...], tuple[Image, ...]]:
-    """Return relabeled surfaces, and the materials and images of all, as `MaterialTable` does."""
-    table = MaterialTable()
-    relabelled = [table.add(surface) for surface in surfaces]
-    return relabelled, table.materials, table.images
 
 
 class MaterialTable:

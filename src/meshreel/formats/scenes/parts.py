@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -44,52 +45,32 @@ def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iter
     counts = surface.sizes(len(faces))
     corners = join_fans(counts, faces)
     parts = surface.parts or (Part(name, n_verts, len(counts)),)
-    pieces = list(_pieces(parts, counts))
+    items = _items(parts, counts)
     owners = np.repeat(np.arange(len(parts)), [part.n_verts for part in parts])
-    wanted = np.repeat(np.arange(len(parts)), [int(counts[p.faces].sum()) for p in pieces])
-    if (owners[corners] != wanted).any():
+    n_corners = [one[Domain.CORNER].stop - one[Domain.CORNER].start for one in items]
+    if (owners[corners] != np.repeat(np.arange(len(parts)), n_corners)).any():
         parts = (Part(name, n_verts, len(counts)),)
-        pieces = list(_pieces(parts, counts))
-    for part, piece in zip(parts, pieces, strict=True):
-        own = corners[piece.corners] - np.int32(piece.verts.start)
-        items = {domain: piece.of(domain) for domain in Domain}
-        cut = _cut(surface, piece)
-        yield PartMesh(part.name, piece.verts, counts[piece.faces], own, cut, items)
+        items = _items(parts, counts)
+    for part, own in zip(parts, items, strict=True):
+        verts, own_faces = own[Domain.VERTEX], own[Domain.FACE]
+        own_corners = corners[own[Domain.CORNER]] - np.int32(verts.start)
+        attributes = tuple(_cut_attribute(one, own[one.domain]) for one in surface.attributes)
+        groups = tuple(_cut_groups(one, own_faces) for one in surface.groups)
+        edges = _cut_edges(surface.hard_edges, verts)
+        cut = Surface(None, attributes, tuple(g for g in groups if g.labels), hard_edges=edges)
+        yield PartMesh(part.name, verts, counts[own_faces], own_corners, cut, own)
 
 
-@dataclass(frozen=True)
-class _Piece:
-    """Ranges of a part in the whole mesh."""
-
-    verts: slice
-    faces: slice
-    corners: slice
-
-    def of(self, domain: Domain) -> slice:
-        """Return the range of its items of a domain."""
-        return {Domain.VERTEX: self.verts, Domain.FACE: self.faces, Domain.CORNER: self.corners}[
-            domain
-        ]
-
-
-def _pieces(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> Iterator[_Piece]:
-    ends = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
-    vertex = face = 0
-    for part in parts:
-        last_vertex, last_face = vertex + part.n_verts, face + part.n_faces
-        yield _Piece(
-            slice(vertex, last_vertex),
-            slice(face, last_face),
-            slice(int(ends[face]), int(ends[last_face])),
-        )
-        vertex, face = last_vertex, last_face
-
-
-def _cut(surface: Surface, piece: _Piece) -> Surface:
-    attributes = tuple(_cut_attribute(one, piece.of(one.domain)) for one in surface.attributes)
-    groups = tuple(_cut_groups(one, piece.faces) for one in surface.groups)
-    kept = tuple(one for one in groups if one.labels)
-    return Surface(None, attributes, kept, hard_edges=_cut_edges(surface.hard_edges, piece.verts))
+def _items(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> list[dict[Domain, slice]]:
+    """Return the ranges of the vertices, faces and corners of each part in the whole mesh."""
+    corner_ends = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    faces = np.cumsum([0, *(part.n_faces for part in parts)])
+    ends = np.cumsum([0, *(part.n_verts for part in parts)]), faces, corner_ends[faces]
+    starts_and_stops = (pairwise(one.tolist()) for one in ends)
+    return [
+        {domain: slice(*one) for domain, one in zip(Domain, own, strict=True)}
+        for own in zip(*starts_and_stops, strict=True)
+    ]
 
 
 def _cut_edges(edges: Int32s | None, verts: slice) -> Int32s | None:

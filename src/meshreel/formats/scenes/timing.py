@@ -1,6 +1,8 @@
 """Conversion between frame times and frame rate with start time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +55,20 @@ def frame_times(times_s: npt.NDArray[np.floating]) -> FrameTimes:
     return FrameTimes(fps, float(times[0]), is_even)
 
 
+def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
+    """Return the union of ascending times; those of static meshes are ignored if any moves.
+
+    Times that differ by less than a thousandth of the shortest interval are merged.
+    """
+    moving = [one for one in times if len(one) > 1]
+    if not moving:
+        return np.asarray(times[0][:1], np.float64)
+    all_times = np.sort(np.concatenate(moving))
+    least = min(float(np.diff(one).min()) for one in moving) / 1000
+    distinct: npt.NDArray[np.float64] = all_times[np.diff(all_times, prepend=-np.inf) > least]
+    return distinct
+
+
 def file_order_times(n_frames: int, fps: float) -> npt.NDArray[np.float64]:
     """Return the times of frames at a frame rate, of shape (T,), in seconds from 0."""
     times: npt.NDArray[np.float64] = np.arange(n_frames, dtype=np.float64) / fps
@@ -66,8 +82,7 @@ def note_file_order(fps: float, notes: list[str]) -> None:
         notes.append(note)
 
 
-@dataclass(frozen=True)
-class Neighbours:
+class Neighbours(NamedTuple):
     """The frames at or around a time.
 
     Attributes

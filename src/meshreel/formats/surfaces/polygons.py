@@ -10,6 +10,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.model.geometry.polygons import Integers
 from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Domain
 from meshreel.runtime.counting import counted
 
 
@@ -30,6 +31,19 @@ class PolygonMesh:
     vertices: Vertices
     counts: npt.NDArray[np.int64]
     corners: npt.NDArray[np.int32]
+
+    @property
+    def n_items(self) -> dict[Domain, int]:
+        """Number of vertices, faces and corners."""
+        counts = len(self.vertices), len(self.counts), len(self.corners)
+        return dict(zip(Domain, counts, strict=True))
+
+    def items_of_corners(self, domain: Domain) -> npt.NDArray[np.integer]:
+        """Return the vertex, face or corner to which each corner belongs, of shape (C,)."""
+        if domain is Domain.VERTEX:
+            return self.corners
+        items = np.arange(self.n_items[domain])
+        return items if domain is Domain.CORNER else np.repeat(items, self.counts)
 
     def difference(self, first: "PolygonMesh") -> str:
         """Describe how this frame differs from the first, as in "8 vertices; expected 12 as".
@@ -101,6 +115,23 @@ def polygon_mesh(
             f"indices must be in {allowed or f'0..{len(vertices) - 1}'}"
         )
     return PolygonMesh(vertices, counts.astype(np.int64), corners.astype(np.int32))
+
+
+def reversed_corners(counts: Integers, *, keeps_first: bool = False) -> npt.NDArray[np.int64]:
+    """Return the permutation that reverses the corners of each face; it is its own inverse.
+
+    Parameters
+    ----------
+    counts : integer array of shape (N,)
+        Corners of each face.
+    keeps_first : bool, default False
+        Whether faces keep their first corner, as in USD. Otherwise it becomes the last, as Blender
+        does for Alembic.
+    """
+    lengths = np.asarray(counts, np.int64)
+    sizes, starts = (np.repeat(one, lengths) for one in (lengths, np.cumsum(lengths) - lengths))
+    places: npt.NDArray[np.int64] = starts - np.arange(len(starts)) - (not keeps_first)
+    return starts + places % sizes
 
 
 def describe_fans(counts: Integers) -> str:

@@ -1,11 +1,11 @@
-"""Images that a stage refers to, in its package or next to its file, as unchanged bytes."""
+"""Reading materials of a stage: UsdPreviewSurface with its textures, and face subsets as groups."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import chain, count
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,70 +13,18 @@ from meshreel.errors import FormatError
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.notes import MaterialNotes
 from meshreel.formats.surfaces.images import image_type
+from meshreel.formats.usd.stage import outer_file
 from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap, select_materials
 from meshreel.model.surface import FaceGroups, Int32s
 from meshreel.runtime.extras import USD
 
+Numbers = tuple[float, ...]
 
-class StageImages:
-    """Images of a stage, each read once.
+MATERIALS = "materialBind"
+"""The subset family for material bindings."""
 
-    Parameters
-    ----------
-    folder : Path or None
-        Folder of the stage's file, which must contain the images; None allows any location.
-
-    Attributes
-    ----------
-    images : list of Image
-        The images read so far.
-    """
-
-    def __init__(self, folder: Path | None) -> None:
-        self.images: list[Image] = []
-        self._folder = None if folder is None else folder.resolve()
-        self._indices: dict[str, int] = {}
-
-    def index(self, asset: Any) -> int:
-        """Return the index of an asset path in `images`, after reading it if necessary.
-
-        Raises
-        ------
-        FormatError
-            If the image cannot be read.
-        """
-        authored = str(getattr(asset, "path", ""))
-        resolved = str(getattr(asset, "resolvedPath", ""))
-        if resolved not in self._indices:
-            if not resolved:
-                raise FormatError(_why_unresolved(authored))
-            self.images.append(self._image(authored, resolved))
-            self._indices[resolved] = len(self.images) - 1
-        return self._indices[resolved]
-
-    def _image(self, authored: str, resolved: str) -> Image:
-        resolver = USD.load("Ar")
-        outer = resolved
-        if resolver.IsPackageRelativePath(resolved):
-            outer, _ = resolver.SplitPackageRelativePathOuter(resolved)
-        if self._folder and not is_within(Path(outer), self._folder):
-            raise outside_error(authored)
-        if not Path(outer).is_file():
-            raise FormatError(f"{authored[:200]!r} is not a file")
-        opened = resolver.GetResolver().OpenAsset(resolver.ResolvedPath(resolved))
-        if not opened:
-            raise FormatError(f"{authored[:200]!r} cannot be read")
-        data, name = bytes(opened.GetBuffer()), PurePosixPath(authored.rstrip("]"))
-        return Image(name.stem, image_type(data, name.name), data)
-
-
-def _why_unresolved(authored: str) -> str:
-    if not authored:
-        return "it names no file"
-    if "<UDIM>" in authored:
-        return f"{authored[:200]!r} consists of many tiles"
-    return f"{authored[:200]!r} does not exist"
-
+UNNAMED = "group"
+"""Name of the group of subsets without a family."""
 
 WRAPS = {
     "repeat": Wrap.REPEAT,
@@ -88,7 +36,7 @@ WRAPS = {
 UV_READER = "UsdPrimvarReader_float2"
 CHANNELS = ("rgb", "r", "g", "b", "a")
 
-INPUTS: dict[str, tuple[str, tuple[float, ...]]] = {
+INPUTS: dict[str, tuple[str, Numbers]] = {
     "base_color": ("diffuseColor", (0.18, 0.18, 0.18)),
     "metallic": ("metallic", (0.0,)),
     "roughness": ("roughness", (0.5,)),
@@ -98,7 +46,7 @@ INPUTS: dict[str, tuple[str, tuple[float, ...]]] = {
 }
 """Shader inputs that may have textures, and their defaults, by texture slot."""
 
-UNSUPPORTED: dict[str, tuple[float, ...]] = {
+UNSUPPORTED: dict[str, Numbers] = {
     "useSpecularWorkflow": (0.0,),
     "specularColor": (0.0, 0.0, 0.0),
     "clearcoat": (0.0,),
@@ -106,34 +54,176 @@ UNSUPPORTED: dict[str, tuple[float, ...]] = {
     "ior": (1.5,),
     "displacement": (0.0,),
 }
-IDENTITY = (1.0,) * 4, (0.0,) * 4
-"""Scale and bias that leave a texture unchanged."""
+NO_SCALE, NO_BIAS = (1.0,) * 4, (0.0,) * 4
 
 
-@dataclass(frozen=True)
-class Source:
-    """The value of a shader input, or the shader output connected to it; empty if undeclared.
+class StageMaterials:
+    """The materials and images of a stage, each read once.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Folder of the stage's file, which must contain the images; None allows any location.
+    notes : list of str
+        Gains a sentence for each kind of material property that is not read.
 
     Attributes
     ----------
-    value : object
-        None if the input is connected to a shader.
-    shader : UsdShade.Shader, optional
-    output : str
-        Name of the connected output.
-    is_animated : bool
-        Whether the value may change over time.
+    images : list of Image
+        The images read so far, to which materials refer.
     """
+
+    def __init__(self, folder: Path | None, notes: list[str]) -> None:
+        self.images: list[Image] = []
+        self.plain_notes = notes
+        self._folder = None if folder is None else folder.resolve()
+        self._notes = MaterialNotes(notes)
+        self._indices: dict[str, int] = {}
+        self._looks: dict[str, Material | None] = {}
+
+    def look(self, material: Any) -> Material | None:
+        """Return the appearance of a ``UsdShade.Material``, unnamed, or None if not readable.
+
+        Materials of instances share one result.
+        """
+        path = str(material.GetPath())
+        if path not in self._looks:
+            self._looks[path] = self._read(material)
+        return self._looks[path]
+
+    def image_index(self, asset: Any) -> int:
+        """Return the index of an asset path in `images`, after reading it if necessary.
+
+        Raises
+        ------
+        FormatError
+            If the image cannot be read.
+        """
+        authored = str(getattr(asset, "path", ""))
+        resolved = str(getattr(asset, "resolvedPath", ""))
+        if not authored:
+            raise FormatError("it names no file")
+        if not resolved:
+            reason = "consists of many tiles" if "<UDIM>" in authored else "does not exist"
+            raise FormatError(f"{authored[:200]!r} {reason}")
+        if resolved not in self._indices:
+            self.images.append(self._image(authored, resolved))
+            self._indices[resolved] = len(self.images) - 1
+        return self._indices[resolved]
+
+    def _image(self, authored: str, resolved: str) -> Image:
+        resolver, file = USD.load("Ar"), outer_file(resolved)
+        if self._folder and not is_within(file, self._folder):
+            raise outside_error(authored)
+        if not file.is_file():
+            raise FormatError(f"{authored[:200]!r} is not a file")
+        opened = resolver.GetResolver().OpenAsset(resolver.ResolvedPath(resolved))
+        if not opened:
+            raise FormatError(f"{authored[:200]!r} cannot be read")
+        data, name = bytes(opened.GetBuffer()), PurePosixPath(authored.rstrip("]"))
+        return Image(name.stem, image_type(data, name.name), data)
+
+    def _read(self, material: Any) -> Material | None:
+        name = label_of(material.GetPrim())
+        shader, _, _ = material.ComputeSurfaceSource()
+        if not shader:
+            if any(output.HasConnectedSource() for output in material.GetOutputs()):
+                self._notes.add("appearance of materials without UsdPreviewSurface", name)
+            return None
+        if shader.GetShaderId() != "UsdPreviewSurface":
+            self._notes.add("appearance of materials other than UsdPreviewSurface", name)
+            return None
+        outputs = map(material.GetOutput, ("displacement", "volume"))
+        if any(one and one.HasConnectedSource() for one in outputs):
+            self._notes.add("displacement and volumes of materials", name)
+        return _PreviewSurface(shader, name, self, self._notes).material()
+
+
+def read_materials(
+    prim: Any, code: float, n_faces: int, stage: StageMaterials
+) -> tuple[tuple[FaceGroups, ...], tuple[Material, ...], tuple[Image, ...]]:
+    """Return the face groups of a mesh at a time code, and the materials of their labels.
+
+    Materials are those of subsets or, elsewhere, of the whole mesh. A label is the display name of
+    the prim if it has one, otherwise its name; materials with the same name but different
+    appearance get different labels. Notes name families whose subsets overlap or refer to missing
+    faces.
+    """
+    geometry = USD.load("UsdGeom")
+    looks: dict[str, Material | None] = {}
+
+    def bound_label(bound: Any) -> str:
+        """Return the label of the material bound to a prim; empty if there is none."""
+        material, _ = USD.load("UsdShade").MaterialBindingAPI(bound).ComputeBoundMaterial()
+        if not material:
+            return ""
+        look, name = stage.look(material), label_of(material.GetPrim())
+        labels = chain([name], (f"{name}_{number}" for number in count(2)))
+        return next(label for label in labels if looks.setdefault(label, look) == look)
+
+    families: dict[str, list[tuple[str, Int32s]]] = {MATERIALS: []}
+    for subset in geometry.Subset.GetAllGeomSubsets(geometry.Imageable(prim)):
+        if subset.GetElementTypeAttr().Get() != geometry.Tokens.face:
+            continue
+        family = str(subset.GetFamilyNameAttr().Get() or UNNAMED)
+        material = bound_label(subset.GetPrim()) if family == MATERIALS else ""
+        faces = subset.GetIndicesAttr().Get(code)
+        if not faces and subset.GetIndicesAttr().ValueMightBeTimeVarying():
+            continue  # a label of other times
+        members = families.setdefault(family, [])
+        label = material or label_of(subset.GetPrim())
+        members.append((label, np.asarray([] if faces is None else faces, np.int32)))
+    groups = []
+    for family, members in families.items():
+        is_material = family == MATERIALS
+        name = "material" if is_material else family
+        default = bound_label(prim) if is_material else ""
+        group, is_partition = _group(name, members, default, n_faces)
+        groups += [group] if group.labels else []
+        if not is_partition:
+            stage.plain_notes.append(
+                f"{name} subsets of {prim.GetPath()} overlap or refer to missing faces; "
+                "a face belongs to the last subset that contains it"
+            )
+    is_double_sided = bool(geometry.Gprim(prim).GetDoubleSidedAttr().Get())
+    materials = [
+        replace(look, name=label, double_sided=is_double_sided)
+        for label, look in looks.items()
+        if look is not None
+    ]
+    names = [one.name for one in materials]
+    return tuple(groups), *select_materials(names, materials, stage.images)
+
+
+def label_of(prim: Any) -> str:
+    """Return the display name of a prim, or else its name."""
+    return str(prim.GetDisplayName() or prim.GetName())
+
+
+def _group(
+    name: str, members: Sequence[tuple[str, Int32s]], default: str, n_faces: int
+) -> tuple[FaceGroups, bool]:
+    """Return a group, with `default` as label of the other faces, and whether subsets are disjoint
+    and valid.
+    """
+    labels: dict[str, int] = {}
+    numbers = np.full(n_faces, -1, np.int32)
+    for label, faces in members:
+        inside = faces[(faces >= 0) & (faces < n_faces)]
+        numbers[inside] = labels.setdefault(label, len(labels))
+    is_partition = sum(len(faces) for _, faces in members) == np.count_nonzero(numbers >= 0)
+    if default and (numbers < 0).any():
+        numbers[numbers < 0] = labels.setdefault(default, len(labels))
+    return FaceGroups(name, tuple(labels), numbers), is_partition
+
+
+class Source(NamedTuple):
+    """The value of a shader input, or the shader and the output connected to it."""
 
     value: Any = None
     shader: Any = None
     output: str = ""
     is_animated: bool = False
-
-    @property
-    def path(self) -> str:
-        """Path of the connected shader; empty if there is none."""
-        return str(self.shader.GetPath()) if self.shader else ""
 
 
 def source_of(shader: Any, name: str) -> Source:
@@ -143,7 +233,7 @@ def source_of(shader: Any, name: str) -> Source:
     producers = shader_input.GetValueProducingAttributes() if shader_input else []
     if not producers:
         return Source()
-    (first, *_) = producers
+    first = producers[0]
     if shading.Utils.GetType(first.GetName()) == shading.AttributeType.Output:
         output = shading.Utils.GetBaseNameAndType(first.GetName())[0]
         return Source(None, shading.Shader(first.GetPrim()), str(output))
@@ -151,7 +241,7 @@ def source_of(shader: Any, name: str) -> Source:
     return Source(first.Get(earliest), is_animated=first.ValueMightBeTimeVarying())
 
 
-def read_numbers(source: Source, default: tuple[float, ...], name: str) -> tuple[float, ...]:
+def read_numbers(source: Source, default: Numbers, name: str) -> Numbers:
     """Return the numbers of an input, as many as the default, or else the default.
 
     Raises
@@ -171,22 +261,21 @@ def read_numbers(source: Source, default: tuple[float, ...], name: str) -> tuple
     return numbers
 
 
+def _shader_id(shader: Any) -> str:
+    return str(shader.GetShaderId() or "") if shader else ""
+
+
 @dataclass(frozen=True)
 class ScaledTexture:
-    """A texture with scale and bias of its values.
-
-    Attributes
-    ----------
-    scale, bias : tuple of 4 floats
-    """
+    """A texture with scale and bias of its values, of four numbers each."""
 
     texture: Texture
-    scale: tuple[float, ...]
-    bias: tuple[float, ...]
+    scale: Numbers
+    bias: Numbers
     color_space: str
 
 
-def read_texture(source: Source, images: StageImages) -> ScaledTexture:
+def read_texture(source: Source, materials: StageMaterials) -> ScaledTexture:
     """Return the texture connected to an input of a material.
 
     Raises
@@ -194,20 +283,16 @@ def read_texture(source: Source, images: StageImages) -> ScaledTexture:
     FormatError
         If the source is not a texture, or its image cannot be read.
     """
-    shader = source.shader
-    kind = str(shader.GetShaderId() or "") if shader else ""
+    shader, kind = source.shader, _shader_id(source.shader)
     if kind != "UsdUVTexture" or source.output not in CHANNELS:
         raise FormatError(f"{kind or 'a shader of unknown type'} is not supported")
-    texture = Texture(
-        images.index(source_of(shader, "file").value),
-        channels=source.output,
-        wrap_u=_wrap(shader, "wrapS"),
-        wrap_v=_wrap(shader, "wrapT"),
-    )
+    image = materials.image_index(source_of(shader, "file").value)
+    wrap_u, wrap_v = (_wrap(shader, name) for name in ("wrapS", "wrapT"))
+    texture = Texture(image, "", source.output, wrap_u, wrap_v)
     return ScaledTexture(
         _with_coordinates(texture, source_of(shader, "st").shader),
-        read_numbers(source_of(shader, "scale"), (1.0,) * 4, "its scale"),
-        read_numbers(source_of(shader, "bias"), (0.0,) * 4, "its bias"),
+        read_numbers(source_of(shader, "scale"), NO_SCALE, "its scale"),
+        read_numbers(source_of(shader, "bias"), NO_BIAS, "its bias"),
         str(source_of(shader, "sourceColorSpace").value or "auto"),
     )
 
@@ -221,19 +306,21 @@ def _wrap(shader: Any, name: str) -> Wrap:
 
 def _with_coordinates(texture: Texture, shader: Any) -> Texture:
     """Return the texture with its primvar and transform, from the shader of its coordinates."""
-    kind = str(shader.GetShaderId() or "") if shader else ""
-    if kind == "UsdTransform2d":
-        rotation = math.radians(
-            read_numbers(source_of(shader, "rotation"), (0.0,), "its rotation")[0]
+    if _shader_id(shader) == "UsdTransform2d":
+        defaults: dict[str, Numbers] = {
+            "rotation": (0.0,), "scale": (1.0, 1.0), "translation": (0.0, 0.0),
+        }  # fmt: skip
+        (angle,), (scale_u, scale_v), (shift_u, shift_v) = (
+            read_numbers(source_of(shader, name), default, f"its {name}")
+            for name, default in defaults.items()
         )
-        scale = read_numbers(source_of(shader, "scale"), (1.0, 1.0), "its scale")
-        translation = read_numbers(source_of(shader, "translation"), (0.0, 0.0), "its translation")
-        shader = source_of(shader, "in").shader
-        kind = str(shader.GetShaderId() or "") if shader else ""
-        texture = with_usd_transform(
-            texture, rotation, (scale[0], scale[1]), (translation[0], translation[1])
+        shader, rotation = source_of(shader, "in").shader, math.radians(angle)
+        offset = (  # v points up in USD
+            shift_u - math.sin(rotation) * scale_v,
+            1 - shift_v - math.cos(rotation) * scale_v,
         )
-    if kind != UV_READER:
+        texture = replace(texture, offset=offset, rotation=rotation, scale=(scale_u, scale_v))
+    if (kind := _shader_id(shader)) != UV_READER:
         raise FormatError(f"its coordinates come from {kind or 'no shader'}, not {UV_READER}")
     name = str(source_of(shader, "varname").value or "")
     if not name:
@@ -241,25 +328,7 @@ def _with_coordinates(texture: Texture, shader: Any) -> Texture:
     return replace(texture, uv=name)
 
 
-def with_usd_transform(
-    texture: Texture, rotation: float, scale: tuple[float, float], translation: tuple[float, float]
-) -> Texture:
-    """Return the texture with a UV transform of USD, in which v points up; rotation in radians."""
-    offset = (
-        translation[0] - math.sin(rotation) * scale[1],
-        1 - translation[1] - math.cos(rotation) * scale[1],
-    )
-    return replace(texture, offset=offset, rotation=rotation, scale=scale)
-
-
-def usd_translation(texture: Texture) -> tuple[float, float]:
-    """Return the translation of the UV transform in USD, in which v points up."""
-    sine, cosine = math.sin(texture.rotation), math.cos(texture.rotation)
-    scale_v = texture.scale[1]
-    return texture.offset[0] + sine * scale_v, 1 - texture.offset[1] - cosine * scale_v
-
-
-class PreviewSurface:
+class _PreviewSurface:
     """The appearance of a material, as defined by a UsdPreviewSurface shader.
 
     Parameters
@@ -267,19 +336,21 @@ class PreviewSurface:
     shader : UsdShade.Shader
     name : str
         Name of the material, for the notes.
+    materials : StageMaterials
+        Owner of the images.
     notes : MaterialNotes
         Gains unsupported properties.
     """
 
-    def __init__(self, shader: Any, name: str, images: StageImages, notes: MaterialNotes) -> None:
-        self._shader, self._name = shader, name
-        self._images, self._notes = images, notes
+    def __init__(
+        self, shader: Any, name: str, materials: StageMaterials, notes: MaterialNotes
+    ) -> None:
+        self._shader, self._name, self._notes = shader, name, notes
         self._sources = {slot: self._source(name) for slot, (name, _) in INPUTS.items()}
-        self._textures = {
-            slot: texture
-            for slot, source in self._sources.items()
-            if source.shader and (texture := self._texture(slot, source)) is not None
-        }
+        self._textures: dict[str, ScaledTexture] = {}
+        for slot, source in self._sources.items():
+            if source.shader:
+                self._read_texture(slot, source, materials)
 
     def material(self) -> Material:
         """Return the material, unnamed."""
@@ -287,24 +358,26 @@ class PreviewSurface:
             source = self._source(name)
             if source.shader or not np.allclose(self._numbers(name, source, default), default):
                 self._note(f"{name} of UsdPreviewSurface")
-        opacity, threshold = self._source("opacity"), self._value("opacityThreshold", 0.0)
-        has_alpha = self._is_alpha_of_color(opacity)
-        red, green, blue = self._factor("base_color", 3)
-        alpha = self._alpha(opacity, has_alpha=has_alpha)
-        mode = AlphaMode.BLEND if has_alpha or alpha < 1 else AlphaMode.OPAQUE
-        (metallic,), (roughness,) = self._factor("metallic", 1), self._factor("roughness", 1)
-        emissive = self._factor("emissive", 3)
-        textures = {slot: texture.texture for slot, texture in self._textures.items()}
-        if has_alpha:
+        opacity = self._source("opacity")
+        (threshold,) = self._numbers("opacityThreshold", self._source("opacityThreshold"), (0.0,))
+        textures = {slot: one.texture for slot, one in self._textures.items()}
+        if has_alpha := self._is_alpha_of_color(opacity):
             textures["base_color"] = replace(textures["base_color"], channels="rgba")
+            alpha = self._textures["base_color"].scale[3]
+        red, green, blue = self._factor("base_color")
+        if not has_alpha:
+            (alpha,) = self._numbers("opacity", opacity, (1.0,))
+        (metallic,), (roughness,) = self._factor("metallic"), self._factor("roughness")
+        emissive = self._factor("emissive")
+        mode = AlphaMode.BLEND if has_alpha or alpha < 1 else AlphaMode.OPAQUE
         return Material(
             "",
             base_color=(red, green, blue, alpha),
             metallic=metallic,
             roughness=roughness,
             emissive=(emissive[0], emissive[1], emissive[2]),
-            normal_scale=self._normal_scale(),
-            occlusion_strength=self._occlusion_strength(),
+            normal_scale=self._strength("normal"),
+            occlusion_strength=self._strength("occlusion"),
             alpha_mode=AlphaMode.MASK if threshold > 0 else mode,
             alpha_cutoff=threshold if threshold > 0 else 0.5,
         ).with_textures(textures)
@@ -315,257 +388,69 @@ class PreviewSurface:
             self._note(f"changes of {name} over time")
         return source
 
-    def _texture(self, slot: str, source: Source) -> ScaledTexture | None:
+    def _read_texture(self, slot: str, source: Source, materials: StageMaterials) -> None:
         name, default = INPUTS[slot]
         try:
-            texture = read_texture(source, self._images)
+            texture = read_texture(source, materials)
             if (texture.texture.channels == "rgb") != (len(default) == 3):
                 raise FormatError(f"it has the channels {texture.texture.channels}")
         except FormatError as error:
             self._note(f"the texture of {name} ({error})")
-            return None
+            return
         expected = "sRGB" if slot in ("base_color", "emissive") else "raw"
         if texture.color_space not in ("auto", expected):
             self._note(f"color space {texture.color_space[:60]!r} of the texture of {name}")
-        if slot not in ("normal", "occlusion") and texture.bias != IDENTITY[1]:
+        if slot not in ("normal", "occlusion") and texture.bias != NO_BIAS:
             self._note(f"bias of the texture of {name}")
-        return texture
+        self._textures[slot] = texture
 
-    def _numbers(self, name: str, source: Source, default: tuple[float, ...]) -> tuple[float, ...]:
+    def _numbers(self, name: str, source: Source, default: Numbers) -> Numbers:
         try:
             return read_numbers(source, default, name)
         except FormatError as error:
             self._note(f"invalid inputs ({error})")
             return default
 
-    def _value(self, name: str, default: float) -> float:
-        return self._numbers(name, self._source(name), (default,))[0]
-
-    def _factor(self, slot: str, width: int) -> tuple[float, ...]:
+    def _factor(self, slot: str) -> Numbers:
         """Return the factor on the texture, or the value if there is no texture."""
+        name, default = INPUTS[slot]
         if slot not in self._textures:
-            name, default = INPUTS[slot]
             return self._numbers(name, self._sources[slot], default)
-        texture = self._textures[slot]
-        if width == 3:
-            return texture.scale[:3]
-        return (texture.scale["rgba".index(texture.texture.channels)],)
+        scale, channels = self._textures[slot].scale, self._textures[slot].texture.channels
+        return tuple(scale["rgba".index(one)] for one in channels)
 
     def _is_alpha_of_color(self, opacity: Source) -> bool:
         if not opacity.shader:
             return False
-        is_same = opacity.path == self._sources["base_color"].path and opacity.output == "a"
-        if is_same and "base_color" in self._textures:
+        color = self._sources["base_color"].shader
+        is_same = bool(color) and opacity.shader.GetPath() == color.GetPath()
+        if is_same and opacity.output == "a" and "base_color" in self._textures:
             return True
         self._note("opacity that is not the alpha of the color texture")
         return False
 
-    def _alpha(self, opacity: Source, *, has_alpha: bool) -> float:
-        if has_alpha:
-            return self._textures["base_color"].scale[3]
-        return self._numbers("opacity", opacity, (1.0,))[0]
-
-    def _normal_scale(self) -> float:
-        texture = self._textures.get("normal")
+    def _strength(self, slot: str) -> float:
+        """Return the scale of normals, or the strength of occlusion."""
+        name, default = INPUTS[slot]
+        texture = self._textures.get(slot)
         if texture is None:
-            name, default = INPUTS["normal"]
-            if self._numbers(name, self._sources["normal"], default) != default:
-                self._note("constant normal")
+            if self._numbers(name, self._sources[slot], default) != default:
+                self._note(f"constant {slot}")
             return 1.0
-        # Normal maps store -1..1 as 0..1, even if scale and bias are missing.
-        if (texture.scale, texture.bias) == IDENTITY:
-            return 1.0
-        scale = texture.scale[0] / 2
-        expected = (2 * scale, 2 * scale, 2.0), (-scale, -scale, -1.0)
-        if not np.allclose((texture.scale[:3], texture.bias[:3]), expected):
-            self._note("scale and bias of the texture of normal")
-            return 1.0
-        return scale
-
-    def _occlusion_strength(self) -> float:
-        texture = self._textures.get("occlusion")
-        if texture is None:
-            value = self._numbers("occlusion", self._sources["occlusion"], (1.0,))
-            if value != (1.0,):
-                self._note("constant occlusion")
-            return 1.0
-        channel = "rgba".index(texture.texture.channels)
-        strength = texture.scale[channel]
-        if abs(texture.bias[channel] - (1 - strength)) > 1e-6:
-            self._note("scale and bias of the texture of occlusion")
+        scale, bias = texture.scale, texture.bias
+        if slot == "normal":
+            # Normal maps store -1..1 as 0..1, even if scale and bias are missing.
+            if (scale, bias) == (NO_SCALE, NO_BIAS):
+                return 1.0
+            strength, stored = scale[0] / 2, scale[:3] + bias[:3]
+            expected: Numbers = (2 * strength, 2 * strength, 2.0, -strength, -strength, -1.0)
+        else:
+            channel = "rgba".index(texture.texture.channels)
+            strength, stored, expected = scale[channel], (bias[channel],), (1 - scale[channel],)
+        if not np.allclose(stored, expected, atol=1e-6):
+            self._note(f"scale and bias of the texture of {slot}")
             return 1.0
         return strength
 
     def _note(self, what: str) -> None:
         self._notes.add(what, self._name)
-
-
-MATERIALS = "materialBind"
-"""The subset family for material bindings."""
-
-UNNAMED = "group"
-"""Name of the group of subsets without a family."""
-
-
-class StageMaterials:
-    """The materials of a stage, each read once.
-
-    Parameters
-    ----------
-    folder : Path or None
-        Folder of the stage's file, which must contain the images; None allows any location.
-    notes : list of str
-        Gains a sentence for each kind of material property that is not read.
-    """
-
-    def __init__(self, folder: Path | None, notes: list[str]) -> None:
-        self._stage_images = StageImages(folder)
-        self._notes = MaterialNotes(notes)
-        self._looks: dict[str, Material | None] = {}
-
-    @property
-    def images(self) -> list[Image]:
-        """The images read so far, to which materials refer."""
-        return self._stage_images.images
-
-    def look(self, material: Any) -> Material | None:
-        """Return the appearance of a ``UsdShade.Material``, unnamed, or None if not readable.
-
-        Materials of instances share one result.
-        """
-        path = str(material.GetPath())
-        if path not in self._looks:
-            self._looks[path] = self._read(material)
-        return self._looks[path]
-
-    def _read(self, material: Any) -> Material | None:
-        name = label_of(material.GetPrim())
-        shader, _, _ = material.ComputeSurfaceSource()
-        if not shader:
-            if any(output.HasConnectedSource() for output in material.GetOutputs()):
-                self._notes.add("appearance of materials without UsdPreviewSurface", name)
-            return None
-        if shader.GetShaderId() != "UsdPreviewSurface":
-            self._notes.add("appearance of materials other than UsdPreviewSurface", name)
-            return None
-        if any(material.GetOutput(one).HasConnectedSource() for one in ("displacement", "volume")
-               if material.GetOutput(one)):  # fmt: skip
-            self._notes.add("displacement and volumes of materials", name)
-        return PreviewSurface(shader, name, self._stage_images, self._notes).material()
-
-
-class MeshMaterials:
-    """The materials of a mesh, by face label.
-
-    Parameters
-    ----------
-    prim : Usd.Prim
-        Prim of the mesh.
-    materials : StageMaterials
-        Materials of the stage.
-    """
-
-    def __init__(self, prim: Any, materials: StageMaterials) -> None:
-        mesh = USD.load("UsdGeom").Gprim(prim)
-        self._is_double_sided = bool(mesh.GetDoubleSidedAttr().Get())
-        self._materials = materials
-        self._looks: dict[str, Material | None] = {}
-
-    def bound_label(self, prim: Any) -> str:
-        """Return the label of the material bound to a prim; empty if there is none.
-
-        Materials with the same name but different appearance get different labels.
-        """
-        material, _ = USD.load("UsdShade").MaterialBindingAPI(prim).ComputeBoundMaterial()
-        if not material:
-            return ""
-        look = self._materials.look(material)
-        candidates = (
-            label
-            for label in _numbered(label_of(material.GetPrim()))
-            if self._looks.setdefault(label, look) == look
-        )
-        return next(candidates)
-
-    def look(self) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
-        """Return the materials of all labels so far, and the images that they use."""
-        materials = [
-            replace(look, name=label, double_sided=self._is_double_sided)
-            for label, look in self._looks.items()
-            if look is not None
-        ]
-        return select_materials([one.name for one in materials], materials, self._materials.images)
-
-
-def label_of(prim: Any) -> str:
-    """Return the display name of a prim, or else its name."""
-    return str(prim.GetDisplayName() or prim.GetName())
-
-
-def _numbered(name: str) -> Iterator[str]:
-    """Yield the name, then the name with suffixes _2, _3 and so on."""
-    yield name
-    yield from (f"{name}_{number}" for number in count(2))
-
-
-def read_groups(
-    prim: Any, code: float, n_faces: int, materials: MeshMaterials, notes: list[str]
-) -> tuple[FaceGroups, ...]:
-    """Return the face groups of a mesh at a time code.
-
-    Materials are those of subsets or, elsewhere, of the whole mesh. A label is the display name of
-    the prim if it has one, otherwise its name.
-
-    Parameters
-    ----------
-    prim : Usd.Prim
-    materials : MeshMaterials
-        Materials of the mesh, which provide labels.
-    notes : list of str
-        Gains a sentence for each family whose subsets overlap or refer to missing faces.
-    """
-    geometry = USD.load("UsdGeom")
-    families: dict[str, list[tuple[str, Int32s]]] = {MATERIALS: []}
-    for subset in geometry.Subset.GetAllGeomSubsets(geometry.Imageable(prim)):
-        if subset.GetElementTypeAttr().Get() != geometry.Tokens.face:
-            continue
-        family = str(subset.GetFamilyNameAttr().Get() or UNNAMED)
-        material = materials.bound_label(subset.GetPrim()) if family == MATERIALS else ""
-        label = material or label_of(subset.GetPrim())
-        faces = subset.GetIndicesAttr().Get(code)
-        if not faces and subset.GetIndicesAttr().ValueMightBeTimeVarying():
-            continue  # a label of other times
-        members = families.setdefault(family, [])
-        members.append((label, np.asarray([] if faces is None else faces, np.int32)))
-    groups = []
-    for family, members in families.items():
-        name, default = (
-            ("material", materials.bound_label(prim)) if family == MATERIALS else (family, "")
-        )
-        group, is_partition = _group(name, members, default, n_faces)
-        if not is_partition:
-            notes.append(
-                f"{name} subsets of {prim.GetPath()} overlap or refer to missing faces; "
-                "a face belongs to the last subset that contains it"
-            )
-        groups.append(group)
-    return tuple(group for group in groups if group.labels)
-
-
-def _group(
-    name: str, members: list[tuple[str, Int32s]], default: str, n_faces: int
-) -> tuple[FaceGroups, bool]:
-    """Return a group, with `default` as label of the other faces, and whether subsets are disjoint
-    and valid.
-    """
-    labels: dict[str, int] = {}
-    numbers = np.full(n_faces, -1, np.int32)
-    n_listed = 0
-    for label, faces in members:
-        inside = faces[(faces >= 0) & (faces < n_faces)]
-        numbers[inside] = labels.setdefault(label, len(labels))
-        n_listed += len(faces)
-    is_partition = n_listed == np.count_nonzero(numbers >= 0)
-    if default and (numbers < 0).any():
-        numbers[numbers < 0] = labels.setdefault(default, len(labels))
-    return FaceGroups(name, tuple(labels), numbers), is_partition

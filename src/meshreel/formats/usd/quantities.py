@@ -1,20 +1,21 @@
-"""Reading primvars of a mesh as attributes: UVs, colors and other numbers."""
+"""Primvars, normals and velocities of a mesh of a stage, which become attributes or tracks."""
 
+import math
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from meshreel.arrays import Values
+from meshreel.arrays import Floats, Values
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.notes import UNCHANGING, note_kinds
-from meshreel.formats.scenes.vector_transforms import Matrix, transform_normals, transform_vectors
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.usd.sampling import Codes, attribute_codes
+from meshreel.formats.scenes.quantities import Quantity
+from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
+from meshreel.formats.usd.sampling import attribute_codes
+from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
 from meshreel.runtime.extras import USD
@@ -26,35 +27,68 @@ DOMAINS = {
     "faceVarying": Domain.CORNER,
     "constant": Domain.VERTEX,
 }
-STANDARD_NAMES = {Kind.UV: "st", Kind.COLOR: "displayColor"}
+COLOR, OPACITY, UVS = "displayColor", "displayOpacity", "st"
+STANDARD_NAMES = {Kind.UV: UVS, Kind.COLOR: COLOR}
 """Standard names, which programs use by default."""
 
-UV_NAME = re.compile(r"(st|uv|map|texcoord)", re.IGNORECASE)
+UV_TYPE, UV_NAME = re.compile(r"(float|double|half)2\["), re.compile(r"(?i:st|uv|map|texcoord)")
 DERIVED = re.compile(r"skel:|normals$|tangents$|bitangents$|binormals$")
 """Primvars that are read as motion, or follow from positions."""
 
-CONVERTED_TYPES = {
-    np.dtype(np.float16): np.float32,
-    np.dtype(bool): np.uint8,
-    np.dtype(np.uint32): np.int32,
-}
+READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
+"""Conversions of number types that tracks do not support, without loss."""
+
+TRACK_KIND, TRACK_NAME, UNIT = "meshreel:kind", "meshreel:name", "meshreel:unit"
+"""Keys of the custom data that meshreel writes with tracks."""
+
+COMPUTED, IS_ATTRIBUTE = "meshreel:computed", "meshreel:attribute"
+"""Keys of the custom data of normals that meshreel computes from hard edges, and of primvars that
+change only with the faces; they are no tracks."""
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """A primvar that may become an attribute."""
+@dataclass(frozen=True, eq=False)
+class StageQuantity(Quantity):
+    """A quantity of a stage, whose attribute has the time samples and the custom data."""
 
-    primvar: Any
-    name: str
-    kind: Kind
-    is_constant: bool
+    domain: Domain
+    attribute: Any = None
+
+    def custom_data(self, key: str) -> str:
+        """Return custom data that meshreel wrote; empty if there is none."""
+        return str(self.attribute.GetCustomDataByKey(key) or "")
+
+    def is_animated(self, codes: Floats) -> bool:
+        """Return whether it is a track: marked as one, or not constant over these time codes."""
+        if self.custom_data(TRACK_KIND):
+            return True
+        if any(self.attribute.GetCustomDataByKey(key) for key in (COMPUTED, IS_ATTRIBUTE)):
+            return False
+        if len(codes) < 2 or not self.attribute.ValueMightBeTimeVarying():
+            return False
+        first = self.values(float(codes[0]))
+        return any(not _are_equal(first, self.values(code)) for code in codes[1:].tolist())
+
+
+def _primvars(prim: Any) -> Iterator[tuple[Any, str, Kind, Domain | None]]:
+    """Yield the primvars of a mesh, inherited ones included, with names, kinds and domains.
+
+    The domain is None for settings of renderers, which constant primvars other than colors are.
+    """
+    for primvar in USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarsWithInheritance():
+        name, type_name = str(primvar.GetPrimvarName()), str(primvar.GetTypeName())
+        kind = Kind.COLOR if re.match(r"color[34]", type_name) else Kind.OTHER
+        if type_name.startswith("texCoord2") or (UV_TYPE.match(type_name) and UV_NAME.match(name)):
+            kind = Kind.UV
+        interpolation = str(primvar.GetInterpolation())
+        is_shown = interpolation != "constant" or kind is Kind.COLOR or name == OPACITY
+        yield primvar, name, kind, DOMAINS.get(interpolation) if is_shown else None
 
 
 def read_attributes(
     prim: Any,
     code: float,
-    mesh: PolygonMesh,
-    order: npt.NDArray[np.int64] | None,
+    n_items: Mapping[Domain, int],
+    rows: Mapping[Domain, Any],
     notes: list[str],
     animated: Collection[str] = (),
 ) -> tuple[Attribute, ...]:
@@ -64,208 +98,160 @@ def read_attributes(
     ----------
     prim : Usd.Prim
         Prim of the mesh, which inherits primvars from prims above it.
-    mesh : PolygonMesh
-        The mesh at that time code.
-    order : int64 array, optional
-        The file corner of each corner of the mesh.
+    n_items : mapping of Domain to int
+        Number of vertices, faces and corners in the file.
+    rows : mapping of Domain to slice or array
+        The items of the mesh among these.
     notes : list of str
         Gains a sentence for each primvar that does not fit.
     animated : collection of str, optional
         Names of primvars that are read as tracks, and skipped here.
     """
-    n_items = {
-        Domain.VERTEX: len(mesh.vertices),
-        Domain.FACE: len(mesh.counts),
-        Domain.CORNER: len(mesh.corners),
-    }
-    attributes, mismatched = {}, []
-    for one in _candidates(prim, notes, animated):
-        attribute = _attribute(one, code, n_items)
-        if attribute is None:
-            mismatched.append(one.name)
-        else:
-            attributes[one.name] = _reordered(attribute, order)
-    note_kinds(notes, "primvars that do not fit their faces", mismatched)
-    _join_opacity(attributes)
-    ranks = list(Kind)
-    standard = STANDARD_NAMES.values()
-    ordered = sorted(
-        attributes.values(), key=lambda one: (ranks.index(one.kind), one.name not in standard)
-    )
-    return tuple(ordered)
-
-
-def _candidates(prim: Any, notes: list[str], animated: Collection[str]) -> list[_Candidate]:
-    candidates, settings = [], []
-    for primvar in USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarsWithInheritance():
-        name = str(primvar.GetPrimvarName())
-        interpolation = str(primvar.GetInterpolation())
-        kind = primvar_kind(str(primvar.GetTypeName()), name)
-        is_constant = interpolation == "constant"
-        # Constant primvars other than colors are settings of renderers, not attributes.
-        is_setting = is_constant and kind is not Kind.COLOR and name != "displayOpacity"
+    attributes: dict[str, Attribute] = {}
+    settings, mismatched = [], []
+    for primvar, name, kind, domain in _primvars(prim):
         if DERIVED.match(name) or name in animated:
             continue
-        if is_setting or interpolation not in DOMAINS:
+        if domain is None:
             settings.append(name)
-            continue
-        candidates.append(_Candidate(primvar, name, kind, is_constant))
+        elif (attribute := _attribute(primvar, code, n_items[domain])) is None:
+            mismatched.append(name)
+        else:
+            values, indices = attribute
+            if indices is None:
+                values = values[rows[domain]]
+            else:
+                indices = indices[rows[domain]]
+            attributes[name] = Attribute(name, kind, domain, values, indices)
     note_kinds(notes, "primvars for a whole mesh", settings)
-    _note_derived(prim, notes, animated)
-    return candidates
-
-
-def _note_derived(prim: Any, notes: list[str], animated: Collection[str]) -> None:
-    """Note velocities and accelerations that are not tracks."""
-    mesh = USD.load("UsdGeom").Mesh(prim)
-    rates = (mesh.GetVelocitiesAttr(), mesh.GetAccelerationsAttr())
+    usd_mesh = USD.load("UsdGeom").Mesh(prim)
+    rates = (usd_mesh.GetVelocitiesAttr(), usd_mesh.GetAccelerationsAttr())
     static = [str(one.GetName()) for one in rates if one.HasAuthoredValue()]
     note_kinds(notes, UNCHANGING, (name for name in static if name not in animated))
-
-
-def primvar_kind(type_name: str, name: str) -> Kind:
-    """Return the kind of attribute for a primvar type and name."""
-    if type_name.startswith("texCoord2"):
-        return Kind.UV
-    if re.match(r"(float|double|half)2\[", type_name) and UV_NAME.match(name):
-        return Kind.UV
-    return Kind.COLOR if re.match(r"color[34]", type_name) else Kind.OTHER
-
-
-def _attribute(candidate: _Candidate, code: float, n_items: dict[Domain, int]) -> Attribute | None:
-    """Return the attribute, or None if its values are not numeric or their count is wrong."""
-    values = _values(candidate.primvar, code)
-    if values is None:
-        return None
-    domain = DOMAINS[str(candidate.primvar.GetInterpolation())]
-    expected = n_items[domain]
-    if candidate.is_constant:
-        indices = np.zeros(expected, np.int32)
-        is_match = len(values) == 1
-    elif candidate.primvar.IsIndexed():
-        stored = candidate.primvar.GetIndices(code)
-        indices = np.asarray([] if stored is None else stored, np.int32)
-        is_match = len(indices) == expected
-        is_match = is_match and indices.min(initial=0) >= 0 and indices.max(initial=0) < len(values)
-    else:
-        indices = None
-        is_match = len(values) == expected
-    return Attribute(candidate.name, candidate.kind, domain, values, indices) if is_match else None
-
-
-def _values(primvar: Any, code: float) -> npt.NDArray[Any] | None:
-    """Return the values, of shape (N, C), or None if an attribute cannot store them."""
-    stored = primvar.Get(code)
-    if stored is None:
-        return None
-    values = np.asarray(stored)
-    if values.dtype.kind not in "fiub" or values.size == 0:
-        return None
-    if not primvar.GetTypeName().isArray:
-        values = values[np.newaxis]
-    width = max(1, int(primvar.GetElementSize())) * int(np.prod(values.shape[1:]))
-    values = values.astype(CONVERTED_TYPES.get(values.dtype, values.dtype), copy=False)
-    is_supported = (
-        width <= MAX_COMPONENTS and values.size % width == 0 and values.dtype in VALUE_TYPES
+    note_kinds(notes, "primvars that do not fit their faces", mismatched)
+    _join_opacity(attributes)
+    ranks, standard = list(Kind), STANDARD_NAMES.values()
+    return tuple(
+        sorted(
+            attributes.values(), key=lambda one: (ranks.index(one.kind), one.name not in standard)
+        )
     )
-    return values.reshape(-1, width) if is_supported else None
 
 
-def _reordered(attribute: Attribute, order: npt.NDArray[np.int64] | None) -> Attribute:
-    """Return the attribute with corners in the order of the mesh."""
-    if order is None or attribute.domain is not Domain.CORNER:
-        return attribute
-    if attribute.indices is not None:
-        return replace(attribute, indices=attribute.indices[order])
-    return replace(attribute, values=attribute.values[order])
+def _attribute(primvar: Any, code: float, n_items: int) -> tuple[Values, Any] | None:
+    """Return values and indices, or None if they are not numeric or their count is wrong."""
+    values, indices = _stored(primvar, code), None
+    if values is not None and values.dtype == np.uint32:
+        values = values.astype(np.int32)
+    if values is None or values.dtype not in VALUE_TYPES or values.shape[1] > MAX_COMPONENTS:
+        return None
+    if primvar.GetInterpolation() == "constant":
+        return (values, np.zeros(n_items, np.int32)) if len(values) == 1 else None
+    if primvar.IsIndexed():
+        stored = primvar.GetIndices(code)
+        indices = np.asarray([] if stored is None else stored, np.int32)
+        if indices.min(initial=0) < 0 or indices.max(initial=0) >= len(values):
+            return None
+    return (values, indices) if len(values if indices is None else indices) == n_items else None
 
 
 def _join_opacity(attributes: dict[str, Attribute]) -> None:
     """Append opacity to the color as a fourth component, if both have the same items."""
-    color, opacity = attributes.get("displayColor"), attributes.get("displayOpacity")
+    color, opacity = attributes.get(COLOR), attributes.get(OPACITY)
     if color is None or opacity is None or opacity.values.shape[1] != 1:
         return
-    is_same_layout = (
+    if (
         color.domain is opacity.domain
         and len(color.values) == len(opacity.values)
         and np.array_equal(color.indices, opacity.indices)  # type: ignore[arg-type]
-    )
-    if is_same_layout:
-        joined = np.concatenate([color.values, opacity.values], axis=1)
-        attributes["displayColor"] = replace(color, values=joined)
-        del attributes["displayOpacity"]
+    ):
+        rgba = np.concatenate([color.values, opacity.values], axis=1)
+        attributes[COLOR] = replace(color, values=rgba)
+        del attributes[OPACITY]
 
 
-READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
-"""Conversions of number types that tracks do not support, without loss."""
+def quantities(prim: Any) -> Iterator[StageQuantity]:
+    """Yield the quantities of a mesh: primvars, normals, velocities and accelerations.
 
-TRACK_KIND, TRACK_NAME, UNIT = "meshreel:kind", "meshreel:name", "meshreel:unit"
-"""Keys of the custom data that meshreel writes with tracks."""
-
-COMPUTED = "meshreel:computed"
-"""Key of the custom data of normals that meshreel computes from hard edges; they are no track."""
-
-IS_ATTRIBUTE = "meshreel:attribute"
-"""Key of the custom data of primvars that change only with the faces; they are no track."""
-
-
-@dataclass(frozen=True, eq=False)
-class Quantity:
-    """A primvar or attribute with values per vertex, face or corner, at any time code.
-
-    Parameters
-    ----------
-    name : str
-        Name of the primvar or attribute.
-    attribute : Usd.Attribute
-        Has the time samples and the custom data.
-    read : function of a time code
-        Returns the stored numbers, of shape (N, C), or None.
-    kind, role : str, default ""
-        As in a `Field`.
-    is_constant : bool, default False
-        Whether a single value applies to all items.
-    to_world : function of values and a world matrix, optional
-        Transforms the values with the mesh.
+    A primvar called normals takes precedence over the attribute.
     """
+    for primvar, name, kind, domain in _primvars(prim):
+        is_ours = primvar.GetAttr().GetCustomDataByKey(TRACK_KIND) is not None
+        if domain is not None and (is_ours or not DERIVED.match(name)):
+            yield _quantity(name, domain, primvar.GetAttr(), primvar, kind)
+    geometry = USD.load("UsdGeom")
+    if not prim.IsA(geometry.PointBased):
+        return
+    points = geometry.PointBased(prim)
+    primvar = geometry.PrimvarsAPI(prim).FindPrimvarWithInheritance("normals")
+    interpolation, normals = str(points.GetNormalsInterpolation()), points.GetNormalsAttr()
+    if primvar.HasAuthoredValue():
+        interpolation, normals = str(primvar.GetInterpolation()), primvar.GetAttr()
+    else:
+        primvar = None
+    if normals.HasAuthoredValue() and interpolation in DOMAINS and interpolation != "constant":
+        normal = _quantity("normals", DOMAINS[interpolation], normals, primvar)
+        yield replace(normal, role=NORMALS, to_world=transform_normals)
+    rates = (
+        (points.GetVelocitiesAttr(), TrackKind.VELOCITY),
+        (points.GetAccelerationsAttr(), TrackKind.VECTOR),
+    )
+    for attribute, meaning in rates:
+        if attribute.HasAuthoredValue():
+            rate = _quantity(str(attribute.GetName()), Domain.VERTEX, attribute, None, meaning)
+            yield replace(rate, to_world=transform_vectors)
 
-    name: str
-    domain: Domain
-    attribute: Any
-    read: Callable[[float], Values | None]
-    kind: str = ""
-    role: str = ""
-    is_constant: bool = False
-    to_world: Callable[[Values, Matrix], Values] | None = None
 
-    @property
-    def codes(self) -> list[float]:
-        """Time codes where it has samples."""
-        return attribute_codes(self.attribute)
+def _quantity(
+    name: str, domain: Domain, attribute: Any, primvar: Any, kind: str = ""
+) -> StageQuantity:
+    """Return the quantity of an attribute, which may be that of a primvar."""
 
-    def custom_data(self, key: str) -> str:
-        """Return custom data that meshreel wrote; empty if there is none."""
-        return str(self.attribute.GetCustomDataByKey(key) or "")
+    @usd_errors(f"USD cannot read {attribute.GetPath()}")
+    def values(code: float) -> Values | None:
+        return _numbers(attribute.Get(code), 1) if primvar is None else _flat(primvar, code)
 
-    def is_animated(self, codes: Codes) -> bool:
-        """Return whether it is a track: marked as one, or not constant over these time codes."""
-        if self.custom_data(TRACK_KIND):
-            return True
-        if any(self.attribute.GetCustomDataByKey(key) for key in (COMPUTED, IS_ATTRIBUTE)):
-            return False
-        if len(codes) < 2 or not self.attribute.ValueMightBeTimeVarying():
-            return False
-        first = self.read(float(codes[0]))
-        return any(not _are_equal(first, self.read(float(code))) for code in codes[1:])
+    return StageQuantity(
+        name,
+        domain,
+        values,
+        lambda: np.asarray(attribute_codes(attribute)),
+        str(attribute.GetCustomDataByKey(TRACK_KIND) or ("" if kind is Kind.OTHER else kind)),
+        unit=str(attribute.GetCustomDataByKey(UNIT) or ""),
+        is_constant=primvar is not None and primvar.GetInterpolation() == "constant",
+        attribute=attribute,
+    )
 
-    def values(self, code: float, n_items: int) -> Values | None:
-        """Return its values at a time code, of shape (N, C); None if missing or miscounted."""
-        values = self.read(code)
-        if values is None:
-            return None
-        if self.is_constant and len(values) == 1:
-            values = np.repeat(values, n_items, axis=0)
-        return values if len(values) == n_items else None
+
+def _flat(primvar: Any, code: float) -> Values | None:
+    """Return the values of a primvar, of shape (N, C), with indices applied."""
+    values = _stored(primvar, code)
+    if values is None or not primvar.IsIndexed():
+        return values
+    indices = np.asarray(primvar.GetIndices(code), np.int64)
+    if not len(indices) or indices.min() < 0 or indices.max() >= len(values):
+        return None
+    return values[indices]
+
+
+def _stored(primvar: Any, code: float) -> Values | None:
+    """Return the values of a primvar, of shape (N, C), without its indices."""
+    stored = primvar.Get(code)
+    if stored is not None and not primvar.GetTypeName().isArray:
+        stored = np.asarray(stored)[np.newaxis]
+    return _numbers(stored, int(primvar.GetElementSize()))
+
+
+def _numbers(stored: Any, element_size: int) -> Values | None:
+    """Return values as an array of shape (N, C), or None if tracks do not support the type."""
+    values = np.asarray([] if stored is None else stored)
+    if values.size == 0:
+        return None
+    values = values.astype(READ_AS.get(values.dtype, values.dtype), copy=False)
+    width = max(1, element_size) * math.prod(values.shape[1:])
+    if values.dtype not in NUMBER_TYPES or values.size % width:
+        return None
+    return values.reshape(-1, width)
 
 
 def _are_equal(first: Values | None, second: Values | None) -> bool:
@@ -275,87 +261,31 @@ def _are_equal(first: Values | None, second: Values | None) -> bool:
     return is_same_type and first.tobytes() == second.tobytes()
 
 
-def quantities(prim: Any) -> Iterator[Quantity]:
-    """Yield the quantities of a mesh: primvars, normals, velocities and accelerations.
+def by_track_name(animated: Mapping[str, StageQuantity]) -> dict[str, StageQuantity]:
+    """Return animated quantities by track name: as written by meshreel, or else as in the file.
 
-    A primvar called normals takes precedence over the attribute.
+    A color and its opacity become one quantity if they have the same items.
     """
-    api = USD.load("UsdGeom").PrimvarsAPI(prim)
-    for primvar in api.FindPrimvarsWithInheritance():
-        name, interpolation = str(primvar.GetPrimvarName()), str(primvar.GetInterpolation())
-        kind = primvar_kind(str(primvar.GetTypeName()), name)
-        is_constant = interpolation == "constant"
-        is_setting = is_constant and kind is not Kind.COLOR and name != "displayOpacity"
-        is_ours = primvar.GetAttr().GetCustomDataByKey(TRACK_KIND) is not None
-        if (DERIVED.match(name) and not is_ours) or is_setting or interpolation not in DOMAINS:
-            continue
-        yield Quantity(
-            name,
-            DOMAINS[interpolation],
-            primvar.GetAttr(),
-            partial(_primvar_values, primvar),
-            "" if kind is Kind.OTHER else kind,
-            is_constant=is_constant,
-        )
-    yield from _derived(prim)
+    by_name = dict(animated)
+    color, opacity = by_name.get(COLOR), by_name.get(OPACITY)
+    if color is not None and opacity is not None and _layout(color) == _layout(opacity):
+        by_name[COLOR] = replace(color, values=partial(_read_rgba, color, opacity))
+        del by_name[OPACITY]
+    names = {name: one.custom_data(TRACK_NAME) or name for name, one in by_name.items()}
+    every = list(names.values())
+    return {
+        names[name] if every.count(names[name]) == 1 else name: by_name[name] for name in by_name
+    }
 
 
-def _derived(prim: Any) -> Iterator[Quantity]:
-    """Yield normals, velocities and accelerations, which transform with the mesh."""
-    geometry = USD.load("UsdGeom")
-    if not prim.IsA(geometry.PointBased):
-        return
-    points = geometry.PointBased(prim)
-    primvar = geometry.PrimvarsAPI(prim).FindPrimvarWithInheritance("normals")
-    if primvar.HasAuthoredValue():
-        interpolation, normals = str(primvar.GetInterpolation()), primvar.GetAttr()
-        read = partial(_primvar_values, primvar)
-    else:
-        interpolation, normals = str(points.GetNormalsInterpolation()), points.GetNormalsAttr()
-        read = partial(_attribute_values, normals)
-    if normals.HasAuthoredValue() and interpolation in DOMAINS and interpolation != "constant":
-        domain = DOMAINS[interpolation]
-        yield Quantity("normals", domain, normals, read, "", NORMALS, False, transform_normals)
-    velocities, accelerations = points.GetVelocitiesAttr(), points.GetAccelerationsAttr()
-    for attribute, kind in ((velocities, TrackKind.VELOCITY), (accelerations, TrackKind.VECTOR)):
-        if attribute.HasAuthoredValue():
-            yield Quantity(
-                str(attribute.GetName()),
-                Domain.VERTEX,
-                attribute,
-                partial(_attribute_values, attribute),
-                kind,
-                to_world=transform_vectors,
-            )
+def _layout(quantity: StageQuantity) -> tuple[Any, ...]:
+    codes = quantity.times().tolist()
+    return quantity.domain, quantity.is_constant, quantity.custom_data(TRACK_NAME), codes
 
 
-def _attribute_values(attribute: Any, code: float) -> Values | None:
-    return _numbers(attribute.Get(code), 1)
-
-
-def _primvar_values(primvar: Any, code: float) -> Values | None:
-    """Return the values, of shape (N, C), with indices applied."""
-    stored = primvar.Get(code)
-    if stored is not None and not primvar.GetTypeName().isArray:
-        stored = np.asarray(stored)[np.newaxis]
-    values = _numbers(stored, int(primvar.GetElementSize()))
-    if values is None or not primvar.IsIndexed():
-        return values
-    indices = np.asarray(primvar.GetIndices(code), np.int64)
-    if not len(indices) or indices.min() < 0 or indices.max() >= len(values):
+def _read_rgba(color: Quantity, opacity: Quantity, code: float) -> Values | None:
+    """Return color and opacity as four components, or None if their counts differ."""
+    first, second = color.values(code), opacity.values(code)
+    if first is None or second is None or len(first) != len(second) or second.shape[1] != 1:
         return None
-    return values[indices]
-
-
-def _numbers(stored: Any, element_size: int) -> Values | None:
-    """Return values as an array of shape (N, C), or None if tracks do not support the type."""
-    if stored is None:
-        return None
-    values = np.asarray(stored)
-    if values.size == 0:
-        return None
-    values = values.astype(READ_AS.get(values.dtype, values.dtype), copy=False)
-    width = max(1, element_size) * int(np.prod(values.shape[1:]))
-    if values.dtype not in NUMBER_TYPES or values.size % width:
-        return None
-    return values.reshape(-1, width)
+    return np.concatenate([first, second], axis=1)

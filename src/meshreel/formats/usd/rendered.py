@@ -1,27 +1,45 @@
-"""Matrices from prims to the world or to a prototype, at any time code."""
+"""The meshes of a stage that are rendered, and the transforms of each and of its instances."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.errors import FormatError
-from meshreel.formats.notes import note_kinds, note_left_out
-from meshreel.formats.text.decimal_text import Narrowing
+from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.usd.primitives import PRIMITIVES
-from meshreel.formats.usd.sampling import attribute_codes
-from meshreel.model.sequence import Vertices
+from meshreel.formats.usd.sampling import attribute_codes, sample_codes
+from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import USD
 
-Matrix = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+MAX_PRIMS = 1_000_000
+"""Limit, since nested instances can make a small file expand to any number of prims."""
+
+MAX_INSTANCES = 1 << 22
+"""Limit of instances of a prototype, multiplied over nested instancers."""
+
+SELECTION = ("protoIndices", "ids", "invisibleIds")
+"""Attributes of a point instancer that decide which instances are rendered."""
+
+PLACEMENT = ("positions", "orientations", "orientationsf", "scales")
+
+
+def all_prims_predicate() -> Any:
+    """Return a traversal predicate that includes instance proxies and ``over`` prims."""
+    usd = USD.load("Usd")
+    return usd.TraverseInstanceProxies(usd.PrimIsActive & usd.PrimIsLoaded & ~usd.PrimIsAbstract)
 
 
 class Transforms:
-    """Transforms of the prims of a stage, cached per time code.
+    """Transforms of the prims of a stage at any time code.
 
     Parameters
     ----------
@@ -31,20 +49,20 @@ class Transforms:
 
     def __init__(self, root: Any = None) -> None:
         self._root = root
-        self._geometry = USD.load("UsdGeom")
-        self._cache = self._geometry.XformCache()
-        self._codes: dict[str, list[float]] = {}
+        self._cache = USD.load("UsdGeom").XformCache()
 
     def codes(self, prim: Any) -> list[float]:
         """Return the time codes where transforms of a prim or its ancestors have samples."""
-        if not prim or prim.IsPseudoRoot() or (self._root and prim == self._root):
-            return []
-        path = str(prim.GetPath())
-        if path not in self._codes:
-            self._codes[path] = self._codes_of(prim)
-        return self._codes[path]
+        codes: list[float] = []
+        while prim and not prim.IsPseudoRoot() and not (self._root and prim == self._root):
+            codes += own_codes(prim)
+            xformable = USD.load("UsdGeom").Xformable(prim)
+            if xformable and xformable.GetResetXformStack():
+                break
+            prim = prim.GetParent()
+        return codes
 
-    def world(self, prim: Any, code: float) -> Matrix:
+    def world(self, prim: Any, code: float) -> Floats:
         """Return the matrix from the prim to the world, of shape (4, 4), for row vectors.
 
         Raises
@@ -53,74 +71,21 @@ class Transforms:
             If the prim is not below the root.
         """
         self._cache.SetTime(code)
-        if self._root:
-            if not prim.GetPath().HasPrefix(self._root.GetPath()):
-                raise FormatError(
-                    f"{prim.GetPath()} moves a mesh of the prototype {self._root.GetPath()} but is "
-                    "not below it; move it there"
-                )
-            relative, _ = self._cache.ComputeRelativeTransform(prim, self._root)
-            return np.array(relative, np.float64)
-        return np.array(self._cache.GetLocalToWorldTransform(prim), np.float64)
-
-    @staticmethod
-    def own_codes(prim: Any) -> list[float]:
-        """Return the time codes where the transform of a prim alone has samples."""
-        xformable = USD.load("UsdGeom").Xformable(prim)
-        operations = xformable.GetOrderedXformOps() if xformable else []
-        return [code for one in operations for code in attribute_codes(one.GetAttr())]
-
-    def _codes_of(self, prim: Any) -> list[float]:
-        own = self.own_codes(prim)
-        xformable = self._geometry.Xformable(prim)
-        if xformable and xformable.GetResetXformStack():
-            return own
-        return own + self.codes(prim.GetParent())
+        if not self._root:
+            return np.array(self._cache.GetLocalToWorldTransform(prim), np.float64)
+        if not prim.GetPath().HasPrefix(self._root.GetPath()):
+            raise FormatError(
+                f"{prim.GetPath()} moves a mesh of the prototype {self._root.GetPath()} but is "
+                "not below it; move it there"
+            )
+        return np.array(self._cache.ComputeRelativeTransform(prim, self._root)[0], np.float64)
 
 
-def transform_points(points: Vertices, matrix: Matrix) -> Vertices:
-    """Return transformed points of shape (V, 3), in their own float type if that is enough.
-
-    They are computed in float64 and rounded once. The result stays float64 if it is so far from
-    the origin that rounding would move a vertex by more than a millionth of the mesh size.
-    """
-    if np.array_equal(matrix, np.eye(4)):
-        return points
-    return transform_instances(points, matrix[np.newaxis])
-
-
-def transform_instances(points: Vertices, matrices: Matrix) -> Vertices:
-    """Return points of shape (V, 3) transformed by each of (I, 4, 4) matrices, as (I * V, 3).
-
-    The float type is that of `transform_points`.
-    """
-    with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
-        moved = points.astype(np.float64) @ matrices[:, :3, :3] + matrices[:, np.newaxis, 3, :3]
-        world: Vertices = moved.reshape(-1, 3)
-        narrowing = Narrowing()
-        narrowing.add(world)
-        dtype: Any = points.dtype if narrowing.is_harmless else np.float64
-        vertices: Vertices = world.astype(dtype)
-    return vertices
-
-
-def is_mirroring(matrix: Matrix) -> bool:
-    """Return whether a transform reverses orientation."""
-    with np.errstate(all="ignore"):
-        return bool(np.linalg.det(matrix[:3, :3]) < 0)
-
-
-Indices = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
-
-MAX_INSTANCES = 1 << 22
-"""Limit of instances of a prototype, multiplied over nested instancers."""
-
-
-def all_prims_predicate() -> Any:
-    """Return a traversal predicate that includes instance proxies and ``over`` prims."""
-    usd = USD.load("Usd")
-    return usd.TraverseInstanceProxies(usd.PrimIsActive & usd.PrimIsLoaded & ~usd.PrimIsAbstract)
+def own_codes(prim: Any) -> list[float]:
+    """Return the time codes where the transform of a prim alone has samples."""
+    xformable = USD.load("UsdGeom").Xformable(prim)
+    operations = xformable.GetOrderedXformOps() if xformable else []
+    return [code for one in operations for code in attribute_codes(one.GetAttr())]
 
 
 class PointInstancer:
@@ -129,48 +94,28 @@ class PointInstancer:
     Parameters
     ----------
     prim : Usd.Prim
+
+    Attributes
+    ----------
+    path : str
+        Its path in the stage.
+    selection : function of a time code
+        Returns the prototype of each instance, and a mask of those that are rendered: neither
+        inactive nor invisible. Raises `FormatError` if there are too many, or they do not match the
+        prototypes or their ids.
     """
 
     def __init__(self, prim: Any) -> None:
-        self.prim = prim
+        self.prim, self.path = prim, str(prim.GetPath())
         self._instancer = USD.load("UsdGeom").PointInstancer(prim)
-        self._cached_selection: tuple[float, Indices, Mask] | None = None
-        self._cached_transforms: tuple[float, Matrix] | None = None
-
-    @property
-    def path(self) -> str:
-        """Its path in the stage."""
-        return str(self.prim.GetPath())
+        self.selection: Callable[[float], tuple[Integers, Mask]] = lru_cache(1)(self._selection)
+        self._matrices = lru_cache(1)(self._all_matrices)
 
     @cached_property
     def prototypes(self) -> list[Any]:
         """The prototype prims, in the order of protoIndices; invalid prims where missing."""
         stage, targets = self.prim.GetStage(), self._instancer.GetPrototypesRel()
         return [stage.GetPrimAtPath(target) for target in targets.GetForwardedTargets()]
-
-    @property
-    def codes(self) -> list[float]:
-        """Time codes where its arrays have samples."""
-        instancer = self._instancer
-        arrays = (
-            instancer.GetPositionsAttr(),
-            instancer.GetOrientationsAttr(),
-            self.prim.GetAttribute("orientationsf"),  # unknown to the oldest supported library
-            instancer.GetScalesAttr(),
-        )
-        own = [code for one in arrays if one for code in attribute_codes(one)]
-        return own + self.selection_codes
-
-    @property
-    def selection_codes(self) -> list[float]:
-        """Time codes where the rendered instances, or their prototypes, may change."""
-        instancer = self._instancer
-        arrays = (
-            instancer.GetProtoIndicesAttr(),
-            instancer.GetIdsAttr(),
-            instancer.GetInvisibleIdsAttr(),
-        )
-        return [code for one in arrays for code in attribute_codes(one)]
 
     @property
     def instance_primvars(self) -> list[str]:
@@ -180,21 +125,7 @@ class PointInstancer:
             str(one.GetPrimvarName()) for one in primvars if one.GetInterpolation() != "constant"
         ]
 
-    def selection(self, code: float) -> tuple[Indices, Mask]:
-        """Return the prototype of each instance at a time code, and a mask of those rendered.
-
-        Inactive and invisible instances are not rendered.
-
-        Raises
-        ------
-        FormatError
-            If there are too many, or they do not match the prototypes or their ids.
-        """
-        if self._cached_selection is None or self._cached_selection[0] != code:
-            self._cached_selection = code, *self._read_selection(code)
-        return self._cached_selection[1:]
-
-    def transforms(self, number: int, code: float) -> Matrix:
+    def matrices(self, number: int, code: float) -> Floats:
         """Return matrices from a prototype to the instancer, (I, 4, 4), of rendered instances.
 
         Raises
@@ -203,9 +134,7 @@ class PointInstancer:
             As `selection`, or if the number of positions, orientations or scales differs.
         """
         numbers, is_rendered = self.selection(code)
-        if self._cached_transforms is None or self._cached_transforms[0] != code:
-            self._cached_transforms = code, self._read_transforms(len(numbers), code)
-        rendered: Matrix = self._cached_transforms[1][(numbers == number) & is_rendered]
+        rendered: Floats = self._matrices(code)[(numbers == number) & is_rendered]
         return rendered
 
     def selection_changes(self) -> bool:
@@ -216,56 +145,58 @@ class PointInstancer:
             state = (*self.selection(code), np.asarray([] if ids is None else ids, np.int64))
             return tuple(one.tobytes() for one in state)
 
-        return len({state_at(code) for code in self.selection_codes}) > 1
+        return len({state_at(code) for code in sample_codes(self.prim, SELECTION)}) > 1
 
-    def _read_selection(self, code: float) -> tuple[Indices, Mask]:
+    def _selection(self, code: float) -> tuple[Integers, Mask]:
         indices = self._instancer.GetProtoIndicesAttr().Get(code)
         numbers = np.asarray([] if indices is None else indices, np.int64)
-        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(self.prototypes):
+        if not len(numbers):
+            return numbers, np.zeros(0, bool)
+        if not 0 <= numbers.min() <= numbers.max() < len(self.prototypes):
             raise FormatError(
                 f"{self.path} has protoIndices from {numbers.min()} to {numbers.max()} at time "
                 f"code {code:g}, but {len(self.prototypes)} prototypes"
             )
-        if len(numbers) > MAX_INSTANCES:
-            raise instance_limit_error(self.path, len(numbers))
-        if not len(numbers):
-            return numbers, np.zeros(0, bool)
+        _check_count(self.path, len(numbers))
         mask = np.asarray(self._instancer.ComputeMaskAtTime(code), bool)
         is_rendered = mask if len(mask) else np.ones(len(numbers), bool)
-        if len(is_rendered) != len(numbers):
-            raise self._mismatch_error(len(numbers), "ids", code)
+        self._check_match(len(is_rendered), len(numbers), "ids", code)
         return numbers, is_rendered
 
-    def _read_transforms(self, n_instances: int, code: float) -> Matrix:
+    def _all_matrices(self, code: float) -> Floats:
+        n_instances = len(self.selection(code)[0])
         if not n_instances:
             return np.zeros((0, 4, 4))
         instancer = self._instancer
-        transforms = instancer.ComputeInstanceTransformsAtTime(
+        matrices = instancer.ComputeInstanceTransformsAtTime(
             code, code, instancer.IncludeProtoXform, instancer.IgnoreMask
         )
-        if len(transforms) != n_instances:
-            raise self._mismatch_error(n_instances, "positions, orientations or scales", code)
-        return np.array(transforms, np.float64)
+        self._check_match(len(matrices), n_instances, "positions, orientations or scales", code)
+        return np.array(matrices, np.float64)
 
-    def _mismatch_error(self, n_instances: int, what: str, code: float) -> FormatError:
-        return FormatError(
-            f"{self.path} has {n_instances} protoIndices but another number of {what} at time "
-            f"code {code:g}"
-        )
+    def _check_match(self, count: int, n_instances: int, what: str, code: float) -> None:
+        if count != n_instances:
+            raise FormatError(
+                f"{self.path} has {n_instances} protoIndices but another number of {what} at time "
+                f"code {code:g}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
-class PrototypeInstances:
+class Level:
     """The instances of a prototype by an instancer.
 
     Parameters
     ----------
     number : int
         Index of the prototype.
+    above : Transforms
+        Transforms to the space that contains the instancer: the world or an outer prototype.
     """
 
     instancer: PointInstancer
     number: int
+    above: Transforms
 
     @property
     def root(self) -> Any:
@@ -279,12 +210,13 @@ class PrototypeInstances:
 
     @property
     def codes(self) -> list[float]:
-        """Time codes where the instances move within the instancer."""
-        return self.instancer.codes + Transforms.own_codes(self.root)
+        """Time codes where the instances move."""
+        own = sample_codes(self.instancer.prim, PLACEMENT + SELECTION) + own_codes(self.root)
+        return own + self.above.codes(self.instancer.prim)
 
-    def are_rendered(self) -> bool:
+    def is_rendered(self) -> bool:
         """Return whether any instance is rendered at some time, or the instancer is unreadable."""
-        for code in self.instancer.selection_codes or [0.0]:
+        for code in sample_codes(self.instancer.prim, SELECTION) or [0.0]:
             try:
                 numbers, is_rendered = self.instancer.selection(code)
             except FormatError:  # raised again when its meshes are read
@@ -294,64 +226,29 @@ class PrototypeInstances:
         return False
 
 
-@dataclass(frozen=True, eq=False)
-class Placements:
-    """World transforms of all instances of a prototype, over nested instancers.
+def instance_matrices(levels: Sequence[Level], code: float) -> Floats:
+    """Return matrices from the innermost prototype to the world, of shape (I, 4, 4).
 
-    Parameters
-    ----------
-    levels : sequence of PrototypeInstances
-        From the outermost instancer to the innermost; at least one.
-    transforms : Transforms
-        Transforms of the stage.
+    Raises
+    ------
+    FormatError
+        If the arrays of an instancer do not match, or there are too many instances.
     """
-
-    levels: Sequence[PrototypeInstances]
-    transforms: Transforms
-
-    @property
-    def codes(self) -> list[float]:
-        """Time codes where the instances move."""
-        own = [code for one in self.levels for code in one.codes]
-        above = [code for level, above in self._above() for code in above.codes(level)]
-        return own + above
-
-    def world(self, code: float) -> Matrix:
-        """Return matrices from the innermost prototype to the world, of shape (I, 4, 4).
-
-        Raises
-        ------
-        FormatError
-            If the arrays of an instancer do not match, or there are too many instances.
-        """
-        matrices = np.eye(4)[np.newaxis]
-        pairs = list(zip(self.levels, self._above(), strict=True))
-        for level, (prim, above) in reversed(pairs):
-            own = level.instancer.transforms(level.number, code)
-            if len(own) * len(matrices) > MAX_INSTANCES:
-                raise instance_limit_error(level.instancer.path, len(own) * len(matrices))
-            with np.errstate(all="ignore"):  # non-finite positions are reported later
-                outer = own @ above.world(prim, code)
-                matrices = (matrices[np.newaxis] @ outer[:, np.newaxis]).reshape(-1, 4, 4)
-        return matrices
-
-    def _above(self) -> Iterator[tuple[Any, Transforms]]:
-        """Yield each instancer with the transforms to its parent space: world or prototype."""
-        above = self.transforms
-        for level in self.levels:
-            yield level.instancer.prim, above
-            above = level.to_root
+    matrices = np.eye(4)[np.newaxis]
+    for level in reversed(levels):
+        own = level.instancer.matrices(level.number, code)
+        _check_count(level.instancer.path, len(own) * len(matrices))
+        with np.errstate(all="ignore"):  # non-finite positions are reported later
+            outer = own @ level.above.world(level.instancer.prim, code)
+            matrices = (matrices[np.newaxis] @ outer[:, np.newaxis]).reshape(-1, 4, 4)
+    return matrices
 
 
-def instance_limit_error(path: str, n_instances: int) -> FormatError:
-    """Return the error for an instancer with too many instances."""
-    return FormatError(
-        f"{path} makes {n_instances} instances of a prototype; the limit is {MAX_INSTANCES}"
-    )
-
-
-MAX_PRIMS = 1_000_000
-"""Limit, since nested instances can make a small file expand to any number of prims."""
+def _check_count(path: str, n_instances: int) -> None:
+    if n_instances > MAX_INSTANCES:
+        raise FormatError(
+            f"{path} makes {n_instances} instances of a prototype; the limit is {MAX_INSTANCES}"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,13 +258,16 @@ class RenderedMesh:
     Parameters
     ----------
     prim : Usd.Prim
-    levels : tuple of PrototypeInstances
+    transforms : Transforms
+        Transforms to the world, or to the root of the prototype.
+    levels : tuple of Level
         The prototypes that contain it, from the outermost instancer to the innermost; empty for a
         mesh outside of instancers.
     """
 
     prim: Any
-    levels: tuple[PrototypeInstances, ...] = ()
+    transforms: Transforms
+    levels: tuple[Level, ...] = ()
 
     @property
     def name(self) -> str:
@@ -389,27 +289,31 @@ def rendered_meshes(stage: Any, notes: list[str]) -> list[RenderedMesh]:
     ----------
     stage : Usd.Stage
     notes : list of str
-        Gains a sentence on meshes that are not rendered, and one on other geometry.
+        Gains a sentence on meshes that are not rendered, on other geometry, and on instances.
 
     Raises
     ------
     FormatError
         If there are none, listing the contents; or if the stage has more than `MAX_PRIMS` prims.
     """
-    geometry = _Geometry()
-    usd = USD.load("Usd")
-    geometry.add(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
+    geometry, usd = _Geometry(), USD.load("Usd")
+    geometry.add(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()), Transforms())
     reasons = [_reason_not_rendered(mesh) for mesh in geometry.meshes]
     rendered = [mesh for mesh, reason in zip(geometry.meshes, reasons, strict=True) if not reason]
     hidden = Counter(reason for reason in reasons if reason)
+    contents = ", ".join(
+        [f"{n} {'mesh' if n == 1 else 'meshes'} {reason}" for reason, n in hidden.items()]
+        + [f"{n} {kind}" for kind, n in geometry.others.items()]
+    )
     if not rendered:
-        raise FormatError(
-            f"contains no mesh that is rendered, only {_describe(hidden, geometry.others)}"
-        )
+        raise FormatError(f"contains no mesh that is rendered, only {contents or 'no geometry'}")
     blinking = [mesh.name for mesh in rendered if len(set(_visibility(mesh))) > 1]
     note_kinds(notes, "visibility that changes over time", blinking)
-    if hidden or geometry.others:
-        note_left_out(notes, _describe(hidden, geometry.others))
+    if contents:
+        note_left_out(notes, contents)
+    _note_instances(
+        {one.instancer.path: one.instancer for m in rendered for one in m.levels}, notes
+    )
     return rendered
 
 
@@ -421,7 +325,7 @@ class _Geometry:
     others: Counter[str] = field(default_factory=Counter)
     n_prims: int = 0
 
-    def add(self, prims: Any, levels: tuple[PrototypeInstances, ...] = ()) -> None:
+    def add(self, prims: Any, transforms: Transforms, levels: tuple[Level, ...] = ()) -> None:
         """Add the prims of a range, which is within the given prototypes."""
         geometry, lights = USD.load("UsdGeom"), USD.load("UsdLux").LightAPI
         prims = iter(prims)
@@ -432,23 +336,24 @@ class _Geometry:
                     f"contains more than {MAX_PRIMS} prims; write the mesh to a separate file"
                 )
             if prim.IsA(geometry.Mesh) or prim.GetTypeName() in PRIMITIVES:
-                self.meshes.append(RenderedMesh(prim, levels))
+                self.meshes.append(RenderedMesh(prim, transforms, levels))
             elif prim.IsA(geometry.PointInstancer):
-                self._add_instancer(prim, levels)
+                self._add_instancer(prim, transforms, levels)
                 prims.PruneChildren()  # prims below are rendered only as instances
             elif prim.IsA(geometry.Gprim) or prim.IsA(geometry.Camera) or prim.HasAPI(lights):
                 self.others[prim.GetTypeName()] += 1
 
-    def _add_instancer(self, prim: Any, levels: tuple[PrototypeInstances, ...]) -> None:
+    def _add_instancer(self, prim: Any, transforms: Transforms, levels: tuple[Level, ...]) -> None:
         instancer, n_before = PointInstancer(prim), len(self.meshes)
-        if prim.GetPath() in [level.instancer.prim.GetPath() for level in levels]:
+        if instancer.path in [level.instancer.path for level in levels]:
             raise FormatError(f"point instancer {instancer.path} is in one of its prototypes")
         for number, root in enumerate(instancer.prototypes):
             if not root:
                 self.others[f"missing prototype of {instancer.path}"] += 1
                 continue
             prims = USD.load("Usd").PrimRange(root, all_prims_predicate())
-            self.add(prims, (*levels, PrototypeInstances(instancer, number)))
+            level = Level(instancer, number, transforms)
+            self.add(prims, level.to_root, (*levels, level))
         if len(self.meshes) == n_before:
             self.others[f"{prim.GetTypeName()} whose prototypes contain no mesh"] += 1
 
@@ -463,7 +368,7 @@ def _reason_not_rendered(rendered: RenderedMesh) -> str:
     mesh = geometry.Mesh(prim)
     if mesh and not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
         return "without points or faces"
-    if not all(level.are_rendered() for level in rendered.levels):
+    if not all(level.is_rendered() for level in rendered.levels):
         return "of prototypes without a rendered instance"
     return "" if any(_visibility(rendered)) else "invisible"
 
@@ -478,19 +383,37 @@ def _visibility(mesh: RenderedMesh) -> list[bool]:
 
 def _visibility_chain(mesh: RenderedMesh) -> Iterator[Any]:
     """Yield the mesh and its ancestors; at a prototype root, continue with the instancer."""
-    geometry = USD.load("UsdGeom")
-    steps: list[tuple[Any, Any]] = [(mesh.prim, None)]
-    for level in reversed(mesh.levels):
-        steps[-1] = steps[-1][0], level.root
-        steps.append((level.instancer.prim, None))
-    for prim, root in steps:
-        while prim and not prim.IsPseudoRoot():
-            if imageable := geometry.Imageable(prim):
-                yield imageable
-            prim = None if root and prim == root else prim.GetParent()
+    prim, levels = mesh.prim, list(mesh.levels)
+    while prim and not prim.IsPseudoRoot():
+        if imageable := USD.load("UsdGeom").Imageable(prim):
+            yield imageable
+        is_root = levels and prim == levels[-1].root
+        prim = levels.pop().instancer.prim if is_root else prim.GetParent()
 
 
-def _describe(hidden: Counter[str], others: Counter[str]) -> str:
-    """Return counts in words, such as "2 meshes of purpose proxy, 1 BasisCurves"."""
-    meshes = [f"{n} {'mesh' if n == 1 else 'meshes'} {reason}" for reason, n in hidden.items()]
-    return ", ".join(meshes + [f"{n} {kind}" for kind, n in others.items()]) or "no geometry"
+def _note_instances(instancers: dict[str, PointInstancer], notes: list[str]) -> None:
+    """Note the instances of a file: their number, those left out, and changes over time."""
+    if not instancers:
+        return
+    counts, masked, changing, primvars = [], [], [], dict[str, None]()
+    for path, one in instancers.items():
+        with suppress(FormatError):  # raised again when its meshes are read
+            first = min(sample_codes(one.prim, SELECTION), default=0.0)
+            _, is_rendered = one.selection(first)
+            counts.append(int(np.count_nonzero(is_rendered)))
+            if not is_rendered.all():
+                masked.append(f"{np.count_nonzero(~is_rendered)} of {len(is_rendered)} of {path}")
+            if one.selection_changes():
+                changing.append(path)
+        primvars |= dict.fromkeys(one.instance_primvars)
+    where = f" of {len(counts)} point instancers" if len(counts) > 1 else ""
+    notes.append(
+        f"baked {counted(sum(counts), 'instance')}{where} into one mesh per prototype mesh"
+    )
+    note_kinds(notes, "instances that are inactive or invisible", masked)
+    if changing:
+        notes.append(
+            f"the rendered instances change over time: {listed(changing)}; the vertices of a frame "
+            "are those of the instances in that frame, in file order"
+        )
+    note_kinds(notes, "primvars of instances", primvars)

@@ -1,4 +1,7 @@
-"""Diagnostics of USD, raised as errors of meshreel instead of printed to the terminal."""
+"""Opening of the stage of a USD file, after checks of its layers; errors of USD become ours.
+
+Composition opens every layer that another one names, and does not terminate for some invalid rates.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -8,6 +11,7 @@ from typing import Any
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import refuse_pipe
 from meshreel.formats.file_references import is_within, outside_error
+from meshreel.formats.options import ReadOptions
 from meshreel.runtime.extras import USD
 
 NOT_UTF8 = "it contains text that is not UTF-8"
@@ -50,7 +54,10 @@ DEFAULT_RATE = 24.0
 MIN_RATE, MAX_RATE = 1e-3, 1e6
 """Limits of time codes per second; the largest ones are microseconds."""
 
-MAX_LAYERS = 10_000
+MAX_FRAME_RATE = 120.0
+"""Time codes per second above which a code is not a frame, unless the stage has a frame rate."""
+
+MAX_LAYERS, MAX_LISTED = 10_000, 3
 
 DAMAGED = "USD cannot read it, so it is damaged or not a USD file"
 
@@ -143,22 +150,6 @@ def _open_layer(name: str, *, is_needed: bool) -> Any | None:
     return None
 
 
-def check_used_layers(stage: Any, path: Path) -> None:
-    """Check that a stage is composed only of layers in the folder of its file.
-
-    Most references are checked before composition. Asset path expressions are not: their variables
-    may be set by other layers, so they are known only after the library has opened the layers.
-
-    Raises
-    ------
-    FormatError
-        If a layer is outside, naming it.
-    """
-    for layer in stage.GetUsedLayers():
-        if not layer.anonymous and layer != stage.GetRootLayer():
-            _check_within(layer.realPath or layer.identifier, path.absolute().parent)
-
-
 def _referenced_layers(layer: Any, name: str, folder: Path | None) -> Iterator[str]:
     """Yield the paths of sublayers, references, payloads and clips of a layer that exist.
 
@@ -176,22 +167,78 @@ def _referenced_layers(layer: Any, name: str, folder: Path | None) -> Iterator[s
             # Paths without ./ are also searched in the working directory.
             resolved = str(resolver.Resolve(anchored))
         if folder is not None:
-            _check_within(resolved or _expected_path(name, anchored), folder, reference)
+            missing = outer_file(name).parent / outer_file(anchored)
+            _check_within(outer_file(resolved) if resolved else missing, folder, reference)
         if resolved:
-            refuse_pipe(_outer_file(resolved))
+            refuse_pipe(outer_file(resolved))
             yield resolved
 
 
-def _expected_path(name: str, asset: str) -> str:
-    """Return the path where a missing asset of a layer would be."""
-    return str(Path(_outer_file(name)).parent / _outer_file(asset))
+def outer_file(path: str) -> Path:
+    """Return the file of an asset that may be in a package, as in ``a.usdz[b.usdc]``."""
+    return Path(USD.load("Ar").SplitPackageRelativePathOuter(path)[0])
 
 
-def _check_within(path: str, folder: Path, reference: str = "") -> None:
-    if not is_within(Path(_outer_file(path)), folder):
-        raise outside_error(reference or path)
+def _check_within(path: Path, folder: Path, reference: str) -> None:
+    if not is_within(path, folder):
+        raise outside_error(reference)
 
 
-def _outer_file(path: str) -> str:
-    """Return the file of a layer that may be in a package, as in ``a.usdz[b.usdc]``."""
-    return str(USD.load("Ar").SplitPackageRelativePathOuter(path)[0])
+def open_stage(path: Path, options: ReadOptions) -> Any:
+    """Return the ``Usd.Stage`` of the current file on disk.
+
+    Parameters
+    ----------
+    options : ReadOptions
+        Their notes gain a sentence if referenced files are missing, and one if axes or units
+        differ from y up and meters.
+
+    Raises
+    ------
+    FormatError
+        If USD cannot read the file, a rate is invalid, or layers are outside of its folder.
+    """
+    layers = checked_layers(path, allow_outside=options.allow_outside)
+    with usd_errors(DAMAGED):
+        stage = USD.load("Usd").Stage.Open(layers[0])
+        _note_missing(stage, options.notes)
+        _note_axes(stage, options.notes)
+    # Variables of asset path expressions are known only after the library has opened the layers.
+    for layer in () if options.allow_outside else stage.GetUsedLayers():
+        if not layer.anonymous and layer != stage.GetRootLayer():
+            name = layer.realPath or layer.identifier
+            _check_within(outer_file(name), path.absolute().parent, name)
+    return stage
+
+
+def codes_per_frame(stage: Any, rate: float) -> float:
+    """Return the time codes per frame of a stage with `rate` time codes per second.
+
+    Without a frame rate, it is one code per frame, unless codes are much finer than frames: then
+    the default frame rate applies.
+    """
+    fps = layer_number(stage.GetRootLayer(), "framesPerSecond")
+    if fps is not None and MIN_RATE <= fps <= MAX_RATE:
+        return rate / fps
+    return 1.0 if rate <= MAX_FRAME_RATE else rate / DEFAULT_RATE
+
+
+def _note_missing(stage: Any, notes: list[str]) -> None:
+    problems = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
+    if problems:
+        more = f" and {len(problems) - MAX_LISTED} more" if len(problems) > MAX_LISTED else ""
+        listed = "; ".join(one.rstrip(".") for one in problems[:MAX_LISTED])
+        notes.append(f"the file refers to missing or invalid data: {listed}{more}")
+
+
+def _note_axes(stage: Any, notes: list[str]) -> None:
+    geometry = USD.load("UsdGeom")
+    differences = []
+    if geometry.GetStageUpAxis(stage) == geometry.Tokens.z:
+        differences.append("z points up")
+    meters = layer_number(stage.GetRootLayer(), geometry.Tokens.metersPerUnit)
+    if meters not in (None, 1):
+        differences.append(f"a unit is {meters:g} m")
+    if differences:
+        facts = ", ".join(differences)
+        notes.append(f"positions stay in the axes and units of the file, where {facts}")

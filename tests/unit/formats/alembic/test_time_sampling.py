@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.alembic.archive import TimeSampling, bracketing_samples
+from meshreel.formats.alembic.archive import TimeSampling
 
 TIMES = np.array([1.0, 2.0, 4.0])
 
@@ -35,18 +35,3 @@ def test_acyclic_times_are_the_first_stored():
 def test_implausible_times_are_rejected(sampling, n_samples, message):
     with pytest.raises(FormatError, match=message):
         sampling.times(n_samples)
-
-
-@pytest.mark.parametrize(
-    ("time_s", "expected"),
-    [
-        (0.0, (0, 0, 0.0)),
-        (1.0, (0, 0, 0.0)),
-        (1.0005, (0, 0, 0.0)),
-        (1.9995, (1, 1, 0.0)),
-        (3.0, (1, 2, 0.5)),
-        (9.0, (2, 2, 0.0)),
-    ],
-)
-def test_bracketing_samples_snap_to_close_samples(time_s, expected):
-    assert bracketing_samples(TIMES, time_s) == expected

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.scenes.timing import frame_times
+from meshreel.formats.scenes.timing import frame_times, neighbours
 
 RATES = [12.5, 23.976, 24, 25, 29.97, 30000 / 1001, 30, 48, 59.94, 60, 1000]
 
@@ -29,3 +29,18 @@ def test_single_frame_has_no_frame_rate():
 def test_uneven_times_give_the_mean_frame_rate():
     found = frame_times(np.array([0.0, 0.1, 0.5, 1.0]))
     assert (found.fps, found.is_even) == (3.0, False)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "expected"),
+    [
+        (0.0, (0, 0, 0.0)),
+        (1.0, (0, 0, 0.0)),
+        (1.0005, (0, 0, 0.0)),
+        (1.9995, (1, 1, 0.0)),
+        (3.0, (1, 2, 0.5)),
+        (9.0, (2, 2, 0.0)),
+    ],
+)
+def test_neighbours_snaps_to_a_frame_when_the_time_is_close(time_s, expected):
+    assert neighbours(np.array([1.0, 2.0, 4.0]), time_s) == expected

@@ -1,0 +1,141 @@
+"""Quantities of a mesh that change over time, as files of scenes store them: sampled anywhere."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats, Values
+from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
+from meshreel.formats.frames.stored_frames import StoredTrack, changed_error
+from meshreel.formats.notes import note_kinds, note_left_out
+from meshreel.formats.scenes.transforms import transform_vectors
+from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.surface import Domain
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """Numbers of the vertices, faces or corners of a mesh at any time.
+
+    Parameters
+    ----------
+    name : str
+        Name in the file.
+    domain : Domain or None
+        None if it is not declared.
+    values : function of a time
+        Returns the numbers in file order, of shape (N, C), or None if it has none.
+    times : function
+        Returns the times of its samples, ascending.
+    kind, role, unit : str, default ""
+        As in a `Field`.
+    is_constant : bool, default False
+        Whether a single value applies to all items.
+    to_world : function of values and a matrix, optional
+        Transforms the values with the mesh.
+    """
+
+    name: str
+    domain: Domain | None
+    values: Callable[[float], Values | None]
+    times: Callable[[], Floats]
+    kind: str = ""
+    role: str = ""
+    unit: str = ""
+    is_constant: bool = False
+    to_world: Callable[[Values, Floats], Values] | None = None
+
+    def of_items(self, time: float, n_items: int) -> Values | None:
+        """Return its values at a time, of shape (n_items, C); None if missing or miscounted."""
+        values = self.values(time)
+        if values is not None and self.is_constant and len(values) == 1:
+            values = np.repeat(values, n_items, axis=0)
+        return values if values is not None and len(values) == n_items else None
+
+
+def quantity_tracks(
+    path: str,
+    quantities: Mapping[Key, Quantity],
+    times: Floats,
+    sizes: tuple[Mapping[Domain, int], Mapping[Domain, int]],
+    place: Callable[[Key, Values, float], Values],
+    notes: list[str],
+    mismatched: str,
+) -> dict[str, StoredTrack]:
+    """Return the quantities of a mesh as tracks.
+
+    Parameters
+    ----------
+    path : str
+        Path of the mesh, for messages.
+    times : float64 array
+        Times of the frames, whose faces are the same.
+    sizes : pair of mappings of Domain to int
+        Number of items in the file, and in the mesh.
+    place : function of a key, values in file order and a time
+        Returns the values of the mesh.
+    mismatched : str
+        What notes call quantities that fit the mesh in none of the frames.
+    """
+    stored, shown = sizes
+
+    def values_of(key: Key, time: float) -> Values | None:
+        return quantities[key].of_items(time, stored[key[0]])
+
+    def read(index: int, key: Key) -> Values:
+        values = values_of(key, float(times[index]))
+        values = values if values is None else place(key, values, float(times[index]))
+        if values is None or len(values) != shown[key[0]]:
+            raise changed_error(f"{path} (frame {index})")
+        return values
+
+    frames = []
+    for time in times.tolist():
+        fields: dict[Key, Field] = {}
+        for key, one in quantities.items():
+            if (values := values_of(key, time)) is not None:
+                fields[key] = Field(values.dtype, values.shape[1], one.role, one.kind, one.unit)
+        frames.append(fields)
+    missing = (key[1] for key in quantities if not any(key in fields for fields in frames))
+    note_kinds(notes, mismatched, missing)
+    return field_tracks(frames, shown, read, notes)
+
+
+def note_quantities(
+    path: str,
+    quantities: Iterable[Quantity],
+    frames: Floats,
+    tolerance: float,
+    notes: list[str],
+    *,
+    is_transform_animated: bool,
+) -> None:
+    """Note samples of quantities without a frame, and velocities of animated transforms."""
+    names, has_rates = [], False
+    for one in quantities:
+        times = one.times()
+        nearest = np.searchsorted(frames, times - tolerance).clip(max=len(frames) - 1)
+        n_other = int((np.abs(frames[nearest] - times) > tolerance).sum())
+        names += [f"{one.name} ({n_other} of {len(times)})"] if n_other and len(times) > 1 else []
+        has_rates = has_rates or one.to_world is transform_vectors
+    note_kinds(notes, "samples where positions have no frame", names)
+    if has_rates and is_transform_animated:
+        note_left_out(notes, f"velocity of the transforms above {path}")
+
+
+def normals_of_corners(
+    mesh: PolygonMesh, domain: Domain | None, values: Values | None
+) -> npt.NDArray[np.floating]:
+    """Return the normals of corners, of shape (C, 3), from those of a domain; 0 if they do not fit.
+
+    Parameters
+    ----------
+    values : array of shape (N, C) or None
+        With corners in the order of the mesh.
+    """
+    if values is None or domain is None or values.dtype.kind != "f":
+        return np.zeros((len(mesh.corners), 3))
+    fits = values.shape == (mesh.n_items[domain], 3)
+    return values[mesh.items_of_corners(domain)] if fits else np.zeros((len(mesh.corners), 3))
