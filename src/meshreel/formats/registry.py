@@ -246,7 +246,7 @@ SEQUENCE_FORMATS = {
             "LS-DYNA d3plot",
             Lazy("solvers.d3plot:read_d3plot"),
             None,
-            other_files=Lazy("solvers.d3plot_layout:other_files"),
+            other_files=Lazy("solvers.d3plot_files:other_files"),
         ),
         *(
             scene_format(

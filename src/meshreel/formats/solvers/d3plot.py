@@ -16,15 +16,14 @@ from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.solvers.d3plot_layout import (
+from meshreel.formats.solvers.d3plot_files import (
     BEAMS,
+    ELEMENT_RESULTS,
     SHELLS,
     SOLIDS,
     D3plotLayout,
     Words,
     adapted_roots,
-    shell_columns,
-    stress_columns,
 )
 from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface, used_points
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -38,9 +37,6 @@ NODE_RESULTS = (
     "residual_moment", "contact_energy", "velocity", "acceleration",
 )  # fmt: skip
 """Sections of a state that are tracks of vertices."""
-
-ELEMENT_RESULTS = {"stress": 6, "plastic_strain": 1, "thickness": 1, "internal_energy": 1}
-"""Tracks of faces and their numbers of components."""
 
 OTHER_SECTIONS = (
     "temperatures of shell layers", "contact penetrations", "thermal results of solids",
@@ -96,7 +92,7 @@ def _unread_results(layout: D3plotLayout) -> list[str]:
     """Describe the results that are not tracks."""
     control, kinds = layout.control, layout.counts.keys() & layout.sections.keys()
     found = [name for name in OTHER_SECTIONS if name in layout.sections]
-    if any(kind != SOLIDS and _columns(layout, kind, "stress") for kind in kinds):
+    if layout.results["stress"].keys() - {SOLIDS}:
         found.append("stress and plastic strain of shells outside the middle surface")
     if any(control["neiph" if kind == SOLIDS else "neips"] for kind in kinds):
         found.append("history variables")
@@ -163,7 +159,7 @@ class _Frames:
             if name in layout.sections
         }
         for name, n_columns in ELEMENT_RESULTS.items():
-            if any(_columns(layout, kind, name) is not None for kind in layout.counts):
+            if layout.results[name]:
                 fields[Domain.FACE, name] = Field(dtype, n_columns, is_track=True)
         return fields
 
@@ -189,20 +185,6 @@ def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurf
     return used_points(extract_surface(Cells(cells.types[chosen], counts, points), layout.n_nodes))
 
 
-def _columns(layout: D3plotLayout, kind: str, name: str) -> tuple[int, int, int] | None:
-    """Return points, width of a point and first column of a result; None if a kind has none."""
-    if kind not in layout.sections:
-        return None
-    n_points, n_stress, n_strain = stress_columns(layout.control, kind)
-    width = n_stress + n_strain + layout.control["neiph" if kind == SOLIDS else "neips"]
-    if name == "stress":
-        return (n_points, width, 0) if n_stress and n_points else None
-    if name == "plastic_strain":
-        return (n_points, width, n_stress) if n_strain and n_points else None
-    column = shell_columns(layout.control).get(name) if kind == SHELLS else None
-    return None if column is None else (1, 0, column)
-
-
 def _element_results(layout: D3plotLayout, state: int, name: str) -> npt.NDArray[np.floating]:
     """Return a result of all cells, of shape (N, C); NaN for those without it.
 
@@ -211,12 +193,11 @@ def _element_results(layout: D3plotLayout, state: int, name: str) -> npt.NDArray
     n_columns, found = ELEMENT_RESULTS[name], []
     for kind, n_cells in layout.counts.items():
         values = np.full((n_cells, n_columns), np.nan, layout.words.float_type)
-        place = _columns(layout, kind, name)
-        if place is not None:
-            n_points, width, first = place
-            points = range(n_points if kind == SOLIDS else 1)
+        if (place := layout.results[name].get(kind)) is not None:
             table = layout.read(state, kind)
-            parts = [table[:, first + one * width :][:, :n_columns] for one in points]
+            points = range(place.n_points if kind == SOLIDS else 1)
+            starts = [place.first + point * place.width for point in points]
+            parts = [table[:, start : start + n_columns] for start in starts]
             has_row = layout.has_shell_results if kind == SHELLS else slice(None)
             values[has_row] = np.mean(parts, axis=0) if len(parts) > 1 else parts[0]
         found.append(values)

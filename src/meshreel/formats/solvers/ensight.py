@@ -1,4 +1,8 @@
-"""Case files of EnSight Gold: which files contain the geometry and the variables, and when."""
+"""Reader for EnSight Gold cases: parts of elements over time, in text or C binary.
+
+Each part is a mesh of its elements with faces. Positions and values are read when they are needed,
+a part at a time; text files are read whole.
+"""
 
 import re
 from collections import defaultdict
@@ -8,7 +12,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
 from meshreel.errors import FormatError
@@ -19,7 +22,7 @@ from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import file_order_times, note_file_order
-from meshreel.formats.solvers.ensight_geometry import (
+from meshreel.formats.solvers.ensight_files import (
     Columns,
     Part,
     Tables,
@@ -28,8 +31,8 @@ from meshreel.formats.solvers.ensight_geometry import (
     open_geometry,
     open_variable,
     read_cells,
+    read_columns,
     read_lines,
-    read_points,
     read_values,
 )
 from meshreel.formats.surfaces.cells import CellSurface, extract_surface, used_points
@@ -109,7 +112,7 @@ class EnsightCase:
     ----------
     path : Path
     options : ReadOptions
-        Their notes name what is left out.
+        Their notes name everything that is not read.
 
     Attributes
     ----------
@@ -309,7 +312,7 @@ def read_ensight(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     for part in shown:
         is_unique = part.name and names.count(part.name) == 1
         name = part.name if is_unique else f"{part.name or 'part'} {part.number}"
-        frames = _PartFrames(steps, part.number, name, options.notes)
+        frames = _PartFrames(steps, part.number, options.notes)
         label = f"/{name}" if len(shown) > 1 else name
         meshes.append(SceneMesh(label, steps.times_s, frames.frame, tracks=frames.tracks))
     return meshes
@@ -338,13 +341,16 @@ class _Steps:
         self.variables: list[Variable] = [one for one in case.variables if self._fits(one)]
         others = (one.name for one in case.variables if one not in self.variables)
         note_kinds(options.notes, "variables at other times than the geometry", others)
-        self._find = lru_cache(maxsize=N_KEPT)(self._find_parts)
-        self._columns = lru_cache(maxsize=N_KEPT)(self._find_columns)
         self._lines = lru_cache(maxsize=2)(read_lines)
+        self._find = lru_cache(maxsize=N_KEPT)(
+            lambda path: find_parts(open_geometry(path, self._lines))
+        )
+        self._columns = lru_cache(maxsize=N_KEPT)(self._find_columns)
 
     def parts(self, index: int) -> dict[int, Part]:
         """Return the parts of a frame by number."""
-        return self._find(self._geometry_file(index))
+        parts: dict[int, Part] = self._find(self._geometry_file(index))
+        return parts
 
     def part(self, index: int, number: int) -> Part:
         """Return a part in a frame.
@@ -354,12 +360,12 @@ class _Steps:
         FormatError
             If the frame lacks the part.
         """
-        if (found := self.parts(index).get(number)) is None:
+        if (part := self.parts(index).get(number)) is None:
             raise FormatError(
                 f"has no part {number} in {self._geometry_file(index).name}; all parts must exist "
                 "in all frames"
             )
-        return found
+        return part
 
     def points(self, index: int, number: int) -> Singles:
         """Read the coordinates of a part.
@@ -375,14 +381,12 @@ class _Steps:
                 f"has {part.n_nodes} nodes in part {number} of {self._geometry_file(index).name}; "
                 f"its elements are for {whole.n_nodes}"
             )
-        return read_points(self._geometry(index), part)
+        return read_columns(self._geometry(index), part.position, part.n_nodes, 3)
 
-    def surface(self, index: int, number: int) -> CellSurface:
-        """Return the surface of a part; the elements may be those of another step."""
-        step = self.elements_step(index)
+    def surface(self, step: int, number: int) -> CellSurface:
+        """Return the surface of a part from the elements in the file of a step."""
         part = self.part(step, number)
-        cells = read_cells(self._geometry(step), part)
-        return used_points(extract_surface(cells, part.n_nodes))
+        return used_points(extract_surface(read_cells(self._geometry(step), part), part.n_nodes))
 
     def elements_step(self, index: int) -> int:
         """Return the frame whose file has the elements of a frame."""
@@ -390,25 +394,27 @@ class _Steps:
             return min(self._case.elements_step, len(self.times_s) - 1)
         return index if self._case.geometry.times is not None else 0
 
-    def field(self, variable: Variable, index: int, number: int) -> Field | None:
-        """Describe a variable of a part in a frame; None if it has no values there."""
-        path, step = self._file(variable, index), self.elements_step(index)
-        columns = self._columns(path, variable.width, step)
-        if all(part != number for part, _ in columns):
-            return None
-        return Field(np.dtype(np.float32), variable.width, is_track=True)
+    def has_values(self, variable: Variable, index: int, number: int) -> bool:
+        """Return whether a variable has values of a part in a frame."""
+        columns = self._columns(*self._place(variable, index))
+        return any(part == number for part, _ in columns)
 
     def values(self, variable: Variable, index: int, number: int) -> Singles:
         """Read the values of a variable at the nodes or elements of a part."""
-        path, step = self._file(variable, index), self.elements_step(index)
-        columns = self._columns(path, variable.width, step)
+        place = path, width, step = self._place(variable, index)
         tables = open_variable(path, self._geometry(step), self._lines)
-        at_nodes = variable.domain is Domain.VERTEX
-        part = self.part(step, number)
-        return read_values(tables, part, columns, variable.width, at_nodes=at_nodes)
+        at_nodes, part = variable.domain is Domain.VERTEX, self.part(step, number)
+        return read_values(tables, part, self._columns(*place), width, at_nodes=at_nodes)
 
-    def _find_parts(self, path: Path) -> dict[int, Part]:
-        return find_parts(open_geometry(path, self._lines))
+    def _place(self, variable: Variable, index: int) -> tuple[Path, int, int]:
+        """Return the file of a variable in a frame, its width, and the step of the elements."""
+        times, step = variable.files.times, 0
+        if times is not None:
+            step = index
+            if times is not self._set and self._set is not None:
+                step = int(np.abs(times.times_s - self._set.times_s[index]).argmin())
+        path = self._case.file(variable.files, step)
+        return path, variable.width, self.elements_step(index)
 
     def _find_columns(self, path: Path, width: int, step: int) -> Columns:
         tables = open_variable(path, self._geometry(step), self._lines)
@@ -419,16 +425,6 @@ class _Steps:
 
     def _geometry_file(self, index: int) -> Path:
         return self._case.file(self._case.geometry, index)
-
-    def _file(self, variable: Variable, index: int) -> Path:
-        times = variable.files.times
-        return self._case.file(variable.files, 0 if times is None else self._step(times, index))
-
-    def _step(self, times: TimeSet, index: int) -> int:
-        """Return the step of a time set at the time of a frame."""
-        if times is self._set or self._set is None:
-            return index
-        return int(np.abs(times.times_s - self._set.times_s[index]).argmin())
 
     def _fits(self, variable: Variable) -> bool:
         """Whether a variable never changes, or has values at the times of all frames."""
@@ -458,9 +454,10 @@ def _ascending(times: Floats, options: ReadOptions) -> Floats:
 class _PartFrames:
     """The frames of a part."""
 
-    def __init__(self, steps: _Steps, number: int, name: str, notes: list[str]) -> None:
-        self._steps, self._number, self._name, self._notes = steps, number, name, notes
-        self._last: tuple[int, CellSurface] | None = None
+    def __init__(self, steps: _Steps, number: int, notes: list[str]) -> None:
+        self._steps, self._number, self._notes = steps, number, notes
+        # Consecutive frames with the same file of elements share their surface.
+        self._surface_at = lru_cache(maxsize=1)(steps.surface)
 
     def frame(self, index: int) -> PolygonMesh:
         """Return the surface of the part in a frame."""
@@ -471,17 +468,18 @@ class _PartFrames:
         """Return the variables of frames that share their faces."""
         fields: dict[Key, Field] = {}
         variables: dict[Key, Variable] = {}
-        for variable in self._steps.variables:
+        for one in self._steps.variables:
             try:
-                found = self._steps.field(variable, frames.start, self._number)
+                if not self._steps.has_values(one, frames.start, self._number):
+                    continue
             except FormatError as error:
-                note_left_out(self._notes, f"variable {variable.name!r}: {error}")
+                note_left_out(self._notes, f"variable {one.name!r}: {error}")
                 continue
-            if found is not None:
-                add_field(fields, (variable.domain, variable.name), found)
-                variables[variable.domain, variable.name] = variable
+            field = Field(np.dtype(np.float32), one.width, is_track=True)
+            add_field(fields, (one.domain, one.name), field)
+            variables[one.domain, one.name] = one
 
-        def read(index: int, key: Key) -> npt.NDArray[np.float32]:
+        def read(index: int, key: Key) -> Singles:
             surface = self._surface(frames[index])
             values = self._steps.values(variables[key], frames[index], self._number)
             return values[surface.source_rows[key[0]]]
@@ -492,8 +490,4 @@ class _PartFrames:
         return field_tracks([fields] * len(frames), sizes, read, self._notes)
 
     def _surface(self, index: int) -> CellSurface:
-        """Return the surface of a frame, remembered for frames with the same file of elements."""
-        step = self._steps.elements_step(index)
-        if self._last is None or self._last[0] != step:
-            self._last = step, self._steps.surface(index, self._number)
-        return self._last[1]
+        return self._surface_at(self._steps.elements_step(index), self._number)

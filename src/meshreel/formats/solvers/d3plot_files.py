@@ -1,4 +1,7 @@
-"""The words of a family of d3plot files, addressed as if they were one file."""
+"""The words of a family of d3plot files, and their layout: geometry and the sections of a state.
+
+The files are addressed as if they were one file.
+"""
 
 import os
 import re
@@ -208,6 +211,9 @@ OTHER_TABLES = range(90_000, 1_000_000)
 PART_TITLES = 90001
 TITLE_BYTES = 72
 
+ELEMENT_RESULTS = {"stress": 6, "plastic_strain": 1, "thickness": 1, "internal_energy": 1}
+"""Results of elements and their numbers of components."""
+
 TETRA, HEXAHEDRON, WEDGE, PYRAMID = 10, 12, 13, 14
 TRIANGLE, QUAD = 5, 9
 
@@ -228,6 +234,25 @@ class Section:
     n_columns: int
 
 
+@dataclass(frozen=True)
+class ElementColumns:
+    """Place of a result in the rows of a section of elements.
+
+    Parameters
+    ----------
+    n_points : int
+        Number of integration points.
+    width : int
+        Columns of each.
+    first : int
+        First column of the result.
+    """
+
+    n_points: int
+    width: int
+    first: int
+
+
 class D3plotLayout:
     """Geometry of a d3plot file, and the place of each result in its states.
 
@@ -242,6 +267,8 @@ class D3plotLayout:
         Tables of a state by name, in order.
     state_words : int
         Length of a state.
+    results : dict of str to dict of str to ElementColumns
+        Columns of results in the sections of elements, by result and kind of element.
     states : dict of float to int
         First word of each complete state by its time, ascending.
     n_rest : int
@@ -259,12 +286,13 @@ class D3plotLayout:
         self._check_supported()
         self._position = N_CONTROL + self.control["extra"]
         self._read_material_types()
-        n_sph, particles = self._read_particle_flags()
+        n_sph, particle_words, particle_state_words = self._read_particle_flags()
         self._read_geometry()
-        self._skip_other_geometry(particles)
+        self._skip_other_geometry(particle_words)
         self._titles = self._read_titles()
         self.sections: dict[str, Section] = {}
-        self.state_words: int = self._place_sections(n_sph, particles)
+        self.state_words: int = self._place_sections(n_sph, particle_state_words)
+        self.results: dict[str, dict[str, ElementColumns]] = self._find_results()
         self.n_rest = 0
         self.states: dict[float, int] = self._find_states()
 
@@ -392,19 +420,19 @@ class D3plotLayout:
             self._material_types = self._next_integers(n_materials)
         self._position += self.control["ialemat"]
 
-    def _read_particle_flags(self) -> tuple[int, "Particles"]:
-        """Return the words of each SPH particle, and the tables of airbag particles."""
+    def _read_particle_flags(self) -> tuple[int, int, int]:
+        """Return words: of each SPH particle, and of airbags in the geometry and in each state."""
         n_sph = 0
         if self.control["nmsph"]:
             flags = self.words.integers(self._position, int(self._next_integers(1)[0]))
             self._position += len(flags) - 1
             n_sph = 1 + int(np.abs(flags[1:]).sum())
         if not self.control["npefg"]:
-            return n_sph, Particles()
+            return n_sph, 0, 0
         n_bags, version = self.control["npefg"] % 1000, self.control["npefg"] // 1000
         n_geometry, n_values, n_particles, n_state = self._next_integers(4).tolist()
         self._position += (version == 4) + 9 * (n_geometry + n_values + n_state)
-        return n_sph, Particles(n_bags * n_geometry, n_bags * n_state + n_particles * n_values)
+        return n_sph, n_bags * n_geometry, n_bags * n_state + n_particles * n_values
 
     def _read_geometry(self) -> None:
         """Read elements and part numbers.
@@ -455,12 +483,12 @@ class D3plotLayout:
         first, n_parts = N_NUMBERING + int(numbering[5:10].sum()), int(numbering[15])
         return [int(one) for one in numbering[first : first + max(0, n_parts)]]
 
-    def _skip_other_geometry(self, particles: "Particles") -> None:
+    def _skip_other_geometry(self, particle_words: int) -> None:
         control = self.control
         self._position += (
             2 * control["nadapt"]
             + 2 * control["nmsph"]
-            + particles.geometry_words
+            + particle_words
             + 2 * control["nel8"] * control["has_ten_nodes"]
             + 5 * control["nel48"]
             + 13 * control["nel20"]
@@ -498,7 +526,7 @@ class D3plotLayout:
             self._position += 1
         return titles
 
-    def _place_sections(self, n_sph: int, particles: "Particles") -> int:
+    def _place_sections(self, n_sph: int, particle_words: int) -> int:
         control, nodes = self.control, self.control["numnp"]
         thermal, residual = control["it"] % 10, control["idtdt"] // 10 % 10
         sizes = {
@@ -524,7 +552,7 @@ class D3plotLayout:
             "deleted nodes": (nodes * (control["deletion"] == 1), 1),
             "deleted elements": (self._n_elements * (control["deletion"] == 2), 1),
             "SPH": (control["nmsph"], n_sph),
-            "particles": (particles.state_words, 1),
+            "particles": (particle_words, 1),
         }
         position = 0
         for name, (n_rows, n_columns) in sizes.items():
@@ -540,6 +568,35 @@ class D3plotLayout:
                 "are not rigid; it is damaged"
             )
         return position
+
+    def _find_results(self) -> dict[str, dict[str, "ElementColumns"]]:
+        """Find the columns of results: stresses, plastic strain and others of integration points.
+
+        Shells have thickness and internal energy after those of all integration points.
+        """
+        control = self.control
+        results: dict[str, dict[str, ElementColumns]] = {name: {} for name in ELEMENT_RESULTS}
+        for kind in self.counts.keys() & self.sections.keys():
+            is_solid = kind == SOLIDS
+            at_least = 999 if is_solid else 1000
+            n_stress, n_strain = 6 * (control["ioshl1"] >= at_least), control["ioshl2"] >= at_least
+            width = n_stress + n_strain + control["neiph" if is_solid else "neips"]
+            n_points = control["maxint"]
+            if is_solid:
+                n_points = control["nv3d"] // width if width else 0
+            if n_points and n_stress:
+                results["stress"][kind] = ElementColumns(n_points, width, 0)
+            if n_points and n_strain:
+                results["plastic_strain"][kind] = ElementColumns(n_points, width, n_stress)
+            if kind == SHELLS and control["ioshl4"] == 1000:
+                first = n_points * width + 8 * (control["ioshl3"] == 1000)
+                has_strain = control["nv2d"] - first - 4 > 1
+                if control["idtdt"] >= 100:
+                    has_strain = control["idtdt"] // 10_000 % 10 == 1
+                for name, column in (("thickness", 0), ("internal_energy", 3 + 12 * has_strain)):
+                    if first + column < control["nv2d"]:
+                        results[name][kind] = ElementColumns(1, 0, first + column)
+        return results
 
     @property
     def _n_elements(self) -> int:
@@ -568,14 +625,6 @@ class D3plotLayout:
 
     def _is_end(self, position: int) -> bool:
         return position < self.words.n_words and float(self.words.floats(position, 1)[0]) == END
-
-
-@dataclass(frozen=True)
-class Particles:
-    """Words of airbag particles in the geometry and in each state."""
-
-    geometry_words: int = 0
-    state_words: int = 0
 
 
 def _read_control(words: Words) -> dict[str, int]:
@@ -616,31 +665,3 @@ def _solid_cells(nodes: Integers) -> tuple[Integers, Integers]:
         corners[is_shape] = -1
         corners[is_shape, : len(chosen)] = nodes[is_shape][:, chosen]
     return types, corners
-
-
-def stress_columns(control: dict[str, int], kind: str) -> tuple[int, int, int]:
-    """Return the numbers of integration points, stresses and plastic strains of an element.
-
-    The values of an integration point are its stresses, its plastic strain and others.
-    """
-    levels = control["ioshl1"], control["ioshl2"]
-    at_least = 999 if kind == SOLIDS else 1000
-    n_stress, n_strain = 6 * (levels[0] >= at_least), int(levels[1] >= at_least)
-    if kind != SOLIDS:
-        return control["maxint"], n_stress, n_strain
-    per_point = n_stress + n_strain + control["neiph"]
-    return (control["nv3d"] // per_point if per_point else 0), n_stress, n_strain
-
-
-def shell_columns(control: dict[str, int]) -> dict[str, int]:
-    """Return the columns of thickness and internal energy in the results of a shell."""
-    if control["ioshl4"] != 1000:
-        return {}
-    n_points, n_stress, n_strain = stress_columns(control, SHELLS)
-    first = n_points * (n_stress + n_strain + control["neips"]) + 8 * (control["ioshl3"] == 1000)
-    if control["idtdt"] >= 100:
-        has_strain = control["idtdt"] // 10_000 % 10 == 1
-    else:
-        has_strain = control["nv2d"] - first - 4 > 1
-    found = {"thickness": first, "internal_energy": first + 3 + 12 * has_strain}
-    return {name: column for name, column in found.items() if column < control["nv2d"]}

@@ -1,4 +1,7 @@
-"""Files of EnSight Gold as lines of text and tables of numbers, in text or C binary."""
+"""Geometry and variable files of EnSight Gold: parts of elements, and values for them.
+
+Files consist of lines of text and tables of numbers, as text or C binary.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,26 +26,30 @@ FIRST_TABLES = FIRST_PART + EXTENTS_BYTES + LINE_BYTES + 4
 MAX_PART = 1 << 16
 """Part numbers above this mean that bytes are swapped."""
 
+ReadLines = Callable[[Path], list[str]]
 
-class BinaryTables:
-    """A C binary file, read in order.
+
+class Tables:
+    """A file, read in order.
 
     Parameters
     ----------
     path : Path
     order : str
         Byte order: "<" or ">".
+    lines : list of str, optional
+        The lines of a text file; None if it is binary.
 
     Attributes
     ----------
     position : int
-        The next byte.
+        The next byte, or line of a text file.
     """
 
-    def __init__(self, path: Path, order: str) -> None:
-        self.path, self.order, self.position = path, order, 0
+    def __init__(self, path: Path, order: str, lines: list[str] | None) -> None:
+        self.path, self.order, self.lines, self.position = path, order, lines, 0
         with os_errors_naming(path):
-            self._size = path.stat().st_size
+            self._size = path.stat().st_size if lines is None else len(lines)
 
     @property
     def is_at_end(self) -> bool:
@@ -57,91 +64,57 @@ class BinaryTables:
         FormatError
             If the file ends before; also from the other methods.
         """
+        if self.lines is not None:
+            return self.lines[self._advance(1)].strip()
         data = self._read(np.dtype(np.uint8), LINE_BYTES).tobytes()
         return data.partition(b"\0")[0].decode("latin-1").strip()
 
     def integers(self, count: int, n_rows: int | None = None) -> Integers:
         """Read integers; text has them in a number of rows, by default one in each."""
+        if self.lines is not None:
+            return self._parse(count, n_rows, np.dtype(np.int64))
         return self._read(np.dtype(f"{self.order}i4"), count).astype(np.int64)
 
     def floats(self, count: int) -> Singles:
         """Read floats."""
+        if self.lines is not None:
+            return self._parse(count, None, np.dtype(np.float32))
         return self._read(np.dtype(f"{self.order}f4"), count).astype(np.float32, copy=False)
 
     def skip(self, count: int, n_rows: int | None = None) -> None:
         """Skip numbers; parameters as of `integers`."""
-        self._advance(4 * count)
+        self._advance(4 * count if self.lines is None else count if n_rows is None else n_rows)
 
-    def _advance(self, n_bytes: int) -> int:
+    def _advance(self, n_units: int) -> int:
         start = self.position
-        if n_bytes < 0 or start + n_bytes > self._size:
-            raise FormatError(f"{self.path.name} is truncated, or damaged at byte {start}")
-        self.position += n_bytes
+        if n_units < 0 or start + n_units > self._size:
+            place = f"byte {start}" if self.lines is None else f"line {start + 1}"
+            raise FormatError(f"{self.path.name} is truncated, or damaged at {place}")
+        self.position += n_units
         return start
 
     def _read(self, dtype: np.dtype[Any], count: int) -> npt.NDArray[Any]:
         start = self._advance(count * dtype.itemsize)
         with os_errors_naming(self.path):
-            found = np.fromfile(self.path, dtype, count, offset=start)
-        if len(found) != count:
+            numbers = np.fromfile(self.path, dtype, count, offset=start)
+        if len(numbers) != count:
             raise FormatError(f"{self.path.name} became shorter while it was read; start again")
-        return found
+        return numbers
 
-
-class TextTables:
-    """A text file, read in order; its attributes and methods are those of `BinaryTables`."""
-
-    def __init__(self, path: Path, lines: "ReadLines") -> None:
-        self.path, self.position = path, 0
-        self._lines = lines(path)
-
-    @property
-    def is_at_end(self) -> bool:
-        """Whether nothing follows."""
-        return self.position >= len(self._lines)
-
-    def line(self) -> str:
-        """Read a line of text."""
-        return self._lines[self._advance(1)].strip()
-
-    def integers(self, count: int, n_rows: int | None = None) -> Integers:
-        """Read integers in a number of rows, by default one in each."""
-        return self._numbers(count, n_rows, np.dtype(np.int64))
-
-    def floats(self, count: int) -> Singles:
-        """Read floats, one in each row."""
-        return self._numbers(count, None, np.dtype(np.float32))
-
-    def skip(self, count: int, n_rows: int | None = None) -> None:
-        """Skip numbers."""
-        self._advance(count if n_rows is None else n_rows)
-
-    def _advance(self, n_lines: int) -> int:
-        start = self.position
-        if n_lines < 0 or start + n_lines > len(self._lines):
-            raise FormatError(f"{self.path.name} is truncated, or damaged at line {start + 1}")
-        self.position += n_lines
-        return start
-
-    def _numbers(self, count: int, n_rows: int | None, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    def _parse(self, count: int, n_rows: int | None, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+        assert self.lines is not None
         start = self._advance(count if n_rows is None else n_rows)
-        words = " ".join(self._lines[start : self.position]).split()
+        words = " ".join(self.lines[start : self.position]).split()
+        place = f"from line {start + 1} on"
         try:
             numbers = np.array(words, dtype)
         except (ValueError, OverflowError) as error:
-            raise FormatError(
-                f"{self.path.name} has bad numbers from line {start + 1} on ({error})"
-            ) from error
+            raise FormatError(f"{self.path.name} has bad numbers {place} ({error})") from error
         if len(numbers) != count:
             raise FormatError(
-                f"{self.path.name} has {len(numbers)} numbers from line {start + 1} on; expected "
-                f"{count}"
+                f"{self.path.name} has {len(numbers)} numbers {place}; expected {count}"
             )
         return numbers
-
-
-Tables = BinaryTables | TextTables
-ReadLines = Callable[[Path], list[str]]
 
 
 def read_lines(path: Path) -> list[str]:
@@ -169,20 +142,17 @@ def open_geometry(path: Path, lines: ReadLines = read_lines) -> Tables:
     if b"fortran binary" in start[: 2 * LINE_BYTES].lower():
         raise FormatError(f"{path.name} is Fortran binary; write it as C binary or text")
     if not start[:LINE_BYTES].lower().startswith(b"c binary"):
-        return TextTables(path, lines)
+        return Tables(path, "", lines(path))
     at = FIRST_PART + (EXTENTS_BYTES if start[FIRST_PART:].startswith(b"extents") else 0)
     number = start[at + LINE_BYTES : at + LINE_BYTES + 4]
-    order = "<" if int.from_bytes(number, "little") <= MAX_PART else ">"
-    tables = BinaryTables(path, order)
+    tables = Tables(path, "<" if int.from_bytes(number, "little") <= MAX_PART else ">", None)
     tables.line()
     return tables
 
 
 def open_variable(path: Path, like: Tables, lines: ReadLines = read_lines) -> Tables:
     """Open the file of a variable, which is encoded as the geometry."""
-    if isinstance(like, TextTables):
-        return TextTables(path, lines)
-    return BinaryTables(path, like.order)
+    return Tables(path, like.order, None if like.lines is None else lines(path))
 
 
 N_NODES = {
@@ -247,24 +217,11 @@ class Part:
     blocks: tuple[Block, ...]
 
 
-@dataclass(frozen=True)
-class Column:
-    """Place of the values of a variable at the nodes or the elements of one type in a part.
+Columns = dict[tuple[int, str], tuple[int, float | None]]
+"""Position of the values of a variable in its file, and the value that means none, if any.
 
-    Parameters
-    ----------
-    position : int
-        Of the values in the file.
-    undefined : float or None
-        The value that means none.
-    """
-
-    position: int
-    undefined: float | None
-
-
-Columns = dict[tuple[int, str], Column]
-"""Places of the values of a variable by part and type of elements, which is "" for nodes."""
+Keys are the part and the type of elements, which is "" for nodes.
+"""
 
 
 def find_parts(tables: Tables) -> dict[int, Part]:
@@ -284,10 +241,10 @@ def find_parts(tables: Tables) -> dict[int, Part]:
             raise FormatError(f"{tables.path.name} has {line[:40]!r} where {what!r} is expected")
         has_numbers.append(line.split()[-1] in GIVEN)
     parts: dict[int, Part] = {}
-    line = "" if tables.is_at_end else tables.line()
+    line = _next_line(tables)
     if line.startswith("extents"):
         tables.skip(6, 3)
-        line = "" if tables.is_at_end else tables.line()
+        line = _next_line(tables)
     while line.startswith("part"):
         number, name = int(tables.integers(1)[0]), tables.line()
         kind = tables.line()
@@ -301,19 +258,23 @@ def find_parts(tables: Tables) -> dict[int, Part]:
         position = tables.position
         tables.skip(3 * n_nodes)
         blocks: list[Block] = []
-        line = "" if tables.is_at_end else tables.line()
+        line = _next_line(tables)
         while line and not line.startswith("part"):
             block = _find_block(tables, line.split()[0], has_numbers=has_numbers[1])
             if any(one.kind == block.kind for one in blocks):
                 raise FormatError(f"{tables.path.name} has two tables of {block.kind} in {name!r}")
             blocks.append(block)
-            line = "" if tables.is_at_end else tables.line()
+            line = _next_line(tables)
         if number in parts:
             raise FormatError(f"{tables.path.name} contains part {number} twice")
         parts[number] = Part(number, name, n_nodes, position, tuple(blocks))
     if line:
         raise FormatError(f"{tables.path.name} has {line[:40]!r} where 'part' is expected")
     return parts
+
+
+def _next_line(tables: Tables) -> str:
+    return "" if tables.is_at_end else tables.line()
 
 
 def _find_block(tables: Tables, kind: str, *, has_numbers: bool) -> Block:
@@ -342,11 +303,6 @@ def _total(counts: Integers) -> int:
     return int(counts.sum())
 
 
-def read_points(tables: Tables, part: Part) -> Singles:
-    """Read the coordinates of a part, of shape (N, 3)."""
-    return read_columns(tables, part.position, part.n_nodes, 3)
-
-
 def read_columns(tables: Tables, position: int, n_rows: int, n_columns: int) -> Singles:
     """Read values that are stored one component after the other, of shape (N, C)."""
     tables.position = position
@@ -355,12 +311,10 @@ def read_columns(tables: Tables, position: int, n_rows: int, n_columns: int) -> 
 
 def read_cells(tables: Tables, part: Part) -> Cells:
     """Read the elements of a part that have faces, in the order of the file."""
-    found = [_read_block(tables, block) for block in part.blocks if block.has_faces]
-    return Cells(
-        np.concatenate([np.empty(0, np.int64), *(one.types for one in found)]),
-        np.concatenate([np.empty(0, np.int64), *(one.counts for one in found)]),
-        np.concatenate([np.empty(0, np.int64), *(one.points for one in found)]),
-    )
+    blocks = [_read_block(tables, block) for block in part.blocks if block.has_faces]
+    none = Cells(*[np.empty(0, np.int64)] * 3)
+    fields = ("types", "counts", "points")
+    return Cells(*(np.concatenate([getattr(one, f) for one in (none, *blocks)]) for f in fields))
 
 
 def _read_block(tables: Tables, block: Block) -> Cells:
@@ -400,7 +354,7 @@ def find_columns(tables: Tables, parts: dict[int, Part], width: int) -> Columns:
     FormatError
         If the file is truncated or damaged, does not fit the parts, or has partial values.
     """
-    found: Columns = {}
+    columns: Columns = {}
     tables.position = 0
     tables.line()
     part: Part | None = None
@@ -421,9 +375,9 @@ def find_columns(tables: Tables, parts: dict[int, Part], width: int) -> Columns:
         if more == ["partial"]:
             raise FormatError(f"{name} has partial values, which are not supported")
         undefined = float(tables.floats(1)[0]) if more == ["undef"] else None
-        found[part.number, "" if is_nodes else kind] = Column(tables.position, undefined)
+        columns[part.number, "" if is_nodes else kind] = tables.position, undefined
         tables.skip(width * (part.n_nodes if is_nodes else sum(counts)))
-    return found
+    return columns
 
 
 def read_values(
@@ -441,21 +395,16 @@ def read_values(
     float32 array of shape (N, width)
         Elements are those of `read_cells`.
     """
-    if at_nodes:
-        sizes = {"": part.n_nodes}
-    else:
-        sizes = {}
-        for block in part.blocks:
-            if block.has_faces:
-                sizes[block.kind] = sizes.get(block.kind, 0) + block.count
-    found = []
+    sizes = {"": part.n_nodes}
+    if not at_nodes:
+        sizes = {block.kind: block.count for block in part.blocks if block.has_faces}
+    tables_of_kinds = [np.empty((0, width), np.float32)]
     for kind, n_rows in sizes.items():
-        column = columns.get((part.number, kind))
-        if column is None:
-            found.append(np.full((n_rows, width), np.nan, np.float32))
-            continue
-        values = read_columns(tables, column.position, n_rows, width)
-        if column.undefined is not None:
-            values = np.where(values == np.float32(column.undefined), np.float32(np.nan), values)
-        found.append(values)
-    return np.concatenate([np.empty((0, width), np.float32), *found])
+        position, undefined = columns.get((part.number, kind), (None, None))
+        values: Singles = np.full((n_rows, width), np.nan, np.float32)
+        if position is not None:
+            values = read_columns(tables, position, n_rows, width)
+        if undefined is not None:
+            values = np.where(values == np.float32(undefined), np.float32(np.nan), values)
+        tables_of_kinds.append(values)
+    return np.concatenate(tables_of_kinds)
