@@ -33,10 +33,9 @@ from meshreel.formats.notes import (
 )
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.formats.scenes.transforms import Rounding
 from meshreel.formats.surfaces.polygons import reversed_corners
-from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
 from meshreel.runtime.extras import ALEMBIC, IMATH
@@ -129,65 +128,6 @@ def object_paths(names: Sequence[str]) -> list[ObjectPath]:
     return paths
 
 
-class Rounding:
-    """Rounds positions to float32 relative to a translation, and tracks the largest error.
-
-    The translation is zero, unless float64 positions are so far from the origin that float32
-    would move a vertex by more than a millionth of the model size: then it is the center of the
-    first frame. Positions that are float32 stay exact.
-
-    Parameters
-    ----------
-    first : float array of shape (V, 3)
-        Positions of the first frame.
-
-    Attributes
-    ----------
-    shift : float64 array of shape (3,)
-        The translation, which the transform above the mesh must add.
-    max_error : float
-        Largest rounding error of a coordinate so far.
-    """
-
-    def __init__(self, first: Vertices) -> None:
-        narrowing = Narrowing()
-        narrowing.add(first)
-        low, high = first.min(axis=0), first.max(axis=0)
-        middle = (low / 2 + high / 2).astype(np.float64)  # halved first, to avoid overflow
-        self.shift = np.zeros(3) if narrowing.is_harmless else middle
-        self.max_error = 0.0
-
-    def add(self, frame: Vertices) -> Singles:
-        """Return the next frame rounded to float32, of shape (V, 3).
-
-        Raises
-        ------
-        InvalidInputError
-            If a position does not fit into float32.
-        """
-        if frame.dtype == np.float32:
-            return frame.astype(np.float32, copy=False)
-        with np.errstate(over="ignore"):
-            rounded = (frame - self.shift).astype(np.float32)
-        if not np.isfinite(rounded).all():
-            raise InvalidInputError(
-                f"Alembic stores positions as float32, up to {np.finfo(np.float32).max:.3g}; "
-                f"got {np.abs(frame).max():.3g}; scale the model"
-            )
-        error = float(np.abs(frame - (rounded + self.shift)).max())
-        self.max_error = max(self.max_error, error)
-        return rounded
-
-    def note(self, notes: list[str]) -> None:
-        """Add a note on the rounding error, if there was any."""
-        relative = ", relative to the center of the first frame" if self.shift.any() else ""
-        if self.max_error:
-            notes.append(
-                f"Alembic stores positions as float32{relative}: "
-                f"coordinates change by up to {self.max_error:.2g}"
-            )
-
-
 def write_alembic(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write an Alembic file (Ogawa) with one polygon mesh per part.
 
@@ -226,7 +166,7 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
         tracks = {name: one for name, one in segment.tracks.items() if name not in left_out}
         parts = list(split_parts(segment.faces, segment.surface, segment.n_verts, stream.name))
         if rounding is None:
-            rounding = Rounding(segment.first)
+            rounding = Rounding(segment.first, "Alembic")
             for one in parts:
                 note_name("part", one.name, clean(one.name, IN_TEXTS), ".abc", stream.notes)
             changing = shared if stream.n_segments > 1 else None

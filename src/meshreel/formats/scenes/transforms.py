@@ -1,11 +1,12 @@
-"""Transformation of points, vectors and normals by matrices for row vectors."""
+"""Transformation of points, vectors and normals by matrices for row vectors, and rounding."""
 
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Values
+from meshreel.arrays import Floats, Singles, Values
+from meshreel.errors import InvalidInputError
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.sequence import Vertices
 
@@ -62,3 +63,66 @@ def is_mirroring(matrices: Floats) -> npt.NDArray[np.bool_]:
     with np.errstate(all="ignore"):
         mirrors: npt.NDArray[np.bool_] = np.linalg.det(matrices[..., :3, :3]) < 0
     return mirrors
+
+
+class Rounding:
+    """Rounds positions to float32 relative to a translation, and tracks the largest error.
+
+    The translation is zero, unless float64 positions are so far from the origin that float32
+    would move a vertex by more than a millionth of the model size: then it is the center of the
+    first frame. Positions that are float32 stay exact.
+
+    Parameters
+    ----------
+    first : float array of shape (V, 3)
+        Positions of the first frame.
+    program : str
+        Name of the format, for messages.
+
+    Attributes
+    ----------
+    shift : float64 array of shape (3,)
+        The translation, which the transform above the mesh must add.
+    max_error : float
+        Largest rounding error of a coordinate so far.
+    """
+
+    def __init__(self, first: Vertices, program: str) -> None:
+        self._program = program
+        narrowing = Narrowing()
+        narrowing.add(first)
+        low, high = first.min(axis=0), first.max(axis=0)
+        middle = (low / 2 + high / 2).astype(np.float64)  # halved first, to avoid overflow
+        self.shift = np.zeros(3) if narrowing.is_harmless else middle
+        self.max_error = 0.0
+
+    def add(self, frame: Vertices) -> Singles:
+        """Return the next frame rounded to float32, of shape (V, 3).
+
+        Raises
+        ------
+        InvalidInputError
+            If a position does not fit into float32.
+        """
+        if frame.dtype == np.float32:
+            return frame.astype(np.float32, copy=False)
+        with np.errstate(over="ignore"):
+            rounded = (frame - self.shift).astype(np.float32)
+        if not np.isfinite(rounded).all():
+            limit, largest = np.finfo(np.float32).max, np.abs(frame).max()
+            raise InvalidInputError(
+                f"{self._program} stores positions as float32, up to {limit:.3g}; got "
+                f"{largest:.3g}; scale the model"
+            )
+        error = float(np.abs(frame - (rounded + self.shift)).max())
+        self.max_error = max(self.max_error, error)
+        return rounded
+
+    def note(self, notes: list[str]) -> None:
+        """Add a note on the rounding error, if there was any."""
+        relative = ", relative to the center of the first frame" if self.shift.any() else ""
+        if self.max_error:
+            notes.append(
+                f"{self._program} stores positions as float32{relative}: "
+                f"coordinates change by up to {self.max_error:.2g}"
+            )

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Values
+from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData, sharing_materials
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.formats.scenes.transforms import Rounding
 from meshreel.formats.surfaces.images import image_names
-from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.formats.usd.material_writing import (
     Materials,
     prim_name,
@@ -44,7 +44,6 @@ from meshreel.formats.usd.quantities import (
 )
 from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.stage import DEFAULT_RATE, usd_errors
-from meshreel.model.extent import Corners
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.materials import Image
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
@@ -97,6 +96,8 @@ def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
     ------
     FormatError
         If USD cannot write the file.
+    InvalidInputError
+        If a position does not fit into float32.
     """
     is_package = path.suffix.lower() == ".usdz"
     stream, shared = sharing_materials(stream)
@@ -139,14 +140,14 @@ def _write_binary(
     changing = shared if stream.n_segments > 1 else None
     folder = PACKAGE_FOLDER if is_package else stream.image_folder
     meshes: list[MeshWriter] = []
-    origin = np.zeros(3)
-    n_unsaved, is_rounded = 0, False
+    rounding: Rounding | None = None
+    n_unsaved = 0
     for segment, (start, stop) in zip(stream.segments(), pairwise(stream.starts), strict=True):
-        origin = origin if meshes else _origin(segment)
         parts, own = _parts(segment), codes[start:stop]
-        if not meshes:
+        if rounding is None:
+            rounding = Rounding(segment.first, "USD")
             paths = mesh_paths([part.name for part in parts], segment.name or "scene")
-            root = _write_root(stage, paths[0], origin)
+            root = _write_root(stage, paths[0], rounding.shift)
             names = {path.split("/")[2] for path in paths}
             materials = _materials(stage, root, names, segment, folder, is_package=is_package)
             has_track = any(one.kind is TrackKind.NORMAL for one in segment.tracks.values())
@@ -161,20 +162,17 @@ def _write_binary(
             mesh.begin(part, segment, sampled, materials, changing)
         n_unsaved += segment.faces.nbytes + segment.surface.size_bytes
         for index, frame in enumerate(segment.frames()):
-            local = frame - origin if origin.any() else frame
-            single = local.astype(np.float32, copy=False)
-            is_rounded = is_rounded or not np.array_equal(single, local)
-            values = segment.values(index)
+            single, values = rounding.add(frame), segment.values(index)
             for mesh in meshes:
                 mesh.write_frame(single, values, own[index])
             n_unsaved += single.nbytes + sum(one.nbytes for one in values.values())
             if n_unsaved > UNSAVED_BYTES:
                 stage.GetRootLayer().Save()
                 n_unsaved = 0
+    assert rounding is not None  # there is at least one segment
     materials.note_unused()
     stage.GetRootLayer().Save()
-    if is_rounded:
-        stream.notes.append("positions are rounded to float32, as USD stores them")
+    rounding.note(stream.notes)
 
 
 def _write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
@@ -192,30 +190,16 @@ def _write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
     return list(codes)
 
 
-def _origin(stream: FrameStream) -> Corners:
-    """Return the point to which positions are relative, of shape (3,): 0 if float32 suffices."""
-    narrowing = Narrowing()
-    narrowing.add(stream.first)
-    if narrowing.is_harmless:
-        return np.zeros(3)
-    origin: Corners = np.round(stream.first.astype(np.float64).mean(axis=0))
-    stream.notes.append(
-        f"positions are far from the origin; written relative to {origin.tolist()}, with a "
-        "transform"
-    )
-    return origin
-
-
-def _write_root(stage: Any, path: str, origin: Corners) -> str:
+def _write_root(stage: Any, path: str, shift: Floats) -> str:
     """Write the axes, units and root transform of a stage, and return the path of the root."""
     geometry, root = USD.load("UsdGeom"), "/" + path.split("/")[1]
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
     geometry.SetStageMetersPerUnit(stage, 1.0)
     transform = geometry.Xform.Define(stage, root)
     stage.SetDefaultPrim(transform.GetPrim())
-    if origin.any():
+    if shift.any():
         operation = transform.AddTranslateOp(geometry.XformOp.PrecisionDouble)
-        operation.Set(tuple(origin.tolist()))
+        operation.Set(tuple(shift.tolist()))
     return root
 
 

@@ -151,7 +151,7 @@ def test_save_notes_the_rounding_of_float64_positions(tmp_path):
     save(expected, tmp_path / "x.usdc", notes=notes)
     found = load(tmp_path / "x.usdc")
     np.testing.assert_array_equal(found.vertices, expected.vertices.astype(np.float32))
-    assert notes[0] == "positions are rounded to float32, as USD stores them"
+    assert notes[0].startswith("USD stores positions as float32: coordinates change by up to ")
 
 
 def test_save_notes_nothing_for_exact_float64_positions(tmp_path):
@@ -173,7 +173,15 @@ def test_save_centers_float64_positions_far_from_the_origin(tmp_path):
     found = load(tmp_path / "x.usdc", merge=True)
     assert found.dtype == np.float64
     assert np.abs(found.vertices - expected.vertices).max() < 4e-7
-    assert any("far from the origin" in note for note in notes)
+    assert notes[0].startswith("USD stores positions as float32, relative to the center of")
+
+
+def test_save_rejects_positions_when_they_exceed_float32(tmp_path):
+    vertices = np.zeros((1, 3, 3))
+    vertices[0, 0], vertices[0, 1] = 1e300, -1e300
+    with pytest.raises(InvalidInputError, match=r"USD stores .* got 1e\+300; scale the model"):
+        save(MeshSequence(vertices, np.array([[0, 1, 2]])), tmp_path / "a.usdc")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_save_keeps_float32_positions_far_from_the_origin_exact(tmp_path):
