@@ -14,7 +14,7 @@ from meshreel.formats.save import save
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track, domain_sizes
 from samples import alembic as sample
-from samples.meshes import quad_sheet, two_sheets
+from samples.meshes import quad_sheet
 from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 
@@ -258,17 +258,6 @@ def test_constant_track_round_trips(tmp_path):
     tracks = {"id": Track(np.tile(np.arange(sheet.n_verts, dtype="i4"), (3, 1)))}
     save(replace(sheet, tracks=tracks), tmp_path / "a.abc")
     assert_same_tracks(load(tmp_path / "a.abc").tracks, tracks)
-
-
-def test_tracks_of_several_parts_round_trip(tmp_path):
-    sheet = two_sheets()
-    sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
-    tracks = {
-        f"of {domain}": Track(RNG.random((sheet.n_frames, size)), domain)
-        for domain, size in sizes.items()
-    }
-    save(replace(sheet, tracks=tracks), tmp_path / "a.abc")
-    assert_same_tracks(load(tmp_path / "a.abc", merge=True).tracks, tracks)
 
 
 def test_alembic_library_reads_the_saved_tracks(tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from meshreel.formats.alembic.write import object_paths
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
@@ -107,3 +108,20 @@ def test_changed_units_and_labels_are_noted(tmp_path, text):
 def test_changed_part_name_is_noted(tmp_path):
     found, notes = round_trip(tmp_path, parts=[Part("a\0b", 4, 2)])
     assert (found.name, notes) == ("a_b", [rename_note("part", "a\0b", "a_b")])
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["/root/body"], ["root/body"]),
+        (["body"], ["body/body"]),
+        (["", "//"], ["mesh/mesh", "mesh/mesh_2"]),
+        (["/a/b", "/a/c"], ["a/b", "a/c"]),
+        (["/a/b", "/a/b"], ["a/b", "a/b_2"]),
+        (["/a/b", "/a/b/c"], ["a/b/b", "a/b/c"]),
+        (["/a/b/b", "/a/b"], ["a/b/b", "a/b/b_2"]),
+        (["a", "/a/a"], ["a/a", "a/a_2"]),
+    ],
+)
+def test_object_paths_are_unique_and_have_a_transform(names, expected):
+    assert ["/".join(path) for path in object_paths(names)] == expected

@@ -12,7 +12,6 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from meshreel.runtime.extras import Extra
 from samples.meshes import quad_sheet
-from samples.opening import open_source
 from samples.surfaces import two_cubes
 
 pytest.importorskip("alembic3d")
@@ -41,35 +40,6 @@ def test_positions_and_polygons_round_trip_exactly(tmp_path):
     np.testing.assert_array_equal(found.faces, FACES)
     np.testing.assert_array_equal(found.surface.face_sizes, SIZES)
     assert found.name == "Ödipus"
-
-
-def test_open_source_reads_positions_exactly_from_the_file(tmp_path):
-    sequence = animated(5, fps=24)
-    save(sequence, tmp_path / "a.abc")
-    found = open_source(tmp_path / "a.abc", max_loaded_bytes=0)
-    assert not isinstance(found, MeshSequence)
-    np.testing.assert_array_equal(found.read(1, 4), sequence.vertices[1:4])
-
-
-@pytest.mark.parametrize("fps", [12.5, 24.0, 25.0, 29.97, 30000 / 1001, 60.0])
-@pytest.mark.parametrize("start_s", [0.0, -1.25, 3.5, 1001 / 24])
-def test_frame_rate_and_start_round_trip(tmp_path, fps, start_s):
-    found = saved_and_loaded(tmp_path / "a.abc", animated(fps=fps, start_s=start_s))
-    assert (found.fps, found.start_s) == (fps, start_s)
-
-
-@pytest.mark.parametrize(("fps", "start_s"), [(0.0, 0.0), (0.0, 2.5), (24.0, 2.5)])
-def test_single_frame_round_trips(tmp_path, fps, start_s):
-    sequence, notes = animated(1, fps=fps, start_s=start_s), []
-    found = saved_and_loaded(tmp_path / "a.abc", sequence, notes)
-    assert (found.n_frames, found.fps, found.start_s, notes) == (1, fps, start_s, [])
-    np.testing.assert_array_equal(found.vertices, sequence.vertices)
-
-
-def test_save_assumes_24_frames_per_second_without_a_frame_rate(tmp_path):
-    notes = []
-    assert saved_and_loaded(tmp_path / "a.abc", animated(), notes).fps == 24
-    assert notes == ["the frame rate is unknown; written as 24 frames per second"]
 
 
 @pytest.mark.parametrize("domain", Domain)
@@ -138,39 +108,6 @@ def test_parts_round_trip_as_meshes(tmp_path):
     np.testing.assert_array_equal(found.surface.attributes[0].values, colors.values)
     alone = load(tmp_path / "a.abc", object="c")
     np.testing.assert_array_equal(alone.vertices, vertices[:, 4:7])
-
-
-def test_save_notes_the_rounding_of_float64_positions(tmp_path):
-    sequence, notes = animated(dtype=np.float64, fps=24), []
-    found = saved_and_loaded(tmp_path / "a.abc", sequence, notes)
-    np.testing.assert_array_equal(found.vertices, sequence.vertices.astype(np.float32))
-    error = np.abs(found.vertices - sequence.vertices).max()
-    assert notes == [
-        f"Alembic stores positions as float32: coordinates change by up to {error:.2g}"
-    ]
-
-
-def test_save_keeps_float64_positions_far_from_the_origin_within_a_millionth(tmp_path):
-    sequence, notes = animated(dtype=np.float64, offset=[3e8, -4e8, 0.5], fps=24), []
-    found = saved_and_loaded(tmp_path / "a.abc", sequence, notes)
-    assert found.vertices.dtype == np.float64
-    assert np.abs(found.vertices - sequence.vertices).max() < 3e-7
-    assert notes[0].startswith("Alembic stores positions as float32, relative to the center of")
-
-
-def test_save_keeps_float32_positions_far_from_the_origin_exact(tmp_path):
-    sequence, notes = animated(offset=1e6, fps=24), []
-    found = saved_and_loaded(tmp_path / "a.abc", sequence, notes)
-    np.testing.assert_array_equal(found.vertices, sequence.vertices)
-    assert notes == []
-
-
-def test_save_rejects_positions_beyond_float32(tmp_path):
-    vertices = np.zeros((1, 8, 3))
-    vertices[0, 0], vertices[0, 1] = 1e300, -1e300
-    with pytest.raises(InvalidInputError, match=r"up to 3\.4e\+38; got 1e\+300; scale"):
-        save(MeshSequence(vertices, FACES, surface=Surface(SIZES)), tmp_path / "a.abc")
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("has_limits", [True, False])

@@ -8,12 +8,11 @@ import pytest
 pytest.importorskip("pxr")
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-import meshreel
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.surface import Domain, Part
-from meshreel.model.tracks import Track, domain_sizes
-from samples.meshes import quad_sheet, two_sheets
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track
+from samples.meshes import quad_sheet
 from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 
@@ -241,21 +240,6 @@ def test_tracks_round_trip_exactly(tmp_path, extension, n_frames):
     assert_same_tracks(found.tracks, sheet.tracks)
     assert not any("track" in note for note in notes)
     assert {one.name for one in found.surface.attributes} == {"st", "displayColor"}
-
-
-def test_tracks_of_several_parts_round_trip(tmp_path):
-    sheet = two_sheets()
-    sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)
-    tracks = {
-        f"of {domain}": Track(RNG.random((sheet.n_frames, size)), domain)
-        for domain, size in sizes.items()
-    }
-    sheet = replace(sheet, tracks=tracks)
-    assert len(sheet.surface.parts) == 2
-    assert all(isinstance(one, Part) for one in sheet.surface.parts)
-    save(sheet, tmp_path / "x.usdc")
-    found = meshreel.load(tmp_path / "x.usdc", merge=True)
-    assert_same_tracks(found.tracks, tracks)
 
 
 def test_saved_tracks_are_normals_velocities_and_primvars_in_usd(tmp_path):

@@ -97,17 +97,6 @@ def test_sequence_round_trips(tmp_path, extension):
         np.testing.assert_array_equal(one.numbers, other.numbers)
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
-def test_open_source_reads_any_frames_from_the_file(tmp_path, extension):
-    expected = sheets(7, n_parts=1)
-    save(expected, tmp_path / f"x.{extension}")
-    found = open_source(tmp_path / f"x.{extension}", max_loaded_bytes=0)
-    assert not isinstance(found, MeshSequence)
-    for start, stop in ((6, 7), (0, 2), (3, 7), (0, 7)):
-        np.testing.assert_array_equal(found.read(start, stop), expected.vertices[start:stop])
-    assert (found.name, found.n_frames, found.dtype) == ("sheets", 7, np.float32)
-
-
 @pytest.mark.parametrize("fps", [1.0, 12.5, 23.976, 24000 / 1001, 25.0, 29.97, 30000 / 1001, 60.0])
 @pytest.mark.parametrize("first", [0, 1, 1001, -24, 100_000])
 def test_frame_rate_and_start_round_trip(tmp_path, fps, first):
@@ -122,46 +111,11 @@ def test_frame_rate_and_start_round_trip(tmp_path, fps, first):
     assert (found.fps, found.start_s) == (fps, first / fps)
 
 
-@pytest.mark.parametrize(("fps", "start_s"), [(30.0, 0.0), (24.0, 0.5), (24.0, 1.0), (0.0, 0.0)])
-def test_single_frame_round_trips_with_its_time(tmp_path, fps, start_s):
-    expected, notes = sheets(1, n_parts=1, fps=fps, start_s=start_s), []
-    save(expected, tmp_path / "x.usda", notes=notes)
-    found = load(tmp_path / "x.usda")
-    assert (found.n_frames, found.fps, found.start_s) == (1, fps, start_s)
-    np.testing.assert_array_equal(found.vertices, expected.vertices)
-    assert notes[:-1] == []
-
-
-def test_save_assumes_24_frames_per_second_without_a_frame_rate(tmp_path):
-    notes = []
-    save(sheets(fps=0.0), tmp_path / "x.usdc", notes=notes)
-    assert notes == ["the frame rate is unknown; written as 24 frames per second"]
-    assert load(tmp_path / "x.usdc", merge=True).fps == 24
-
-
 def test_start_between_frames_round_trips(tmp_path):
     save(sheets(3, n_parts=1, start_s=0.37), tmp_path / "x.usdc")
     found = load(tmp_path / "x.usdc")
     assert found.fps == 24
     assert found.start_s == pytest.approx(0.37, rel=1e-15)
-
-
-def test_save_notes_the_rounding_of_float64_positions(tmp_path):
-    expected, notes = sheets(dtype=np.float64, n_parts=1), []
-    save(expected, tmp_path / "x.usdc", notes=notes)
-    found = load(tmp_path / "x.usdc")
-    np.testing.assert_array_equal(found.vertices, expected.vertices.astype(np.float32))
-    assert notes[0].startswith("USD stores positions as float32: coordinates change by up to ")
-
-
-def test_save_notes_nothing_for_exact_float64_positions(tmp_path):
-    exact = sheets(n_parts=1)
-    notes = []
-    save(
-        MeshSequence(exact.vertices.astype(np.float64), exact.faces, 24.0), tmp_path / "x.usdc",
-        notes=notes,
-    )  # fmt: skip
-    assert notes == []
 
 
 def test_save_centers_float64_positions_far_from_the_origin(tmp_path):
@@ -174,21 +128,6 @@ def test_save_centers_float64_positions_far_from_the_origin(tmp_path):
     assert found.dtype == np.float64
     assert np.abs(found.vertices - expected.vertices).max() < 4e-7
     assert notes[0].startswith("USD stores positions as float32, relative to the center of")
-
-
-def test_save_rejects_positions_when_they_exceed_float32(tmp_path):
-    vertices = np.zeros((1, 3, 3))
-    vertices[0, 0], vertices[0, 1] = 1e300, -1e300
-    with pytest.raises(InvalidInputError, match=r"USD stores .* got 1e\+300; scale the model"):
-        save(MeshSequence(vertices, np.array([[0, 1, 2]])), tmp_path / "a.usdc")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_save_keeps_float32_positions_far_from_the_origin_exact(tmp_path):
-    expected, notes = sheets(offset=4.5e8, n_parts=1), []
-    save(expected, tmp_path / "x.usdc", notes=notes)
-    np.testing.assert_array_equal(load(tmp_path / "x.usdc").vertices, expected.vertices)
-    assert notes == []
 
 
 def test_save_converts_byte_colors_to_floats(tmp_path):
