@@ -4,7 +4,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ from meshreel.formats.notes import (
     note_unwritten_units,
 )
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
 from meshreel.formats.scenes.transforms import Rounding
 from meshreel.formats.surfaces.polygons import reversed_corners
 from meshreel.model.geometry.hard_edges import RowNormals
@@ -91,18 +91,9 @@ def clean(text: str, reserved: str) -> str:
     return "".join("_" if one in reserved or "\ud800" <= one <= "\udfff" else one for one in text)
 
 
-def clean_unique_name(name: str, used: Iterable[str]) -> str:
-    """Return the name without slashes, with a number appended if it is in use."""
+def clean_unique_name(name: str, used: set[str]) -> str:
+    """Return the name without slashes, made unique, and add it to `used`."""
     return unique_name(clean(name, IN_NAMES) or UNNAMED, used)
-
-
-def unique_name(name: str, used: Iterable[str]) -> str:
-    """Return the name, with a number appended if it is in use."""
-    unique, number = name, 1
-    while unique in used:
-        number += 1
-        unique = f"{name}_{number}"
-    return unique
 
 
 def object_paths(names: Sequence[str]) -> list[ObjectPath]:
@@ -264,7 +255,7 @@ class _PartWriter:
         has_edges = part.surface.hard_edges is not None
         has_edges = has_edges if changing is None else changing.has_hard_edges
         self._has_normals = has_edges and not has_track
-        self._names: list[str] = []
+        self._names: set[str] = set()
         self._is_first = True
         self._params: dict[str | int, Any] = {}
         self._track_params: dict[str, Any] = {}
@@ -367,7 +358,7 @@ class _PartWriter:
                 self._write_texts(one)
         if self._is_first and self._changing is not None:
             # Our reader makes no track of these properties; their names contain no "/".
-            names = [*self._names, *([] if texture is None else [UVS])]
+            names = [*sorted(self._names), *([] if texture is None else [UVS])]
             self._mark(SEGMENT_ATTRIBUTES, "/".join(names))
 
     def _mark_first(self, texture: Attribute | None) -> None:
@@ -379,7 +370,7 @@ class _PartWriter:
             self._schema.setUVSourceName(name)
         elif UVS in self._standard:
             name = self._standard[UVS][0]
-            written_name = unique_name(clean(name, IN_METADATA), self._others)
+            written_name = unique_name(clean(name, IN_METADATA), set(self._others))
             note_track_name(name, written_name, ".abc", self._notes)
             self._schema.setUVSourceName(written_name)
         if self._shading is not None:
@@ -392,7 +383,6 @@ class _PartWriter:
     def _new_name(self, what: str, name: str) -> str:
         written_name = clean_unique_name(name, self._names)
         note_name(what, name, written_name, ".abc", self._notes)
-        self._names.append(written_name)
         return written_name
 
     def _param(
@@ -453,7 +443,6 @@ class _PartWriter:
         for label in labels:
             if label not in self._face_sets:
                 name = clean_unique_name(label, self._face_set_names)
-                self._face_set_names.add(name)
                 note_name("material", label, name, ".abc", self._notes)
                 created = self._face_sets[label] = self._schema.createFaceSet(name).getSchema()
                 if self._changing is not None:
@@ -470,7 +459,6 @@ class _PartWriter:
         kind = _track_type(track)
         if name not in self._track_params:
             written_name = clean_unique_name(name, self._names)
-            self._names.append(written_name)
             is_valid = clean(name, IN_METADATA) == name
             # Readers show the source name if there is one.
             note_track_name(name, name if is_valid else written_name, ".abc", self._notes)

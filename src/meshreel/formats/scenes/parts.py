@@ -1,4 +1,4 @@
-"""Splitting of a merged mesh into its parts."""
+"""Splitting of a merged mesh into its parts, and their names."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -94,3 +94,12 @@ def _cut_groups(whole: FaceGroups, faces: slice) -> FaceGroups:
     first = int(len(used) > 0 and used[0] == -1)
     labels = tuple(whole.labels[number] for number in used[first:])
     return FaceGroups(whole.name, labels, (numbers - first).astype(np.int32))
+
+
+def unique_name(name: str, used: set[str]) -> str:
+    """Return the name, with a number appended if it is in use, and add it to `used`."""
+    unique, number = name, 2
+    while unique in used:
+        unique, number = f"{name}_{number}", number + 1
+    used.add(unique)
+    return unique

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from meshreel.formats.notes import MaterialNotes
+from meshreel.formats.scenes.parts import unique_name
 from meshreel.formats.usd.materials import NO_BIAS, NO_SCALE, UV_READER, WRAPS
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
 from meshreel.model.surface import FaceGroups
@@ -20,15 +21,6 @@ def prim_name(name: str) -> str:
     is_allowed = USD.load("Sdf").Path.IsValidIdentifier
     cleaned = "".join(char if is_allowed(f"_{char}") else "_" for char in name) or "mesh"
     return cleaned if is_allowed(cleaned) else f"_{cleaned}"
-
-
-def unique_name(name: str, used: set[str]) -> str:
-    """Return the name, with a number appended if it is in use, and add it to `used`."""
-    unique, number = name, 2
-    while unique in used:
-        unique, number = f"{name}_{number}", number + 1
-    used.add(unique)
-    return unique
 
 
 def set_display_name(prim: Any, label: str) -> None:

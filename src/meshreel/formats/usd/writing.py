@@ -21,15 +21,10 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData, sharing_materials
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
 from meshreel.formats.scenes.transforms import Rounding
 from meshreel.formats.surfaces.images import image_names
-from meshreel.formats.usd.material_writing import (
-    Materials,
-    prim_name,
-    set_display_name,
-    unique_name,
-)
+from meshreel.formats.usd.material_writing import Materials, prim_name, set_display_name
 from meshreel.formats.usd.materials import MATERIALS
 from meshreel.formats.usd.quantities import (
     COLOR,

@@ -2,7 +2,8 @@
 
 import pytest
 
-from meshreel.formats.usd.material_writing import prim_name, unique_name
+from meshreel.formats.scenes.parts import unique_name
+from meshreel.formats.usd.material_writing import prim_name
 from meshreel.formats.usd.writing import mesh_paths
 
 
