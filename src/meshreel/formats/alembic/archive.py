@@ -193,7 +193,9 @@ class Archive:
             raise damage_error(
                 f"the root group has {len(root)} entries; an Alembic file has {N_SECTIONS}"
             )
-        samplings, metadata = (Records(self.data(root[one])) for one in (SAMPLINGS, METADATA))
+        samplings, metadata = (
+            Records(self.data(root[section])) for section in (SAMPLINGS, METADATA)
+        )
         self.samplings: list[TimeSampling] = samplings.all(lambda: _read_sampling(samplings))
         # Headers refer to metadata by index; index 0 is empty.
         shared = metadata.all(lambda: metadata.metadata(metadata.number(1)))
@@ -248,7 +250,7 @@ class Archive:
         headers = records.all(header)
         _check_count(headers, len(group) - 2, "objects")
         children = zip(group[1:-1].tolist(), headers, strict=True)
-        return [AbcObject(self, child, *one) for child, one in children]
+        return [AbcObject(self, child, *header) for child, header in children]
 
     def properties(self, reference: int) -> dict[str, "Property"]:
         """Return the properties in a group, by name."""
@@ -259,7 +261,7 @@ class Archive:
         headers = records.all(lambda: self._property_header(records))
         _check_count(headers, len(group) - 1, "properties")
         children = zip(group[:-1].tolist(), headers, strict=True)
-        return {one["name"]: Property(self, child, **one) for child, one in children}
+        return {header["name"]: Property(self, child, **header) for child, header in children}
 
     def _property_header(self, records: Records) -> dict[str, Any]:
         """Read the fields of a `Property`."""

@@ -139,7 +139,7 @@ class GeometryParam:
         """Return the times at which values or indices are sampled, ascending."""
         times = [self.values.times_s]
         times += [] if self.indices is None else [self.indices.times_s]
-        animated = [one for one in times if len(one) > 1]
+        animated = [time for time in times if len(time) > 1]
         return np.unique(np.concatenate(animated)) if animated else times[0][:1]
 
     def quantity(
@@ -193,14 +193,14 @@ def animated_quantities(path: str, geometry: Properties, notes: list[str]) -> di
     """Return the animated properties of a mesh by property name, with unique track names."""
     quantities: dict[str, Quantity] = {}
     names: set[str] = set()
-    for key, one in _animated(geometry):
-        name = one.name
+    for key, quantity in _animated(geometry):
+        name = quantity.name
         while name in names:
             name += "_"
         names.add(name)
-        if name != one.name:
-            notes.append(f"{path} has {one.name!r} twice; the second is called {name!r}")
-        quantities[key] = replace(one, name=name)
+        if name != quantity.name:
+            notes.append(f"{path} has {quantity.name!r} twice; the second is called {name!r}")
+        quantities[key] = replace(quantity, name=name)
     return quantities
 
 
@@ -357,7 +357,7 @@ def domain_of(declared: Domain | None, n_values: int, mesh: PolygonMesh) -> Doma
     """Return the declared domain if the number of values fits it, or else one that it fits."""
     n_items = mesh.n_items
     candidates = (*([declared] if declared else []), Domain.VERTEX, Domain.CORNER, Domain.FACE)
-    return next((one for one in candidates if n_items[one] == n_values), None)
+    return next((candidate for candidate in candidates if n_items[candidate] == n_values), None)
 
 
 def _groups(param: GeometryParam, mesh: PolygonMesh, time_s: float) -> FaceGroups | None:

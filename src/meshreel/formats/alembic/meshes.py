@@ -59,7 +59,11 @@ class Transform:
     def times_s(self) -> list[Floats]:
         """Sample times of each animated property; empty if the transform is static."""
         properties = (self.properties.get(name) for name in (".vals", ".inherits"))
-        return [one.times_s for one in properties if one is not None and not one.is_constant]
+        return [
+            property_.times_s
+            for property_ in properties
+            if property_ is not None and not property_.is_constant
+        ]
 
     def inherits(self, time_s: float) -> bool:
         """Return whether the parent transforms apply."""
@@ -148,7 +152,7 @@ def _interpolate(first: Floats, second: Floats, weight: float) -> Floats:
     blend = (1 - weight) * first + weight * second
     if not np.isfinite(blend).all():
         return blend
-    rotations, stretches = zip(*(_polar(one[:3, :3]) for one in (first, second)), strict=True)
+    rotations, stretches = zip(*(_polar(matrix[:3, :3]) for matrix in (first, second)), strict=True)
     axis, angle_deg = _axis_and_angle(rotations[0].T @ rotations[1])
     rotation = rotations[0] @ _rotation(axis, weight * angle_deg)
     blend[:3, :3] = ((1 - weight) * stretches[0] + weight * stretches[1]) @ rotation
@@ -245,19 +249,19 @@ class _AnimatedMesh:
         self._normal_notes = normal_notes
         geometry = node.object.properties.get(".geom")
         self._properties = geometry.properties if geometry is not None else {}
-        missing = [one for one in (POINTS, CORNERS, COUNTS) if one not in self._properties]
+        missing = [name for name in (POINTS, CORNERS, COUNTS) if name not in self._properties]
         if missing:
             raise damage_error(f"the mesh {node.path} has no {', '.join(missing)}")
         self._points, self._corners, self._counts = (
             self._properties[name] for name in (POINTS, CORNERS, COUNTS)
         )
         self._cached_faces: tuple[Hashable, PolygonMesh] | None = None
-        above = [one for transform in node.chain for one in transform.times_s]
+        above = [times_ for transform in node.chain for times_ in transform.times_s]
         self._is_transform_animated = bool(above)
-        own = (one.times_s for one in (self._points, self._corners, self._counts))
+        own = (values.times_s for values in (self._points, self._corners, self._counts))
         self._times_s = unite_times([*own, *above])
         if len(self._times_s) < 2:  # then tracks determine the frames
-            times = (one.times() for one in self._animated.values())
+            times = (quantity.times() for quantity in self._animated.values())
             self._times_s = unite_times([self._times_s, *times])
 
     def scene_mesh(self) -> SceneMesh:
@@ -312,14 +316,16 @@ class _AnimatedMesh:
         times = self._times_s[frames.start : frames.stop]
         mesh = self._mesh_at(float(times[0]))
         order = reversed_corners(mesh.counts)
-        domains = [_fitting_domain(one, times, mesh) for one in self._animated.values()]
+        domains = [_fitting_domain(quantity, times, mesh) for quantity in self._animated.values()]
         quantities = {
-            (domain, one.name): one
-            for domain, one in zip(domains, self._animated.values(), strict=True)
+            (domain, quantity.name): quantity
+            for domain, quantity in zip(domains, self._animated.values(), strict=True)
             if domain is not None
         }
         named = zip(domains, self._animated.values(), strict=True)
-        note_kinds(notes, UNSUPPORTED, [one.name for domain, one in named if domain is None])
+        note_kinds(
+            notes, UNSUPPORTED, [quantity.name for domain, quantity in named if domain is None]
+        )
 
         def place(key: Key, values: Values, time_s: float) -> Values:
             values = values[order] if key[0] is Domain.CORNER else values
@@ -364,12 +370,14 @@ class _AnimatedMesh:
         """Return the mesh at a time in local space; its faces are validated once."""
         points = self._points_at(time_s)
         stored = self._counts, self._corners
-        samples = [neighbours(one.times_s, time_s).before for one in stored]
-        indices = [one.stored_index(sample) for one, sample in zip(stored, samples, strict=True)]
+        samples = [neighbours(values.times_s, time_s).before for values in stored]
+        indices = [
+            values.stored_index(sample) for values, sample in zip(stored, samples, strict=True)
+        ]
         key = (*indices, len(points))
         if self._cached_faces is None or self._cached_faces[0] != key:
             pairs = zip(stored, samples, strict=True)
-            counts, corners = (one.integers(sample) for one, sample in pairs)
+            counts, corners = (values.integers(sample) for values, sample in pairs)
             total = int(counts.sum())
             if total != len(corners) or (counts < 0).any():
                 raise damage_error(
@@ -401,7 +409,9 @@ def walk_hierarchy(archive: Archive) -> Iterator[Node]:
     """
     seen: set[str] = set()
     root = Node("", archive.top, ())
-    stack = [(one, root, frozenset({archive.top.reference})) for one in archive.top.children[::-1]]
+    stack = [
+        (child, root, frozenset({archive.top.reference})) for child in archive.top.children[::-1]
+    ]
     while stack:
         child, parent, ancestors = stack.pop()
         path = f"{parent.path}/{child.name}"
@@ -419,13 +429,13 @@ def walk_hierarchy(archive: Archive) -> Iterator[Node]:
         if source.schema == TRANSFORM and ".xform" in source.properties:
             chain = (*chain, Transform(source.properties[".xform"].properties))
         above = Node(path, source, chain), ancestors | {source.reference}
-        stack += [(one, *above) for one in source.children[::-1]]
+        stack += [(child, *above) for child in source.children[::-1]]
 
 
 def describe_contents(nodes: Sequence[Node]) -> str:
     """Return the contents of a file without meshes in words: "cameras (2), curves (1)"."""
     schemas = (node.object.schema for node in nodes)
-    counts = Counter(OTHER_SCHEMAS[one] for one in schemas if one in OTHER_SCHEMAS)
+    counts = Counter(OTHER_SCHEMAS[schema] for schema in schemas if schema in OTHER_SCHEMAS)
     contents = [f"{what} ({count})" for what, count in sorted(counts.items())]
     return ", ".join(contents) or ("only transforms" if nodes else "no objects")
 
@@ -437,7 +447,7 @@ def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:
     source: AbcObject | None = archive.top
     for name in source_path.strip("/").split("/"):
         children = source.children if source is not None else []
-        source = next((one for one in children if one.name == name), None)
+        source = next((child for child in children if child.name == name), None)
     if source is None or source.is_instance:
         raise damage_error(f"{path} is an instance of {source_path!r}, which does not exist")
     return source

@@ -88,7 +88,9 @@ PropertyType = tuple[str, str, int]
 
 def clean(text: str, reserved: str) -> str:
     """Return the text with ``_`` in place of reserved characters and lone surrogates."""
-    return "".join("_" if one in reserved or "\ud800" <= one <= "\udfff" else one for one in text)
+    return "".join(
+        "_" if char in reserved or "\ud800" <= char <= "\udfff" else char for char in text
+    )
 
 
 def clean_unique_name(name: str, used: set[str]) -> str:
@@ -104,7 +106,8 @@ def object_paths(names: Sequence[str]) -> list[ObjectPath]:
     "body" becomes "/body/body".
     """
     requested = [
-        tuple(clean(one, IN_NAMES) for one in name.split("/") if one) or (UNNAMED,)
+        tuple(clean(component, IN_NAMES) for component in name.split("/") if component)
+        or (UNNAMED,)
         for name in names
     ]
     transforms = {path[:depth] for path in requested for depth in range(1, len(path))}
@@ -113,7 +116,7 @@ def object_paths(names: Sequence[str]) -> list[ObjectPath]:
     paths = []
     for path in requested:
         placed = (*path, path[-1]) if path in transforms else path
-        siblings = {one[-1] for one in used if one[:-1] == placed[:-1]}
+        siblings = {other[-1] for other in used if other[:-1] == placed[:-1]}
         paths.append((*placed[:-1], clean_unique_name(placed[-1], siblings)))
         used.add(paths[-1])
     return paths
@@ -154,12 +157,12 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
     rounding: Rounding | None = None
     writers: list[_PartWriter] = []
     for segment in stream.segments():
-        tracks = {name: one for name, one in segment.tracks.items() if name not in left_out}
+        tracks = {name: track for name, track in segment.tracks.items() if name not in left_out}
         parts = list(split_parts(segment.faces, segment.surface, segment.n_verts, stream.name))
         if rounding is None:
             rounding = Rounding(segment.first, "Alembic")
-            for one in parts:
-                note_name("part", one.name, clean(one.name, IN_TEXTS), ".abc", stream.notes)
+            for part in parts:
+                note_name("part", part.name, clean(part.name, IN_TEXTS), ".abc", stream.notes)
             changing = shared if stream.n_segments > 1 else None
             transforms: dict[ObjectPath, Any] = {(): archive.getTop()}
             for part, place in zip(parts, object_paths([p.name for p in parts]), strict=True):
@@ -171,7 +174,7 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
             writer.begin(part)
         for index, frame in enumerate(segment.frames()):
             rounded = rounding.add(frame)
-            values = {name: one.read(index, index + 1)[0] for name, one in tracks.items()}
+            values = {name: track.read(index, index + 1)[0] for name, track in tracks.items()}
             for writer in writers:
                 writer.add(rounded, values)
     assert rounding is not None  # there is at least one segment
@@ -212,7 +215,7 @@ def unwritable_tracks(stream: SegmentedStream, shared: SharedData) -> set[str]:
         name: None
         for mesh in (stream.meshes() if long else ())
         for name, track in mesh.tracks.items()
-        if name in long and any((abs(one) > MAX_INT32).any() for one in value_range(track))
+        if name in long and any((abs(limit) > MAX_INT32).any() for limit in value_range(track))
     }
     note_unwritten_tracks(
         too_large, ".abc", stream.notes, "integers beyond 32 bits (a limit of its library)"
@@ -251,7 +254,7 @@ class _PartWriter:
     ) -> None:
         self._schema, self._sampling, self._notes = schema, sampling, notes
         self._changing = changing
-        has_track = any(one.kind is TrackKind.NORMAL for one in tracks.values())
+        has_track = any(track.kind is TrackKind.NORMAL for track in tracks.values())
         has_edges = part.surface.hard_edges is not None
         has_edges = has_edges if changing is None else changing.has_hard_edges
         self._has_normals = has_edges and not has_track
@@ -335,13 +338,13 @@ class _PartWriter:
         counts, attributes = self._part.counts, self._part.surface.attributes
         sample.setFaceCounts(library_array("Int32", counts))
         sample.setFaceIndices(library_array("Int32", self._part.corners[self._corner_order]))
-        texture = next((one for one in attributes if _is_texture(one)), None)
+        texture = next((attribute for attribute in attributes if _is_texture(attribute)), None)
         if self._is_first:
             self._mark_first(texture)
         if texture is not None:
             sample.setUVs(self._attribute_sample(texture, UV_TYPE))
         self._schema.set(sample)
-        others = [one for one in attributes if one is not texture]
+        others = [attribute for attribute in attributes if attribute is not texture]
         for number, attribute in enumerate(others):
             kind = _attribute_type(attribute)
             if self._is_first:
@@ -350,12 +353,12 @@ class _PartWriter:
                     name, attribute.domain, kind, is_indexed=attribute.indices is not None
                 )
             self._params[number].set(self._attribute_sample(attribute, kind))
-        for one in self._part.surface.groups:
-            if one.name == "material":
-                self._write_face_sets(one)
-        for one in self._part.surface.groups:
-            if one.name != "material":
-                self._write_texts(one)
+        for group in self._part.surface.groups:
+            if group.name == "material":
+                self._write_face_sets(group)
+        for group in self._part.surface.groups:
+            if group.name != "material":
+                self._write_texts(group)
         if self._is_first and self._changing is not None:
             # Our reader makes no track of these properties; their names contain no "/".
             names = [*sorted(self._names), *([] if texture is None else [UVS])]
@@ -364,7 +367,11 @@ class _PartWriter:
     def _mark_first(self, texture: Attribute | None) -> None:
         """Name the texture coordinates and mark normals, which must precede the first sample."""
         if texture is not None:
-            others = {one.name for one in self._part.surface.attributes if one is not texture}
+            others = {
+                attribute.name
+                for attribute in self._part.surface.attributes
+                if attribute is not texture
+            }
             name = unique_name(clean(texture.name, IN_METADATA), others)
             note_name("attribute", texture.name, name, ".abc", self._notes)
             self._schema.setUVSourceName(name)
@@ -606,8 +613,8 @@ def _max_file_bytes(mesh: SegmentMesh) -> int:
     n_parts = max(1, len(surface.parts))
     n_corners = 3 * len(mesh.faces)
     once = 4 * (n_corners + len(mesh.faces)) + 4 * surface.size_bytes
-    n_numbers = sum(math.prod(one.shape[1:]) for one in mesh.tracks.values())
-    n_sampled = len(surface.attributes) + sum(1 + len(one.labels) for one in surface.groups)
+    n_numbers = sum(math.prod(track.shape[1:]) for track in mesh.tracks.values())
+    n_sampled = len(surface.attributes) + sum(1 + len(group.labels) for group in surface.groups)
     n_arrays = n_parts * (1 + len(mesh.tracks) + n_sampled)
     if surface.hard_edges is not None:
         n_numbers += 3 * n_corners

@@ -103,12 +103,12 @@ def merge_tracks(
     if not any(mesh_tracks):
         return {}
     shifted = [
-        [one.shifted(-start) for one, start in zip(row, first, strict=True)] for row in places
+        [place.shifted(-start) for place, start in zip(row, first, strict=True)] for row in places
     ]
     sizes = [mesh.frame(start).n_items for mesh, start in zip(meshes, first, strict=True)]
     names = dict.fromkeys(name for tracks in mesh_tracks for name in tracks)
-    found = {name: _merged(name, mesh_tracks, shifted, sizes, notes) for name in names}
-    return {name: track for name, track in found.items() if track is not None}
+    merged = {name: _merged(name, mesh_tracks, shifted, sizes, notes) for name in names}
+    return {name: track for name, track in merged.items() if track is not None}
 
 
 def _merged(
@@ -118,23 +118,23 @@ def _merged(
     sizes: Sequence[Mapping[Domain, int]],
     notes: list[str],
 ) -> StoredTrack | None:
-    found = [tracks.get(name) for tracks in mesh_tracks]
-    known = [track for track in found if track is not None]
-    if len({(one.domain, one.kind, one.unit, one.shape[2]) for one in known}) > 1:
+    of_meshes = [tracks.get(name) for tracks in mesh_tracks]
+    known = [track for track in of_meshes if track is not None]
+    if len({(track.domain, track.kind, track.unit, track.shape[2]) for track in known}) > 1:
         note_left_out(notes, f"tracks that differ between meshes: {listed([name])}")
         return None
     domain, kind = known[0].domain, known[0].kind
     dtype = np.result_type(*(track.dtype for track in known))
-    if len(known) < len(found):
+    if len(known) < len(of_meshes):
         dtype = dtype if dtype.kind == "f" else np.dtype(np.float64)
         notes.append(
-            f"track {name!r} is in {len(known)} of {len(found)} meshes, and NaN in the others"
+            f"track {name!r} is in {len(known)} of {len(of_meshes)} meshes, and NaN in the others"
         )
     is_blended = kind in BLENDED and dtype.kind == "f"
     n_columns = known[0].shape[2]
 
     def read_part(part: int, place: Neighbours) -> Values:
-        track = found[part]
+        track = of_meshes[part]
         if track is None:
             return np.full((sizes[part][domain], n_columns), np.nan, dtype)
         before = track.read(place.before, place.before + 1)[0]
@@ -152,7 +152,7 @@ def _merged(
             values[index - start] = np.concatenate(parts)
         return values
 
-    shape = len(places), sum(one[domain] for one in sizes), n_columns
+    shape = len(places), sum(size[domain] for size in sizes), n_columns
     return StoredTrack(domain, kind, known[0].unit, dtype, shape, read_range)
 
 
@@ -186,7 +186,7 @@ def merge_surfaces(
     attributes = _merged_attributes(unify_domains(surfaces, frames), frames, notes)
     groups = _merged_groups(surfaces, frames)
     hard_edges = merged_edges(
-        [one.hard_edges for one in surfaces], [len(frame.vertices) for frame in frames]
+        [surface.hard_edges for surface in surfaces], [len(frame.vertices) for frame in frames]
     )
     return Surface(None, attributes, groups, parts, table.materials, table.images, hard_edges)
 
@@ -206,21 +206,23 @@ def unify_domains(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) ->
     domains: dict[Meaning, set[Domain]] = {}
     twice: set[Meaning] = set()
     for surface in surfaces:
-        matches = [_meaning(one) for one in surface.attributes]
+        matches = [_meaning(attribute) for attribute in surface.attributes]
         twice |= {meaning for meaning in matches if matches.count(meaning) > 1}
-        for meaning, one in zip(matches, surface.attributes, strict=True):
-            domains.setdefault(meaning, set()).add(one.domain)
-    mixed = {meaning for meaning, found in domains.items() if len(found) > 1} - twice
+        for meaning, attribute in zip(matches, surface.attributes, strict=True):
+            domains.setdefault(meaning, set()).add(attribute.domain)
+    mixed = {meaning for meaning, own in domains.items() if len(own) > 1} - twice
 
-    def unified(one: Attribute, frame: PolygonMesh) -> Attribute:
-        if one.domain is Domain.CORNER or _meaning(one) not in mixed:
-            return one
-        items = frame.items_of_corners(one.domain)
-        rows = items if one.indices is None else one.indices[items]
-        return replace(one, domain=Domain.CORNER, indices=rows.astype(np.int32))
+    def unified(attribute: Attribute, frame: PolygonMesh) -> Attribute:
+        if attribute.domain is Domain.CORNER or _meaning(attribute) not in mixed:
+            return attribute
+        items = frame.items_of_corners(attribute.domain)
+        rows = items if attribute.indices is None else attribute.indices[items]
+        return replace(attribute, domain=Domain.CORNER, indices=rows.astype(np.int32))
 
     return [
-        replace(surface, attributes=tuple(unified(one, frame) for one in surface.attributes))
+        replace(
+            surface, attributes=tuple(unified(attribute, frame) for attribute in surface.attributes)
+        )
         for surface, frame in zip(surfaces, frames, strict=True)
     ]
 
@@ -233,14 +235,14 @@ def _merged_attributes(
     surfaces: Sequence[Surface], frames: Sequence[PolygonMesh], notes: list[str]
 ) -> tuple[Attribute, ...]:
     """Merge attributes by kind, name, domain and width; zeros where a mesh lacks one."""
-    keys = {_key(one): one for surface in surfaces for one in surface.attributes}
+    keys = {_key(attribute): attribute for surface in surfaces for attribute in surface.attributes}
     merged = []
     for key, sample in keys.items():
         matches = [
-            next((one for one in surface.attributes if _key(one) == key), None)
+            next((attribute for attribute in surface.attributes if _key(attribute) == key), None)
             for surface in surfaces
         ]
-        if any(one is None for one in matches):
+        if any(match_ is None for match_ in matches):
             note = f"{sample.kind} {sample.name!r} is 0 in meshes without it"
             if note not in notes:
                 notes.append(note)
@@ -257,19 +259,19 @@ def _concatenate(
     sample: Attribute, matches: Sequence[Attribute | None], frames: Sequence[PolygonMesh]
 ) -> Attribute:
     width, start = sample.values.shape[1], 0
-    is_indexed = any(one is not None and one.indices is not None for one in matches)
+    is_indexed = any(match_ is not None and match_.indices is not None for match_ in matches)
     tables, rows = [], []
-    for one, frame in zip(matches, frames, strict=True):
+    for match_, frame in zip(matches, frames, strict=True):
         n_items = frame.n_items[sample.domain]
-        if one is not None:
-            table, indices = one.values, one.indices
+        if match_ is not None:
+            table, indices = match_.values, match_.indices
         else:  # unindexed attributes need a row per item; indexed ones share a single row
             table = np.zeros((1 if is_indexed else n_items, width), sample.values.dtype)
             indices = np.zeros(n_items, np.int32)
         tables.append(table)
         rows.append((np.arange(n_items) if indices is None else indices) + start)
         start += len(table)
-    dtype = np.result_type(*(one.values.dtype for one in matches if one is not None))
+    dtype = np.result_type(*(match_.values.dtype for match_ in matches if match_ is not None))
     values = np.concatenate(tables).astype(dtype, copy=False)
     joined = np.concatenate(rows).astype(np.int32) if is_indexed else None
     return replace(sample, values=values, indices=joined)
@@ -284,7 +286,7 @@ def _merged_groups(
         labels: dict[str, int] = {}
         numbers = []
         for surface, frame in zip(surfaces, frames, strict=True):
-            matches = next((one for one in surface.groups if one.name == name), None)
+            matches = next((group for group in surface.groups if group.name == name), None)
             if matches is None:
                 numbers.append(np.full(len(frame.counts), -1, np.int32))
                 continue
@@ -322,21 +324,23 @@ class MaterialTable:
             for number, image in enumerate(surface.images)
         }
         names = {
-            one.name: _add_material(renumbered(one, numbers), self._materials)
-            for one in surface.materials
+            material.name: _add_material(renumbered(material, numbers), self._materials)
+            for material in surface.materials
         }
-        return replace(surface, groups=tuple(_rename_labels(one, names) for one in surface.groups))
+        return replace(
+            surface, groups=tuple(_rename_labels(group, names) for group in surface.groups)
+        )
 
 
 def _add_material(material: Material, materials: dict[str, Material]) -> str:
     """Add a material under a unique name; return that name."""
-    found, number = material, 2
-    while materials.setdefault(found.name, found) != found:
-        found, number = replace(material, name=f"{material.name}_{number}"), number + 1
-    return found.name
+    unique, number = material, 2
+    while materials.setdefault(unique.name, unique) != unique:
+        unique, number = replace(material, name=f"{material.name}_{number}"), number + 1
+    return unique.name
 
 
 def _rename_labels(groups: FaceGroups, names: dict[str, str]) -> FaceGroups:
     if groups.name != "material":
         return groups
-    return replace(groups, labels=tuple(names.get(one, one) for one in groups.labels))
+    return replace(groups, labels=tuple(names.get(label, label) for label in groups.labels))

@@ -47,15 +47,17 @@ def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iter
     parts = surface.parts or (Part(name, n_verts, len(counts)),)
     items = _items(parts, counts)
     owners = np.repeat(np.arange(len(parts)), [part.n_verts for part in parts])
-    n_corners = [one[Domain.CORNER].stop - one[Domain.CORNER].start for one in items]
+    n_corners = [item[Domain.CORNER].stop - item[Domain.CORNER].start for item in items]
     if (owners[corners] != np.repeat(np.arange(len(parts)), n_corners)).any():
         parts = (Part(name, n_verts, len(counts)),)
         items = _items(parts, counts)
     for part, own in zip(parts, items, strict=True):
         verts, own_faces = own[Domain.VERTEX], own[Domain.FACE]
         own_corners = corners[own[Domain.CORNER]] - np.int32(verts.start)
-        attributes = tuple(_cut_attribute(one, own[one.domain]) for one in surface.attributes)
-        groups = tuple(_cut_groups(one, own_faces) for one in surface.groups)
+        attributes = tuple(
+            _cut_attribute(attribute, own[attribute.domain]) for attribute in surface.attributes
+        )
+        groups = tuple(_cut_groups(group, own_faces) for group in surface.groups)
         edges = _cut_edges(surface.hard_edges, verts)
         cut = Surface(None, attributes, tuple(g for g in groups if g.labels), hard_edges=edges)
         yield PartMesh(part.name, verts, counts[own_faces], own_corners, cut, own)
@@ -66,9 +68,9 @@ def _items(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> list[dict[Do
     corner_ends = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
     faces = np.cumsum([0, *(part.n_faces for part in parts)])
     ends = np.cumsum([0, *(part.n_verts for part in parts)]), faces, corner_ends[faces]
-    starts_and_stops = (pairwise(one.tolist()) for one in ends)
+    starts_and_stops = (pairwise(end.tolist()) for end in ends)
     return [
-        {domain: slice(*one) for domain, one in zip(Domain, own, strict=True)}
+        {domain: slice(*ends) for domain, ends in zip(Domain, own, strict=True)}
         for own in zip(*starts_and_stops, strict=True)
     ]
 

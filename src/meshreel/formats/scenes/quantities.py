@@ -94,9 +94,11 @@ def quantity_tracks(
     frames = []
     for time in times.tolist():
         fields: dict[Key, Field] = {}
-        for key, one in quantities.items():
+        for key, quantity in quantities.items():
             if (values := values_of(key, time)) is not None:
-                fields[key] = Field(values.dtype, values.shape[1], one.role, one.kind, one.unit)
+                fields[key] = Field(
+                    values.dtype, values.shape[1], quantity.role, quantity.kind, quantity.unit
+                )
         frames.append(fields)
     missing = (key[1] for key in quantities if not any(key in fields for fields in frames))
     note_kinds(notes, mismatched, missing)
@@ -114,12 +116,14 @@ def note_quantities(
 ) -> None:
     """Note samples of quantities without a frame, and velocities of animated transforms."""
     names, has_rates = [], False
-    for one in quantities:
-        times = one.times()
+    for quantity in quantities:
+        times = quantity.times()
         nearest = np.searchsorted(frames, times - tolerance).clip(max=len(frames) - 1)
         n_other = int((np.abs(frames[nearest] - times) > tolerance).sum())
-        names += [f"{one.name} ({n_other} of {len(times)})"] if n_other and len(times) > 1 else []
-        has_rates = has_rates or one.to_world is transform_vectors
+        names += (
+            [f"{quantity.name} ({n_other} of {len(times)})"] if n_other and len(times) > 1 else []
+        )
+        has_rates = has_rates or quantity.to_world is transform_vectors
     note_kinds(notes, "samples where positions have no frame", names)
     if has_rates and is_transform_animated:
         note_left_out(notes, f"velocity of the transforms above {path}")

@@ -160,16 +160,16 @@ def frame_range(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
 
 
 def _named(meshes: Sequence[SceneMesh], wanted: str) -> SceneMesh:
-    found = [mesh for mesh in meshes if mesh.name == wanted]
-    found = found or [
+    matches = [mesh for mesh in meshes if mesh.name == wanted]
+    matches = matches or [
         mesh for mesh in meshes if f"/{mesh.name.strip('/')}".endswith(f"/{wanted.strip('/')}")
     ]
     # The name of a parent node, such as a transform, selects the only mesh below it.
-    found = found or [mesh for mesh in meshes if _is_below(mesh.name, wanted)]
-    if len(found) != 1:
-        which = "no mesh" if not found else f"{counted(len(found), 'mesh')}"
+    matches = matches or [mesh for mesh in meshes if _is_below(mesh.name, wanted)]
+    if len(matches) != 1:
+        which = "no mesh" if not matches else f"{counted(len(matches), 'mesh')}"
         raise InvalidInputError(f"has {which} named {wanted!r}; it holds {_listed(meshes)}")
-    return found[0]
+    return matches[0]
 
 
 def _is_below(name: str, wanted: str) -> bool:

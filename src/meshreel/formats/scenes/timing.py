@@ -47,8 +47,12 @@ def frame_times(times_s: npt.NDArray[np.floating]) -> FrameTimes:
     coarse = float(np.spacing(np.float32(np.abs(times).max())))
     tolerance = max(RATE_TOLERANCE, coarse / (times[-1] - times[0]))
     named = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
-    near = [one for one in named if one > 0 and abs(one - rate) <= tolerance * rate]
-    exact = [one for one in near if abs(one - rate) <= 1e-12 * rate]
+    near = [
+        candidate
+        for candidate in named
+        if candidate > 0 and abs(candidate - rate) <= tolerance * rate
+    ]
+    exact = [candidate for candidate in near if abs(candidate - rate) <= 1e-12 * rate]
     fps = float((exact or near or [rate])[0])
     expected = times[0] + np.arange(len(times)) / fps
     is_even = bool(np.abs(times - expected).max() <= max(1e-3 / fps, 2 * coarse))
@@ -60,11 +64,11 @@ def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.floa
 
     Times that differ by less than a thousandth of the shortest interval are merged.
     """
-    moving = [one for one in times if len(one) > 1]
+    moving = [time for time in times if len(time) > 1]
     if not moving:
         return np.asarray(times[0][:1], np.float64)
     all_times = np.sort(np.concatenate(moving))
-    least = min(float(np.diff(one).min()) for one in moving) / 1000
+    least = min(float(np.diff(own).min()) for own in moving) / 1000
     distinct: npt.NDArray[np.float64] = all_times[np.diff(all_times, prepend=-np.inf) > least]
     return distinct
 

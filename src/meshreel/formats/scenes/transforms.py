@@ -53,7 +53,9 @@ def transform_normals(values: Values, matrix: Floats) -> Values:
     with np.errstate(all="ignore"):
         before = values.astype(np.float64)
         after = before @ np.linalg.pinv(linear).T
-        lengths, wanted = (np.linalg.norm(one, axis=1, keepdims=True) for one in (after, before))
+        lengths, wanted = (
+            np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (after, before)
+        )
         normals: Values = (after * np.where(lengths > 0, wanted / lengths, 1)).astype(values.dtype)
     return normals
 

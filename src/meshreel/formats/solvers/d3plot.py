@@ -63,7 +63,7 @@ def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     states: list[tuple[float, D3plotLayout, int]] = []
     for layout in layouts:  # an adapted mesh repeats the last states before it
         first = min(layout.states, default=np.inf)
-        states = [one for one in states if one[0] < first]
+        states = [state for state in states if state[0] < first]
         states += [(time, layout, start) for time, start in layout.states.items()]
     if not states:
         raise FormatError(
@@ -91,14 +91,14 @@ def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
 def _unread_results(layout: D3plotLayout) -> list[str]:
     """Describe the results that are not tracks."""
     control, kinds = layout.control, layout.counts.keys() & layout.sections.keys()
-    found = [name for name in OTHER_SECTIONS if name in layout.sections]
+    unread = [name for name in OTHER_SECTIONS if name in layout.sections]
     if layout.results["stress"].keys() - {SOLIDS}:
-        found.append("stress and plastic strain of shells outside the middle surface")
+        unread.append("stress and plastic strain of shells outside the middle surface")
     if any(control["neiph" if kind == SOLIDS else "neips"] for kind in kinds):
-        found.append("history variables")
+        unread.append("history variables")
     if control["ioshl3"] == 1000 and SHELLS in kinds:
-        found.append("force resultants of shells")
-    return found + ["results of beams"] * (BEAMS in layout.sections)
+        unread.append("force resultants of shells")
+    return unread + ["results of beams"] * (BEAMS in layout.sections)
 
 
 class _Frames:
@@ -190,7 +190,7 @@ def _element_results(layout: D3plotLayout, state: int, name: str) -> npt.NDArray
 
     Solids have the mean of their integration points, shells the value of their middle surface.
     """
-    n_columns, found = ELEMENT_RESULTS[name], []
+    n_columns, tables = ELEMENT_RESULTS[name], []
     for kind, n_cells in layout.counts.items():
         values = np.full((n_cells, n_columns), np.nan, layout.words.float_type)
         if (place := layout.results[name].get(kind)) is not None:
@@ -200,5 +200,5 @@ def _element_results(layout: D3plotLayout, state: int, name: str) -> npt.NDArray
             parts = [table[:, start : start + n_columns] for start in starts]
             has_row = layout.has_shell_results if kind == SHELLS else slice(None)
             values[has_row] = np.mean(parts, axis=0) if len(parts) > 1 else parts[0]
-        found.append(values)
-    return np.concatenate(found)
+        tables.append(values)
+    return np.concatenate(tables)

@@ -109,14 +109,14 @@ class Words:
                 f"needs {start + count} words; its files have {self.n_words}: one is missing, "
                 "truncated, or compressed by FEMZIP, which is not supported"
             )
-        found = []
+        pieces = []
         for path, first, stop in zip(self._paths, self.starts, self.starts[1:], strict=False):
             begin, end = max(start, first), min(start + count, stop)
             if begin < end:
                 with os_errors_naming(path):
                     offset = (begin - first) * dtype.itemsize
-                    found.append(np.fromfile(path, dtype, end - begin, offset=offset))
-        words = np.concatenate(found) if found else np.empty(0, dtype)
+                    pieces.append(np.fromfile(path, dtype, end - begin, offset=offset))
+        words = np.concatenate(pieces) if pieces else np.empty(0, dtype)
         if len(words) != count:
             raise FormatError("became shorter while it was read; start again")
         return words
@@ -127,8 +127,8 @@ def members(root: Path) -> list[Path]:
     pattern = re.compile(re.escape(root.name) + r"(\d{2,})")
     with os_errors_naming(root.parent):
         names = os.listdir(root.parent)
-    found = [(int(match[1]), name) for name in names if (match := pattern.fullmatch(name))]
-    return [root.with_name(name) for _, name in sorted(found)]
+    numbered = [(int(match[1]), name) for name in names if (match := pattern.fullmatch(name))]
+    return [root.with_name(name) for _, name in sorted(numbered)]
 
 
 def adapted_roots(root: Path) -> list[Path]:
@@ -142,12 +142,12 @@ def adapted_roots(root: Path) -> list[Path]:
 def other_files(root: Path) -> list[Path]:
     """Return all files that continue a root file: its members, and adapted meshes with theirs."""
     adapted = adapted_roots(root)
-    return [*members(root), *adapted, *(one for found in adapted for one in members(found))]
+    return [*members(root), *adapted, *(file for first in adapted for file in members(first))]
 
 
 def _word_type(data: bytes) -> np.dtype[Any]:
     """Return the integer type of a file from the word with its file type."""
-    found = []
+    file_types = []
     for code in ("<i4", ">i4", "<i8", ">i8"):
         dtype = np.dtype(code)
         words = np.frombuffer(data, dtype, len(data) // dtype.itemsize)
@@ -155,14 +155,14 @@ def _word_type(data: bytes) -> np.dtype[Any]:
             value = int(words[FILE_TYPE])
             if value in FILE_TYPES or value - 1000 in FILE_TYPES:
                 return dtype
-            found.append(value)
-    if found and -12 < found[0] < 0:
+            file_types.append(value)
+    if file_types and -12 < file_types[0] < 0:
         raise FormatError(
             "was written with *DATABASE_EXTENT_BINARY_COMP, which is not supported; run LS-DYNA "
             "without it"
         )
     raise FormatError(
-        f"is not a d3plot file: its file type is {found[0] if found else '(none)'}; "
+        f"is not a d3plot file: its file type is {file_types[0] if file_types else '(none)'}; "
         f"{', '.join(f'{number} ({name})' for number, name in FILE_TYPES.items())} are supported"
     )
 
@@ -341,10 +341,10 @@ class D3plotLayout:
         """Titles of all parts; a part without a title of its own is called "part ID"."""
         n_parts = max(len(self._part_ids), int(self.part_numbers.max(initial=-1)) + 1)
         ids = [*self._part_ids, *range(len(self._part_ids) + 1, n_parts + 1)]
-        titles = [self._titles.get(one, "") for one in ids]
+        titles = [self._titles.get(number, "") for number in ids]
         return tuple(
-            title if title and titles.count(title) == 1 else f"{title or 'part'} {one}"
-            for title, one in zip(titles, ids, strict=True)
+            title if title and titles.count(title) == 1 else f"{title or 'part'} {number}"
+            for title, number in zip(titles, ids, strict=True)
         )
 
     def coordinates(self) -> npt.NDArray[np.floating]:
@@ -386,8 +386,8 @@ class D3plotLayout:
             return np.ones(len(numbers), bool)
         if numbers.max(initial=-1) >= len(self._material_types):
             raise FormatError("has a shell of a part without a material type; it is damaged")
-        found: npt.NDArray[np.bool_] = self._material_types[numbers] != RIGID
-        return found
+        has_results: npt.NDArray[np.bool_] = self._material_types[numbers] != RIGID
+        return has_results
 
     def _check_supported(self) -> None:
         control = self.control
@@ -402,16 +402,16 @@ class D3plotLayout:
             f"discrete elements (NPEFG {control['npefg']})": control["npefg"] >= 1_000_000,
             "state data of quadratic or cubic solids": control["quadr"] > 0 or control["cubic"] > 0,
         }
-        if found := [name for name, has in problems.items() if has]:
+        if unsupported := [name for name, has in problems.items() if has]:
             raise FormatError(
-                f"contains {' and '.join(found)}, which is not supported; run LS-DYNA without, or "
-                "export frames from LS-PrePost"
+                f"contains {' and '.join(unsupported)}, which is not supported; run LS-DYNA "
+                "without, or export frames from LS-PrePost"
             )
 
     def _next_integers(self, count: int) -> Integers:
-        found = self.words.integers(self._position, count)
+        numbers = self.words.integers(self._position, count)
         self._position += count
-        return found
+        return numbers
 
     def _read_material_types(self) -> None:
         self._n_rigid_shells, self._material_types = 0, np.empty(0, np.int64)
@@ -472,8 +472,8 @@ class D3plotLayout:
         if self._position + N_SIZES > self.words.n_words:
             return False
         sizes = [self.control[name] for name in ("numnp", "nel8", "nel2", "nel4", "nelt")]
-        found: list[int] = self.words.integers(self._position, N_SIZES)[5:].tolist()
-        return found == sizes
+        stored: list[int] = self.words.integers(self._position, N_SIZES)[5:].tolist()
+        return stored == sizes
 
     def _read_part_ids(self) -> list[int]:
         """Return the user's part numbers, if the numbering section has them."""
@@ -481,7 +481,7 @@ class D3plotLayout:
         if len(numbering) < N_NUMBERING or numbering[0] >= 0:
             return []
         first, n_parts = N_NUMBERING + int(numbering[5:10].sum()), int(numbering[15])
-        return [int(one) for one in numbering[first : first + max(0, n_parts)]]
+        return [int(part) for part in numbering[first : first + max(0, n_parts)]]
 
     def _skip_other_geometry(self, particle_words: int) -> None:
         control = self.control
@@ -632,8 +632,8 @@ def _read_control(words: Words) -> dict[str, int]:
     first = words.integers(0, N_CONTROL)
     extra = int(first[CONTROL["extra"]])
     more = words.integers(N_CONTROL, extra) if extra > 0 else first[:0]
-    found = np.concatenate([first, more]).tolist()
-    control = {name: found[at] if at < len(found) else 0 for name, at in CONTROL.items()}
+    numbers = np.concatenate([first, more]).tolist()
+    control = {name: numbers[at] if at < len(numbers) else 0 for name, at in CONTROL.items()}
     control["has_ten_nodes"] = int(control["nel8"] < 0)
     control["nel8"] = abs(control["nel8"])
     # A negative number of integration points says that states have a table of what is deleted.

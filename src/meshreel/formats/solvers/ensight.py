@@ -133,8 +133,8 @@ class EnsightCase:
             self._sections = _read_sections(path.read_text("latin-1"))
         kinds = [value.lower().split() for key, value in self._sections["FORMAT"] if key == "type"]
         if kinds != [["ensight", "gold"]]:
-            found = " ".join(kinds[0]) if kinds else "(none)"
-            raise FormatError(f"is a case of type {found[:40]!r}; 'ensight gold' is supported")
+            kind = " ".join(kinds[0]) if kinds else "(none)"
+            raise FormatError(f"is a case of type {kind[:40]!r}; 'ensight gold' is supported")
         self._time_sets = dict(self._read_time_sets())
         models = [value for key, value in self._sections["GEOMETRY"] if key == "model"]
         if len(models) != 1:
@@ -195,7 +195,7 @@ class EnsightCase:
         """Return the files of a line that begins with a time set; None if a file set follows it."""
         if len(numbers) > 1:
             return None
-        if not pattern or any(not one.isdigit() for one in numbers):
+        if not pattern or any(not number.isdigit() for number in numbers):
             raise FormatError(f"has a line without a file name for {what[:40]!r}")
         number = int(numbers[0]) if numbers else min(self._time_sets, default=None)
         if not numbers and "*" not in pattern:
@@ -233,7 +233,7 @@ class EnsightCase:
                 raise FormatError(
                     f"has {len(times)} times in time set {number:g}; expected {n_steps}"
                 )
-            yield int(number), TimeSet(times, tuple(int(one) for one in names))
+            yield int(number), TimeSet(times, tuple(int(name) for name in names))
 
     def _listed(self, facts: dict[str, str], key: str) -> Floats:
         if f"{key} file" in facts:
@@ -331,15 +331,19 @@ class _Steps:
 
     def __init__(self, case: EnsightCase, options: ReadOptions) -> None:
         self._case = case
-        series = [case.geometry, *(one.files for one in case.variables)]
-        sets = [one.times for one in series if one.times is not None]
-        self._set = next((one for one in sets if len(one.times_s) > 1), next(iter(sets), None))
+        series = [case.geometry, *(variable.files for variable in case.variables)]
+        sets = [files.times for files in series if files.times is not None]
+        self._set = next(
+            (time_set for time_set in sets if len(time_set.times_s) > 1), next(iter(sets), None)
+        )
         if case.geometry.times is not None:
             self._set = case.geometry.times
         stored = np.zeros(1) if self._set is None else self._set.times_s
         self.times_s: Floats = _ascending(stored, options)
-        self.variables: list[Variable] = [one for one in case.variables if self._fits(one)]
-        others = (one.name for one in case.variables if one not in self.variables)
+        self.variables: list[Variable] = [
+            variable for variable in case.variables if self._fits(variable)
+        ]
+        others = (variable.name for variable in case.variables if variable not in self.variables)
         note_kinds(options.notes, "variables at other times than the geometry", others)
         self._lines = lru_cache(maxsize=2)(read_lines)
         self._find = lru_cache(maxsize=N_KEPT)(
@@ -468,16 +472,16 @@ class _PartFrames:
         """Return the variables of frames that share their faces."""
         fields: dict[Key, Field] = {}
         variables: dict[Key, Variable] = {}
-        for one in self._steps.variables:
+        for variable in self._steps.variables:
             try:
-                if not self._steps.has_values(one, frames.start, self._number):
+                if not self._steps.has_values(variable, frames.start, self._number):
                     continue
             except FormatError as error:
-                note_left_out(self._notes, f"variable {one.name!r}: {error}")
+                note_left_out(self._notes, f"variable {variable.name!r}: {error}")
                 continue
-            field = Field(np.dtype(np.float32), one.width, is_track=True)
-            add_field(fields, (one.domain, one.name), field)
-            variables[one.domain, one.name] = one
+            field = Field(np.dtype(np.float32), variable.width, is_track=True)
+            add_field(fields, (variable.domain, variable.name), field)
+            variables[variable.domain, variable.name] = variable
 
         def read(index: int, key: Key) -> Singles:
             surface = self._surface(frames[index])

@@ -261,7 +261,7 @@ def find_parts(tables: Tables) -> dict[int, Part]:
         line = _next_line(tables)
         while line and not line.startswith("part"):
             block = _find_block(tables, line.split()[0], has_numbers=has_numbers[1])
-            if any(one.kind == block.kind for one in blocks):
+            if any(other.kind == block.kind for other in blocks):
                 raise FormatError(f"{tables.path.name} has two tables of {block.kind} in {name!r}")
             blocks.append(block)
             line = _next_line(tables)
@@ -314,7 +314,9 @@ def read_cells(tables: Tables, part: Part) -> Cells:
     blocks = [_read_block(tables, block) for block in part.blocks if block.has_faces]
     none = Cells(*[np.empty(0, np.int64)] * 3)
     fields = ("types", "counts", "points")
-    return Cells(*(np.concatenate([getattr(one, f) for one in (none, *blocks)]) for f in fields))
+    return Cells(
+        *(np.concatenate([getattr(cells, f) for cells in (none, *blocks)]) for f in fields)
+    )
 
 
 def _read_block(tables: Tables, block: Block) -> Cells:

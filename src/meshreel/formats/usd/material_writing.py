@@ -67,7 +67,7 @@ class Materials:
         self._scope = f"{root}/{unique_name('Materials', used)}"
         self._names: set[str] = set()
         self._created: dict[str, Any] = {}
-        self._looks = {one.name: one for one in looks}
+        self._looks = {look.name: look for look in looks}
         self._notes, self._is_package = MaterialNotes(notes), is_package
         self._types = USD.load("Sdf").ValueTypeNames
 
@@ -86,17 +86,17 @@ class Materials:
 
     def write_double_sided(self, prim: Any, groups: FaceGroups) -> None:
         """Declare a mesh double-sided if any of its materials is."""
-        looks = [self._looks[one] for one in groups.labels if one in self._looks]
+        looks = [self._looks[label] for label in groups.labels if label in self._looks]
         if not looks:
             return
-        is_double = any(one.double_sided for one in looks)
+        is_double = any(look.double_sided for look in looks)
         USD.load("UsdGeom").Gprim(prim).CreateDoubleSidedAttr(is_double)
-        for name in [one.name for one in looks if is_double and not one.double_sided]:
+        for name in [look.name for look in looks if is_double and not look.double_sided]:
             self._notes.add("single-sidedness of materials on meshes with double-sided ones", name)
 
     def note_unused(self) -> None:
         """Note the materials that no face uses."""
-        for name in (one for one in self._looks if one not in self._created):
+        for name in (look for look in self._looks if look not in self._created):
             self._notes.add("materials that no face uses", name)
 
     def _write(self, material: Any, look: Material) -> None:

@@ -134,7 +134,7 @@ class StageMaterials:
             self._notes.add("appearance of materials other than UsdPreviewSurface", name)
             return None
         outputs = map(material.GetOutput, ("displacement", "volume"))
-        if any(one and one.HasConnectedSource() for one in outputs):
+        if any(output and output.HasConnectedSource() for output in outputs):
             self._notes.add("displacement and volumes of materials", name)
         return _PreviewSurface(shader, name, self, self._notes).material()
 
@@ -191,7 +191,7 @@ def read_materials(
         for label, look in looks.items()
         if look is not None
     ]
-    names = [one.name for one in materials]
+    names = [material.name for material in materials]
     return tuple(groups), *select_materials(names, materials, stage.images)
 
 
@@ -253,7 +253,7 @@ def read_numbers(source: Source, default: Numbers, name: str) -> Numbers:
     if value is None:
         return default
     try:
-        numbers = tuple(float(one) for one in (value if len(default) > 1 else [value]))
+        numbers = tuple(float(number) for number in (value if len(default) > 1 else [value]))
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) != len(default) or not all(map(math.isfinite, numbers)):
@@ -360,7 +360,7 @@ class _PreviewSurface:
                 self._note(f"{name} of UsdPreviewSurface")
         opacity = self._source("opacity")
         (threshold,) = self._numbers("opacityThreshold", self._source("opacityThreshold"), (0.0,))
-        textures = {slot: one.texture for slot, one in self._textures.items()}
+        textures = {slot: texture.texture for slot, texture in self._textures.items()}
         if has_alpha := self._is_alpha_of_color(opacity):
             textures["base_color"] = replace(textures["base_color"], channels="rgba")
             alpha = self._textures["base_color"].scale[3]
@@ -417,7 +417,7 @@ class _PreviewSurface:
         if slot not in self._textures:
             return self._numbers(name, self._sources[slot], default)
         scale, channels = self._textures[slot].scale, self._textures[slot].texture.channels
-        return tuple(scale["rgba".index(one)] for one in channels)
+        return tuple(scale["rgba".index(channel)] for channel in channels)
 
     def _is_alpha_of_color(self, opacity: Source) -> bool:
         if not opacity.shader:

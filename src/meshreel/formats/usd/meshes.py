@@ -85,7 +85,7 @@ class MeshShape:
     def has_constant_topology(self) -> bool:
         """Whether its faces are the same at all times."""
         attributes = map(self.prim.GetAttribute, (*FACE_ATTRIBUTES, HOLES))
-        return not any(one.ValueMightBeTimeVarying() for one in attributes)
+        return not any(attribute.ValueMightBeTimeVarying() for attribute in attributes)
 
     @property
     def is_left_handed(self) -> bool:
@@ -118,8 +118,11 @@ class MeshShape:
         FormatError
             If faces are missing or invalid.
         """
-        counts, corners = (np.asarray(self._value(one, code)) for one in FACE_ATTRIBUTES)
-        if any(one.ndim != 1 or (one.size and one.dtype != np.int32) for one in (counts, corners)):
+        counts, corners = (np.asarray(self._value(name, code)) for name in FACE_ATTRIBUTES)
+        if any(
+            array.ndim != 1 or (array.size and array.dtype != np.int32)
+            for array in (counts, corners)
+        ):
             raise FormatError(f"mesh {self._path} has faces of a type other than int[]")
         if (counts < 0).any() or counts.sum(dtype=np.int64) != len(corners):
             raise FormatError(
@@ -162,7 +165,9 @@ class MeshShape:
         """
         mesh = self._mesh
         attributes = (mesh.GetCreaseIndicesAttr(), mesh.GetCreaseLengthsAttr())
-        indices, lengths = (np.asarray(one.Get(code) or [], np.int64) for one in attributes)
+        indices, lengths = (
+            np.asarray(attribute.Get(code) or [], np.int64) for attribute in attributes
+        )
         sharpness = np.asarray(mesh.GetCreaseSharpnessesAttr().Get(code) or [], np.float64)
         if not self.is_subdivided or (lengths < 2).any() or lengths.sum() != len(indices):
             return None
@@ -305,9 +310,9 @@ class MeshNotes:
     """
 
     def __init__(self, plain: list[str]) -> None:
-        def gathered(one: str, several: str = "") -> GatheredNote:
+        def gathered(single: str, several: str = "") -> GatheredNote:
             def sentence(names: Sequence[str]) -> str:
-                return f"{several if several and len(names) > 1 else one}: {listed(names)}"
+                return f"{several if several and len(names) > 1 else single}: {listed(names)}"
 
             return GatheredNote(plain, sentence)
 
@@ -359,7 +364,9 @@ class StageMesh:
         stored, keys = self._shape.stored, [*self._transform_codes, *self._shape.keys]
         keys += [] if self.skin is None else self.skin.codes
         if len(distinct_codes(stored + keys)) < 2:
-            stored = stored + [code for one in quantities(self._prim) for code in one.times()]
+            stored = stored + [
+                code for quantity in quantities(self._prim) for code in quantity.times()
+            ]
         return Samples(distinct_codes(stored), distinct_codes(keys))
 
     def frame(self, code: float) -> PolygonMesh:
@@ -389,7 +396,9 @@ class StageMesh:
             mesh, notes = self._file_mesh(code), self.notes.plain
             rows = self._rows(mesh.counts, code)
             looks = read_materials(self._prim, code, len(mesh.counts), self.materials)
-            groups = [replace(one, numbers=one.numbers[rows[Domain.FACE]]) for one in looks[0]]
+            groups = [
+                replace(group, numbers=group.numbers[rows[Domain.FACE]]) for group in looks[0]
+            ]
             attributes = read_attributes(self._prim, code, mesh.n_items, rows, notes, animated)
             self._note_shape(rows[Domain.FACE])
             hard_edges = self._hard_edges(mesh, rows, code, is_track="normals" in animated)
@@ -406,9 +415,9 @@ class StageMesh:
         """
         with usd_errors(f"USD cannot read the properties of {self.path}"):
             return {
-                one.name: one
-                for one in quantities(self._prim)
-                if not (self.skin and one.to_world) and one.is_animated(codes)
+                quantity.name: quantity
+                for quantity in quantities(self._prim)
+                if not (self.skin and quantity.to_world) and quantity.is_animated(codes)
             }
 
     def tracks(
@@ -423,7 +432,10 @@ class StageMesh:
                 self.path, animated.values(), codes, TOLERANCE, self.notes.plain,
                 is_transform_animated=is_moving,
             )  # fmt: skip
-            tracks = {(one.domain, name): one for name, one in by_track_name(animated).items()}
+            tracks = {
+                (quantity.domain, name): quantity
+                for name, quantity in by_track_name(animated).items()
+            }
             first = float(codes[frames.start])
             file_mesh, single = self._file_mesh(first), self._single(first)
             rows = self._rows(file_mesh.counts, first)
@@ -436,7 +448,9 @@ class StageMesh:
                 matrices = instance_matrices(self.rendered.levels, code)
                 order = _instance_rows(single, matrices)[key[0]]
                 each = zip(matrices, order, strict=True)
-                return np.concatenate([own[:0], *(to_world(own, one)[at] for one, at in each)])
+                return np.concatenate(
+                    [own[:0], *(to_world(own, matrix)[at] for matrix, at in each)]
+                )
 
             sizes = file_mesh.n_items, self.frame(first).n_items
             times = codes[frames.start : frames.stop]
@@ -523,22 +537,27 @@ class StageMesh:
         if self._is_reversed:
             order = reversed_corners(mesh.counts, keeps_first=True)
         whole = replace(mesh, corners=mesh.corners[order])
-        quantity = next((one for one in quantities(self._prim) if one.role == NORMALS), None)
+        quantity = next(
+            (quantity for quantity in quantities(self._prim) if quantity.role == NORMALS), None
+        )
         if quantity is not None:
             normals = quantity.of_items(code, mesh.n_items[quantity.domain])
             if normals is not None and quantity.domain is Domain.CORNER:
                 normals = normals[order]
             corner_normals = normals_of_corners(whole, quantity.domain, normals)
-            found = find_hard_edges(whole, corner_normals)
+            hard_edges = find_hard_edges(whole, corner_normals)
         else:
             creases = self._shape.sharp_edges(code)
-            if creases is None or (found := edges_from_creases(whole, creases)).edges is None:
+            if creases is None:
                 return None
-        self.notes.normals.add(str(self._prim.GetPath()), found, is_track=is_track)
+            hard_edges = edges_from_creases(whole, creases)
+            if hard_edges.edges is None:
+                return None
+        self.notes.normals.add(str(self._prim.GetPath()), hard_edges, is_track=is_track)
         if isinstance(rows[Domain.FACE], slice):
-            return found.edges
+            return hard_edges.edges
         solid, corners = whole.counts[rows[Domain.FACE]], mesh.corners[rows[Domain.CORNER]]
-        return remaining_edges(found.edges, solid, corners)
+        return remaining_edges(hard_edges.edges, solid, corners)
 
     def _note_shape(self, solid: Any) -> None:
         """Note primitives, cages of subdivision surfaces, and holes."""
@@ -581,16 +600,19 @@ def _instance_surface(surface: Surface, mesh: PolygonMesh, matrices: Floats) -> 
     """Return the surface of all instances, given that of a single one."""
     rows = _instance_rows(mesh, matrices)
 
-    def of_all(one: Attribute) -> Attribute:
-        order = rows[one.domain].ravel()
-        return replace(one, indices=order if one.indices is None else one.indices[order])
+    def of_all(attribute: Attribute) -> Attribute:
+        order = rows[attribute.domain].ravel()
+        return replace(
+            attribute, indices=order if attribute.indices is None else attribute.indices[order]
+        )
 
     edges, n_verts = [surface.hard_edges] * len(matrices), [len(mesh.vertices)] * len(matrices)
     return replace(
         surface,
         attributes=tuple(map(of_all, surface.attributes)),
         groups=tuple(
-            replace(one, numbers=one.numbers[rows[Domain.FACE].ravel()]) for one in surface.groups
+            replace(group, numbers=group.numbers[rows[Domain.FACE].ravel()])
+            for group in surface.groups
         ),
         hard_edges=merged_edges(edges, n_verts),
     )

@@ -137,8 +137,8 @@ def revolved_faces(n_rings: int) -> Faces:
         above = ring + N_AROUND
         faces.append(np.stack([ring + around, ring + after, above + after, above + around], 1))
     faces.append(np.stack([pole + high + N_AROUND, high + around, high + after], 1))
-    counts = np.concatenate([np.full(len(one), one.shape[1], np.int64) for one in faces])
-    return counts, np.concatenate([one.ravel() for one in faces]).astype(np.int32)
+    counts = np.concatenate([np.full(len(face), face.shape[1], np.int64) for face in faces])
+    return counts, np.concatenate([face.ravel() for face in faces]).astype(np.int32)
 
 
 ENDS = ("radiusBottom", "radiusTop", "height")

@@ -126,14 +126,15 @@ def read_attributes(
     note_kinds(notes, "primvars for a whole mesh", settings)
     usd_mesh = USD.load("UsdGeom").Mesh(prim)
     rates = (usd_mesh.GetVelocitiesAttr(), usd_mesh.GetAccelerationsAttr())
-    static = [str(one.GetName()) for one in rates if one.HasAuthoredValue()]
+    static = [str(rate.GetName()) for rate in rates if rate.HasAuthoredValue()]
     note_kinds(notes, UNCHANGING, (name for name in static if name not in animated))
     note_kinds(notes, "primvars that do not fit their faces", mismatched)
     _join_opacity(attributes)
     ranks, standard = list(Kind), STANDARD_NAMES.values()
     return tuple(
         sorted(
-            attributes.values(), key=lambda one: (ranks.index(one.kind), one.name not in standard)
+            attributes.values(),
+            key=lambda attribute: (ranks.index(attribute.kind), attribute.name not in standard),
         )
     )
 
@@ -271,7 +272,7 @@ def by_track_name(animated: Mapping[str, StageQuantity]) -> dict[str, StageQuant
     if color is not None and opacity is not None and _layout(color) == _layout(opacity):
         by_name[COLOR] = replace(color, values=partial(_read_rgba, color, opacity))
         del by_name[OPACITY]
-    names = {name: one.custom_data(TRACK_NAME) or name for name, one in by_name.items()}
+    names = {name: quantity.custom_data(TRACK_NAME) or name for name, quantity in by_name.items()}
     every = list(names.values())
     return {
         names[name] if every.count(names[name]) == 1 else name: by_name[name] for name in by_name

@@ -39,12 +39,12 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
         rendered = rendered_meshes(stage, options.notes)
-        skins = find_skins(one.prim for one in rendered)
+        skins = find_skins(mesh.prim for mesh in rendered)
         materials = StageMaterials(None if options.allow_outside else path.parent, options.notes)
         notes = MeshNotes(options.notes)
         meshes = [
-            StageMesh(stage, one, skins.get(str(one.prim.GetPath())), materials, notes)
-            for one in rendered
+            StageMesh(stage, mesh, skins.get(str(mesh.prim.GetPath())), materials, notes)
+            for mesh in rendered
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
         codes_of = _frame_codes(meshes, rate, codes_per_frame(stage, rate), options)
@@ -78,22 +78,26 @@ def _frame_codes(
     meshes: Sequence[StageMesh], rate: float, frame_interval: float, options: ReadOptions
 ) -> Callable[[StageMesh], Floats]:
     """Return a function that gives the time codes of the frames of a mesh, empty if static."""
-    samples = [one for mesh in meshes if (one := _samples(mesh)) is not None]
-    interpolated = [one.all for one in samples if one.moves_between_samples(frame_interval)]
+    samples = [own for mesh in meshes if (own := _samples(mesh)) is not None]
+    interpolated = [
+        sample.all for sample in samples if sample.moves_between_samples(frame_interval)
+    ]
     if (fps := validate_fps(options.fps or 0.0)) and interpolated:
-        animated = [one.all for one in samples if len(one.all) > 1]
-        first = min(float(one[0]) for one in animated)
-        last = max(float(one[-1]) for one in animated)
+        animated = [sample.all for sample in samples if len(sample.all) > 1]
+        first = min(float(quantity[0]) for quantity in animated)
+        last = max(float(quantity[-1]) for quantity in animated)
         grid = cache(lambda: frame_grid(first, last, rate / fps))
 
         def common_codes(mesh: StageMesh) -> Floats:
             if len(mesh.samples.all) < 2:
                 return mesh.samples.all
-            _note_final(mesh, grid(), max(float(one.all[-1]) for one in samples if len(one.all)))
+            _note_final(
+                mesh, grid(), max(float(sample.all[-1]) for sample in samples if len(sample.all))
+            )
             return grid()
 
         return common_codes
-    origin = min((float(one[0]) for one in interpolated), default=0.0)
+    origin = min((float(codes[0]) for codes in interpolated), default=0.0)
 
     def codes_of(mesh: StageMesh) -> Floats:
         codes = mesh.samples.frames(frame_interval, origin)

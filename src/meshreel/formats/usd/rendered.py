@@ -85,7 +85,7 @@ def own_codes(prim: Any) -> list[float]:
     """Return the time codes where the transform of a prim alone has samples."""
     xformable = USD.load("UsdGeom").Xformable(prim)
     operations = xformable.GetOrderedXformOps() if xformable else []
-    return [code for one in operations for code in attribute_codes(one.GetAttr())]
+    return [code for operation in operations for code in attribute_codes(operation.GetAttr())]
 
 
 class PointInstancer:
@@ -122,7 +122,9 @@ class PointInstancer:
         """Names of primvars with a value per instance."""
         primvars = USD.load("UsdGeom").PrimvarsAPI(self.prim).GetPrimvarsWithAuthoredValues()
         return [
-            str(one.GetPrimvarName()) for one in primvars if one.GetInterpolation() != "constant"
+            str(primvar.GetPrimvarName())
+            for primvar in primvars
+            if primvar.GetInterpolation() != "constant"
         ]
 
     def matrices(self, number: int, code: float) -> Floats:
@@ -143,7 +145,7 @@ class PointInstancer:
         def state_at(code: float) -> tuple[bytes, ...]:
             ids = self._instancer.GetIdsAttr().Get(code)
             state = (*self.selection(code), np.asarray([] if ids is None else ids, np.int64))
-            return tuple(one.tobytes() for one in state)
+            return tuple(array.tobytes() for array in state)
 
         return len({state_at(code) for code in sample_codes(self.prim, SELECTION)}) > 1
 
@@ -312,7 +314,7 @@ def rendered_meshes(stage: Any, notes: list[str]) -> list[RenderedMesh]:
     if contents:
         note_left_out(notes, contents)
     _note_instances(
-        {one.instancer.path: one.instancer for m in rendered for one in m.levels}, notes
+        {level.instancer.path: level.instancer for m in rendered for level in m.levels}, notes
     )
     return rendered
 
@@ -375,10 +377,12 @@ def _reason_not_rendered(rendered: RenderedMesh) -> str:
 
 def _visibility(mesh: RenderedMesh) -> list[bool]:
     """Return the visibility of a mesh at each of its samples, or a single value without samples."""
-    attributes = [one.GetVisibilityAttr() for one in _visibility_chain(mesh)]
-    times = sorted({code for one in attributes for code in attribute_codes(one)}) or [0.0]
+    attributes = [imageable.GetVisibilityAttr() for imageable in _visibility_chain(mesh)]
+    times = sorted({code for attribute in attributes for code in attribute_codes(attribute)}) or [
+        0.0
+    ]
     invisible = USD.load("UsdGeom").Tokens.invisible
-    return [all(one.Get(time) != invisible for one in attributes) for time in times]
+    return [all(attribute.Get(time) != invisible for attribute in attributes) for time in times]
 
 
 def _visibility_chain(mesh: RenderedMesh) -> Iterator[Any]:
@@ -396,16 +400,16 @@ def _note_instances(instancers: dict[str, PointInstancer], notes: list[str]) -> 
     if not instancers:
         return
     counts, masked, changing, primvars = [], [], [], dict[str, None]()
-    for path, one in instancers.items():
+    for path, instancer in instancers.items():
         with suppress(FormatError):  # raised again when its meshes are read
-            first = min(sample_codes(one.prim, SELECTION), default=0.0)
-            _, is_rendered = one.selection(first)
+            first = min(sample_codes(instancer.prim, SELECTION), default=0.0)
+            _, is_rendered = instancer.selection(first)
             counts.append(int(np.count_nonzero(is_rendered)))
             if not is_rendered.all():
                 masked.append(f"{np.count_nonzero(~is_rendered)} of {len(is_rendered)} of {path}")
-            if one.selection_changes():
+            if instancer.selection_changes():
                 changing.append(path)
-        primvars |= dict.fromkeys(one.instance_primvars)
+        primvars |= dict.fromkeys(instancer.instance_primvars)
     where = f" of {len(counts)} point instancers" if len(counts) > 1 else ""
     notes.append(
         f"baked {counted(sum(counts), 'instance')}{where} into one mesh per prototype mesh"

@@ -34,7 +34,7 @@ def attribute_codes(attribute: Any) -> list[float]:
 def sample_codes(prim: Any, names: Iterable[str]) -> list[float]:
     """Return the time codes of the samples of the attributes of a prim that exist."""
     attributes = map(prim.GetAttribute, names)
-    return [code for one in attributes if one for code in attribute_codes(one)]
+    return [code for attribute in attributes if attribute for code in attribute_codes(attribute)]
 
 
 def distinct_codes(codes: list[float]) -> Codes:

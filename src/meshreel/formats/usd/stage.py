@@ -41,7 +41,7 @@ def usd_errors(what: str) -> Iterator[None]:
 
 def _reason(error: Exception) -> str:
     try:
-        reasons = [str(getattr(one, "commentary", one)) for one in error.args]
+        reasons = [str(getattr(arg, "commentary", arg)) for arg in error.args]
     except UnicodeDecodeError:  # the message quotes the file
         return NOT_UTF8
     # The message of a C++ exception continues with a stack trace.
@@ -158,7 +158,7 @@ def _referenced_layers(layer: Any, name: str, folder: Path | None) -> Iterator[s
     sdf, resolver = USD.load("Sdf"), USD.load("Ar").GetResolver()
     with usd_errors(DAMAGED):
         references = USD.load("UsdUtils").ExtractExternalReferences(name)
-    for reference in (one for kind in references for one in kind):
+    for reference in (reference for kind in references for reference in kind):
         asset, _ = sdf.Layer.SplitIdentifier(reference)
         if sdf.FileFormat.FindByExtension(asset) is None:
             continue  # an image, or another file that composing does not open
@@ -227,7 +227,7 @@ def _note_missing(stage: Any, notes: list[str]) -> None:
     problems = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
     if problems:
         more = f" and {len(problems) - MAX_LISTED} more" if len(problems) > MAX_LISTED else ""
-        listed = "; ".join(one.rstrip(".") for one in problems[:MAX_LISTED])
+        listed = "; ".join(problem.rstrip(".") for problem in problems[:MAX_LISTED])
         notes.append(f"the file refers to missing or invalid data: {listed}{more}")
 
 

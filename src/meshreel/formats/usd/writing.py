@@ -145,7 +145,7 @@ def _write_binary(
             root = _write_root(stage, paths[0], rounding.shift)
             names = {path.split("/")[2] for path in paths}
             materials = _materials(stage, root, names, segment, folder, is_package=is_package)
-            has_track = any(one.kind is TrackKind.NORMAL for one in segment.tracks.values())
+            has_track = any(track.kind is TrackKind.NORMAL for track in segment.tracks.values())
             for part, mesh_path in zip(parts, paths, strict=True):
                 has_edges = part.surface.hard_edges is not None
                 has_edges = has_edges if changing is None else changing.has_hard_edges
@@ -160,7 +160,7 @@ def _write_binary(
             single, values = rounding.add(frame), segment.values(index)
             for mesh in meshes:
                 mesh.write_frame(single, values, own[index])
-            n_unsaved += single.nbytes + sum(one.nbytes for one in values.values())
+            n_unsaved += single.nbytes + sum(value.nbytes for value in values.values())
             if n_unsaved > UNSAVED_BYTES:
                 stage.GetRootLayer().Save()
                 n_unsaved = 0
@@ -204,7 +204,11 @@ def _materials(
     """Return the writer of materials, given the first segment and the folder of the images."""
     surface = first.surface
     files = [f"./{folder}/{name}" for name in image_names(surface.images)]
-    uv_names = [(one.name, name) for one, name in primvar_names(surface) if one.kind is Kind.UV]
+    uv_names = [
+        (attribute.name, name)
+        for attribute, name in primvar_names(surface)
+        if attribute.kind is Kind.UV
+    ]
     return Materials(
         stage,
         root,
@@ -251,7 +255,7 @@ def mesh_paths(names: Sequence[str], root: str) -> list[str]:
     if len({elements[0] for elements in cleaned}) > 1 or min(map(len, cleaned)) < 2:
         cleaned = [(prim_name(root), *elements) for elements in cleaned]
     ancestors = {elements[:n] for elements in cleaned for n in range(1, len(elements))}
-    used = {"/" + "/".join(one) for one in ancestors}
+    used = {"/" + "/".join(ancestor) for ancestor in ancestors}
     paths = []
     for elements in cleaned:
         while elements in ancestors:  # meshes must not be below meshes
@@ -266,13 +270,15 @@ def primvar_names(surface: Surface) -> list[tuple[Attribute, str]]:
     The first UVs are called ``st`` and the first colors ``displayColor``, unless other attributes
     have these names.
     """
-    names = {id(one): prim_name(one.name) for one in surface.attributes}
+    names = {id(attribute): prim_name(attribute.name) for attribute in surface.attributes}
     for kind, standard in STANDARD_NAMES.items():
         own = surface.of_kind(kind)
         if own and standard not in names.values():
             names[id(own[0])] = standard
     used: set[str] = set()
-    return [(one, unique_name(names[id(one)], used)) for one in surface.attributes]
+    return [
+        (attribute, unique_name(names[id(attribute)], used)) for attribute in surface.attributes
+    ]
 
 
 class MeshWriter:
@@ -443,18 +449,18 @@ class MeshWriter:
     ) -> None:
         """Write groups as subsets; a material of all faces is bound to the mesh."""
         prim, used = self._mesh.GetPrim(), set[str]()
-        for one in groups:
-            labels, numbers = one.labels, one.numbers
+        for group in groups:
+            labels, numbers = group.labels, group.numbers
             if changing is not None:
-                labels = changing.labels[(one.name,)]
-                new = [*map(labels.index, one.labels), -1]
-                numbers = np.array(new, np.int32)[one.numbers]
-            if one.name == "material":
-                materials.write_double_sided(prim, FaceGroups(one.name, labels, numbers))
+                labels = changing.labels[(group.name,)]
+                new = [*map(labels.index, group.labels), -1]
+                numbers = np.array(new, np.int32)[group.numbers]
+            if group.name == "material":
+                materials.write_double_sided(prim, FaceGroups(group.name, labels, numbers))
                 if len(labels) == 1 and (numbers == 0).all() and changing is None:
                     materials.bind(prim, labels[0])
                     continue
-            self._write_subsets(FaceGroups(one.name, labels, numbers), materials, used, code)
+            self._write_subsets(FaceGroups(group.name, labels, numbers), materials, used, code)
 
     def _write_subsets(
         self, groups: FaceGroups, materials: Materials, used: set[str], code: float | None
