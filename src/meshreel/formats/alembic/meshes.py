@@ -5,7 +5,7 @@ transform first.
 """
 
 from collections import Counter
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -255,7 +255,8 @@ class _AnimatedMesh:
         self._points, self._corners, self._counts = (
             self._properties[name] for name in (POINTS, CORNERS, COUNTS)
         )
-        self._cached_faces: tuple[Hashable, PolygonMesh] | None = None
+        self._cached_faces: tuple[tuple[int, ...], PolygonMesh] | None = None
+        self._has_constant_faces = self._counts.is_constant and self._corners.is_constant
         above = [times_ for transform in node.chain for times_ in transform.times_s]
         self._is_transform_animated = bool(above)
         own = (values.times_s for values in (self._points, self._corners, self._counts))
@@ -327,13 +328,17 @@ class _AnimatedMesh:
             notes, UNSUPPORTED, [quantity.name for domain, quantity in named if domain is None]
         )
 
-        def place(key: Key, values: Values, time_s: float) -> Values:
-            values = values[order] if key[0] is Domain.CORNER else values
+        def read(key: Key, time_s: float) -> Values | None:
+            values = quantities[key].of_items(time_s, mesh.n_items[key[0]])
+            if values is not None and key[0] is Domain.CORNER:
+                values = values[order]
             to_world = quantities[key].to_world
-            return values if to_world is None else to_world(values, self._world(time_s))
+            if values is None or to_world is None:
+                return values
+            return to_world(values, self._world(time_s))
 
         sizes = mesh.n_items, mesh.n_items
-        return quantity_tracks(path, quantities, times, sizes, place, notes, UNSUPPORTED)
+        return quantity_tracks(path, quantities, times, sizes, read, notes, UNSUPPORTED)
 
     def _world(self, time_s: float) -> Floats:
         if self._is_transform_animated:
@@ -368,14 +373,16 @@ class _AnimatedMesh:
 
     def _mesh_at(self, time_s: float) -> PolygonMesh:
         """Return the mesh at a time in local space; its faces are validated once."""
-        points = self._points_at(time_s)
+        points, cached = self._points_at(time_s), self._cached_faces
+        if self._has_constant_faces and cached is not None and cached[0][-1] == len(points):
+            return replace(cached[1], vertices=points)
         stored = self._counts, self._corners
         samples = [neighbours(values.times_s, time_s).before for values in stored]
         indices = [
             values.stored_index(sample) for values, sample in zip(stored, samples, strict=True)
         ]
         key = (*indices, len(points))
-        if self._cached_faces is None or self._cached_faces[0] != key:
+        if cached is None or cached[0] != key:
             pairs = zip(stored, samples, strict=True)
             counts, corners = (values.integers(sample) for values, sample in pairs)
             total = int(counts.sum())
@@ -384,8 +391,8 @@ class _AnimatedMesh:
                     f"its face sizes add up to {total} corners, but it has {len(corners)}"
                 )
             mesh = polygon_mesh(points, counts, corners[reversed_corners(counts)])
-            self._cached_faces = key, mesh
-        return replace(self._cached_faces[1], vertices=points)
+            cached = self._cached_faces = key, mesh
+        return replace(cached[1], vertices=points)
 
 
 def _fitting_domain(quantity: Quantity, times: Floats, mesh: PolygonMesh) -> Domain | None:

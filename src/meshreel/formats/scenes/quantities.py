@@ -60,7 +60,7 @@ def quantity_tracks(
     quantities: Mapping[Key, Quantity],
     times: Floats,
     sizes: tuple[Mapping[Domain, int], Mapping[Domain, int]],
-    place: Callable[[Key, Values, float], Values],
+    read: Callable[[Key, float], Values | None],
     notes: list[str],
     mismatched: str,
 ) -> dict[str, StoredTrack]:
@@ -74,19 +74,15 @@ def quantity_tracks(
         Times of the frames, whose faces are the same.
     sizes : pair of mappings of Domain to int
         Number of items in the file, and in the mesh.
-    place : function of a key, values in file order and a time
-        Returns the values of the mesh.
+    read : function of a key and a time
+        Returns the values of the items of the mesh, or None if they do not fit.
     mismatched : str
         What notes call quantities that fit the mesh in none of the frames.
     """
     stored, shown = sizes
 
-    def values_of(key: Key, time: float) -> Values | None:
-        return quantities[key].of_items(time, stored[key[0]])
-
-    def read(index: int, key: Key) -> Values:
-        values = values_of(key, float(times[index]))
-        values = values if values is None else place(key, values, float(times[index]))
+    def read_frame(index: int, key: Key) -> Values:
+        values = read(key, float(times[index]))
         if values is None or len(values) != shown[key[0]]:
             raise changed_error(f"{path} (frame {index})")
         return values
@@ -95,14 +91,14 @@ def quantity_tracks(
     for time in times.tolist():
         fields: dict[Key, Field] = {}
         for key, quantity in quantities.items():
-            if (values := values_of(key, time)) is not None:
+            if (values := quantity.of_items(time, stored[key[0]])) is not None:
                 fields[key] = Field(
                     values.dtype, values.shape[1], quantity.role, quantity.kind, quantity.unit
                 )
         frames.append(fields)
     missing = (key[1] for key in quantities if not any(key in fields for fields in frames))
     note_kinds(notes, mismatched, missing)
-    return field_tracks(frames, shown, read, notes)
+    return field_tracks(frames, shown, read_frame, notes)
 
 
 def note_quantities(

@@ -1,9 +1,10 @@
 """Opening of one sequence from a file of several meshes: selected or merged, and checked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,9 +22,12 @@ from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.counting import counted
-from meshreel.runtime.progress import Count
+from meshreel.runtime.progress import Count, Progress
 
 MAX_NAMED = 8
+
+BLOCK_BYTES = 1 << 20
+"""Size of the positions that are checked at once."""
 
 
 def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:
@@ -98,23 +102,16 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
         If the faces of a frame differ from those of the first, or a position is not finite; the
         message names the frame.
     """
-    frames: list[Vertices] = []
+    blocks: list[Vertices] = []
     survey = FrameSurvey()
     n_frames = len(mesh.times_s)
     with errors_naming(path):
         first = mesh.frame(0)
-        is_loaded = (
-            options.max_loaded_bytes is None
-            or first.vertices.nbytes * n_frames <= options.max_loaded_bytes
-        )
-        for index in range(n_frames):
-            frame = mesh.frame(index) if index else first
-            _check_same_faces(frame, first, index, mesh.name)
-            validate_finite(frame.vertices[np.newaxis], first_frame=index)
-            survey.add(frame.vertices[np.newaxis])
-            if is_loaded:
-                frames.append(frame.vertices)
-            options.progress("reading", Count(index + 1, n_frames, "frames"))
+        n_bytes = first.vertices.nbytes * n_frames
+        is_loaded = options.max_loaded_bytes is None or n_bytes <= options.max_loaded_bytes
+        for block in _checked_blocks(mesh, first, options.progress):
+            survey.add(block)
+            blocks += [block] if is_loaded else []
         timing = frame_times(mesh.times_s)
         if not timing.is_even:
             options.notes.append(
@@ -125,9 +122,9 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
         surface = replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32))
         name = mesh.name.rstrip("/").rpartition("/")[2]
         tracks = mesh.tracks(range(n_frames))
-        size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))
-        if is_loaded and (options.max_loaded_bytes is None or size <= options.max_loaded_bytes):
-            vertices = np.stack(frames).astype(survey.dtype, copy=False)
+        n_bytes += sum(map(size_bytes, tracks.values()))
+        if is_loaded and (options.max_loaded_bytes is None or n_bytes <= options.max_loaded_bytes):
+            vertices = np.concatenate(blocks).astype(survey.dtype, copy=False)
             return MeshSequence(
                 vertices, faces, rate, name, timing.start_s, surface, read_tracks(tracks)
             )
@@ -186,9 +183,31 @@ def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:
     return f"{counted(len(names), 'mesh')}: {', '.join(names[:most])}{more}"
 
 
-def _check_same_faces(frame: PolygonMesh, first: PolygonMesh, index: int, name: str) -> None:
-    if difference := frame.difference(first):
-        raise ConnectivityChangeError(f"frame {index} of {name} has {difference} in frame 0")
+def _checked_blocks(mesh: SceneMesh, first: PolygonMesh, progress: Progress) -> Iterator[Vertices]:
+    """Yield the positions of all frames in blocks of shape (T, V, 3).
+
+    Raises
+    ------
+    ConnectivityChangeError, InvalidInputError
+        If the faces of a frame differ from those of the first, or a position is not finite.
+    """
+    n_frames, n_each = len(mesh.times_s), 1 + BLOCK_BYTES // max(1, first.vertices.nbytes)
+    for start in range(0, n_frames, n_each):
+        frames: list[Any] = []
+        difference = ""
+        for index in range(start, min(start + n_each, n_frames)):
+            frame = mesh.frame(index) if index else first
+            if difference := frame.difference(first):
+                break
+            frames.append(frame.vertices)
+        block: Vertices = np.stack(frames) if frames else first.vertices[np.newaxis]
+        validate_finite(block, first_frame=start)
+        if difference:
+            raise ConnectivityChangeError(
+                f"frame {index} of {mesh.name} has {difference} in frame 0"
+            )
+        yield block
+        progress("reading", Count(start + len(frames), n_frames, "frames"))
 
 
 def _reader(

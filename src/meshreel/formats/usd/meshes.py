@@ -438,9 +438,13 @@ class StageMesh:
             }
             first = float(codes[frames.start])
             file_mesh, single = self._file_mesh(first), self._single(first)
-            rows = self._rows(file_mesh.counts, first)
+            rows, n_items = self._rows(file_mesh.counts, first), file_mesh.n_items
 
-            def place(key: Key, values: Values, code: float) -> Values:
+            @usd_errors(f"USD cannot read the properties of {self.path}")
+            def read(key: Key, code: float) -> Values | None:
+                values = tracks[key].of_items(code, n_items[key[0]])
+                if values is None:
+                    return None
                 to_world = tracks[key].to_world or (lambda values, matrix: values)
                 own: Values = to_world(values, self._matrix(code))[rows[key[0]]]
                 if not self.rendered.levels:
@@ -448,14 +452,11 @@ class StageMesh:
                 matrices = instance_matrices(self.rendered.levels, code)
                 order = _instance_rows(single, matrices)[key[0]]
                 each = zip(matrices, order, strict=True)
-                return np.concatenate(
-                    [own[:0], *(to_world(own, matrix)[at] for matrix, at in each)]
-                )
+                return np.concatenate([own[:0], *(to_world(own, to)[at] for to, at in each)])
 
-            sizes = file_mesh.n_items, self.frame(first).n_items
-            times = codes[frames.start : frames.stop]
+            sizes, times = (n_items, self.frame(first).n_items), codes[frames.start : frames.stop]
             return quantity_tracks(
-                self.path, tracks, times, sizes, place, self.notes.plain, MISMATCHED
+                self.path, tracks, times, sizes, read, self.notes.plain, MISMATCHED
             )
 
     @property

@@ -15,7 +15,6 @@ from meshreel.formats.notes import UNCHANGING, note_kinds
 from meshreel.formats.scenes.quantities import Quantity
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.usd.sampling import attribute_codes
-from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
 from meshreel.runtime.extras import USD
@@ -208,7 +207,6 @@ def _quantity(
 ) -> StageQuantity:
     """Return the quantity of an attribute, which may be that of a primvar."""
 
-    @usd_errors(f"USD cannot read {attribute.GetPath()}")
     def values(code: float) -> Values | None:
         return _numbers(attribute.Get(code), 1) if primvar is None else _flat(primvar, code)
 

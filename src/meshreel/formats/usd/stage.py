@@ -5,6 +5,7 @@ Composition opens every layer that another one names, and does not terminate for
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +27,24 @@ def usd_errors(what: str) -> Iterator[None]:
     what : str
         Start of the message, such as "USD cannot read the file".
     """
-    tf = USD.load("Tf")
+    errors, delegate_class = _diagnostics()
     # While it exists, it receives the messages instead of the terminal.
-    delegate = USD.load("UsdUtils").CoalescingDiagnosticDelegate()
+    delegate = delegate_class()
     try:
         yield
     except UnicodeDecodeError:
         raise FormatError(f"{what}: {NOT_UTF8}") from None
-    except (tf.ErrorException, tf.CppException) as error:
+    except errors as error:
         raise FormatError(f"{what}: {_reason(error)}") from None
     finally:
         del delegate
+
+
+@cache
+def _diagnostics() -> tuple[tuple[type[Exception], ...], Any]:
+    """Return the errors of USD, and the class that receives its messages."""
+    tf = USD.load("Tf")
+    return (tf.ErrorException, tf.CppException), USD.load("UsdUtils").CoalescingDiagnosticDelegate
 
 
 def _reason(error: Exception) -> str:

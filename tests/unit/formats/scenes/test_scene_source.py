@@ -205,6 +205,22 @@ def test_error_for_a_non_finite_position_names_the_frame():
         opened([broken])
 
 
+@pytest.mark.parametrize("block_bytes", [1, 1 << 20])
+def test_open_scene_reports_the_first_fault_when_frames_are_in_blocks(block_bytes, monkeypatch):
+    monkeypatch.setattr("meshreel.formats.scenes.scene_source.BLOCK_BYTES", block_bytes)
+    sequence = quad_sheet()
+    broken = sequence.vertices.copy()
+    broken[3, 2, 1] = np.nan
+    whole = scene_mesh(sequence, "/sheet")
+
+    def frame(index):
+        mesh = whole.frame(index)
+        return replace(mesh, vertices=broken[index], corners=mesh.corners[:: 1 - 2 * (index == 4)])
+
+    with pytest.raises(InvalidInputError, match="vertex 2 of frame 3 has y = nan"):
+        opened([replace(whole, frame=frame)])
+
+
 def test_errors_name_the_file():
     def read_meshes(path, options):
         raise FormatError("is not an archive")
