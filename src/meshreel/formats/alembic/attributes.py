@@ -15,7 +15,7 @@ from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.notes import UNCHANGING, note_kinds, note_moving
 from meshreel.formats.scenes.merging import BLENDED
 from meshreel.formats.scenes.quantities import Quantity, normals_of_corners
-from meshreel.formats.scenes.timing import neighbours
+from meshreel.formats.scenes.timing import blend, neighbours
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh, reversed_corners
 from meshreel.model.surface import (
@@ -163,9 +163,7 @@ class GeometryParam:
             second = self.item_values(float(times[after]))
             if second is None or second.shape != first.shape:
                 return first
-            with np.errstate(all="ignore"):
-                blend: Values = (1 - share) * first.astype(np.float64) + share * second
-            return blend.astype(first.dtype)
+            return blend(first, second, share)
 
         return Quantity(
             name, self.domain, values, lambda: times, kind, role, unit, to_world=to_world

@@ -28,7 +28,7 @@ from meshreel.formats.notes import GatheredNote, describe_cages, note_kinds, not
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.scenes.timing import frame_times, neighbours, unite_times
+from meshreel.formats.scenes.timing import blend, frame_times, neighbours, unite_times
 from meshreel.formats.scenes.transforms import transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners
@@ -149,14 +149,14 @@ def _axis_and_angle(rotation: Floats) -> tuple[Floats, float]:
 
 def _interpolate(first: Floats, second: Floats, weight: float) -> Floats:
     """Return a matrix between two: rotations are interpolated spherically, the rest linearly."""
-    blend = (1 - weight) * first + weight * second
-    if not np.isfinite(blend).all():
-        return blend
+    matrix = (1 - weight) * first + weight * second
+    if not np.isfinite(matrix).all():
+        return matrix
     rotations, stretches = zip(*(_polar(matrix[:3, :3]) for matrix in (first, second)), strict=True)
     axis, angle_deg = _axis_and_angle(rotations[0].T @ rotations[1])
     rotation = rotations[0] @ _rotation(axis, weight * angle_deg)
-    blend[:3, :3] = ((1 - weight) * stretches[0] + weight * stretches[1]) @ rotation
-    return blend
+    matrix[:3, :3] = ((1 - weight) * stretches[0] + weight * stretches[1]) @ rotation
+    return matrix
 
 
 def _polar(linear: Floats) -> tuple[Floats, Floats]:
@@ -356,11 +356,7 @@ class _AnimatedMesh:
         if share == 0:
             return first
         second = self._positions(after)
-        if len(second) != len(first):
-            return first
-        with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
-            blend = (1 - share) * first.astype(np.float64) + share * second
-            return blend.astype(np.float32) if first.dtype == np.float32 else blend
+        return blend(first, second, share) if len(second) == len(first) else first
 
     def _positions(self, index: int) -> Vertices:
         points = self._points.numbers(index)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from meshreel.arrays import Values
 from meshreel.formats.frames.stored_frames import StoredTrack
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.timing import Neighbours, neighbours, unite_times
+from meshreel.formats.scenes.timing import Neighbours, blend, neighbours, unite_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumbered
@@ -65,9 +64,7 @@ def _at(mesh: SceneMesh, time_s: float) -> PolygonMesh:
     second = mesh.frame(place.after)
     if second.difference(first):
         return first
-    blend = (1 - place.share) * first.vertices.astype(np.float64) + place.share * second.vertices
-    vertices: Any = blend.astype(first.vertices.dtype)
-    return PolygonMesh(vertices, first.counts, first.corners)
+    return replace(first, vertices=blend(first.vertices, second.vertices, place.share))
 
 
 def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:
@@ -137,13 +134,10 @@ def _merged(
         track = of_meshes[part]
         if track is None:
             return np.full((sizes[part][domain], n_columns), np.nan, dtype)
-        before = track.read(place.before, place.before + 1)[0]
+        before: Values = track.read(place.before, place.before + 1)[0].astype(dtype)
         if not is_blended or place.after == place.before:
-            values: Values = before.astype(dtype)
-            return values
-        after = track.read(place.after, place.after + 1)[0]
-        blend: Values = (1 - place.share) * before.astype(np.float64) + place.share * after
-        return blend.astype(dtype)
+            return before
+        return blend(before, track.read(place.after, place.after + 1)[0], place.share)
 
     def read_range(start: int, stop: int) -> Values:
         values: Values = np.empty((stop - start, *shape[1:]), dtype)

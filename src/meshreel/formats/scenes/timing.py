@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
+
 NTSC = 1000 / 1001
 """NTSC frame rates are integers times this: 23.976, 29.97, 59.94."""
 
@@ -122,3 +124,11 @@ def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:
     if share < 0.001:
         return Neighbours(before, before)
     return Neighbours(before, after, share)
+
+
+def blend(before: Values, after: Values, share: float) -> Values:
+    """Return values between two frames in the type of the first, computed in float64."""
+    with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
+        blended = (1 - share) * before.astype(np.float64) + share * after
+        values: Values = blended.astype(before.dtype)
+    return values
