@@ -5,6 +5,7 @@ frame is read from the files when it is needed, one table of a state at a time.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,36 +114,33 @@ class _Frames:
 
     def __init__(self, states: list[tuple[D3plotLayout, int]], notes: list[str]) -> None:
         self._states, self._notes = states, notes
-        self._cached: tuple[D3plotLayout, bytes, npt.NDArray[np.int64], CellSurface] | None = None
+        self._cached: tuple[D3plotLayout, bytes, CellSurface] | None = None
 
     def frame(self, index: int) -> PolygonMesh:
         """Return the surface of the elements that exist in a state."""
         layout, state = self._states[index]
-        _, surface = self._surface(index)
         has_positions = "coordinates" in layout.sections
         points = layout.read(state, "coordinates") if has_positions else layout.coordinates()
-        return surface.mesh(points)
+        return self._surface(index).mesh(points)
 
     def surface(self, index: int) -> Surface:
         """Return the parts of the faces of a state."""
         layout, _ = self._states[index]
-        cells, surface = self._surface(index)
         if "coordinates" not in layout.sections:
             note_left_out(self._notes, "motion: the states contain no positions")
-        numbers = layout.part_numbers[cells[surface.cells]].astype(np.int32)
+        numbers = layout.part_numbers[self._surface(index).cells].astype(np.int32)
         return Surface(groups=(FaceGroups(PARTS, layout.part_names, numbers),))
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
         """Return the results of states that share their faces."""
-        _, surface = self._surface(frames.start)
+        surface = self._surface(frames.start)
         fields = [self._fields(index) for index in frames]
 
         def read(index: int, key: Key) -> npt.NDArray[np.floating]:
             layout, state = self._states[frames[index]]
-            cells, surface = self._surface(frames[index])
-            if key[0] is Domain.VERTEX:
-                return layout.read(state, key[1])[surface.kept]
-            return _element_results(layout, state, key[1])[cells[surface.cells]]
+            rows = self._surface(frames[index]).source_rows[key[0]]
+            read_all = layout.read if key[0] is Domain.VERTEX else layout.read_elements
+            return read_all(state, key[1])[rows]
 
         n_verts = surface.n_verts(self._states[frames.start][0].n_nodes)
         sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(surface.cells)}
@@ -163,15 +161,14 @@ class _Frames:
                 fields[Domain.FACE, name] = Field(dtype, n_columns, is_track=True)
         return fields
 
-    def _surface(self, index: int) -> tuple[npt.NDArray[np.int64], CellSurface]:
-        """Return the cells that exist in a state and their surface, cached while they are equal."""
+    def _surface(self, index: int) -> CellSurface:
+        """Return the surface of the cells that exist in a state, cached while they are equal."""
         layout, state = self._states[index]
         is_alive = layout.is_alive(state)
         key = np.packbits(is_alive).tobytes()
         if self._cached is None or self._cached[:2] != (layout, key):
-            chosen = np.flatnonzero(is_alive)
-            self._cached = layout, key, chosen, _surface_of(layout, chosen)
-        return self._cached[2:]
+            self._cached = layout, key, _surface_of(layout, np.flatnonzero(is_alive))
+        return self._cached[2]
 
 
 def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurface:
@@ -182,23 +179,5 @@ def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurf
     starts = np.cumsum(cells.counts) - cells.counts
     counts = cells.counts[chosen]
     points = cells.points[ragged_indices(starts[chosen], counts)]
-    return used_points(extract_surface(Cells(cells.types[chosen], counts, points), layout.n_nodes))
-
-
-def _element_results(layout: D3plotLayout, state: int, name: str) -> npt.NDArray[np.floating]:
-    """Return a result of all cells, of shape (N, C); NaN for those without it.
-
-    Solids have the mean of their integration points, shells the value of their middle surface.
-    """
-    n_columns, tables = ELEMENT_RESULTS[name], []
-    for kind, n_cells in layout.counts.items():
-        values = np.full((n_cells, n_columns), np.nan, layout.words.float_type)
-        if (place := layout.results[name].get(kind)) is not None:
-            table = layout.read(state, kind)
-            points = range(place.n_points if kind == SOLIDS else 1)
-            starts = [place.first + point * place.width for point in points]
-            parts = [table[:, start : start + n_columns] for start in starts]
-            has_row = layout.has_shell_results if kind == SHELLS else slice(None)
-            values[has_row] = np.mean(parts, axis=0) if len(parts) > 1 else parts[0]
-        tables.append(values)
-    return np.concatenate(tables)
+    surface = extract_surface(Cells(cells.types[chosen], counts, points), layout.n_nodes)
+    return replace(used_points(surface), cells=chosen[surface.cells])

@@ -363,6 +363,24 @@ class D3plotLayout:
         values = self.words.floats(state + section.start, section.n_rows * section.n_columns)
         return values.reshape(section.n_rows, section.n_columns)
 
+    def read_elements(self, state: int, name: str) -> npt.NDArray[np.floating]:
+        """Read a result of all cells in a state, of shape (N, C); NaN for those without it.
+
+        Solids have the mean of their integration points, shells the value of their middle surface.
+        """
+        n_columns, tables = ELEMENT_RESULTS[name], []
+        for kind, n_cells in self.counts.items():
+            values = np.full((n_cells, n_columns), np.nan, self.words.float_type)
+            if (place := self.results[name].get(kind)) is not None:
+                table = self.read(state, kind)
+                points = range(place.n_points if kind == SOLIDS else 1)
+                starts = [place.first + point * place.width for point in points]
+                parts = [table[:, start : start + n_columns] for start in starts]
+                has_row = self.has_shell_results if kind == SHELLS else slice(None)
+                values[has_row] = np.mean(parts, axis=0) if len(parts) > 1 else parts[0]
+            tables.append(values)
+        return np.concatenate(tables)
+
     def is_alive(self, state: int) -> npt.NDArray[np.bool_]:
         """Return which of the cells exist in a state."""
         n_cells = len(self.cells.types)
