@@ -6,7 +6,6 @@ corner match. Round primitives consist of rings around their axis.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -45,19 +44,27 @@ class Primitive:
         Names of its size attributes.
     points : function of the sizes and the axis
         Returns points around the z axis.
-    faces : function
-        Returns counts and corners of its faces, which do not depend on the sizes.
-    is_round : bool
-        Whether the faces approximate a curved surface.
+    corners : list of int, optional
+        Corners of its quads. Default: it is round, and its faces approximate a curved surface.
     n_rims : int
         Number of rings, from the bottom, at which a flat end begins.
     """
 
     sizes: tuple[str, ...]
     points: Callable[[Sizes, str], Floats]
-    faces: Callable[[], Faces]
-    is_round: bool = True
+    corners: list[int] | None = None
     n_rims: int = 0
+
+    @property
+    def is_round(self) -> bool:
+        """Whether its points are rings around its axis."""
+        return self.corners is None
+
+    def faces(self, n_points: int) -> Faces:
+        """Return counts and corners of its faces."""
+        if self.corners is None:
+            return revolved_faces((n_points - 2) // N_AROUND)
+        return np.full(len(self.corners) // 4, 4, np.int64), np.array(self.corners, np.int32)
 
 
 def _cube(sizes: Sizes, axis: str) -> Floats:
@@ -119,10 +126,6 @@ def revolve(radii: Floats, heights: Floats, bottom: float, top: float) -> Floats
     return np.concatenate([[[0.0, 0.0, bottom]], points.reshape(-1, 3), [[0.0, 0.0, top]]])
 
 
-def _flat_faces(corners: list[int]) -> Faces:
-    return np.full(len(corners) // 4, 4, np.int64), np.array(corners, np.int32)
-
-
 def revolved_faces(n_rings: int) -> Faces:
     """Return counts and corners of the faces, counterclockwise from outside.
 
@@ -142,18 +145,15 @@ def revolved_faces(n_rings: int) -> Faces:
 
 
 ENDS = ("radiusBottom", "radiusTop", "height")
-TUBE, BALL = partial(revolved_faces, 2), partial(revolved_faces, 2 * N_ARCS)
 PRIMITIVES = {
-    "Cube": Primitive(("size",), _cube, partial(_flat_faces, CUBE_FACES), is_round=False),
-    "Plane": Primitive(
-        ("width", "length"), _plane, partial(_flat_faces, [0, 1, 2, 3]), is_round=False
-    ),
-    "Sphere": Primitive(("radius",), _sphere, partial(revolved_faces, 2 * N_ARCS - 1)),
-    "Cylinder": Primitive(("radius", "height"), _cylinder, TUBE, n_rims=2),
-    "Cylinder_1": Primitive(ENDS, _cylinder, TUBE, n_rims=2),
-    "Cone": Primitive(("radius", "height"), _cone, partial(revolved_faces, 1), n_rims=1),
-    "Capsule": Primitive(("radius", "height"), _capsule, BALL),
-    "Capsule_1": Primitive(ENDS, _capsule, BALL),
+    "Cube": Primitive(("size",), _cube, CUBE_FACES),
+    "Plane": Primitive(("width", "length"), _plane, [0, 1, 2, 3]),
+    "Sphere": Primitive(("radius",), _sphere),
+    "Cylinder": Primitive(("radius", "height"), _cylinder, n_rims=2),
+    "Cylinder_1": Primitive(ENDS, _cylinder, n_rims=2),
+    "Cone": Primitive(("radius", "height"), _cone, n_rims=1),
+    "Capsule": Primitive(("radius", "height"), _capsule),
+    "Capsule_1": Primitive(ENDS, _capsule),
 }
 """Primitive types by name."""
 
@@ -216,13 +216,13 @@ class PrimitiveShape:
 
     def polygons(self, vertices: Vertices, code: float) -> PolygonMesh:
         """Return its faces, with these vertices."""
-        return PolygonMesh(vertices, *PRIMITIVES[self.kind].faces())
+        return PolygonMesh(vertices, *PRIMITIVES[self.kind].faces(len(vertices)))
 
     def sharp_edges(self, code: float) -> npt.NDArray[np.int64] | None:
         """Return the edges of its flat faces as pairs of vertices, or None without any."""
         primitive = PRIMITIVES[self.kind]
         if not primitive.is_round:
-            return shared_edges(*primitive.faces()).ends
+            return shared_edges(*primitive.faces(0)).ends
         around, starts = (
             np.arange(N_AROUND),
             1 + N_AROUND * np.arange(primitive.n_rims)[:, np.newaxis],
