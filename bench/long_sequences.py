@@ -56,7 +56,7 @@ def measure(sequence: LongSequence, quality: float, **options: Any) -> Point:
     processor_s = time.process_time() - processor_start
     budget = meshreel.info(data).budget_bytes
     still = budget["order"] + budget["connectivity"]
-    error = measure_stream(sequence, data).kg_error_percent
+    error = measure_stream(meshreel.MeshSequence.of_segments([sequence]), data).kg_error_percent
     return Point(data, len(data) - still, error, seconds, processor_s)
 
 

@@ -22,7 +22,7 @@ from meshreel.codec.open_stream import OpenStream
 N_SEGMENTS = 10
 
 
-def eroded(sequence: Any, share: float, n_frames: int) -> meshreel.SegmentedSequence:
+def eroded(sequence: Any, share: float, n_frames: int) -> meshreel.MeshSequence:
     """Return segments of some frames, each without a further share of the faces."""
     rng = np.random.default_rng(1)
     faces, segments = np.asarray(sequence.faces), []
@@ -36,7 +36,7 @@ def eroded(sequence: Any, share: float, n_frames: int) -> meshreel.SegmentedSequ
         while len(faces) > n_left:
             faces = faces[(faces != vertices[0]).all(axis=1)]
             vertices = vertices[1:]
-    return meshreel.SegmentedSequence(segments)
+    return meshreel.MeshSequence.of_segments(segments)
 
 
 def main() -> None:

@@ -23,7 +23,6 @@ import DracoPy
 import numpy as np
 
 import meshreel
-from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.threads import limit_cores, n_cores
 
@@ -35,7 +34,7 @@ LEFT_OUT = 0.02
 def changing_frames(path: Path, n_frames: int) -> list[MeshSequence]:
     """Return the first frames of a file or a folder, each with its own faces."""
     files: Any = sorted(path.iterdir())[:n_frames] if path.is_dir() else path
-    segments = meshreel.load_segments(files, attributes="none").segments
+    segments = meshreel.load(files, attributes="none").segments
     if len(segments) > 1:
         places = [(one, t) for one in segments for t in range(one.n_frames)][:n_frames]
         return [MeshSequence(one.read(t, t + 1), one.faces) for one, t in places]
@@ -57,7 +56,7 @@ def compare(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> No
     low = np.min([vertices.min(axis=0) for vertices, _ in meshes], axis=0)
     sides = np.max([vertices.max(axis=0) for vertices, _ in meshes], axis=0).astype(float) - low
     step = float(sides.max() / (2**bits - 1) / np.linalg.norm(sides))
-    segmented, n_verts = SegmentedSequence(frames), sum(len(one) for one, _ in meshes)
+    segmented, n_verts = MeshSequence.of_segments(frames), sum(len(one) for one, _ in meshes)
 
     def encode() -> bytes:
         return meshreel.encode(segmented, "grid", step=step, order="drop")
@@ -87,7 +86,7 @@ def compare(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> No
             limit_cores(cores)
             clock("encode", cores, encode)
             clock("encode draco", cores, encode_draco)
-            clock("decode", cores, lambda: meshreel.decode_segments(own))
+            clock("decode", cores, lambda: meshreel.decode(own))
             clock("decode draco", cores, lambda: [DracoPy.decode(one) for one in other])
 
     def speed(what: str, cores: int, clock: int) -> float:

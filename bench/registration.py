@@ -28,13 +28,12 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from meshreel import MeshFrame, MeshSequence, SegmentedSequence
+from meshreel import MeshFrame, MeshSequence
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.extent import Extent
-from meshreel.model.segments import segments_of
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
@@ -43,14 +42,16 @@ LENGTHS = 0.87, 0.93
 DECIMATION = "meshing_decimation_quadric_edge_collapse"
 
 
-def as_segments(frames: Sequence[MeshFrame]) -> SegmentedSequence:
+def as_segments(frames: Sequence[MeshFrame]) -> MeshSequence:
     """Return one segment per frame."""
-    return SegmentedSequence(MeshSequence(one.vertices[None], one.faces, 30.0) for one in frames)
+    return MeshSequence.of_segments(
+        MeshSequence(one.vertices[None], one.faces, 30.0) for one in frames
+    )
 
 
-def chosen(sequence: SegmentedSequence, numbers: Iterable[int]) -> SegmentedSequence:
+def chosen(sequence: MeshSequence, numbers: Iterable[int]) -> MeshSequence:
     """Return the frames of these numbers, one segment per frame."""
-    return as_segments([sequence.frame(number) for number in numbers])
+    return as_segments([sequence[number] for number in numbers])
 
 
 def remeshed(frames: Sequence[MeshFrame]) -> list[MeshFrame]:
@@ -85,7 +86,7 @@ def as_frame(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer])
     return MeshFrame(np.asarray(vertices, np.float32), np.asarray(faces, np.int32))
 
 
-def psnr(raw: SegmentedSequence, other: SegmentedSequence, extent: Extent) -> tuple[float, float]:
+def psnr(raw: MeshSequence, other: MeshSequence, extent: Extent) -> tuple[float, float]:
     """Return the surface PSNR of all frames and the mean of TVMC's D2 of unequal ones, in dB."""
     scale = float((extent.high - extent.low).max())
     squares, d2 = [], []
@@ -107,7 +108,7 @@ def d2_of_vertices(original: TriangleMesh, decoded: TriangleMesh) -> float:
     return float(10 * np.log10(peak @ peak / max(np.mean(heights**2), 1e-30)))
 
 
-def draco(frames: Iterable[MeshFrame], bits: int, extent: Extent) -> tuple[int, SegmentedSequence]:
+def draco(frames: Iterable[MeshFrame], bits: int, extent: Extent) -> tuple[int, MeshSequence]:
     """Return the bytes of all frames, coded by Draco on one grid, and the decoded frames."""
     low, high = extent.low, extent.high
     streams = [
@@ -162,9 +163,9 @@ def main() -> None:
     arguments = parser.parse_args()
     options = ReadOptions(attributes="none", matches_frames=False)
     given = load_any(arguments.source, options)
-    sequence = SegmentedSequence(segments_of(given))
+    sequence = MeshSequence.of_segments(given.segments)
     n_frames = arguments.frames or sequence.n_frames
-    frames = [sequence.frame(number) for number in range(n_frames)]
+    frames = [sequence[number] for number in range(n_frames)]
     raw = as_segments(remeshed(frames) if arguments.remesh else frames)
     measured, extent = range(0, n_frames, arguments.every), raw.extent
 
@@ -182,14 +183,14 @@ def main() -> None:
     reached = []
     for quality in arguments.quality:
         data = meshreel.encode(found.sequence, quality=quality, order="drop")
-        db = psnr(targets, chosen(meshreel.decode_segments(data), measured), extent)
+        db = psnr(targets, chosen(meshreel.decode(data), measured), extent)
         show(f"quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
         reached.append(db[0])
         if arguments.remesh:
             positions = np.stack([one.vertices for one in frames]).astype(np.float32)
             original = MeshSequence(positions, frames[0].faces, 30.0)
             data = meshreel.encode(original, quality=quality, order="drop")
-            exact, decoded = as_segments(frames), meshreel.decode_segments(data)
+            exact, decoded = as_segments(frames), meshreel.decode(data)
             db = psnr(chosen(exact, measured), chosen(decoded, measured), extent)
             show(f"original at quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
     points = []

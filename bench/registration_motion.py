@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 import meshreel
-from meshreel import MeshFrame, SegmentedSequence
+from meshreel import MeshFrame, MeshSequence
 from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
-from meshreel.model.segments import segments_of
 from meshreel.registration.register import Registration, register
 from meshreel.registration.triangle_mesh import Closest, TriangleMesh
 from registration import as_segments, remeshed
@@ -56,7 +55,7 @@ def degrees_between(first: Floats, second: Floats) -> Floats:
     return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1, 1))))
 
 
-def motion(raw: SegmentedSequence, other: SegmentedSequence) -> Floats:
+def motion(raw: MeshSequence, other: MeshSequence) -> Floats:
     """Return motion, its difference from that of `raw`, and change of normals of each step.
 
     Vertices of a raw frame are compared with the raw frame before it, and the closest points of the
@@ -64,9 +63,9 @@ def motion(raw: SegmentedSequence, other: SegmentedSequence) -> Floats:
     degrees.
     """
     rows = []
-    before, other_before = mesh_of(raw.frame(0)), mesh_of(other.frame(0))
+    before, other_before = mesh_of(raw[0]), mesh_of(other[0])
     for number in range(1, raw.n_frames):
-        mesh, other_mesh = mesh_of(raw.frame(number)), mesh_of(other.frame(number))
+        mesh, other_mesh = mesh_of(raw[number]), mesh_of(other[number])
         raw_step, _ = heights_above(before, mesh.vertices)
         here, found = heights_above(other_mesh, mesh.vertices)
         step, _ = heights_above(other_before, found.points)
@@ -78,7 +77,7 @@ def motion(raw: SegmentedSequence, other: SegmentedSequence) -> Floats:
 
 
 def sliding(
-    found: Registration, other: SegmentedSequence, original: list[TriangleMesh], first: int
+    found: Registration, other: MeshSequence, original: list[TriangleMesh], first: int
 ) -> Floats:
     """Return mean and 95 % of the distances along the surface, at all frames but keys.
 
@@ -88,7 +87,7 @@ def sliding(
     rows = []
     for segment in found.segments:
         start = original[first + segment.key]
-        frames = [other.frame(first + number).vertices for number in segment.numbers]
+        frames = [other[first + number].vertices for number in segment.numbers]
         places = start.closest(frames[segment.key - segment.first].astype(np.float64))
         weights, last = start.barycentric(places), None
         for number, positions in zip(segment.numbers, frames, strict=True):
@@ -116,9 +115,9 @@ def main() -> None:
     parser.add_argument("--remesh", action="store_true")
     arguments = parser.parse_args()
     options = ReadOptions(attributes="none", matches_frames=False)
-    sequence = SegmentedSequence(segments_of(load_any(arguments.source, options)))
+    sequence = load_any(arguments.source, options)
     numbers = range(arguments.first, arguments.first + arguments.frames)
-    frames = [sequence.frame(number) for number in numbers]
+    frames = [sequence[number] for number in numbers]
     raw = as_segments(remeshed(frames) if arguments.remesh else frames)
     diagonal = float(np.linalg.norm(raw.extent.high - raw.extent.low))
     parts = [raw]
@@ -127,7 +126,7 @@ def main() -> None:
     found = [register(part, bound_of(arguments.tolerance)) for part in parts]
     registered = meshreel.concatenate([one.sequence for one in found])
     stream = meshreel.encode(registered, quality=arguments.quality, order="keep")
-    decoded = meshreel.decode_segments(stream)
+    decoded = meshreel.decode(stream)
     cuts = np.isin(np.arange(1, raw.n_frames), registered.starts)
     print("| | motion, % | difference from raw, % | change of normals, degrees |")
     print("|---|---|---|---|")

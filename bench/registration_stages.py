@@ -17,11 +17,10 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-from meshreel import SegmentedSequence
+from meshreel import MeshSequence
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
-from meshreel.model.segments import segments_of
 from meshreel.registration import fitting, folds, growing, tracking, triangle_mesh
 from meshreel.registration.fitting import Rows
 from meshreel.registration.register import register
@@ -95,9 +94,9 @@ def main() -> None:
     arguments = parser.parse_args()
     for source in arguments.sources:
         given = load_any(source, ReadOptions(attributes="none", matches_frames=False))
-        sequence = SegmentedSequence(segments_of(given))
+        sequence = MeshSequence.of_segments(given.segments)
         n_frames = min(arguments.frames, sequence.n_frames)
-        frames = [sequence.frame(number) for number in range(n_frames)]
+        frames = [sequence[number] for number in range(n_frames)]
         raw = as_segments(remeshed(frames) if arguments.remesh else frames)
         print(f"\n{source}, {n_frames} frames\n\n| | segments | dB | folded faces | kbit/frame | "
               "dB, coded | s/frame |\n|---|---|---|---|---|---|---|", flush=True)  # fmt: skip
@@ -107,7 +106,7 @@ def main() -> None:
                 found = register(raw, bound_of(arguments.tolerance))
             seconds = (time.process_time() - begin) / n_frames
             data = meshreel.encode(found.sequence, quality=70, order="drop")
-            decoded, measured = meshreel.decode_segments(data), range(0, n_frames, 4)
+            decoded, measured = meshreel.decode(data), range(0, n_frames, 4)
             coded, _ = psnr(chosen(raw, measured), chosen(decoded, measured), raw.extent)
             print(f"| {name} | {found.sequence.n_segments} | {found.distances.psnr_db:.1f} | "
                   f"{found.distances.n_folded} | {len(data) * 8e-3 / n_frames:.1f} | {coded:.1f} | "

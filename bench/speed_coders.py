@@ -61,7 +61,8 @@ class OwnMethod:
 
     def open(self, path: Path, shape: Shape) -> FrameAt:
         """A function from a frame's number to its positions, which reads the stored bytes."""
-        return meshreel.open(path).__getitem__
+        reel = meshreel.open(path)
+        return lambda number: reel[number].vertices
 
 
 @dataclass(frozen=True)

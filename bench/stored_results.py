@@ -18,7 +18,7 @@ import statistics
 import subprocess
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +133,7 @@ def anchor_rows(sequences: Sequence[MeshSequence]) -> list[dict[str, Any]]:
     for name, n_frames, method, mode_counts in ANCHOR_CASES:
         if name not in by_name:
             continue
-        sequence = replace(by_name[name], vertices=by_name[name].vertices[:n_frames])
+        sequence = by_name[name].replace(vertices=by_name[name].vertices[:n_frames])
         for n_modes in mode_counts:
             row: dict[str, Any] = {
                 "sequence": name,
@@ -344,7 +344,7 @@ def main() -> None:
         store("checks", check_figures())
         return
     sequences = [meshreel.load(given) for given in arguments.inputs]
-    sequences = [replace(sequence, tracks={}) for sequence in sequences]
+    sequences = [sequence.replace(tracks={}) for sequence in sequences]
     if arguments.flag:
         sequences.append(meshreel.simulate_flag(arguments.flag))
     if arguments.what == "codecs":

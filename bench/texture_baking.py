@@ -24,13 +24,13 @@ import numpy.typing as npt
 from PIL import Image
 
 import meshreel
-from meshreel import Attribute, Domain, Kind, MeshFrame, MeshSequence, SegmentedSequence, Surface
+from meshreel import Attribute, Domain, Kind, MeshFrame, MeshSequence, Surface
 from meshreel.arrays import Bytes, Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.baked_textures import TextureJob, open_textures
 from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
-from meshreel.model.segments import frames_of, segments_of
+from meshreel.model.sequence import frames_of, segment_of_frame
 from meshreel.registration.baking import Atlas, barycentric, made_uv, sampled
 from meshreel.registration.register import register
 from meshreel.registration.transfer import items_at_corners
@@ -178,15 +178,18 @@ def main() -> None:
     arguments = parser.parse_args()
     given = load_any(arguments.source, ReadOptions(matches_frames=False))
     numbers = range(arguments.first, arguments.first + arguments.frames)
-    sequence = SegmentedSequence(segments_of(given)).part(numbers)
+    sequence = MeshSequence.of_segments(given.segments).part(numbers)
     truth = list(sequence)
-    surfaces = [sequence.segment(sequence.segment_of(n)).surface for n in range(len(truth))]
+    surfaces = [
+        sequence.segments[segment_of_frame(sequence.starts, n)[0]].surface
+        for n in range(len(truth))
+    ]
     if arguments.remesh:
         meshes = remeshed(truth)
         surfaces = [Surface()] * len(truth)
     else:
         meshes = truth
-    raw = SegmentedSequence(map(with_uv, meshes, surfaces, repeat(arguments.side)))
+    raw = MeshSequence.of_segments(map(with_uv, meshes, surfaces, repeat(arguments.side)))
     box = sequence.extent.low, sequence.extent.high
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -197,7 +200,7 @@ def main() -> None:
         measure(raw, folder, arguments)
 
 
-def measure(raw: SegmentedSequence, folder: Path, arguments: argparse.Namespace) -> None:
+def measure(raw: MeshSequence, folder: Path, arguments: argparse.Namespace) -> None:
     """Register raw frames, bake their images, and print the figures."""
     registration = register(raw, bound_of(arguments.tolerance))
     textures = [folder / f"raw_{number:04d}.png" for number in range(raw.n_frames)]
@@ -208,7 +211,7 @@ def measure(raw: SegmentedSequence, folder: Path, arguments: argparse.Namespace)
     ]
     textured = jobs[0].prepared(registration, notes)
     data = meshreel.encode(textured.sequence, quality=70, order="drop")
-    decoded = meshreel.decode_segments(data)
+    decoded = meshreel.decode(data)
     lengths = [one.n_frames for one in textured.sequence.segments]
     print(f"{raw.n_frames} frames; segments of {lengths} frames; {textured.distances}; {notes}; "
           f"mesh {8e-3 * len(data) / raw.n_frames:.1f} kbit per frame")  # fmt: skip
@@ -222,7 +225,7 @@ def measure(raw: SegmentedSequence, folder: Path, arguments: argparse.Namespace)
               f"encoder; {kilobits:.0f} kbit per frame", flush=True)  # fmt: skip
     video = list(open_textures(folder / "baked.mp4").images())
     opened = [Image.open(folder / f"baked_{number:04d}.png") for number in range(raw.n_frames)]
-    cases: dict[str, tuple[SegmentedSequence, list[Any]]] = {
+    cases: dict[str, tuple[MeshSequence, list[Any]]] = {
         "images on the registered mesh": (textured.sequence, opened),
         "video on the decoded mesh": (decoded, video),
     }
@@ -230,10 +233,10 @@ def measure(raw: SegmentedSequence, folder: Path, arguments: argparse.Namespace)
         errors = Errors()
         for number in range(0, raw.n_frames, arguments.every):
             pairs = views(
-                raw.frame(number),
+                raw[number],
                 corners_of(frame_of(raw, number)),
                 Image.open(textures[number]),
-                shown.frame(number),
+                shown[number],
                 corners_of(frame_of(shown, number)),
                 images[number],
             )
@@ -245,9 +248,9 @@ def measure(raw: SegmentedSequence, folder: Path, arguments: argparse.Namespace)
         print(f"{name}: {errors}", flush=True)
 
 
-def frame_of(sequence: SegmentedSequence, number: int) -> MeshSequence:
+def frame_of(sequence: MeshSequence, number: int) -> MeshSequence:
     """Return the mesh of a frame with its surface."""
-    return frames_of(sequence.segment(sequence.segment_of(number)), range(1))
+    return frames_of(sequence.segments[segment_of_frame(sequence.starts, number)[0]], range(1))
 
 
 def save(path: Path, pair: tuple[Picture, Picture]) -> None:

@@ -15,7 +15,7 @@ import json
 import re
 import struct
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -109,7 +109,10 @@ def on_the_fly(sequence: meshreel.MeshSequence, folder: Path, max_error: float) 
     """A stream, decoded during playback."""
     stream = meshreel.encode(sequence, max_error=max_error)
     decoded = meshreel.decode(stream)
-    far = [np.linalg.norm(a - b, axis=1).max() for a, b in zip(decoded, sequence, strict=True)]
+    far = [
+        np.linalg.norm(a - b, axis=1).max()
+        for a, b in zip(decoded.vertices, sequence.vertices, strict=True)
+    ]
     error = 100 * float(max(far)) / diagonal(sequence)
     indices = sequence.faces.size * (2 if sequence.n_verts < 0xFFFF else 4)
     copy = sequence.n_verts * DECODED_BYTES
@@ -209,7 +212,7 @@ def main() -> None:
     for path in options.files:
         sequence = meshreel.load(path)
         if not sequence.fps:
-            sequence = replace(sequence, fps=25.0)
+            sequence = sequence.replace(fps=25.0)
         measured = list(costs(sequence, options.max_error))
         print(f"{path.name}: {sequence.n_verts} vertices, {sequence.n_frames} frames\n")
         print(table(HEADER, map(row, measured)), end="\n\n")

@@ -34,7 +34,7 @@ from meshreel.codec.joining import (
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.materials import Material
-from meshreel.model.segments import SegmentedSequence
+from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 
@@ -135,7 +135,7 @@ def edited(n_frames, **options):
         sequence = moving(faces, n_frames, seed=seed, n_more=n_verts - int(faces.max()) - 1)
         segments.append(sequence)
     with patch.object(mesh_edits, "SMALL_BYTES_PER_FACE", 1):
-        return meshreel.encode(SegmentedSequence(segments), order="keep", **options)
+        return meshreel.encode(MeshSequence.of_segments(segments), order="keep", **options)
 
 
 def separated(data, segment):

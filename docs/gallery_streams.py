@@ -63,7 +63,7 @@ def _walk() -> Shown:
     raw = _capture()
     registered = meshreel.register(raw, tolerance="0.5%")
     data = meshreel.encode(registered)
-    errors = meshreel.compare(raw[:1], meshreel.decode_segments(data)[:1], surface=True)
+    errors = meshreel.compare(raw[:1], meshreel.decode(data)[:1], surface=True)
     text = (
         f"{raw.n_frames} frames with one mesh: {size_text(len(data))}; the mean distance from the "
         f"captured surface is {errors.to_original.mean_percent:.2g} % of the diagonal"
@@ -92,8 +92,8 @@ MAKERS: dict[str, Callable[[], Shown]] = {
 
 
 @cache
-def _capture() -> meshreel.SegmentedSequence:
-    captured: meshreel.SegmentedSequence = _example("register_capture")["capture"](25)
+def _capture() -> meshreel.MeshSequence:
+    captured: meshreel.MeshSequence = _example("register_capture")["capture"](25)
     return captured
 
 

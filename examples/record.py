@@ -29,7 +29,7 @@ def camera(seconds: float) -> Iterator[npt.NDArray[np.floating]]:
     rng, begin = np.random.default_rng(1), time.monotonic()
     for number in range(round(seconds * FPS)):
         time.sleep(max(0, begin + number / FPS - time.monotonic()))
-        frame = FLAG[number % len(FLAG)]
+        frame = FLAG.vertices[number % len(FLAG)]
         yield frame + rng.normal(0, NOISE_M, frame.shape).astype(frame.dtype)
 
 
@@ -66,7 +66,7 @@ def main() -> None:
         recorder.join()
         print(f"killed the recorder after {arguments.crash_after:g} s")
     with meshreel.open(arguments.out) as reel:
-        n_bytes = sum(frame.nbytes for frame in reel)
+        n_bytes = sum(frame.vertices.nbytes for frame in reel)
         print(f"{len(reel)} frames, {len(reel) / FPS:.2f} s, can be read: {n_bytes / 1e6:.1f} MB")
     print(f"{arguments.out}: {arguments.out.stat().st_size / 1e3:.0f} kB")
 

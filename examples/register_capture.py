@@ -69,7 +69,7 @@ def captured_frame(time_s: float, rng: np.random.Generator) -> meshreel.MeshSequ
     return meshreel.MeshSequence(vertices[None].astype(np.float32), faces, fps=FPS)
 
 
-def capture(n_frames: int) -> meshreel.SegmentedSequence:
+def capture(n_frames: int) -> meshreel.MeshSequence:
     """Return the frames of the simulated studio, each with its own mesh. Deterministic."""
     rng = np.random.default_rng(0)
     return meshreel.concatenate(captured_frame(number / FPS, rng) for number in range(n_frames))
@@ -87,11 +87,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as studio:
         if arguments.capture is None:
             meshreel.save(capture(arguments.frames), f"{studio}/frame_%04d.ply")
-        raw = meshreel.load_segments(arguments.capture or studio, fps=arguments.fps)
+        raw = meshreel.load(arguments.capture or studio, fps=arguments.fps)
         registered = meshreel.register(raw, tolerance=arguments.tolerance)
         data = meshreel.encode(registered)
         # All frames would take longer than the registration.
-        errors = meshreel.compare(raw[:1], meshreel.decode_segments(data)[:1], surface=True)
+        errors = meshreel.compare(raw[:1], meshreel.decode(data)[:1], surface=True)
     arguments.out.write_bytes(data)
     print(f"raw: frames {raw.n_frames}, meshes {raw.n_segments}, {raw.raw_size_bytes / 1e6:.1f} MB")
     print(f"registered: meshes {registered.n_segments}, {len(data) / 1e3:.0f} kB as a .reel file")

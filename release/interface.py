@@ -37,7 +37,6 @@ NPM_MODULES = {
 RETURNED = {
     "Quality",
     "ReelFile",
-    "SegmentedReelFile",
     "StreamInfo",
     "SurfaceDistances",
     "SurfaceQuality",

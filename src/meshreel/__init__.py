@@ -6,13 +6,11 @@
     decoded = meshreel.decode(data)
     quality = meshreel.compare("samba.npz", decoded)
 
-MeshSequence      an animated mesh: vertices, faces, frames per second
+MeshSequence      an animated mesh: vertices, faces, frames per second; one or more segments of
+                  constant connectivity; concatenate joins several; a MeshFrame is one frame
 Surface           its polygons, hard edges, Attribute (Domain, Kind), FaceGroups and Part
 Track             a quantity that changes over time, such as stress or velocity: TrackKind
 Material          appearance of a face group: Texture (Wrap, Filter), Image, AlphaMode
-SegmentedSequence an animated mesh whose faces change: segments, each a MeshSequence;
-                  concatenate makes one, load_segments and decode_segments read one;
-                  open_segments gives a SegmentedReelFile; a MeshFrame is vertices and faces
 register          raw frames, each with its own mesh, to segments that follow the surface
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
@@ -36,10 +34,9 @@ from meshreel import methods as _methods  # noqa: F401  registers the coding met
 
 if TYPE_CHECKING:
     from meshreel import paper as paper
-    from meshreel.api import compare, decode, decode_segments, encode, info, register
+    from meshreel.api import compare, decode, encode, info, register
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.reel_file import ReelFile
-    from meshreel.codec.segmented_file import SegmentedReelFile
     from meshreel.codec.streaming import Encoder
     from meshreel.errors import (
         ConnectivityChangeError,
@@ -54,16 +51,15 @@ if TYPE_CHECKING:
         UnsupportedVersionError,
         WorkerDiedError,
     )
-    from meshreel.formats.load import load, load_segments
-    from meshreel.formats.reel import open, open_segments
+    from meshreel.formats.load import load
+    from meshreel.formats.reel import open
     from meshreel.formats.save import save
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
     from meshreel.model.flag import simulate_flag
     from meshreel.model.geometry.hard_edges import corner_normals
     from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
-    from meshreel.model.segments import MeshFrame, SegmentedSequence, concatenate
-    from meshreel.model.sequence import MeshSequence
+    from meshreel.model.sequence import MeshFrame, MeshSequence, concatenate
     from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
     from meshreel.model.tracks import Track, TrackKind
 
@@ -90,8 +86,6 @@ __all__ = [
     "Part",
     "Quality",
     "ReelFile",
-    "SegmentedReelFile",
-    "SegmentedSequence",
     "SolverError",
     "StoreError",
     "StreamInfo",
@@ -109,13 +103,10 @@ __all__ = [
     "concatenate",
     "corner_normals",
     "decode",
-    "decode_segments",
     "encode",
     "info",
     "load",
-    "load_segments",
     "open",
-    "open_segments",
     "register",
     "save",
     "simulate_flag",
@@ -126,18 +117,14 @@ _MATERIALS = ("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap")
 _MODULES = {
     **dict.fromkeys(_SURFACE, "model.surface"),
     **dict.fromkeys(_MATERIALS, "model.materials"),
-    **dict.fromkeys(("compare", "decode", "decode_segments", "encode", "info", "register"), "api"),
-    **dict.fromkeys(("MeshFrame", "SegmentedSequence", "concatenate"), "model.segments"),
+    **dict.fromkeys(("compare", "decode", "encode", "info", "register"), "api"),
+    **dict.fromkeys(("MeshFrame", "MeshSequence", "concatenate"), "model.sequence"),
     "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",
     "load": "formats.load",
-    "load_segments": "formats.load",
-    "MeshSequence": "model.sequence",
     "open": "formats.reel",
-    "open_segments": "formats.reel",
     "Quality": "metrics.compare",
     "ReelFile": "codec.reel_file",
-    "SegmentedReelFile": "codec.segmented_file",
     "save": "formats.save",
     "simulate_flag": "model.flag",
     "StreamInfo": "codec.inspect",

@@ -16,7 +16,6 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.reel_file import ReelFile
-from meshreel.codec.segmented_file import SegmentedReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load_any, open_for_encoding
@@ -27,7 +26,6 @@ from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import FACES_CHANGE
 from meshreel.formats.sources import AnyPath, Source
-from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
@@ -41,11 +39,11 @@ if TYPE_CHECKING:
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
 Stream = bytes | bytearray | memoryview
-AnyInput = AnySequence | ReelFile | SegmentedReelFile | Stream | Source
+AnyInput = MeshSequence | FrameSource | ReelFile | Stream | Source
 
 
 def _accept_files(
-    encode: Callable[Concatenate[AnySequence, Options], bytes],
+    encode: Callable[Concatenate[MeshSequence, Options], bytes],
 ) -> Callable[Concatenate[AnyInput, Options], bytes]:
     """Return an `encode` that also accepts files; its signature is derived from the original."""
     signature = inspect.signature(encode)
@@ -77,7 +75,7 @@ def decode(
     memory: float | str | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """Decode a `.reel` stream, or one segment of it, to a sequence.
+    """Decode a `.reel` stream to a sequence, each of whose segments is one of the stream.
 
     Parameters
     ----------
@@ -92,8 +90,8 @@ def decode(
         corrections. Default: all. Streams of `reel` only. For a `ReelFile`, pass it to
         `meshreel.open`.
     segment : int, optional
-        Number of a segment, from 0, as `info` lists them. Required if the stream has several, whose
-        meshes differ. For a `ReelFile`, pass it to `meshreel.open`.
+        Decode this segment alone, numbered from 0 as `info` lists them; its frames count from 0.
+        Default: all. For a `ReelFile`, pass it to `meshreel.open`.
     memory : float or str, optional
         Memory limit for frames and tracks together, for the mesh, and for a block, such as "2GiB"
         or a number of bytes: a small file may contain a long animation in which little changes, or
@@ -104,9 +102,8 @@ def decode(
     Raises
     ------
     InvalidInputError
-        If the file or segment does not exist, the stream has several segments and `segment` is
-        None, `frames` selects no frame or has a step, or `n_modes` is below 1 or does not apply to
-        this stream.
+        If the file or segment does not exist, `frames` selects no frame or has a step, or `n_modes`
+        is below 1 or does not apply to this stream.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If `data` is not a complete stream that this build reads; the error names the file.
     MemoryLimitError
@@ -116,10 +113,10 @@ def decode(
         for name, value in {"n_modes": n_modes, "segment": segment, "memory": memory}.items():
             if value is not None:
                 raise InvalidInputError(f"for a ReelFile, pass {name} to meshreel.open")
-        return _decode_reel(data, frames)
+        return data[slice(None) if frames is None else frames]
     if frames is not None and is_remote(data):
         with open_reel(data, n_modes=n_modes, segment=segment, memory=memory) as reel:
-            return _decode_reel(reel, frames)
+            return reel[frames]
     return _with_stream(
         data,
         "decode",
@@ -130,27 +127,6 @@ def decode(
             segment=segment,
             memory=memory,
             progress=progress,
-        ),
-    )
-
-
-def decode_segments(
-    data: Stream | AnyPath,
-    *,
-    frames: slice | None = None,
-    n_modes: int | None = None,
-    memory: float | str | None = None,
-    progress: Progress = silent,
-) -> SegmentedSequence:
-    """All segments of a `.reel` stream, whose meshes differ; also of a stream with one.
-
-    Parameters and errors are those of `decode`; `frames` are numbered across all segments.
-    """
-    return _with_stream(
-        data,
-        "decode_segments",
-        lambda stream: decoder.decode_segments(
-            stream, frames=frames, n_modes=n_modes, memory=memory, progress=progress
         ),
     )
 
@@ -192,7 +168,7 @@ def register(
     texture_output: AnyPath | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
-) -> SegmentedSequence:
+) -> MeshSequence:
     """Replace the meshes of a raw capture by few meshes that follow its surface.
 
     A capture has a new mesh in every frame. Registration deforms the mesh of a key frame to fit
@@ -201,7 +177,7 @@ def register(
 
     Parameters
     ----------
-    source : SegmentedSequence, path, bytes, or ReelFile
+    source : MeshSequence, path, bytes, or ReelFile
         Raw frames, as `encode` accepts them. Frames that stay in their files are read three or four
         times.
     tolerance : float or str, default "0.2%"
@@ -230,7 +206,7 @@ def register(
 
     Returns
     -------
-    SegmentedSequence
+    MeshSequence
         Frames that cannot be followed are segments of their own, with their raw mesh. Segments of
         several frames have the texture coordinates, groups and materials of their key frame, and
         the other values of vertices, such as colors, as tracks. A warning names what was removed or
@@ -319,7 +295,7 @@ def compare(
 
     Parameters
     ----------
-    original, decoded : MeshSequence, SegmentedSequence, path, bytes, or ReelFile
+    original, decoded : MeshSequence, MeshSequence, path, bytes, or ReelFile
         Sequences, what `load` reads, or `.reel` streams, of equal frame counts. Meshes are the
         same if they have equal vertex counts and the same oriented triangles; the order of the
         triangles, and the vertex at which each begins, may differ. So may the order of vertices,
@@ -383,7 +359,7 @@ def _local(source: Any) -> AbstractContextManager[Any]:
 
 def _source(
     sequence: Any, memory: Any, *, matches_frames: bool, warns_of_changes: bool = True
-) -> AnySequence:
+) -> MeshSequence:
     """Frames to encode or register, which may be read from their files on demand."""
     if _is_path(sequence):
         notes: list[str] = []
@@ -395,46 +371,30 @@ def _source(
     return _sequence(sequence)
 
 
-def _loaded(sequence: Any) -> MeshSequence | SegmentedSequence:
-    """A sequence with all frames in memory if its connectivity is constant."""
+def _loaded(sequence: Any) -> MeshSequence:
+    """A sequence whose segments are in memory, unless it was passed with others."""
     if _is_path(sequence):
         notes: list[str] = []
         with local_copy(sequence) as files:
             loaded = load_any(files, ReadOptions(notes=notes))
         _warn(notes)
         return loaded
-    source = _sequence(sequence)
-    if isinstance(source, SegmentedSequence) and source.n_segments == 1:
-        source = source.segments[0]
-    if isinstance(source, MeshSequence | SegmentedSequence):
-        return source
-    return frames_of(source, range(source.n_frames))
+    return _sequence(sequence)
 
 
-def _sequence(sequence: Any) -> AnySequence:
-    if isinstance(sequence, Stream):
-        decoded = decoder.decode_segments(bytes(sequence))
-        return decoded if decoded.n_segments > 1 else decoded.segments[0]
-    if isinstance(sequence, ReelFile):
-        return _decode_reel(sequence, None)
-    if isinstance(sequence, SegmentedReelFile):
-        several: list[MeshSequence] = []
-        held_bytes = 0
-        for segment in map(sequence.segment, range(sequence.n_segments)):
-            frame_bytes = 3 * segment.n_verts * segment.dtype.itemsize
-            sequence.require_memory(held_bytes + segment.n_frames * frame_bytes)
-            several.append(_decode_reel(segment, None))
-            held_bytes += several[-1].raw_size_bytes
-        return SegmentedSequence(several, sequence.name, sequence.start_s)
-    if isinstance(sequence, SegmentedSequence):
+def _sequence(sequence: Any) -> MeshSequence:
+    if isinstance(sequence, MeshSequence):
         return sequence
+    if isinstance(sequence, Stream):
+        return decoder.decode(bytes(sequence))
+    if isinstance(sequence, ReelFile):
+        return sequence[:]
     if all(hasattr(sequence, name) for name in ("faces", "extent", "read")):
-        source: FrameSource = sequence
-        return source
+        return MeshSequence.of_segments([sequence])
     raise InvalidInputError(
-        "a sequence is a MeshSequence or SegmentedSequence, the path of a file or folder, a list "
-        f"of paths, or the bytes of a .reel stream; got {type(sequence).__name__}; for arrays, "
-        "pass meshreel.MeshSequence(vertices, faces)"
+        "a sequence is a MeshSequence, the path of a file or folder, a list of paths, or the bytes "
+        f"of a .reel stream; got {type(sequence).__name__}; for arrays, pass "
+        "meshreel.MeshSequence(vertices, faces)"
     )
 
 
@@ -442,12 +402,6 @@ def _is_path(source: Any) -> bool:
     """Whether `load` reads it: a path, or a list of paths."""
     paths = source if isinstance(source, list | tuple) else [source]
     return all(isinstance(path, str | os.PathLike) for path in paths)
-
-
-def _decode_reel(reel: ReelFile, frames: slice | None) -> MeshSequence:
-    numbers = reel.frame_range(frames)
-    reel.require_frames(numbers)
-    return frames_of(reel, numbers)
 
 
 def _warn(notes: Iterable[str], stacklevel: int = 4) -> None:

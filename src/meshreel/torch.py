@@ -29,7 +29,6 @@ from meshreel.codec.memory import bytes_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.reel import open as open_reel
-from meshreel.formats.reel import open_segments
 from meshreel.kernel.files import FileModes
 from meshreel.runtime.extras import TORCH
 from meshreel.runtime.stores.address import is_remote
@@ -617,13 +616,18 @@ def _sequences(
     if not files:
         raise InvalidInputError(f"there is no .reel file in {', '.join(map(str, given))!r}")
     for path in files:
-        with open_segments(path) as file:
-            for number in range(file.n_segments):
-                reel = file.segment(number)
+        with open_reel(path) as file:
+            for number, reel in enumerate(file.segments):
                 for name in tracks:
                     reel.track(name)
                 yield SequenceEntry(
-                    path, number, reel.n_frames, reel.n_verts, reel.n_faces, reel.fps, reel.starts
+                    path,
+                    number,
+                    reel.n_frames,
+                    reel.n_verts,
+                    reel.n_faces,
+                    reel.fps,
+                    reel.block_starts,
                 )
 
 

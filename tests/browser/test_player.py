@@ -2,7 +2,6 @@
 
 import re
 import subprocess
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -424,7 +423,7 @@ def test_overlay_draws_lines_of_the_original(own_compared):
 def test_overlay_is_not_hidden_when_the_original_lies_just_behind(new_page, flag, tmp_path):
     original = meshreel.load(flag / "original.npz")
     behind = original.vertices - np.float32([0, 0, 0.005 * diagonal_of(original.vertices)])
-    meshreel.save(replace(original, vertices=behind), tmp_path / "behind.npz")
+    meshreel.save(original.replace(vertices=behind), tmp_path / "behind.npz")
     with viewing(flag / "flag.reel", "--original", tmp_path / "behind.npz") as (_, address):
         page = new_page(address)
         page.locator("[name=arrangement][value=over]").check()

@@ -25,7 +25,7 @@ def path(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def decoded(path):
-    return meshreel.decode_segments(path)
+    return meshreel.decode(path)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import re
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +54,7 @@ def folder(tmp_path_factory):
         "heat": Track(600 - heat.values, domain="face", unit="K"),
         "paint": Track(255 - tracks["paint"].values, kind="color"),
     }
-    meshreel.save(replace(sequence, tracks=others), folder / "mirrored.npz")
+    meshreel.save(sequence.replace(tracks=others), folder / "mirrored.npz")
     return folder
 
 

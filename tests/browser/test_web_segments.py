@@ -107,7 +107,7 @@ def data():
 
 def assert_right(shown, data, brightness=255):
     """Assert that positions, triangles and colors are those of the frame in its segment."""
-    decoded = meshreel.decode_segments(data)
+    decoded = meshreel.decode(data)
     starts = np.array(decoded.starts)
     for one in shown:
         segment = int(np.searchsorted(starts, one["frame"], "right")) - 1

@@ -79,7 +79,7 @@ def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):
     sheets = [meshreel.load(path) for path in files[:2]]
     for name, sheet in zip("ab", sheets, strict=True):
         meshreel.save(sheet, folder / f"{name}_%d.ply")
-    stream.write_bytes(meshreel.encode(meshreel.load_segments(folder, fps=25)))
+    stream.write_bytes(meshreel.encode(meshreel.load(folder, fps=25)))
     figures = json.loads(run(folder, stream, "--samples", 400, "--json").stdout)
     assert figures["reason"] == "the faces change over time"
     assert 0 < figures["to_decoded"]["mean_percent"] < 0.1
@@ -100,7 +100,7 @@ def test_compare_shows_errors_of_vertices_of_segments(files, tmp_path):
     folder, stream = tmp_path / "frames", tmp_path / "a.reel"
     for name, path in zip("ab", files[:2], strict=True):
         meshreel.save(meshreel.load(path), folder / f"{name}_%d.ply")
-    sequence = meshreel.load_segments(folder, fps=25)
+    sequence = meshreel.load(folder, fps=25)
     stream.write_bytes(meshreel.encode(sequence, max_error=0.5, order="drop"))
     text = run(folder, stream, "--samples", 400).stdout
     assert "surfaces: the faces change over time" in text

@@ -59,7 +59,7 @@ def test_encode_writes_segments_when_faces_change(changing, tmp_path):
     figures = run_json("encode", changing, "-o", tmp_path / "a.reel", "--fps", 10)
     note = "the faces change: 5 frames in 2 segments of constant connectivity"
     assert note in figures["notes"]
-    decoded = meshreel.decode_segments(tmp_path / "a.reel")
+    decoded = meshreel.decode(tmp_path / "a.reel")
     assert [one.n_frames for one in decoded.segments] == [3, 2]
     assert_same_surface(
         decoded.segments[1].surface, meshreel.load(str(changing / "b_*.ply")).surface
@@ -166,7 +166,7 @@ def test_convert_prints_the_frame_folder_of_a_collection(tmp_path):
 def test_convert_writes_frame_files_of_all_segments(changing, tmp_path):
     figures = run_json("convert", changing, "-o", tmp_path / "out" / "f_%02d.ply")
     assert (figures["n_frames"], figures["n_segments"]) == (5, 2)
-    found = meshreel.load_segments(tmp_path / "out")
+    found = meshreel.load(tmp_path / "out")
     assert found.starts == (0, 3, 5)
 
 
@@ -177,7 +177,7 @@ def test_decode_writes_frame_files_of_all_segments(changing, tmp_path):
     )
     assert (figures["n_frames"], figures["n_segments"], figures["n_verts"]) == (4, 2, 99)
     assert Path(figures["outputs"][0]).name == "f_01.ply"
-    found, whole = (meshreel.load_segments(one) for one in (tmp_path / "out", changing))
+    found, whole = (meshreel.load(one) for one in (tmp_path / "out", changing))
     assert found.starts == (0, 2, 4)
     np.testing.assert_array_equal(found[3].vertices, whole[4].vertices)
 
@@ -187,7 +187,7 @@ def test_convert_splits_the_segments_of_a_stream(changing, tmp_path):
     figures = run_json("convert", tmp_path / "a.reel", "-o", tmp_path / "b.npz", "--split")
     names = [Path(name).name for one in figures["outputs"] for name in one["outputs"]]
     assert names == ["b_0-2.npz", "b_3-4.npz"]
-    whole = meshreel.load_segments(changing)
+    whole = meshreel.load(changing)
     for name, segment in zip(names, whole.segments, strict=True):
         np.testing.assert_array_equal(
             meshreel.load(tmp_path / name).vertices, segment.read(0, segment.n_frames)

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from dataclasses import replace
 
 import pytest
 
@@ -96,7 +95,7 @@ def test_help_shows_examples():
 def with_track(tmp_path):
     grid = simulate_flag(5, n_rows=6, n_columns=7)
     tracks = {"height": meshreel.Track(grid.vertices[..., 1], unit="m")}
-    meshreel.save(replace(grid, tracks=tracks), tmp_path / "warm.npz")
+    meshreel.save(grid.replace(tracks=tracks), tmp_path / "warm.npz")
     return tmp_path / "warm.npz"
 
 

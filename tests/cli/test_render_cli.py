@@ -233,7 +233,7 @@ def capture(tmp_path_factory):
     grid = waving_grid(6)
     meshreel.save(MeshSequence(grid.vertices[:2], grid.faces[::2]), folder / "frames/a_%d.ply")
     meshreel.save(MeshSequence(grid.vertices[2:], grid.faces), folder / "frames/b_%d.ply")
-    sequence = meshreel.load_segments(folder / "frames", fps=10)
+    sequence = meshreel.load(folder / "frames", fps=10)
     for order in ("keep", "drop"):
         data = meshreel.encode(sequence, quality=40, order=order)
         (folder / f"{order}.reel").write_bytes(data)

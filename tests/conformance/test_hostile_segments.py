@@ -19,7 +19,7 @@ from meshreel.codec.bitstream.container import (
 from meshreel.codec.bitstream.layout import INDEX_POSITION, Section
 from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of
 from meshreel.codec.open_stream import whole_stream
-from meshreel.codec.segmented_file import SegmentedReelFile
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import (
     CorruptStreamError,
     MemoryLimitError,
@@ -175,7 +175,7 @@ def open_all(data, host):
 
 def read_file(data):
     """Read all frames of a file."""
-    with SegmentedReelFile(BytesIO(data)) as file:
+    with ReelFile(BytesIO(data)) as file:
         file.require_whole()
         list(file)
 
@@ -190,7 +190,7 @@ def test_every_call_names_what_is_wrong(name):
     with pytest.raises(KINDS[code], match=message):
         meshreel.info(data)
     with pytest.raises(KINDS[code], match=message):
-        meshreel.decode_segments(data)
+        meshreel.decode(data)
     with pytest.raises(KINDS[code], match=message):
         read_file(data)
     assert message.replace("\\", "") in text
@@ -204,8 +204,8 @@ def test_many_segments_are_read(make):
     info = meshreel.info(data)
     assert (info.n_frames, len(info.segments), info.size_bytes) == (1 + MANY, 1 + MANY, len(data))
     assert sum(info.budget_bytes.values()) == len(data)
-    decoded = meshreel.decode_segments(data, frames=slice(MANY - 9, MANY))
-    with SegmentedReelFile(BytesIO(data)) as file:
+    decoded = meshreel.decode(data, frames=slice(MANY - 9, MANY))
+    with ReelFile(BytesIO(data)) as file:
         assert file.starts == tuple(range(2 + MANY))
         for number in (MANY, 0, MANY // 2):
             np.testing.assert_array_equal(file[number].vertices, expected[0])
@@ -230,7 +230,7 @@ def test_references_to_many_sections_are_read():
     info = meshreel.info(data)
     assert (len(info.segments), len(info.images)) == (n + 2, 255)
     assert info.raw_size_bytes == (n + 2) * 4 * 3 * (4 + 4)
-    decoded = meshreel.decode_segments(data)
+    decoded = meshreel.decode(data)
     one, other = decoded.segments[2], decoded.segments[-1]
     assert one.surface.images[5] is other.surface.images[5]
     assert np.shares_memory(one.faces, other.faces)
@@ -243,16 +243,16 @@ def test_shared_meshes_count_once_against_the_memory_limit():
     mesh, positions = frames[0].faces.nbytes, frames[0].vertices.nbytes
     needed = mesh + 200 * positions
     assert meshreel.info(data).raw_size_bytes == 200 * (mesh + positions)
-    assert len(meshreel.decode_segments(data, memory=needed).segments) == 200
+    assert len(meshreel.decode(data, memory=needed).segments) == 200
     with pytest.raises(MemoryLimitError, match="200 segments"):
-        meshreel.decode_segments(data, memory=needed - 1)
+        meshreel.decode(data, memory=needed - 1)
 
 
 def test_a_sequence_of_many_tiny_meshes_is_encoded_and_decoded():
     rng = np.random.default_rng(4)
     meshes = [np.array(TETRAHEDRON), np.array(TETRAHEDRON)[:, [0, 2, 1]]]
     vertices = rng.random((draws(2000), 4, 3)).astype(np.float32)
-    sequence = meshreel.SegmentedSequence(
+    sequence = meshreel.MeshSequence.of_segments(
         [meshreel.MeshSequence(one[None], meshes[i % 2]) for i, one in enumerate(vertices)]
     )
     data = meshreel.encode(sequence, lossless=True)
@@ -260,7 +260,7 @@ def test_a_sequence_of_many_tiny_meshes_is_encoded_and_decoded():
     assert len(info.segments) == len(vertices)
     assert info.part_bytes["container"] < 60 * len(vertices)
     for i, ((decoded, faces), given) in enumerate(
-        zip(meshreel.decode_segments(data), vertices, strict=True)
+        zip(meshreel.decode(data), vertices, strict=True)
     ):
         np.testing.assert_array_equal(decoded, given)
         np.testing.assert_array_equal(faces, meshes[i % 2])

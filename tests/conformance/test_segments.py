@@ -19,7 +19,7 @@ from conformance.segments import (
     without_end,
 )
 from meshreel.codec.bitstream.container import write_header
-from meshreel.codec.decoder import decode, decode_segments
+from meshreel.codec.decoder import decode
 from meshreel.codec.joining import header_of, join_streams, separate_stream
 from meshreel.codec.open_stream import whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -111,7 +111,7 @@ def test_materials_and_images_of_different_meshes_are_stored_once():
     assert [found.count(IMAGE) for found in ids] == [2, 0, 0, 0, 0]
     assert [found.count(MATERIAL) for found in ids] == [2, 0, 0, 0, 0]
     assert [found.count(REFERENCE) for found in ids] == [0, 1, 1, 1, 1]
-    for one, stream in zip(decode_segments(data).segments, streams, strict=True):
+    for one, stream in zip(decode(data).segments, streams, strict=True):
         expected = decode(stream).surface
         assert (one.surface.materials, one.surface.images) == (expected.materials, expected.images)
 

@@ -267,7 +267,7 @@ def test_hard_edges_are_sharp_and_part_normals_in_every_frame(blender, tmp_path)
         np.unique(found["edges"], axis=0), np.unique(box.surface.hard_edges, axis=0)
     )
     for normals in found["normals"]:
-        expected = meshreel.corner_normals(box[0], box.faces, box.surface)
+        expected = meshreel.corner_normals(box.vertices[0], box.faces, box.surface)
         np.testing.assert_allclose(normals, expected, atol=1e-3)
 
 
@@ -281,7 +281,7 @@ def with_material(sequence, label):
 def write_segments(path, *segments):
     data = meshreel.encode(meshreel.concatenate(segments))
     path.write_bytes(data)
-    return meshreel.decode_segments(data)
+    return meshreel.decode(data)
 
 
 def test_the_mesh_is_that_of_the_segment_when_faces_change(blender, tmp_path):

@@ -193,7 +193,7 @@ def test_samba_is_valid_and_plays_within_a_tenth_of_a_percent(page, tmp_path):
     folder = os.environ.get("MESHREEL_DATA")
     if not folder:
         pytest.skip("MESHREEL_DATA names no folder of real sequences")
-    samba = replace(load(Path(folder) / "samba.npz"), fps=25.0)
+    samba = load(Path(folder) / "samba.npz").replace(fps=25.0)
     write_glb(tmp_path / "samba.glb", stream_of(samba), WriteOptions())
     (report,) = reports_of(tmp_path / "samba.glb")
     assert report["issues"]["messages"] == []

@@ -7,7 +7,7 @@ import DracoPy
 import numpy as np
 import pytest
 
-from meshreel.formats.load import load, load_segments
+from meshreel.formats.load import load
 
 pytestmark = pytest.mark.real
 
@@ -49,7 +49,7 @@ def test_seams_of_a_capture_are_welded_without_collapsed_faces(paths, index):
 
 def test_frames_of_a_capture_are_segments(paths):
     notes = []
-    found = load_segments(paths, notes=notes)
+    found = load(paths, notes=notes)
     assert [one.n_frames for one in found.segments] == [1, 1, 1]
     assert "the faces change: 3 frames in 3 segments of constant connectivity" in notes
 

@@ -121,8 +121,8 @@ def test_pvd_files_without_part_numbers_are_merged_at_each_time(odd):
         ]
         expected = np.concatenate([piece.vertices[0] for piece in pieces])
         np.testing.assert_array_equal(rest.read(index, index + 1)[0], expected)
-    merged = meshreel.load_segments(path, merge=True)
-    decoded = meshreel.decode_segments(meshreel.encode(merged, lossless=True))
+    merged = meshreel.load(path, merge=True)
+    decoded = meshreel.decode(meshreel.encode(merged, lossless=True))
     assert decoded.starts == merged.starts == (0, 1, 5)
     for one, other in zip(decoded.segments, merged.segments, strict=True):
         np.testing.assert_array_equal(*(each.read(0, each.n_frames) for each in (one, other)))

@@ -1,7 +1,6 @@
 """The paper's claims on its own sequence, measured on streams."""
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -87,7 +86,7 @@ def test_positions_of_anchors_have_the_error_of_an_independent_computation(n_mod
     Ties among farthest points go to the lowest vertex, here in the given order of vertices.
     """
     sequence = load(Path(os.environ["MESHREEL_DATA"]) / "samba.npz")
-    sequence = replace(sequence, vertices=sequence.vertices[:60])
+    sequence = sequence.replace(vertices=sequence.vertices[:60])
     anchors = choose_anchors(sequence.faces, sequence.n_verts, 0.01).tolist()
     options = {"n_modes": n_modes, "bits": 8, "anchors": anchors}
     data = meshreel.encode(sequence, "pca-qp", choices={"anchor_bits": 16}, **options)

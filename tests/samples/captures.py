@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image as PillowImage
 
-from meshreel import Attribute, Domain, Kind, MeshSequence, SegmentedSequence, Surface
+from meshreel import Attribute, Domain, Kind, MeshSequence, Surface
 
 
 def capsule(n_rings, n_around, phase=0.0):
@@ -58,7 +58,7 @@ def capture(n_frames=6, last_angle=0.5):
 
 def as_frames(frames, fps=25.0):
     """(vertices, faces) of each frame as a sequence of one segment per frame."""
-    return SegmentedSequence(
+    return MeshSequence.of_segments(
         MeshSequence(vertices[None].astype(np.float32), faces, fps=fps)
         for vertices, faces in frames
     )
@@ -90,7 +90,7 @@ def textured_capture(n_frames=4, last_angle=0.3, side=128):
         u, v = np.meshgrid(across, 1 - across)
         u, v = (u - offset[0]) / scale[0], (v - offset[1]) / scale[1]
         images.append(PillowImage.fromarray(_color(2 * np.pi * u, 2 * v - 1)))
-    return SegmentedSequence(frames), images
+    return MeshSequence.of_segments(frames), images
 
 
 def _chart(mesh, faces):

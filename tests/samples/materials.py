@@ -70,7 +70,7 @@ def look():
 def dressed(sequence):
     """Return the sequence with materials for its groups "red" and "grün"."""
     materials, images = look()
-    return replace(sequence, surface=replace(sequence.surface, materials=materials, images=images))
+    return sequence.replace(surface=replace(sequence.surface, materials=materials, images=images))
 
 
 def dressed_sheet(n_frames=6):

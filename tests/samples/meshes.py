@@ -114,7 +114,7 @@ def hard_sheet(n_frames=6):
     """Return `quad_sheet` with every third edge hard."""
     sheet = quad_sheet(n_frames)
     edges = every_third_edge(sheet.surface, sheet.faces)
-    return replace(sheet, surface=replace(sheet.surface, hard_edges=edges))
+    return sheet.replace(surface=replace(sheet.surface, hard_edges=edges))
 
 
 BOX_QUADS = np.array(
@@ -165,7 +165,7 @@ def cake(n_frames=3, n_around=24):
 def cake_normals(sequence):
     """Return the exact corner normals of a `cake` in its first frame: (C, 3)."""
     corners = join_fans(sequence.surface.face_sizes, sequence.faces)
-    radial = sequence[0][corners].astype(float) * [1, 1, 0]
+    radial = sequence.vertices[0][corners].astype(float) * [1, 1, 0]
     n_side = 4 * (len(sequence.surface.face_sizes) // 3)
     n_end = (len(corners) - n_side) // 2
     ends = np.repeat([[0, 0, -1], [0, 0, 1]], n_end, axis=0)

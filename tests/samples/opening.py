@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from meshreel.formats.load import open_for_purpose
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.segments import open_constant
+from meshreel.formats.segments import open_any
 from meshreel.formats.sources import find_files
 
 
@@ -11,4 +12,10 @@ def open_source(source, *, topology=None, max_loaded_bytes=0, **options):
     """Open the sequence that `load` returns, with at most this many bytes of positions loaded."""
     topology = None if topology is None else Path(topology)
     reading = ReadOptions(topology=topology, max_loaded_bytes=max_loaded_bytes, **options)
-    return open_constant(find_files(source), reading)
+    opened = open_any(find_files(source), reading)
+    return opened.segments[0] if opened.n_segments == 1 else opened
+
+
+def open_same_faces(source, **options):
+    """Open a sequence whose faces must not change."""
+    return open_for_purpose(source, ReadOptions(**options), "this test")

@@ -49,7 +49,7 @@ def test_repr_of_encoder_contains_its_progress():
     assert repr(encoder) == (
         f"<Encoder, open: 0 frames pushed, 0 bytes written, {GRID.n_faces} faces, 25 fps>"
     )
-    for frame in GRID:
+    for frame in GRID.vertices:
         encoder.push(frame)
     encoder.close()
     assert repr(encoder).startswith("<Encoder, closed: 9 frames pushed")

@@ -19,7 +19,7 @@ torch = pytest.importorskip("torch", reason="the extra [torch] is not installed"
 
 from torch.utils.data import DataLoader  # noqa: E402
 
-from meshreel.model.segments import SegmentedSequence  # noqa: E402
+from meshreel.model.sequence import MeshSequence  # noqa: E402
 from meshreel.torch import ReelDataset, ReelStream, collate  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings(
@@ -145,7 +145,7 @@ def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
 
 
 def test_each_segment_is_a_sequence(tmp_path):
-    whole = SegmentedSequence([waving_grid(6), replace(quad_sheet(4), fps=25.0)])
+    whole = MeshSequence.of_segments([waving_grid(6), replace(quad_sheet(4), fps=25.0)])
     path = tmp_path / "two.reel"
     path.write_bytes(meshreel.encode(whole))
     dataset = ReelDataset(path, 2)

@@ -56,7 +56,7 @@ class OpenReel:
 
     Attributes
     ----------
-    reel : meshreel.SegmentedReelFile
+    reel : meshreel.ReelFile
 
     Raises
     ------
@@ -65,7 +65,7 @@ class OpenReel:
     """
 
     def __init__(self, path: Path) -> None:
-        self.reel = meshreel.open_segments(path)
+        self.reel = meshreel.open(path)
         self._name = self.reel.name or path.stem
         self._meshes: OrderedDict[int, SegmentMesh] = OrderedDict()
         self._shown: tuple[float, Shown] | None = None
@@ -78,7 +78,7 @@ class OpenReel:
     def mesh(self, segment: int) -> SegmentMesh:
         """Return the mesh of a segment."""
         if segment not in self._meshes:
-            reel = self.reel.segment(segment)
+            reel = self.reel.segments[segment]
             parts: dict[str, PartMesh] = {}
             for part in split_parts(reel.faces, reel.surface, reel.n_verts, self._name):
                 name, number = part.name, 1
@@ -109,11 +109,11 @@ class OpenReel:
         share = position - before
         segment = bisect_right(self.reel.starts, before) - 1
         start, stop = self.reel.starts[segment : segment + 2]
-        reel = self.reel.segment(segment)
-        first = reel[before - start]
+        reel = self.reel.segments[segment]
+        first = reel[before - start].vertices
         if share == 0 or before + 1 == stop:
             return Shown(segment, first)
-        second = reel[before + 1 - start]
+        second = reel[before + 1 - start].vertices
         return Shown(segment, ((1 - share) * first + share * second).astype(first.dtype))
 
 

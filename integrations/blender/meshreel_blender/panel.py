@@ -44,7 +44,7 @@ def description(obj: Any) -> tuple[bool, str]:
     rate = f"{reel.fps:g} fps" if reel.fps else "one per scene frame"
     cut = "" if reel.is_whole else "; the end of the file is missing"
     segments = f" in {reel.n_segments} segments" if reel.n_segments > 1 else ""
-    n_verts = reel.segment(obj.meshreel.segment).n_verts
+    n_verts = reel.segments[obj.meshreel.segment].n_verts
     return False, f"{reel.n_frames} frames{segments}, {rate}, {n_verts} vertices{cut}"
 
 

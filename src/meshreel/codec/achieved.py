@@ -15,8 +15,7 @@ from meshreel.metrics.sted import sted
 from meshreel.metrics.streamed import ErrorSums, add_blocks
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
 from meshreel.model.extent import Extent
-from meshreel.model.segments import AnySequence, segments_of
-from meshreel.model.sequence import FrameSource
+from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.runtime.progress import Count, Progress, silent
 
 Vertices = npt.NDArray[np.floating]
@@ -39,7 +38,7 @@ class Achieved:
 
 
 def measure_stream(
-    sequence: AnySequence,
+    sequence: MeshSequence,
     data: bytes,
     *,
     with_sted: bool = False,
@@ -58,7 +57,7 @@ def measure_stream(
     """
     sums, runs = ErrorSums(extent or sequence.extent), list[Vertices]()
     tracks: dict[str, list[TrackErrors]] = {}
-    segments = segments_of(sequence)
+    segments = sequence.segments
     n_frames, first_frame = sequence.n_frames, 0
     for number, segment in enumerate(segments):
 

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.memory import memory_limit
+from meshreel.codec.memory import MemoryLimit, memory_limit
 from meshreel.codec.methods import FrameReader
-from meshreel.codec.open_stream import OpenStream, whole_file, whole_stream
+from meshreel.codec.open_stream import OpenStream, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.kernel.files import OpenFile
 from meshreel.kernel.parts import SegmentFrames, decode_together
 from meshreel.model.frame_choice import frame_range, start_of
-from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import Faces, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
@@ -44,6 +44,8 @@ def decode(
 ) -> MeshSequence:
     """Return the sequence, or a range of its frames, that a `.reel` stream contains.
 
+    Each segment of the stream is a segment of the sequence.
+
     Parameters
     ----------
     data : bytes
@@ -57,7 +59,7 @@ def decode(
         corrections are omitted. The paper's methods omit further rows of coefficients (the paper's
         k_l). Streams of `lossless` and `grid` have no modes.
     segment : int, optional
-        Number of a segment, from 0; needed if the stream has several.
+        Decode this segment alone, whose frames count from 0. Default: all.
     memory : float or str, optional
         Upper limit for the frames and tracks together, for the mesh, and for a block while they
         are decoded: bytes, or text such as "2GiB". Default: 8 GiB.
@@ -68,7 +70,7 @@ def decode(
     ------
     InvalidInputError
         If `frames` selects no frame or has a step, `n_modes` is below 1 or the stream has no modes,
-        `segment` does not exist, or the stream has several segments and none is selected.
+        or `segment` does not exist.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the bytes are not a complete stream that this build reads.
     MemoryLimitError
@@ -76,32 +78,26 @@ def decode(
     """
     limit = memory_limit(memory)
     progress("decoding connectivity", 0.0)
-    opened = whole_stream(bytes(data), limit, segment)
+    file = whole_file(bytes(data), limit)
+    if segment is not None:
+        file = file.segment(segment)
+    if file.info.n_segments > 1:
+        selected = frame_range(frames, file.info.n_frames)
+        return MeshSequence.of_segments(_segments(file, selected, n_modes, limit, progress))
+    opened = OpenStream(file, limit)
     opened.require_mesh()
     selected = frame_range(frames, opened.n_frames)
-    start_s = start_of(selected, opened.start_s, opened.fps)
-    return _decode_parts([_Part(opened, selected, start_s)], n_modes, {}, progress)[0]
+    part = _Part(opened, selected, start_of(selected, opened.start_s, opened.fps))
+    return _decode_parts([part], n_modes, {}, progress)[0]
 
 
-def decode_segments(
-    data: bytes,
-    *,
-    frames: slice | None = None,
-    n_modes: int | None = None,
-    memory: float | str | None = None,
-    progress: Progress = silent,
-) -> SegmentedSequence:
-    """Return the segments of a `.reel` stream, or those of a range of frames; one at least.
-
-    Parameters and errors are those of `decode`.
-    """
-    limit = memory_limit(memory)
-    progress("decoding connectivity", 0.0)
-    file = whole_file(bytes(data), limit)
-    requested = frame_range(frames, file.info.n_frames)
+def _segments(
+    file: OpenFile, requested: range, n_modes: int | None, limit: MemoryLimit, progress: Progress
+) -> list[MeshSequence]:
+    """Decode the requested frames of each segment that has some."""
     segments: list[MeshSequence] = []
     meshes: dict[Hashable, Mesh] = {}
-    needed_bytes = n_decoded = 0
+    needed_bytes = 0
 
     def parts() -> Iterator[_Part]:
         nonlocal needed_bytes
@@ -128,9 +124,9 @@ def decode_segments(
         segments += _decode_parts(group, n_modes, meshes, silent)
         new_meshes = islice(meshes.values(), n_meshes, None)
         needed_bytes += sum(surface.size_bytes for surface, _ in new_meshes)
-        n_decoded += sum(len(part.frames) for part in group)
+        n_decoded = sum(segment.n_frames for segment in segments)
         progress("decoding", Count(n_decoded, len(requested), "frames"))
-    return SegmentedSequence(segments)
+    return segments
 
 
 @dataclass(frozen=True)

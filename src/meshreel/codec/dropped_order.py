@@ -6,12 +6,9 @@ from meshreel.arrays import Integers
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.reordering import without_reordering
 from meshreel.metrics.compare import has_same_triangles
-from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of, segments_of
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence, frames_of
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
-
-Loaded = MeshSequence | SegmentedSequence
 
 MATCHED = (
     "the order of vertices differs; they were matched, as the decoded mesh has the order in which "
@@ -26,7 +23,9 @@ def internal_numbers(faces: Faces, n_verts: int) -> Integers:
     return np.argsort(connectivity.internal_to_given)
 
 
-def match_order(original: Loaded, decoded: Loaded) -> tuple[Loaded, Loaded, bool]:
+def match_order(
+    original: MeshSequence, decoded: MeshSequence
+) -> tuple[MeshSequence, MeshSequence, bool]:
     """Return the sequences with the vertices of the decoded one in the order of the original.
 
     The encoder's order follows from the faces of the original. A segment is reordered if its faces
@@ -35,33 +34,24 @@ def match_order(original: Loaded, decoded: Loaded) -> tuple[Loaded, Loaded, bool
 
     Returns
     -------
-    original, decoded : MeshSequence or SegmentedSequence
+    original, decoded : MeshSequence
     is_matched : bool
         Whether any segment was reordered.
     """
-    segments, segments_hat = segments_of(original), segments_of(decoded)
+    segments, segments_hat = original.segments, decoded.segments
     if len(segments) > len(segments_hat):
         joined = without_reordering(original, "drop")
-        segments = segments_of(joined)
+        segments = joined.segments
         if len(segments) == len(segments_hat):
-            original = _loaded(joined)
+            original = joined
     if len(segments) != len(segments_hat):
         return original, decoded, False
     pairs = list(zip(segments, segments_hat, strict=True))
     matched = [_in_order_of(*pair) for pair in pairs]
     if all(one is segment for one, (_, segment) in zip(matched, pairs, strict=True)):
         return original, decoded, False
-    whole = SegmentedSequence(matched, decoded.name, decoded.start_s)
-    return original, _loaded(whole), True
-
-
-def _loaded(sequence: AnySequence) -> Loaded:
-    """Return loaded segments, or a single one."""
-    only = segments_of(sequence)[0]
-    if isinstance(sequence, SegmentedSequence) and sequence.n_segments > 1:
-        return sequence
-    assert isinstance(only, MeshSequence)
-    return only
+    whole = MeshSequence.of_segments(matched, decoded.name, decoded.start_s)
+    return original, whole, True
 
 
 def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:

@@ -15,7 +15,7 @@ from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import Measure, TrackBound, TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
 from meshreel.model.extent import Extent
-from meshreel.model.segments import AnySequence, SegmentedSequence, tracks_of_all
+from meshreel.model.sequence import MeshSequence, tracks_of_all
 from meshreel.model.surface_selection import (
     ALL,
     Names,
@@ -39,7 +39,7 @@ class EncodeCall(EncoderConfig):
 
 
 @takes_fields(EncodeCall)
-def encode(sequence: AnySequence, call: EncodeCall) -> bytes:
+def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
     """Encode a sequence to the bytes of a `.reel` stream.
 
     The target of `reel` is one of `quality`, `max_error`, `kg`, `sted`, `bpvf`, `size` and `step`,
@@ -47,7 +47,7 @@ def encode(sequence: AnySequence, call: EncodeCall) -> bytes:
 
     Parameters
     ----------
-    sequence : MeshSequence, SegmentedSequence, or FrameSource
+    sequence : MeshSequence
         Frames that are not in memory are read block by block. `meshreel.encode` also accepts inputs
         of `meshreel.load`, such as a path, and warns of contents that reading omits.
     options
@@ -78,14 +78,13 @@ def encode(sequence: AnySequence, call: EncodeCall) -> bytes:
     G. Arvanitis, A. S. Lalos, K. Moustakas, "Fast Spatio-temporal Compression of Dynamic 3D
     Meshes".
     """
-    if isinstance(sequence, SegmentedSequence):
-        sequence = without_reordering(sequence, call.order)
+    sequence = without_reordering(sequence, call.order)
     return encode_with(call, sequence, call.attributes, call.tracks, call.progress, call.engine)
 
 
 def encode_with(
     config: EncoderConfig,
-    sequence: AnySequence,
+    sequence: MeshSequence,
     attributes: Names = ALL,
     tracks: TrackTargets | None = None,
     progress: Progress = silent,
@@ -100,21 +99,21 @@ def encode_with(
     InvalidInputError
         If the mesh is too large for the method, or no stream meets the target.
     """
-    if isinstance(sequence, SegmentedSequence):
-        if sequence.n_segments > 1:
-            return encode_segments(config, sequence, attributes, tracks, progress, engine)
-        (sequence,) = sequence.segments
+    if sequence.n_segments > 1:
+        return encode_segments(config, sequence, attributes, tracks, progress, engine)
     surface = select(sequence.surface, attributes)
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
-    source = Source(sequence, config, surface, kept_bounds(config, sequence.tracks, tracks))
+    source = Source(
+        sequence.segments[0], config, surface, kept_bounds(config, sequence.tracks, tracks)
+    )
     return config.method_row.encode(source, progress, engine)
 
 
 def encode_segments(
     config: EncoderConfig,
-    sequence: SegmentedSequence,
+    sequence: MeshSequence,
     attributes: Names,
     tracks: TrackTargets | None,
     progress: Progress,
@@ -162,7 +161,7 @@ def encode_segments(
     return join_streams(streams, name=sequence.name, start_s=sequence.start_s)
 
 
-def _check_names(sequence: SegmentedSequence, attributes: Names, tracks: TrackTargets) -> None:
+def _check_names(sequence: MeshSequence, attributes: Names, tracks: TrackTargets) -> None:
     """Raise InvalidInputError if no segment has an attribute or track of a name."""
     surfaces = [segment.surface for segment in sequence.segments]
     if missing := missing_everywhere(surfaces, attributes):
@@ -172,7 +171,7 @@ def _check_names(sequence: SegmentedSequence, attributes: Names, tracks: TrackTa
         track_by_name(all_tracks, name)
 
 
-def _range_size(sequence: SegmentedSequence, name: str) -> float:
+def _range_size(sequence: MeshSequence, name: str) -> float:
     """Return the diagonal of the range of a track's values in all segments, in its units."""
     tracks = [segment.tracks[name] for segment in sequence.segments if name in segment.tracks]
     widths = {track.shape[2] for track in tracks}

@@ -1,19 +1,22 @@
 """A `.reel` file whose frames are decoded on demand."""
 
-from collections.abc import Iterator
+import os
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
+from typing import BinaryIO, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.inspect import StreamInfo, stream_info
+from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.methods import FrameReader
-from meshreel.codec.open_stream import OpenStream
+from meshreel.codec.open_stream import OpenStream, require_whole
 from meshreel.codec.reel_track import (
     ReelTrack,
     decode_frames,
@@ -21,13 +24,14 @@ from meshreel.codec.reel_track import (
     tracks_of_stream,
 )
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.errors import InvalidInputError
+from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.kernel.files import FileModes, OpenFile
-from meshreel.model.frame_choice import FrameChoice, chosen_frames, frame_range
-from meshreel.model.sequence import Faces
+from meshreel.model.frame_choice import frame_range, start_of
+from meshreel.model.sequence import Faces, MeshFrame, MeshSequence, frame_of, frames_of
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
 from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
+from meshreel.runtime.threads import fork_safe_lock
 
 Vertices = npt.NDArray[np.floating]
 
@@ -35,13 +39,20 @@ READ_AHEAD_BYTES, MIN_READ_AHEAD = 1 << 23, 16
 """Bytes, and least number, of frames that an iteration decodes at a time: the fields of large
 meshes are gathered once for all of them."""
 
+MAX_OPEN_SEGMENTS = 4
+"""Segments that stay decoded: enough to play across a boundary, and to go back."""
+
 
 class ReelFile:
     """The frames of a `.reel` file, decoded on demand; returned by `meshreel.open`.
 
-    ``len(reel)`` is the number of frames. ``reel[3]`` is the positions of a frame, of shape (V, 3);
-    slices and lists of numbers return several frames; iteration yields all in constant memory.
-    Threads may share it, and so may processes forked from the one that opened it.
+    ``len(reel)`` is the number of frames. ``reel[3]`` is a `MeshFrame`, positions and faces; a
+    slice is decoded to a `MeshSequence`; iteration yields all frames in constant memory. Threads
+    may share it, and so may processes forked from the one that opened it.
+
+    A file of several segments has `segments`, each of which is a `ReelFile` of constant
+    connectivity; what belongs to one segment, such as `faces` and `read`, is theirs, and raises
+    ConnectivityChangeError for the whole.
 
     Parameters
     ----------
@@ -58,28 +69,14 @@ class ReelFile:
 
     Attributes
     ----------
-    n_frames, n_verts, n_faces : int
+    n_frames, n_segments : int
+    starts : tuple of int
+        First frame of each segment, and the number of all frames.
     fps : float
         0 = unknown.
     name : str
     start_s : float
         Time of the first frame, in seconds.
-    dtype : numpy dtype
-        Of the positions: float32 or float64.
-    method : str
-        Encoding method, as in `meshreel.encode`.
-    order : str
-        The kept order of vertices and faces: "keep" (both), "vertices" or "drop".
-    frame : BoundingFrame
-        Center and diagonal of the bounding box of the original frames; for a live recording, of
-        the first block.
-    starts : tuple of int
-        First frame of each block, and the number of all frames.
-    error_bound : float or None
-        Guaranteed largest distance of vertices from the original, in model units, 0 if positions
-        are lossless; None if the stream guarantees none, or only some modes are decoded.
-    tracks : dict of str to ReelTrack
-        Tracks by name.
     is_whole : bool
         False if the end of the file is missing: its encoder was interrupted, or is still running.
         The frames of all complete blocks are available.
@@ -94,29 +91,107 @@ class ReelFile:
         *,
         opened: OpenFile | None = None,
     ) -> None:
-        limit = memory_limit(memory)
+        self._limit = memory_limit(memory)
         self._file = with_own_position(file)
-        stream = self._opened = OpenStream(opened or self._file, limit, segment)
-        stream.require_mesh()
-        self._n_modes = n_modes
-        if n_modes is not None:  # raise now if the stream does not support it
-            _ = self._frames
-        self.n_frames: int = stream.n_frames
-        self.n_verts: int = stream.n_verts
-        self.n_faces: int = stream.n_faces
-        self.fps: float = stream.fps
-        self.name: str = stream.name
-        self.is_whole: bool = stream.is_whole
-        self.dtype: np.dtype[np.floating] = stream.dtype
-        self.start_s: float = stream.start_s
-        self.frame: BoundingFrame = stream.frame
-        percent = stream.error_bound_percent if n_modes is None else None
-        self.error_bound: float | None = (
-            None if percent is None else percent / 100 * self.frame.scale
-        )
-        self.starts: tuple[int, ...] = tuple(stream.starts)
-        self.method: str = stream.method.name
-        self.order = stream.order_kept.name.lower()
+        self._n_modes, self._memory, self._number = n_modes, memory, segment
+        self._whole = opened or OpenFile(self._file, self._limit.limit_bytes)
+        self._decoded: OrderedDict[int, ReelFile] = OrderedDict()
+        self._lock = fork_safe_lock()
+        self._only: OpenStream | None = None
+        info = self._whole.info
+        if segment is None and info.n_segments > 1:
+            first_frames = (place.first_frame for place in self._whole.segments)
+            self.starts: tuple[int, ...] = (*first_frames, info.n_frames)
+            self.start_s: float = info.start_s
+            self._segment(0)  # raises now if n_modes is not supported or the mesh is too large
+        else:
+            self._only = OpenStream(self._whole, self._limit, segment)
+            self._only.require_mesh()
+            self.starts = 0, self._only.n_frames
+            self.start_s = self._only.start_s
+            if n_modes is not None:  # raise now if the stream does not support it
+                _ = self._frames
+        self.n_frames: int = self.starts[-1]
+        self.n_segments: int = len(self.starts) - 1
+        self.fps: float = info.fps
+        self.name: str = info.name
+        self.is_whole: bool = info.is_whole if self._only is None else self._only.is_whole
+
+    @property
+    def segments(self) -> "Sequence[ReelFile]":
+        """Segments, whose frames count from 0; opened on access, and open as long as this file.
+
+        A few stay decoded; a caller that keeps none needs memory for these.
+        """
+        return (self,) if self._only is not None else _Segments(self)
+
+    def _segment(self, number: int) -> "ReelFile":
+        with self._lock:
+            if number not in self._decoded:
+                self._decoded[number] = ReelFile(
+                    self._file, self._n_modes, self._memory, number, opened=self._whole
+                )
+                if len(self._decoded) > MAX_OPEN_SEGMENTS:
+                    self._decoded.popitem(last=False)
+            self._decoded.move_to_end(number)
+            return self._decoded[number]
+
+    @property
+    def _opened(self) -> OpenStream:
+        """The stream of the only segment."""
+        if self._only is None:
+            raise ConnectivityChangeError(
+                f"the faces change: {self!r}; use one of its segments, such as reel.segments[0]"
+            )
+        return self._only
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+        return self._opened.n_verts
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles, M."""
+        return self._opened.n_faces
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions: float32 or float64."""
+        return self._opened.dtype
+
+    @property
+    def frame(self) -> BoundingFrame:
+        """Center and diagonal of the bounding box of the original frames.
+
+        For a live recording, of the first block.
+        """
+        return self._opened.frame
+
+    @property
+    def method(self) -> str:
+        """Encoding method, as in `meshreel.encode`."""
+        return self._opened.method.name
+
+    @property
+    def order(self) -> str:
+        """The kept order of vertices and faces: "keep" (both), "vertices" or "drop"."""
+        return self._opened.order_kept.name.lower()
+
+    @property
+    def block_starts(self) -> tuple[int, ...]:
+        """First frame of each block, and the number of all frames."""
+        return tuple(self._opened.starts)
+
+    @property
+    def error_bound(self) -> float | None:
+        """Guaranteed largest distance of vertices from the original, in model units.
+
+        0 if positions are lossless; None if the stream guarantees none, or only some modes are
+        decoded.
+        """
+        percent = self._opened.error_bound_percent if self._n_modes is None else None
+        return None if percent is None else percent / 100 * self.frame.scale
 
     @cached_property
     def _frames(self) -> FrameReader:
@@ -147,7 +222,12 @@ class ReelFile:
 
     def info(self) -> StreamInfo:
         """Describe the contents of the file, with bytes by section, without decoding a frame."""
-        return stream_info(self._opened, is_remote=isinstance(self._file, RangedFile))
+        is_remote = isinstance(self._file, RangedFile)
+        return file_info(self._whole, self._number, self._limit, is_remote=is_remote)
+
+    def require_whole(self) -> None:
+        """Raise CorruptStreamError or TruncatedStreamError if the end is missing or damaged."""
+        require_whole(self._whole, self._file.seek(0, os.SEEK_END))
 
     def read(self, start: int, stop: int) -> Vertices:
         """Decode positions of frames start..stop - 1, of shape (stop - start, V, 3).
@@ -178,7 +258,7 @@ class ReelFile:
         Parameters
         ----------
         number : int
-            In 0..len(starts) - 2.
+            In 0..len(block_starts) - 2.
 
         Raises
         ------
@@ -192,14 +272,39 @@ class ReelFile:
     def __len__(self) -> int:
         return self.n_frames
 
-    def __getitem__(self, chosen: FrameChoice) -> Vertices:
-        """A frame of shape (V, 3), or frames of shape (T, V, 3)."""
-        numbers = chosen_frames(chosen, self.n_frames)
-        if isinstance(numbers, int):
-            return np.asarray(self.read(numbers, numbers + 1)[0])
-        if isinstance(numbers, range) and numbers.step == 1:
-            return self.read(numbers.start, max(numbers.start, numbers.stop))
-        return self.frames(np.asarray(numbers, np.int64))
+    @overload
+    def __getitem__(self, chosen: SupportsIndex) -> MeshFrame: ...
+
+    @overload
+    def __getitem__(self, chosen: slice) -> MeshSequence: ...
+
+    def __getitem__(self, chosen: SupportsIndex | slice) -> MeshFrame | MeshSequence:
+        """Decode a frame, or the frames of a slice without a step, with their tracks.
+
+        Raises
+        ------
+        IndexError, InvalidInputError
+            If a frame does not exist, or the slice selects none or has a step.
+        CorruptStreamError
+            If a block is damaged.
+        MemoryLimitError
+            If the frames, or a block, take more memory than allowed.
+        """
+        if not isinstance(chosen, slice):
+            return frame_of(self, chosen)
+        wanted = frame_range(chosen, self.n_frames)
+        parts, held_bytes = [], 0
+        for number, (first, end) in enumerate(pairwise(self.starts)):
+            start, stop = max(first, wanted.start), min(end, wanted.stop)
+            if start < stop:
+                segment, frames = self.segments[number], range(start - first, stop - first)
+                segment._opened.require_frames(frames, with_tracks=True)
+                frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
+                what = f"frames {wanted.start}:{wanted.stop} of {self!r}"
+                self._limit.require(held_bytes + frames_bytes, what)
+                parts.append(frames_of(segment, frames))
+                held_bytes += parts[-1].raw_size_bytes
+        return MeshSequence.of_segments(parts, self.name, start_of(wanted, self.start_s, self.fps))
 
     def frames(self, numbers: npt.ArrayLike, out: Vertices | None = None) -> Vertices:
         """Decode positions of several frames, such as the windows of a batch.
@@ -238,7 +343,7 @@ class ReelFile:
         Parameters
         ----------
         block : int
-            In 0..len(starts) - 2.
+            In 0..len(block_starts) - 2.
 
         Returns
         -------
@@ -260,9 +365,11 @@ class ReelFile:
         """Memory of the mesh and of decoded blocks, except for the paper's methods."""
         return self._opened.file.held_bytes
 
-    def __iter__(self) -> Iterator[Vertices]:
-        for _, frames in self.pieces():
-            yield from frames
+    def __iter__(self) -> Iterator[MeshFrame]:
+        for segment in self.segments:
+            faces = segment.faces
+            for _, several in segment.pieces():
+                yield from (MeshFrame(vertices, faces) for vertices in several)
 
     def pieces(self, selected: range | None = None) -> Iterator[tuple[int, Vertices]]:
         """Yield runs of frames: number of the first, and positions of shape (T_run, V, 3).
@@ -273,7 +380,7 @@ class ReelFile:
             Consecutive frames; default all.
         """
         frames = range(self.n_frames) if selected is None else selected
-        starts = self.starts
+        starts = self.block_starts
         frame_bytes = self.n_verts * 3 * self.dtype.itemsize
         n_together = max(MIN_READ_AHEAD, READ_AHEAD_BYTES // frame_bytes)
         n_together = max(1, min(n_together, int(self._opened.limit.limit_bytes // frame_bytes)))
@@ -282,14 +389,6 @@ class ReelFile:
             start, stop = max(frames.start, starts[number]), min(frames.stop, starts[number + 1])
             for run in range(start, stop, n_together):
                 yield run, self.read(run, min(run + n_together, stop))
-
-    def frame_range(self, chosen: slice | None) -> range:
-        """Return the frames of a slice (None: all); raises InvalidInputError if not consecutive."""
-        return frame_range(chosen, self.n_frames)
-
-    def require_frames(self, frames: range) -> None:
-        """Raise MemoryLimitError if these frames and their tracks exceed the memory limit."""
-        self._opened.require_frames(frames, with_tracks=True)
 
     def n_modes_of(self, number: int) -> int:
         """Read the number of modes of a block, without decoding it.
@@ -302,23 +401,26 @@ class ReelFile:
         return self._opened.file.group(number).n_modes
 
     @cached_property
-    def _segment(self) -> bytes | None:
+    def _separated(self) -> bytes | None:
         """A stream of this segment, if the file has several."""
-        return separate_stream(self._opened) if self._opened.file.whole.n_segments > 1 else None
+        is_part = self._only is not None and self._only.file.whole.n_segments > 1
+        return separate_stream(self._opened) if is_part else None
 
     @property
     def size_bytes(self) -> int:
         """Size of the stream up to its end or last complete block."""
-        return self._opened.size_bytes if self._segment is None else len(self._segment)
+        if self._separated is not None:
+            return len(self._separated)
+        return self._whole.info.size_bytes
 
     def stored(self, start: int, stop: int) -> bytes:
         """Return stored bytes of the stream, for servers.
 
         If the file has several segments, they are of a stream of this segment, kept in memory.
         """
-        if self._segment is not None:
-            return self._segment[start:stop]
-        return self._opened.file.bytes_at(start, max(0, min(stop, self.size_bytes) - start))
+        if self._separated is not None:
+            return self._separated[start:stop]
+        return self._whole.bytes_at(start, max(0, min(stop, self.size_bytes) - start))
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -328,8 +430,12 @@ class ReelFile:
 
     def close(self) -> None:
         """Close the file and release decoded blocks."""
+        self._decoded.clear()
         if "_frames" in self.__dict__:
             self._frames.close()
+        if self._only is not None:
+            self._only.file.close()
+        self._whole.close()
         self._file.close()
 
     def __enter__(self) -> "ReelFile":
@@ -349,11 +455,38 @@ class ReelFile:
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
         cut = "" if self.is_whole else ", cut off"
-        return (
-            f"<ReelFile{name}: {self.n_frames} frames, {self.n_verts} vertices, "
-            f"{self.n_faces} faces, {self.fps:g} fps, {self.dtype}{cut}>"
-        )
+        if self._only is None:
+            mesh = f"{self.n_frames} frames in {self.n_segments} segments, {self.fps:g} fps"
+        else:
+            mesh = (
+                f"{self.n_frames} frames, {self.n_verts} vertices, {self.n_faces} faces, "
+                f"{self.fps:g} fps, {self.dtype}"
+            )
+        return f"<ReelFile{name}: {mesh}{cut}>"
 
     def _block_of(self, frame: int) -> int:
         """Return the block that contains a frame."""
-        return int(np.searchsorted(self.starts, frame, side="right")) - 1
+        return int(np.searchsorted(self.block_starts, frame, side="right")) - 1
+
+
+class _Segments(Sequence[ReelFile]):
+    """The segments of a file, opened on access."""
+
+    def __init__(self, whole: ReelFile) -> None:
+        self._whole = whole
+
+    def __len__(self) -> int:
+        return len(self._whole.starts) - 1
+
+    @overload
+    def __getitem__(self, number: int) -> ReelFile: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> list[ReelFile]: ...
+
+    def __getitem__(self, number: int | slice) -> ReelFile | list[ReelFile]:
+        """Return a segment; raises CorruptStreamError if it is damaged."""
+        numbers = range(len(self))[number]
+        if isinstance(numbers, range):
+            return [self._whole._segment(one) for one in numbers]
+        return self._whole._segment(numbers)

@@ -1,15 +1,20 @@
 """Segments that continue the mesh of the segment before them in another order."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers, rows_as_bytes
 from meshreel.codec.connectivity.triangles import rotate_corners
-from meshreel.model.segments import AnySequence, SegmentedSequence, frames_of, segments_of
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
+from meshreel.model.sequence import (
+    Faces,
+    FrameSource,
+    MeshSequence,
+    Vertices,
+    frames_of,
+)
 from meshreel.model.surface import Attribute, Domain, Surface
 from meshreel.model.tracks import Track, TrackSource
 
@@ -33,7 +38,7 @@ class _Match:
         }[domain]
 
 
-def without_reordering(sequence: AnySequence, order: str | None) -> AnySequence:
+def without_reordering(sequence: MeshSequence, order: str | None) -> MeshSequence:
     """Return the sequence with segments joined whose meshes differ only in their order.
 
     Only if no order is kept. The faces must prove which vertex is which, with the help of
@@ -45,7 +50,7 @@ def without_reordering(sequence: AnySequence, order: str | None) -> AnySequence:
     order : {"keep", "vertices", "drop"}, optional
         The encoder's option.
     """
-    if order != "drop" or not isinstance(sequence, SegmentedSequence):
+    if order != "drop" or sequence.n_segments == 1:
         return sequence
     joined: list[FrameSource] = [sequence.segments[0]]
     for segment in sequence.segments[1:]:
@@ -56,12 +61,12 @@ def without_reordering(sequence: AnySequence, order: str | None) -> AnySequence:
             joined[-1] = _appended(joined[-1], segment, match)
     if len(joined) == sequence.n_segments:
         return sequence
-    return SegmentedSequence(joined, sequence.name, sequence.start_s)
+    return MeshSequence.of_segments(joined, sequence.name, sequence.start_s)
 
 
-def joined_note(given: AnySequence, joined: AnySequence) -> str:
+def joined_note(given: MeshSequence, joined: MeshSequence) -> str:
     """Return a note on segments that `without_reordering` joined; empty if it joined none."""
-    counts = [len(segments_of(one)) for one in (given, joined)]
+    counts = [len(one.segments) for one in (given, joined)]
     if counts[0] == counts[1]:
         return ""
     return (
@@ -233,4 +238,4 @@ def _appended(first: FrameSource, second: FrameSource, match: _Match) -> MeshSeq
         for name, track in one.tracks.items()
     }
     vertices = np.concatenate([one.vertices, other.vertices[:, match.vertices]])
-    return replace(one, vertices=vertices, tracks=tracks)
+    return one.replace(vertices=vertices, tracks=tracks)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from meshreel import __version__
 from meshreel.errors import InvalidInputError
-from meshreel.model.segments import AnySequence
+from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.outputs.atomic import replace_when_done
 
 
@@ -52,7 +52,7 @@ def file_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-.") or "sequence"
 
 
-def unique_names(sequences: Sequence[AnySequence]) -> list[str]:
+def unique_names(sequences: Sequence[MeshSequence]) -> list[str]:
     """Distinct file names of sequences."""
     names: list[str] = []
     for sequence in sequences:

@@ -7,7 +7,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from meshreel.evaluation.folder import claim_folder, unique_names, write_text
 from meshreel.evaluation.runs.store import Result, Run, Store, run_all
-from meshreel.model.segments import AnySequence
+from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.documents import (
     Bullets,
     Code,
@@ -44,7 +44,7 @@ class Subject:
 
     Attributes
     ----------
-    sequence : MeshSequence or SegmentedSequence
+    sequence : MeshSequence
     slug : str
         Prefix of the names of its pictures.
     store : Store
@@ -115,7 +115,7 @@ class Evaluation(Generic[R]):
 
 def evaluate(
     study: Study[R],
-    sequences: Sequence[AnySequence],
+    sequences: Sequence[MeshSequence],
     out: Path,
     *,
     command: str = "",
@@ -125,7 +125,7 @@ def evaluate(
 
     Parameters
     ----------
-    sequences : sequence of MeshSequence, or of SegmentedSequence
+    sequences : sequence of MeshSequence, or of MeshSequence
         The latter only for studies of surfaces.
     out : Path
         A new or empty folder, or one of an earlier run.

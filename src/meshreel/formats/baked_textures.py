@@ -15,7 +15,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.needed_extras import VIDEOS
 from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
 from meshreel.formats.sources import AnyPath, Source, natural_order
-from meshreel.model.segments import AnySequence, HasSegments
+from meshreel.model.sequence import MeshSequence, Segmented
 from meshreel.registration.baking import COMBINE, Size, bake, check_textured, with_atlases
 from meshreel.registration.register import Registration
 from meshreel.rendering.film_files import write_mp4
@@ -94,7 +94,7 @@ class TextureJob:
 
     @classmethod
     def checked(
-        cls, source: Source, output: AnyPath, raw: AnySequence, *, overwrite: bool
+        cls, source: Source, output: AnyPath, raw: MeshSequence, *, overwrite: bool
     ) -> "TextureJob":
         """Return a job for raw frames; call it before registration to fail early.
 
@@ -158,7 +158,7 @@ class TextureJob:
         return registration
 
     def write(
-        self, registration: Registration, sequence: HasSegments, progress: Progress = silent
+        self, registration: Registration, sequence: Segmented, progress: Progress = silent
     ) -> None:
         """Write the textures for a registered sequence; arguments as `bake`."""
         images = self.textures.images()

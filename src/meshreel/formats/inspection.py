@@ -20,7 +20,7 @@ from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.extent import bounding_boxes
-from meshreel.model.segments import AnySequence, SegmentedSequence, mesh_digest
+from meshreel.model.sequence import FrameSource, MeshSequence, mesh_digest
 from meshreel.model.surface_description import (
     describe_attributes,
     describe_images,
@@ -195,8 +195,8 @@ def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
         yield _sequence_info(open_for_inspection(found, options))
 
 
-def _sequence_info(sequence: AnySequence) -> MeshInfo:
-    if isinstance(sequence, SegmentedSequence):
+def _sequence_info(sequence: FrameSource) -> MeshInfo:
+    if isinstance(sequence, MeshSequence) and sequence.n_segments > 1:
         infos, extent = list(map(_sequence_info, sequence.segments)), sequence.extent
         contents: dict[str, Any] = {
             name: tuple(dict.fromkeys(text for one in infos for text in getattr(one, name)))

@@ -14,8 +14,7 @@ from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.segments import AnySequence
-from meshreel.model.sequence import Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.extras import Extra
 
@@ -163,7 +162,7 @@ class SequenceFormat:
 
     extension: str
     title: str
-    open: Callable[[Path, ReadOptions], AnySequence]
+    open: Callable[[Path, ReadOptions], MeshSequence]
     write: Callable[[Path, FrameStream, WriteOptions], None] | None
     extra: Extra | None = None
     reads: frozenset[ReadOption] = frozenset()

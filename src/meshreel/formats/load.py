@@ -1,28 +1,17 @@
 """Loading of files as a `MeshSequence`, or opening with frames that are read on demand."""
 
 import os
-from collections.abc import Callable
 from dataclasses import replace
-from inspect import Signature, signature
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
 
 from meshreel.codec.memory import DEFAULT_MEMORY, bytes_of
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import open_any, open_constant
 from meshreel.formats.sources import Source, SourceFiles, find_files
-from meshreel.model.segments import (
-    AnySequence,
-    SegmentedSequence,
-    segments_of,
-)
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface_selection import ALL, Names
 from meshreel.runtime.progress import Progress, silent
-
-Options = ParamSpec("Options")
-Result = TypeVar("Result")
 
 MAX_LOADED_BYTES = 1 << 30
 
@@ -47,6 +36,8 @@ def load(
     notes: list[str] | None = None,
 ) -> MeshSequence:
     """Load the sequence of a file, a folder, a pattern or a list of frame files.
+
+    If the faces change, each range of frames with the same faces is a segment of the sequence.
 
     Parameters
     ----------
@@ -97,9 +88,8 @@ def load(
     Raises
     ------
     InvalidInputError
-        If the source does not exist, frames differ in vertex count or faces, a position is not
-        finite, the file has several meshes and none is selected, or a selected attribute or
-        animation does not exist.
+        If the source does not exist, a position is not finite, the file has several meshes and none
+        is selected, or a selected attribute or animation does not exist.
     FormatError
         If the format of a file is unknown, does not match its extension, or needs a library that
         is not installed.
@@ -110,56 +100,21 @@ def load(
         fps, object, merge, _path(topology), dataset, None, progress,
         notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
     )  # fmt: skip
+    return load_any(source, options)
+
+
+def load_any(source: Source, options: ReadOptions) -> MeshSequence:
+    """Load a sequence with options that do not limit the loaded bytes."""
     with local_copy(source, options.notes) as files:
-        sequence = open_constant(find_files(files), options)
-    if not isinstance(sequence, MeshSequence):
-        raise TypeError(f"expected a loaded sequence; got a {type(sequence).__name__}")
-    return sequence
+        return open_any(find_files(files), options)
 
 
-def _with_parameters_of(
-    function: Callable[Options, Any],
-) -> Callable[[Callable[..., Result]], Callable[Options, Result]]:
-    """Decorate a function that takes the same parameters as another."""
-
-    def decorate(decorated: Callable[..., Result]) -> Callable[Options, Result]:
-        parameters = signature(function).parameters.values()
-        returned = signature(decorated).return_annotation
-        decorated.__signature__ = Signature(  # type: ignore[attr-defined]
-            [*parameters], return_annotation=returned
-        )
-        return decorated
-
-    return decorate
-
-
-@_with_parameters_of(load)
-def load_segments(source: Source, **options: Any) -> SegmentedSequence:
-    """Load a sequence whose faces may change: each range of equal faces becomes a segment.
-
-    Parameters and errors are those of `load`, which refuses changing faces.
-    """
-    signature(load).bind(source, **options)  # raises TypeError for unknown names
-    given = {name: value for name, value in options.items() if value is not None}
-    opened = load_any(source, ReadOptions(**{**given, "topology": _path(options.get("topology"))}))
-    return SegmentedSequence(segments_of(opened), opened.name, opened.start_s)
-
-
-def load_any(source: Source, options: ReadOptions) -> MeshSequence | SegmentedSequence:
-    """Load a sequence whose faces may change, with options that do not limit the loaded bytes."""
-    with local_copy(source, options.notes) as files:
-        sequence = open_any(find_files(files), options)
-    if not isinstance(sequence, MeshSequence | SegmentedSequence):
-        raise TypeError(f"expected a loaded sequence; got a {type(sequence).__name__}")
-    return sequence
-
-
-def open_for_inspection(found: SourceFiles, options: ReadOptions) -> AnySequence:
+def open_for_inspection(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     """Open the sequence of resolved files, leaving positions in the files if possible."""
     return open_any(found, replace(options, max_loaded_bytes=0))
 
 
-def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> AnySequence:
+def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> MeshSequence:
     """Open a source for encoding; loads it if it is small compared to the memory limit.
 
     Parameters

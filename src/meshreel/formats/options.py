@@ -5,17 +5,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from meshreel.model.segments import each_segment
 from meshreel.model.surface_selection import ALL, Names
 from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
-    from meshreel.codec.segmented_file import SegmentedReelFile
-    from meshreel.model.segments import AnySequence
+    from meshreel.model.sequence import MeshSequence
     from meshreel.registration.register import Registration
 
-    AnySource = AnySequence | ReelFile | SegmentedReelFile
+    AnySource = MeshSequence | ReelFile
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ class Origin:
 def origin_of(sequence: "AnySource") -> Origin | None:
     """Return the origin of frames decoded from a stream; None for original frames."""
     error = diagonal = 0.0
-    for segment in each_segment(sequence):
+    for segment in sequence.segments:
         if not hasattr(segment, "error_bound"):
             return None
         reel = cast("ReelFile", segment)

@@ -8,15 +8,14 @@ from functools import cached_property
 from io import FileIO
 from itertools import pairwise, starmap
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 
-from meshreel.codec.decoder import decode_segments
+from meshreel.codec.decoder import decode
 from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.reel_file import ReelFile
-from meshreel.codec.segmented_file import SegmentedReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.frames.segmented_stream import SegmentedStream
@@ -25,8 +24,12 @@ from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_o
 from meshreel.kernel.files import OpenFile
 from meshreel.model.extent import Extent
 from meshreel.model.frame_choice import start_of
-from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, with_rate
-from meshreel.model.sequence import Faces, MeshSequence, Vertices, positions_size_bytes
+from meshreel.model.sequence import (
+    Faces,
+    MeshSequence,
+    Vertices,
+    positions_size_bytes,
+)
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.model.validation import validate_finite
@@ -53,8 +56,8 @@ def open(
         at least up to the 16th, stay at their mean over the block, and corrections are not applied.
         Only for streams of method `reel`.
     segment : int, optional
-        Number of a segment, from 0, as `meshreel.info` lists them; its frames count from 0.
-        Required if the file has several segments, whose meshes differ; `open_segments` opens all.
+        Open this segment alone, numbered from 0 as `meshreel.info` lists them; its frames count
+        from 0. Default: all segments.
     memory : float or str, optional
         Memory limit for decoding the mesh, a block, or the frames or values that a call returns,
         such as "2GiB", or in bytes. Default: 8 GiB.
@@ -62,8 +65,8 @@ def open(
     Raises
     ------
     InvalidInputError
-        If `n_modes` is below 1 or not supported by the stream, the segment does not exist, there
-        are several segments and none is chosen, or the path is a pipe or a device.
+        If `n_modes` is below 1 or not supported by the stream, the segment does not exist, or the
+        path is a pipe or a device.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the file is not a stream that this version supports, or its first block is incomplete.
     MemoryLimitError
@@ -77,37 +80,16 @@ def open(
     Examples
     --------
     >>> with meshreel.open("walk.reel") as reel:
-    ...     frame, part = reel[1234], reel[100:200]
+    ...     vertices, faces = reel[1234]
+    ...     part = reel[100:200]
     ...     for frame in reel:
-    ...         show(frame)
+    ...         show(frame.vertices, frame.faces)
     """
     memory_limit(memory)  # an invalid size must not be reported as an error of the file
     with ExitStack() as on_error:
         file = on_error.enter_context(_open_binary(path))
         with errors_naming(path):
             reel = ReelFile(file, n_modes, memory, segment)
-        on_error.pop_all()
-    return reel
-
-
-def open_segments(
-    path: str | os.PathLike[str],
-    *,
-    n_modes: int | None = None,
-    memory: float | str | None = None,
-) -> SegmentedReelFile:
-    """Open all segments of a `.reel` file for random access; parameters and errors as of `open`.
-
-    Examples
-    --------
-    >>> with meshreel.open_segments("capture.reel") as reel:
-    ...     vertices, faces = reel[1234]
-    """
-    memory_limit(memory)
-    with ExitStack() as on_error:
-        file = on_error.enter_context(_open_binary(path))
-        with errors_naming(path):
-            reel = SegmentedReelFile(file, n_modes, memory)
         on_error.pop_all()
     return reel
 
@@ -140,11 +122,11 @@ def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
     """Return the origin that a `.reel` file declares for its frames; None for other files."""
     if Path(without_query(path)).suffix.lower() != ".reel":
         return None
-    with open_segments(path) as reel:
+    with open(path) as reel:
         return origin_of(reel)
 
 
-def open_reel(path: Path, options: ReadOptions) -> AnySequence:
+def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
     """Open the sequence of a `.reel` file; its default name is the file stem.
 
     Positions above `max_loaded_bytes` are decoded when they are read, a segment at a time; memory
@@ -157,23 +139,13 @@ def open_reel(path: Path, options: ReadOptions) -> AnySequence:
     """
     if options.max_loaded_bytes is not None:
         stored = _stored(path, options)
-        size_bytes = sum(map(positions_size_bytes, segments_of(stored)))
-        if size_bytes > options.max_loaded_bytes:
+        if sum(map(positions_size_bytes, stored.segments)) > options.max_loaded_bytes:
             return stored
     with errors_naming(path):
-        decoded = decode_segments(
-            path.read_bytes(), memory=options.memory, progress=options.progress
-        )
+        decoded = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
     options.progress("reading", 1.0)
     fps = decoded.fps if options.fps is None else options.fps
-    name = decoded.name or path.stem
-    if decoded.n_segments > 1:
-        return with_rate(decoded, fps, name)
-    sequence = decoded.segments[0]
-    assert isinstance(sequence, MeshSequence)
-    if sequence.name and fps == sequence.fps:  # replacing would validate all positions again
-        return sequence
-    return replace(sequence, fps=fps, name=name)
+    return decoded.replace(fps=fps, name=decoded.name or path.stem)
 
 
 class _SelfClosingFile(FileIO):
@@ -183,11 +155,11 @@ class _SelfClosingFile(FileIO):
         self.close()
 
 
-def _stored(path: Path, options: ReadOptions) -> AnySequence:
+def _stored(path: Path, options: ReadOptions) -> MeshSequence:
     """Open the sequence of a complete `.reel` file, whose frames stay in the file."""
     file = cast("BinaryIO", _SelfClosingFile(path))
     with errors_naming(path):
-        reel = SegmentedReelFile(file, memory=options.memory)
+        reel = ReelFile(file, memory=options.memory)
         reel.require_whole()
     fps = reel.fps if options.fps is None else options.fps
     name = reel.name or path.stem
@@ -195,7 +167,7 @@ def _stored(path: Path, options: ReadOptions) -> AnySequence:
         StoredSegment(reel, number, path, fps, name, start_of(frames, reel.start_s, fps))
         for number, frames in enumerate(starmap(range, pairwise(reel.starts)))
     ]
-    return segments[0] if len(segments) == 1 else SegmentedSequence(segments, name, reel.start_s)
+    return MeshSequence.of_segments(segments, name, reel.start_s)
 
 
 def _unchanged(surface: Surface) -> Surface:
@@ -211,7 +183,7 @@ class StoredSegment:
 
     Parameters
     ----------
-    whole : SegmentedReelFile
+    whole : ReelFile
     number : int
         Number of the segment.
     path : Path
@@ -222,13 +194,20 @@ class StoredSegment:
         Returns the surface to show instead.
     """
 
-    whole: SegmentedReelFile
+    whole: ReelFile
     number: int
     path: Path
     fps: float
     name: str
     start_s: float
     change: Callable[[Surface], Surface] = _unchanged
+
+    def replace(self, **changes: Any) -> "StoredSegment":
+        """Return the segment with another frame rate, name, start or surface."""
+        if "surface" in changes:
+            surface = changes.pop("surface")
+            changes["change"] = lambda _: surface
+        return replace(self, **changes)
 
     def changed(self, change: Callable[[Surface], Surface]) -> "StoredSegment":
         """Return the segment with another surface, which `change` derives from the present one."""
@@ -237,7 +216,7 @@ class StoredSegment:
 
     @property
     def _reel(self) -> ReelFile:
-        return self.whole.segment(self.number)
+        return self.whole.segments[self.number]
 
     @property
     def n_frames(self) -> int:
@@ -318,9 +297,7 @@ def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
     from meshreel.codec.encoder import encode
 
     segments = [segment.gather() for segment in stream.segments()]
-    sequence: AnySequence = segments[0]
-    if len(segments) > 1:
-        sequence = SegmentedSequence(segments, stream.name, stream.start_s)
+    sequence = MeshSequence.of_segments(segments, stream.name, stream.start_s)
     data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
     path.write_bytes(data)
     if options.lossless:

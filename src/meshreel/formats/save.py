@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -33,8 +33,7 @@ from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.frame_choice import start_of
 from meshreel.model.materials import Image
-from meshreel.model.segments import HasSegments
-from meshreel.model.sequence import Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import plural
@@ -42,7 +41,9 @@ from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
+    from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.options import AnySource
+    from meshreel.model.sequence import FrameSource
 
 
 def save(
@@ -61,9 +62,9 @@ def save(
 
     Parameters
     ----------
-    sequence : MeshSequence, SegmentedSequence, FrameSource, ReelFile or SegmentedReelFile
-        Read a frame at a time. For a file of `meshreel.open` or `meshreel.open_segments`, the error
-        that glTF declares is against the original, if the stream guarantees an error bound.
+    sequence : MeshSequence, ReelFile or FrameSource
+        Read a frame at a time. For a file of `meshreel.open`, the error that glTF declares is
+        against the original, if the stream guarantees an error bound.
     output : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them), or such an address, like ``s3://bucket/walk.glb``
@@ -140,6 +141,8 @@ def save_part(
     FormatError, InvalidInputError
         As `save`.
     """
+    if not hasattr(sequence, "segments"):
+        sequence = MeshSequence.of_segments([cast("FrameSource", sequence)])
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
     segments = list(_segments_in(sequence, wanted))
@@ -242,14 +245,15 @@ def save_frames(
 
 def _segments_in(sequence: "AnySource", wanted: range) -> Iterator[StreamedSegment]:
     """Yield the wanted frames of each segment that has some."""
-    if not isinstance(sequence, HasSegments):
-        yield StreamedSegment(lambda: sequence, wanted)
-        return
+
+    def opening(number: int) -> "Callable[[], FrameSource | ReelFile]":
+        return lambda: sequence.segments[number]
+
     for number, (first, end) in enumerate(pairwise(sequence.starts)):
         start, stop = max(first, wanted.start), min(end, wanted.stop)
         if start < stop:
             frames = range(start - first, stop - first)
-            yield StreamedSegment(partial(sequence.segment, number), frames)
+            yield StreamedSegment(opening(number), frames)
 
 
 def _checked_paths(

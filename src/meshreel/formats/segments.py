@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
 from pathlib import Path
+from typing import Any
 
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming
@@ -20,8 +21,7 @@ from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.matching.segments import match_segments
-from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, single_segment
-from meshreel.model.sequence import FrameSource
+from meshreel.model.sequence import FrameSource, MeshSequence, single_segment
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
 
@@ -35,7 +35,7 @@ COMPARING = "comparing"
 """Stage of progress while the faces of all frames are compared."""
 
 
-def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
+def open_any(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     """Open a sequence whose faces may change; frames may stay in their files.
 
     Frame files, scene files and uncompressed ``.npz`` files are read once now, a frame at a time,
@@ -61,7 +61,7 @@ def open_any(found: SourceFiles, options: ReadOptions) -> AnySequence:
     return opened if options.register is None else registered(opened, options)
 
 
-def registered(sequence: AnySequence, options: ReadOptions) -> SegmentedSequence:
+def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
     """Return a sequence registered with the tolerance of the options.
 
     They receive the registration, and notes on it.
@@ -81,7 +81,7 @@ def registered(sequence: AnySequence, options: ReadOptions) -> SegmentedSequence
     return registration.sequence
 
 
-def open_constant(found: SourceFiles, options: ReadOptions, purpose: str = "load") -> FrameSource:
+def open_constant(found: SourceFiles, options: ReadOptions, purpose: str) -> MeshSequence:
     """Open a sequence as `open_any`, whose faces must not change.
 
     Parameters
@@ -98,12 +98,12 @@ def open_constant(found: SourceFiles, options: ReadOptions, purpose: str = "load
     try:
         opened = _open_constant(found, _at_rate(found, options))
     except ConnectivityChangeError as error:
-        remedy = "; load_segments reads changing faces" if purpose == "load" else ""
         raise ConnectivityChangeError(
-            f"{error}; {purpose} needs the same faces in every frame{remedy}"
+            f"{error}; {purpose} needs the same faces in every frame"
         ) from None
     with errors_naming(found.paths[0]):
-        return single_segment(opened, purpose)
+        single_segment(opened, purpose)
+    return opened
 
 
 def _at_rate(found: SourceFiles, options: ReadOptions) -> ReadOptions:
@@ -117,7 +117,7 @@ def _at_rate(found: SourceFiles, options: ReadOptions) -> ReadOptions:
     return replace(options, fps=found.fps) if is_unset else options
 
 
-def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
+def _open_constant(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     path = found.paths[0]
     if not isinstance(found.format, SequenceFormat):
         files = MeshFiles(found.paths, found.format)
@@ -125,15 +125,13 @@ def _open_constant(found: SourceFiles, options: ReadOptions) -> AnySequence:
             first = files.mesh(0)
             files.require_same_faces(1, files.mesh(1), first)
         frames = open_mesh_files(files, found.name, options)
-        return select_attributes(frames, options.attributes, path)
-    opened = found.format.open(path, options)
-    if not isinstance(opened, SegmentedSequence):
-        return select_attributes(opened, options.attributes, path)
+        return MeshSequence.of_segments([select_attributes(frames, options.attributes, path)])
+    opened = MeshSequence.of_segments([found.format.open(path, options)])
     segments = [select_attributes(one, options.attributes, path) for one in opened.segments]
-    return SegmentedSequence(segments, opened.name, opened.start_s)
+    return MeshSequence.of_segments(segments, opened.name, opened.start_s)
 
 
-def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequence:
+def _open_changing(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     is_of_files = not isinstance(found.format, SequenceFormat)
 
     def comparing(stage: str, share: float) -> None:
@@ -145,7 +143,7 @@ def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequenc
     given = [one.open() for one in several] if is_of_files else _open_all([*several], options)
     segments = match_segments(given, options.progress) if options.matches_frames else given
     selected = [select_attributes(one, options.attributes, found.paths[0]) for one in segments]
-    sequence = SegmentedSequence(selected, start_s=given[0].start_s)
+    sequence = MeshSequence.of_segments(selected, start_s=given[0].start_s)
     options.notes[:] = _combined(options.notes)
     options.notes.append(
         f"{FACES_CHANGE}: {counted(sequence.n_frames, 'frame')} in "
@@ -161,7 +159,7 @@ def _open_changing(found: SourceFiles, options: ReadOptions) -> SegmentedSequenc
 
 
 def _open_all(several: Sequence["FoundSegment"], options: ReadOptions) -> list[FrameSource]:
-    opened = []
+    opened: list[FrameSource] = []
     for one in several:
         opened.append(one.open())
         options.progress("reading", Count(one.stop, several[-1].stop, "frames"))
@@ -203,7 +201,7 @@ class FoundSegment:
 
     start: int
     stop: int
-    open: Callable[[], FrameSource]
+    open: Callable[[], Any]
 
     def path(self, whole: Path) -> Path:
         """Return the path of this segment, given that of the whole: ``walk_0-41.reel``."""
@@ -234,7 +232,11 @@ def find_segments(source: Source | SourceFiles, options: ReadOptions) -> list[Fo
 
     def selecting(segment: FoundSegment) -> FoundSegment:
         names, path = options.attributes, found.paths[0]
-        return replace(segment, open=lambda: select_attributes(segment.open(), names, path))
+
+        def opened() -> MeshSequence:
+            return MeshSequence.of_segments([select_attributes(segment.open(), names, path)])
+
+        return replace(segment, open=opened)
 
     return list(map(selecting, _find_segments(found, options)))
 
@@ -245,7 +247,7 @@ def _find_segments(found: SourceFiles, options: ReadOptions) -> Iterable[FoundSe
         return _of_files(MeshFiles(found.paths, found.format), found, options)
     path, form = found.paths[0], found.format
     if form.read_meshes is None:
-        segments = segments_of(form.open(path, options))
+        segments = MeshSequence.of_segments([form.open(path, options)]).segments
         stops = accumulate(one.n_frames for one in segments)
         return [
             FoundSegment(stop - one.n_frames, stop, partial(_opened, one))

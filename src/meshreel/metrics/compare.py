@@ -16,7 +16,6 @@ from meshreel.metrics.reference import bounding_box_reference, shared_reference
 from meshreel.metrics.sted import sted
 from meshreel.metrics.streamed import ErrorSums, StreamedErrors, add_sequence
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
-from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import describe_track
 from meshreel.runtime.counting import counted
@@ -147,8 +146,8 @@ def compare(
 
 
 def measure_quality(
-    original: MeshSequence | SegmentedSequence,
-    decoded: MeshSequence | SegmentedSequence,
+    original: MeshSequence,
+    decoded: MeshSequence,
     *,
     surface: bool | None = None,
     n_samples: int | None = None,
@@ -158,7 +157,7 @@ def measure_quality(
 
     Parameters
     ----------
-    original, decoded : MeshSequence or SegmentedSequence
+    original, decoded : MeshSequence
         Of equal frame counts.
     surface : bool, optional
         True compares surfaces, False vertices. Default: vertices if the meshes are the same.
@@ -183,7 +182,8 @@ def measure_quality(
         from meshreel.metrics import surface_distance
 
         distances = surface_distance.compare_surfaces(
-            *map(surface_distance.frames_of, (original, decoded)),
+            original,
+            decoded,
             n_samples=surface_distance.N_SAMPLES if n_samples is None else n_samples,
             reason=difference or "requested",
             progress=progress,
@@ -193,18 +193,18 @@ def measure_quality(
         raise InvalidInputError(
             "n_samples has no effect where vertices are compared; surface=True compares surfaces"
         )
-    if isinstance(original, SegmentedSequence) or isinstance(decoded, SegmentedSequence):
+    if original.n_segments > 1 or decoded.n_segments > 1:
         raise ConnectivityChangeError(
             f"{difference}; a comparison of vertices needs the same faces in every frame"
         )
     return compare(original, decoded, progress=progress)
 
 
-def _vertex_errors(original: AnySequence, decoded: AnySequence) -> StreamedErrors | None:
+def _vertex_errors(original: MeshSequence, decoded: MeshSequence) -> StreamedErrors | None:
     """Return the errors of vertices if the meshes of all segments are the same."""
-    pairs = list(zip(segments_of(original), segments_of(decoded), strict=False))
-    counts = [[one.n_frames for one in segments_of(either)] for either in (original, decoded)]
-    if counts[0] != counts[1] or any(connectivity_difference(*pair) for pair in pairs):
+    pairs = list(zip(original.segments, decoded.segments, strict=False))
+    counts = [[one.n_frames for one in either.segments] for either in (original, decoded)]
+    if counts[0] != counts[1] or any(mesh_difference(*pair) for pair in pairs):
         return None
     sums = ErrorSums(original.extent)
     for segment, segment_hat in pairs:
@@ -212,10 +212,15 @@ def _vertex_errors(original: AnySequence, decoded: AnySequence) -> StreamedError
     return sums.errors
 
 
-def connectivity_difference(original: AnySequence, decoded: AnySequence) -> str:
+def connectivity_difference(original: MeshSequence, decoded: MeshSequence) -> str:
     """Return how the meshes of two sequences differ, or "" if they are the same."""
-    if isinstance(original, SegmentedSequence) or isinstance(decoded, SegmentedSequence):
+    if original.n_segments > 1 or decoded.n_segments > 1:
         return "the faces change over time"
+    return mesh_difference(original, decoded)
+
+
+def mesh_difference(original: FrameSource, decoded: FrameSource) -> str:
+    """Return how the meshes of two segments differ, or "" if they are the same."""
     for noun, count, count_hat in (
         ("vertex", original.n_verts, decoded.n_verts),
         ("face", len(original.faces), len(decoded.faces)),

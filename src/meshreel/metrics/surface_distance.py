@@ -22,8 +22,7 @@ from meshreel.metrics.surface_samples import (
     sample_uniformly,
     triangle_set,
 )
-from meshreel.model.segments import SegmentedSequence
-from meshreel.model.sequence import Faces, FrameSource, Vertices
+from meshreel.model.sequence import Faces, Vertices
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import in_threads, n_cores
@@ -59,27 +58,6 @@ class SurfaceFrames(Protocol):
 
     def __iter__(self) -> Iterator[tuple[Vertices, Faces]]:
         """Positions of shape (V, 3) and faces of shape (M, 3) of each frame in turn."""
-
-
-def frames_of(sequence: FrameSource | SegmentedSequence) -> SurfaceFrames:
-    """Return the frames of a sequence as positions and faces."""
-    return sequence if isinstance(sequence, SegmentedSequence) else ConstantFrames(sequence)
-
-
-@dataclass(frozen=True)
-class ConstantFrames:
-    """The frames of a sequence of constant connectivity as `SurfaceFrames`."""
-
-    source: FrameSource
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames, T."""
-        return self.source.n_frames
-
-    def __iter__(self) -> Iterator[tuple[Vertices, Faces]]:
-        for number in range(self.source.n_frames):
-            yield self.source.read(number, number + 1)[0], self.source.faces
 
 
 @dataclass(frozen=True)

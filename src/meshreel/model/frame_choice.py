@@ -34,7 +34,7 @@ def chosen_frames(choice: FrameChoice, n_frames: int) -> int | range | npt.NDArr
     if isinstance(choice, str | bytes | tuple):  # NumPy would take a tuple as frame and vertex
         raise _type_error(choice)
     if _is_number(choice):
-        return int(_from_start(np.array([operator.index(choice)]), n_frames)[0])  # type: ignore[arg-type]
+        return frame_number(choice, n_frames)  # type: ignore[arg-type]
     try:
         numbers = np.asarray(choice)
     except ValueError:  # lists of different lengths
@@ -48,6 +48,24 @@ def chosen_frames(choice: FrameChoice, n_frames: int) -> int | range | npt.NDArr
     if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
         raise _type_error(choice)
     return _from_start(numbers, n_frames)
+
+
+def frame_number(choice: SupportsIndex, n_frames: int) -> int:
+    """The number, in 0..T-1, of one frame; negative numbers count from the end.
+
+    Raises
+    ------
+    IndexError
+        If the frame does not exist.
+    TypeError
+        If the choice is not an integer.
+    """
+    if not _is_number(choice):
+        raise TypeError(
+            f"a frame is chosen by a number, or several by a slice; got {type(choice).__name__} "
+            f"{choice!r:.60}"
+        )
+    return int(_from_start(np.array([operator.index(choice)]), n_frames)[0])
 
 
 def consecutive_runs(numbers: npt.NDArray[np.int64]) -> Iterator[tuple[int, range]]:

@@ -1,17 +1,22 @@
-"""MeshSequence: an animated triangle mesh of fixed connectivity."""
+"""MeshSequence: an animated triangle mesh of one or more segments of constant connectivity."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Protocol
+from hashlib import blake2b
+from itertools import accumulate, pairwise
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, SupportsIndex, overload
 
 import numpy as np
+import numpy.typing as npt
 
+from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.model.extent import Extent, Vertices, extent_of
-from meshreel.model.frame_choice import FrameChoice, chosen_frames
+from meshreel.model.frame_choice import frame_number, frame_range, start_of
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import Track, TrackSource, validated_tracks
+from meshreel.model.tracks import Track, TrackSource, read_track, validated_tracks
 from meshreel.model.validation import (
     Faces,
     read_only,
@@ -20,19 +25,46 @@ from meshreel.model.validation import (
     validate_start,
     validate_vertices,
 )
+from meshreel.runtime.counting import counted
 
 __all__ = [
     "Faces",
-    "FrameContents",
     "FrameSource",
+    "MeshFrame",
     "MeshSequence",
+    "Segmented",
     "Vertices",
+    "concatenate",
+    "frames_of",
+    "mesh_digest",
     "positions_size_bytes",
+    "segment_of_frame",
+    "single_segment",
+    "tracks_of_all",
 ]
 
 
-class FrameContents(Protocol):
-    """Frames of constant connectivity, and what belongs to them."""
+class MeshFrame(NamedTuple):
+    """A frame: positions of shape (V, 3) and faces of shape (M, 3)."""
+
+    vertices: Vertices
+    faces: Faces
+
+
+class FrameSource(Protocol):
+    """Frames of constant connectivity, which are in memory or read on demand."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type of the positions: float32 or float64."""
 
     @property
     def faces(self) -> Faces:
@@ -58,28 +90,6 @@ class FrameContents(Protocol):
     def tracks(self) -> Mapping[str, TrackSource]:
         """Quantities that change over time, other than the positions, by name."""
 
-    def read(self, start: int, stop: int) -> Vertices:
-        """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
-
-
-class FrameSource(FrameContents, Protocol):
-    """An animated mesh whose frames are read on demand.
-
-    A `MeshSequence` is one; so are frame files that need not fit into memory together.
-    """
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames, T."""
-
-    @property
-    def n_verts(self) -> int:
-        """Number of vertices, V."""
-
-    @property
-    def dtype(self) -> np.dtype[np.floating]:
-        """Number type of the positions: float32 or float64."""
-
     @property
     def extent(self) -> Extent:
         """Extent of the positions of all frames."""
@@ -88,14 +98,37 @@ class FrameSource(FrameContents, Protocol):
     def is_portable(self) -> bool:
         """Whether another process can read the frames through a pickled copy without frames."""
 
+    def read(self, start: int, stop: int) -> Vertices:
+        """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
 
-@dataclass(frozen=True, eq=False)
+
+class Segmented(Protocol):
+    """What `MeshSequence` and `ReelFile` share: frames by number, and segments."""
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames of all segments, T."""
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """First frame of each segment, and the number of all frames."""
+
+    @property
+    def segments(self) -> Sequence[Any]:
+        """Segments, whose frames count from 0."""
+
+    def __getitem__(self, chosen: int, /) -> MeshFrame:
+        """Return a frame."""
+
+
 class MeshSequence:
-    """An animated triangle mesh whose connectivity is the same in every frame.
+    """An animated triangle mesh of one or more segments, each of which has constant connectivity.
 
-    Its length is the number of frames. ``sequence[3]`` returns the positions of a frame, of shape
-    (V, 3); a slice or a list of numbers selects several frames; iteration yields all in order.
-    Arrays are validated on construction and stored as read-only views (faces as int32).
+    Most sequences have one segment and are made of arrays; `of_segments` and `concatenate` make
+    sequences of several, whose faces change. Its length is the number of frames. ``sequence[3]``
+    is a `MeshFrame`, positions and faces; a slice is a shorter sequence; iteration yields all
+    frames in order; ``a + b`` appends. Arrays are validated on construction and stored as
+    read-only views (faces as int32).
 
     Parameters
     ----------
@@ -117,6 +150,17 @@ class MeshSequence:
         vertices, faces or corners: the first that number N. ``sequence.tracks[name]`` is a `Track`.
         Default: none.
 
+    Attributes
+    ----------
+    segments : tuple of FrameSource
+        In order of time; a sequence of arrays is its own segment.
+    n_segments, n_frames : int
+    starts : tuple of int
+        First frame of each segment, and the number of all frames.
+    vertices, faces, n_verts, n_faces, surface, tracks
+        Of a sequence with one segment; others raise ConnectivityChangeError. Positions that are not
+        in memory are read whenever `vertices` is accessed; `read` reads some of them.
+
     Raises
     ------
     InvalidInputError
@@ -125,16 +169,33 @@ class MeshSequence:
         does not fit.
     """
 
+    n_frames: int
+    fps: float
+    name: str
+    start_s: float
+    starts: tuple[int, ...]
+    dtype: np.dtype[np.floating]
+    _segments: tuple[FrameSource, ...]  # none: the sequence consists of arrays
+
+    # Attributes of sequences of arrays, of others found by `__getattr__`.
+    n_verts: int
+    n_faces: int
     vertices: Vertices
     faces: Faces
-    fps: float = 0.0
-    name: str = ""
-    start_s: float = 0.0
-    surface: Surface = PLAIN
-    tracks: Mapping[str, Track] = field(default_factory=dict)
+    surface: Surface
+    tracks: Mapping[str, Any]
 
-    def __post_init__(self) -> None:
-        self._validate(validate_vertices(self.vertices))
+    def __init__(
+        self,
+        vertices: Vertices,
+        faces: Faces,
+        fps: float = 0.0,
+        name: str = "",
+        start_s: float = 0.0,
+        surface: Surface = PLAIN,
+        tracks: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._set(validate_vertices(vertices), faces, fps, name, start_s, surface, tracks or {})
 
     @classmethod
     def of_finite(
@@ -152,92 +213,335 @@ class MeshSequence:
         Decoders have checked them already; everything else is validated.
         """
         sequence = cls.__new__(cls)
-        vars(sequence).update(faces=faces, fps=fps, name=name, start_s=start_s)
-        vars(sequence).update(surface=surface, tracks=tracks)
-        sequence._validate(vertices)
+        sequence._set(vertices, faces, fps, name, start_s, surface, tracks)
         return sequence
 
-    def _validate(self, vertices: Vertices) -> None:
-        """Validate all but the positions, and store the arrays as read-only views."""
-        object.__setattr__(self, "vertices", read_only(vertices))
-        object.__setattr__(self, "faces", read_only(validate_faces(self.faces, len(vertices[0]))))
-        object.__setattr__(self, "fps", validate_fps(self.fps))
-        object.__setattr__(self, "start_s", validate_start(self.start_s))
-        (n_frames, n_verts, _), n_faces = vertices.shape, len(self.faces)
-        if self.surface is not PLAIN:
-            object.__setattr__(self, "surface", self.surface.validated(n_verts, n_faces))
-        tracks = self.tracks and validated_tracks(
-            self.tracks, n_frames, n_verts, n_faces, self.surface
-        )
-        object.__setattr__(self, "tracks", dict(tracks or {}))
+    @classmethod
+    def of_segments(
+        cls,
+        segments: Iterable[FrameSource],
+        name: str | None = None,
+        start_s: float | None = None,
+    ) -> "MeshSequence":
+        """Return a sequence of segments in order of time.
+
+        Parameters
+        ----------
+        segments : iterable of FrameSource
+            At least one, all of the same frame rate. Adjacent segments may have equal faces; a
+            `MeshSequence` of several segments contributes all of them.
+        name, start_s : optional
+            Default: those of the first segment. Times of other segments follow from the frame rate.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no segment, or frame rates differ.
+        """
+        parts: list[FrameSource] = []
+        for segment in segments:
+            parts += segment.segments if isinstance(segment, MeshSequence) else [segment]
+        if not parts:
+            raise InvalidInputError("a sequence needs at least one segment; got none")
+        rates = sorted({part.fps for part in parts})
+        if len(rates) > 1:
+            raise InvalidInputError(
+                f"segments have {' and '.join(f'{rate:g}' for rate in rates)} frames per second; "
+                "give them the same fps"
+            )
+        first = parts[0]
+        name = first.name if name is None else name
+        start_s = first.start_s if start_s is None else validate_start(start_s)
+        if len(parts) == 1 and isinstance(first, MeshSequence):
+            is_same = (name, start_s) == (first.name, first.start_s)
+            return first if is_same else first.replace(name=name, start_s=start_s)
+        if len(parts) == 1 and (name, start_s) != (first.name, first.start_s):
+            parts = [_replaced(first, {"name": name, "start_s": start_s})]
+        sequence = cls.__new__(cls)
+        sequence.fps, sequence.name, sequence.start_s = first.fps, name, start_s
+        sequence._segments = tuple(parts)
+        sequence.starts = (0, *accumulate(part.n_frames for part in parts))
+        sequence.n_frames = sequence.starts[-1]
+        sequence.dtype = np.result_type(*(part.dtype for part in parts))
+        return sequence
+
+    def _set(
+        self,
+        vertices: Vertices,
+        faces: Faces,
+        fps: float,
+        name: str,
+        start_s: float,
+        surface: Surface,
+        tracks: Mapping[str, Any],
+    ) -> None:
+        """Store the arrays as read-only views, and validate all but the positions."""
+        self._segments = ()
+        self.n_frames, self.n_verts, _ = vertices.shape
+        self.starts, self.dtype = (0, self.n_frames), vertices.dtype
+        self.fps, self.name, self.start_s = validate_fps(fps), name, validate_start(start_s)
+        self.vertices = read_only(vertices)
+        self.faces = read_only(validate_faces(faces, self.n_verts))
+        self.n_faces = len(self.faces)
+        sizes = self.n_verts, self.n_faces
+        self.surface = surface if surface is PLAIN else surface.validated(*sizes)
+        self.tracks = dict(tracks and validated_tracks(tracks, self.n_frames, *sizes, self.surface))
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the only segment has; if there are several, say so."""
+        if name not in ("vertices", "faces", "n_verts", "n_faces", "surface", "tracks"):
+            raise AttributeError(f"a MeshSequence has no attribute {name!r}")
+        segment = self._only(name)
+        if name == "vertices":
+            return segment.read(0, segment.n_frames)
+        return len(segment.faces) if name == "n_faces" else getattr(segment, name)
+
+    def replace(self, **changes: Any) -> "MeshSequence":
+        """Return the sequence with other values of some parameters of the constructor.
+
+        Sequences of several segments have no vertices, faces, surface and tracks to replace.
+        """
+        if len(self._segments) == 1:
+            return MeshSequence.of_segments([_replaced(self._segments[0], changes)])
+        if self._segments:
+            for name in changes.keys() - {"fps", "name", "start_s"}:
+                self._only(name)
+            fps = {"fps": changes["fps"]} if changes.get("fps", self.fps) != self.fps else {}
+            segments = (_replaced(segment, fps) for segment in self._segments)
+            name, start_s = changes.get("name", self.name), changes.get("start_s", self.start_s)
+            return MeshSequence.of_segments(segments, name, start_s)
+        names = "faces", "fps", "name", "start_s", "surface", "tracks"
+        values = {name: getattr(self, name) for name in names} | changes
+        if "vertices" in changes:
+            return MeshSequence(**values)
+        return MeshSequence.of_finite(self.vertices, **values)
 
     @property
-    def n_frames(self) -> int:
-        """Number of frames, T."""
-        return int(self.vertices.shape[0])
+    def segments(self) -> tuple[FrameSource, ...]:
+        """Segments in order of time, whose frames count from 0."""
+        return self._segments or (self,)
 
     @property
-    def n_verts(self) -> int:
-        """Number of vertices, V."""
-        return int(self.vertices.shape[1])
+    def n_segments(self) -> int:
+        """Number of segments."""
+        return len(self._segments) or 1
 
-    @property
-    def n_faces(self) -> int:
-        """Number of triangles, M."""
-        return int(self.faces.shape[0])
-
-    @property
-    def raw_size_bytes(self) -> int:
-        """Size of the uncompressed arrays: positions, tracks, faces and surface."""
-        tracks_bytes = sum(track.values.nbytes for track in self.tracks.values())
-        mesh_bytes = self.faces.nbytes + self.surface.size_bytes
-        return int(self.vertices.nbytes + mesh_bytes + tracks_bytes)
-
-    @property
-    def dtype(self) -> np.dtype[np.floating]:
-        """Number type of the positions."""
-        return self.vertices.dtype
-
-    @property
-    def is_portable(self) -> bool:
-        """False: a copy for another process contains all frames."""
-        return False
+    def _only(self, name: str) -> FrameSource:
+        """Return the only segment, which has an attribute of that name."""
+        if len(self._segments) > 1:
+            raise ConnectivityChangeError(
+                f"the faces change: each of {self.n_segments} segments has its own {name}; use "
+                f"sequence.segments[0].{name}, or iterate over frames, which have vertices and "
+                "faces"
+            )
+        return self._segments[0]
 
     @cached_property
     def extent(self) -> Extent:
         """Extent of the positions of all frames."""
-        return extent_of(self.vertices)
+        if not self._segments:
+            return extent_of(self.vertices)
+        extents = [segment.extent for segment in self._segments]
+        weights = [segment.n_frames for segment in self._segments]
+        return Extent(
+            np.min([extent.low for extent in extents], axis=0),
+            np.max([extent.high for extent in extents], axis=0),
+            float(np.average([extent.mean_diagonal for extent in extents], weights=weights)),
+        )
+
+    @property
+    def is_portable(self) -> bool:
+        """Whether another process can read the frames through a pickled copy without frames."""
+        return bool(self._segments) and all(segment.is_portable for segment in self._segments)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that the frames are read from."""
+        return tuple(file for segment in self._segments for file in getattr(segment, "files", ()))
+
+    @property
+    def n_meshes(self) -> int:
+        """Number of distinct meshes: segments with the same vertices and faces share one."""
+        digests = {
+            mesh_digest(segment.n_verts, segment.faces, segment.surface.sizes(len(segment.faces)))
+            for segment in self.segments
+        }
+        return len(digests)
+
+    @property
+    def raw_size_bytes(self) -> int:
+        """Size of the uncompressed arrays; of several segments, of positions and faces."""
+        if self._segments:
+            return sum(positions_size_bytes(one) + one.faces.nbytes for one in self._segments)
+        tracks_bytes = sum(track.values.nbytes for track in self.tracks.values())
+        mesh_bytes = self.faces.nbytes + self.surface.size_bytes
+        return int(self.vertices.nbytes + mesh_bytes + tracks_bytes)
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
+        if self._segments:
+            return self._only("vertices").read(start, stop)
         return self.vertices[start:stop]
 
     def __len__(self) -> int:
         return self.n_frames
 
-    def __getitem__(self, choice: FrameChoice) -> Vertices:
-        """A frame of shape (V, 3), or frames of shape (T, V, 3); read-only."""
-        numbers = chosen_frames(choice, self.n_frames)
-        if isinstance(choice, slice):
-            return self.vertices[choice]
-        frames: Vertices = read_only(self.vertices[numbers])
-        return frames
+    @overload
+    def __getitem__(self, chosen: SupportsIndex) -> MeshFrame: ...
 
-    def __iter__(self) -> Iterator[Vertices]:
-        return iter(self.vertices)
+    @overload
+    def __getitem__(self, chosen: slice) -> "MeshSequence": ...
+
+    def __getitem__(self, chosen: SupportsIndex | slice) -> "MeshFrame | MeshSequence":
+        """Return a frame, or the frames of a slice without a step as a sequence."""
+        if isinstance(chosen, slice):
+            return self.part(frame_range(chosen, self.n_frames))
+        return frame_of(self, chosen)
+
+    def __iter__(self) -> Iterator[MeshFrame]:
+        for segment in self.segments:
+            faces = segment.faces
+            for number in range(segment.n_frames):
+                yield MeshFrame(segment.read(number, number + 1)[0], faces)
+
+    def __add__(self, other: "MeshSequence") -> "MeshSequence":
+        return concatenate([self, other])
+
+    def part(self, frames: range) -> "MeshSequence":
+        """Return consecutive frames; segments that are cut are loaded, with their tracks."""
+        parts: list[FrameSource] = []
+        for segment, (first, end) in zip(self.segments, pairwise(self.starts), strict=True):
+            start, stop = max(first, frames.start), min(end, frames.stop)
+            if start < stop:
+                is_whole = stop - start == segment.n_frames
+                wanted = range(start - first, stop - first)
+                parts.append(segment if is_whole else frames_of(segment, wanted))
+        start_s = start_of(frames, self.start_s, self.fps)
+        return MeshSequence.of_segments(parts, self.name, start_s)
 
     _repr_html_ = notebook_html
     show = show
 
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
-        tracks = f"; tracks {', '.join(self.tracks)}" if self.tracks else ""
-        return (
-            f"<MeshSequence{name}: {self.n_frames} frames, {self.n_verts} vertices, "
-            f"{self.n_faces} faces, {self.fps:g} fps, {self.vertices.dtype}{tracks}>"
-        )
+        if self.n_segments > 1:
+            mesh = f"{self.n_frames} frames in {self.n_segments} segments"
+            tracks = ""
+        else:
+            mesh = f"{self.n_frames} frames, {self.n_verts} vertices, {self.n_faces} faces"
+            tracks = f"; tracks {', '.join(self.tracks)}" if self.tracks else ""
+        return f"<MeshSequence{name}: {mesh}, {self.fps:g} fps, {self.dtype}{tracks}>"
+
+
+def _replaced(segment: Any, changes: dict[str, Any]) -> FrameSource:
+    """Return a segment with other values; sources other than ours need a method `replace`."""
+    replaced: FrameSource = segment.replace(**changes) if changes else segment
+    return replaced
 
 
 def positions_size_bytes(source: FrameSource) -> int:
     """Size of the positions of all frames in memory, in bytes."""
     return source.n_frames * source.n_verts * 3 * source.dtype.itemsize
+
+
+def segment_of_frame(starts: tuple[int, ...], frame: int) -> tuple[int, int]:
+    """Number of the segment that contains a frame, and the number of the frame in it.
+
+    Parameters
+    ----------
+    starts : tuple of int
+        First frame of each segment, and the number of all frames, T.
+    frame : int
+        In 0..T-1.
+    """
+    number = bisect_right(starts, frame) - 1
+    return number, frame - starts[number]
+
+
+def frame_of(sequence: Segmented, number: SupportsIndex) -> MeshFrame:
+    """Return a frame of a `MeshSequence` or a `ReelFile`; negative numbers count from the end.
+
+    Raises
+    ------
+    IndexError
+        If the frame does not exist.
+    TypeError
+        If the number is not an integer.
+    """
+    index, local = segment_of_frame(sequence.starts, frame_number(number, sequence.n_frames))
+    segment = sequence.segments[index]
+    return MeshFrame(segment.read(local, local + 1)[0], segment.faces)
+
+
+def frames_of(segment: Any, wanted: range) -> MeshSequence:
+    """Load consecutive frames of a `FrameSource` or a `ReelFile` of one segment, with tracks."""
+    return MeshSequence(
+        segment.read(wanted.start, wanted.stop),
+        segment.faces,
+        segment.fps,
+        segment.name,
+        start_of(wanted, segment.start_s, segment.fps),
+        segment.surface,
+        {name: read_track(track, wanted) for name, track in segment.tracks.items()},
+    )
+
+
+def concatenate(sequences: Iterable[MeshSequence]) -> MeshSequence:
+    """Return the frames of several sequences in order, each of which begins a segment.
+
+    Parameters
+    ----------
+    sequences : iterable of MeshSequence
+        At least one; all of the same frame rate. Name and start are those of the first.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no sequence, or frame rates differ.
+    """
+    several = list(sequences)
+    if not several:
+        raise InvalidInputError("there are no sequences to concatenate; at least one is needed")
+    return MeshSequence.of_segments(several, several[0].name, several[0].start_s)
+
+
+def single_segment(sequence: MeshSequence, purpose: str) -> FrameSource:
+    """Return the only segment of a sequence.
+
+    Parameters
+    ----------
+    purpose : str
+        What needs constant connectivity, for the error message, such as "writing walk.mdd".
+
+    Raises
+    ------
+    ConnectivityChangeError
+        If the connectivity changes.
+    """
+    if sequence.n_segments > 1:
+        raise ConnectivityChangeError(
+            f"the faces change: {counted(sequence.n_frames, 'frame')} in {sequence.n_segments} "
+            f"segments; {purpose} needs the same faces in every frame"
+        )
+    return sequence.segments[0]
+
+
+def tracks_of_all(sequence: MeshSequence) -> dict[str, TrackSource]:
+    """Return the tracks of all segments by name; of equal names the first."""
+    segments = reversed(sequence.segments)
+    return {name: track for segment in segments for name, track in segment.tracks.items()}
+
+
+def mesh_digest(n_verts: int, *faces: npt.NDArray[np.signedinteger]) -> bytes:
+    """Return a digest that is equal for meshes with the same number of vertices and faces.
+
+    Parameters
+    ----------
+    faces : integer arrays
+        Arrays that describe the faces, such as vertex indices and face sizes.
+    """
+    digest = blake2b(n_verts.to_bytes(8, "little"), digest_size=16)
+    for array in faces:
+        digest.update(len(array).to_bytes(8, "little"))
+        digest.update(np.ascontiguousarray(array, np.int64).data)
+    return digest.digest()

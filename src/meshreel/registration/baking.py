@@ -8,14 +8,7 @@ from PIL import Image as PillowImage
 
 from meshreel.arrays import Bytes, Floats, Integers, Singles
 from meshreel.errors import InvalidInputError
-from meshreel.model.segments import (
-    AnySequence,
-    HasSegments,
-    SegmentedSequence,
-    frames_of,
-    segments_of,
-)
-from meshreel.model.sequence import Faces
+from meshreel.model.sequence import Faces, MeshSequence, Segmented, frames_of, segment_of_frame
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind
 from meshreel.registration.growing import Segment
@@ -110,13 +103,13 @@ def _cross(first: Floats, second: Floats) -> Floats:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
-def check_textured(raw: AnySequence) -> None:
+def check_textured(raw: MeshSequence) -> None:
     """Raise `InvalidInputError` with the first frame whose texture cannot be baked.
 
     It lacks texture coordinates, or its faces have several images.
     """
     first = 0
-    for segment in segments_of(raw):
+    for segment in raw.segments:
         changing = [one for one in segment.tracks.values() if one.kind is TrackKind.UV]
         if not changing and not segment.surface.of_kind(Kind.UV):
             raise InvalidInputError(
@@ -156,7 +149,7 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
     """
     segments, n_made = list(registration.sequence.segments), 0
     for registered in registered_segments(registration):
-        number = registration.sequence.segment_of(registered.first)
+        number, _ = segment_of_frame(registration.sequence.starts, registered.first)
         segment = segments[number]
         uvs = segment.surface.of_kind(Kind.UV)
         if uvs and _is_atlas(_corners(uvs[0]), size):
@@ -165,9 +158,9 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
         key = registration.frames.normalized(segment.read(local, local + 1)[0])
         made = made_uv(key.astype(np.float32), segment.faces, size)
         whole = frames_of(segment, range(segment.n_frames))
-        segments[number] = replace(whole, surface=_with_uv(segment.surface, made))
+        segments[number] = whole.replace(surface=_with_uv(segment.surface, made))
         n_made += 1
-    with_uvs = SegmentedSequence(
+    with_uvs = MeshSequence.of_segments(
         segments, registration.sequence.name, registration.sequence.start_s
     )
     return replace(registration, sequence=with_uvs), n_made
@@ -180,7 +173,7 @@ def registered_segments(registration: Registration) -> Iterator[Segment]:
 
 def bake(
     registration: Registration,
-    sequence: HasSegments,
+    sequence: Segmented,
     images: Iterable[PillowImage.Image],
     size: Size,
     progress: Progress = silent,
@@ -195,7 +188,7 @@ def bake(
     ----------
     registration : Registration
         From `with_atlases`.
-    sequence : SegmentedSequence or SegmentedReelFile
+    sequence : MeshSequence or ReelFile
         Its sequence, or that as encoded: colors then are at the places of the decoded vertices, so
         that the error of coding does not move them.
     images : iterable of Pillow images
@@ -212,7 +205,7 @@ def bake(
     given = iter(images)
     *firsts, n_frames = sequence.starts
     for index, first in enumerate(firsts):
-        segment, atlas = sequence.segment(index), None
+        segment, atlas = sequence.segments[index], None
         if first in starts:
             atlas = Atlas.of_corners(_corners(segment.surface.of_kind(Kind.UV)[0]), size)
         for local in range(segment.n_frames):

@@ -9,8 +9,7 @@ from meshreel.arrays import Floats, rows_as_bytes
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.geometry.hard_edges import lowest_connected
 from meshreel.model.geometry.normals import face_normals
-from meshreel.model.segments import MeshFrame
-from meshreel.model.sequence import Faces
+from meshreel.model.sequence import Faces, MeshFrame
 
 Indices = npt.NDArray[np.int64]
 

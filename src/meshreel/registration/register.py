@@ -11,15 +11,13 @@ import numpy as np
 
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.errors import InvalidInputError
-from meshreel.model.segments import (
-    AnySequence,
-    HasSegments,
-    SegmentedSequence,
-    frame_at,
+from meshreel.model.sequence import (
+    MeshSequence,
+    Segmented,
     frames_of,
+    segment_of_frame,
     tracks_of_all,
 )
-from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track, TrackKind
 from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
@@ -103,10 +101,10 @@ class Registration:
 
     Attributes
     ----------
-    sequence : SegmentedSequence
+    sequence : MeshSequence
         Segments of constant connectivity. Frames that could not be followed are segments of their
         own, with the raw mesh.
-    raw : SegmentedSequence
+    raw : MeshSequence
         The given sequence.
     segments : tuple of Segment
         The registered segments.
@@ -120,8 +118,8 @@ class Registration:
         What was removed or left out.
     """
 
-    sequence: SegmentedSequence
-    raw: SegmentedSequence
+    sequence: MeshSequence
+    raw: MeshSequence
     segments: tuple[Segment, ...]
     frames: Frames
     tolerance: Tolerance
@@ -139,7 +137,7 @@ class Registration:
         """Return a raw frame with its cleaned surface."""
         return _raw_frame(self.raw, self.frames, number)
 
-    def distances_of(self, sequence: HasSegments, progress: Progress = silent) -> Distances:
+    def distances_of(self, sequence: Segmented, progress: Progress = silent) -> Distances:
         """Return the distances of a sequence or a file, such as the encoded one.
 
         Frames without a surface do not count.
@@ -155,8 +153,8 @@ class Registration:
                 progress("measuring", Count(len(errors), n_frames, "frames"))
         return Distances.of_frames(errors, self.diagonal, n_folded)
 
-    def _mesh(self, sequence: HasSegments, number: int) -> TriangleMesh:
-        frame = frame_at(sequence, number)
+    def _mesh(self, sequence: Segmented, number: int) -> TriangleMesh:
+        frame = sequence[number]
         return TriangleMesh(self.frames.normalized(frame.vertices), frame.faces)
 
     def cuts(self) -> Iterator[str]:
@@ -191,7 +189,7 @@ class Registration:
 
 
 def register(
-    sequence: AnySequence,
+    sequence: MeshSequence,
     tolerance: ErrorBound = DEFAULT_TOLERANCE,
     progress: Progress = silent,
     folder: Path | None = None,
@@ -200,7 +198,7 @@ def register(
 
     Parameters
     ----------
-    sequence : MeshSequence, SegmentedSequence or other FrameSource
+    sequence : MeshSequence
         Raw frames, at least one. Frames may stay in their files; each is read three or four times.
     tolerance : ErrorBound
         99 % of both surfaces, of each frame, are within it, and no connected patch beyond it is
@@ -219,7 +217,7 @@ def register(
         If the faces do not change, no frame has a face with an area, `folder` contains something
         else, or the extra [register] is not installed.
     """
-    if not isinstance(sequence, SegmentedSequence) or sequence.n_segments == 1:
+    if sequence.n_segments == 1:
         same = f"all {sequence.n_frames} frames have the same faces"
         given = same if sequence.n_frames > 1 else "there is only one frame"
         raise InvalidInputError(f"{given}; nothing can be registered; use meshreel encode")
@@ -233,7 +231,7 @@ def register(
 
     @lru_cache(CACHED_FRAMES)
     def cleaned(number: int) -> CleanMesh:
-        return clean(frame_at(sequence, number), max_removed_area)
+        return clean(sequence[number], max_removed_area)
 
     low = np.asarray(extent.low, np.float64)
     frames = Frames(sequence.n_frames, cleaned, low, scale, sequence.dtype)
@@ -255,7 +253,7 @@ def register(
             store,
             lambda n_done: progress("registering", Count(n_done, frames.n_frames, "frames")),
         )
-    registered = SegmentedSequence(
+    registered = MeshSequence.of_segments(
         _sequences(sequence, segments, frames), sequence.name, sequence.start_s
     )
     changes = [*_changes(n_removed, topologies, sequence, registered, segments)]
@@ -272,20 +270,19 @@ def register(
     )
 
 
-def _frame(sequence: SegmentedSequence, number: int) -> MeshSequence:
+def _frame(sequence: MeshSequence, number: int) -> MeshSequence:
     """Return a frame with its surface and tracks."""
-    segment = sequence.segment_of(number)
-    local = number - sequence.starts[segment]
-    return frames_of(sequence.segment(segment), range(local, local + 1))
+    index, local = segment_of_frame(sequence.starts, number)
+    return frames_of(sequence.segments[index], range(local, local + 1))
 
 
-def _raw_frame(sequence: SegmentedSequence, frames: Frames, number: int) -> RawFrame:
+def _raw_frame(sequence: MeshSequence, frames: Frames, number: int) -> RawFrame:
     """Return a raw frame with its cleaned surface."""
     return RawFrame(_frame(sequence, number), frames.cleaned(number), frames.mesh(number))
 
 
 def _sequences(
-    raw: SegmentedSequence, segments: Sequence[Segment], frames: Frames
+    raw: MeshSequence, segments: Sequence[Segment], frames: Frames
 ) -> Iterator[MeshSequence]:
     """Yield the segments, and single frames as they are."""
     first = 0
@@ -295,12 +292,11 @@ def _sequences(
         first = segment.numbers.stop
         key = _frame(raw, segment.key)
         if segment.n_frames == 1:
-            yield replace(key, surface=replace(key.surface, is_ordered=False))
+            yield key.replace(surface=replace(key.surface, is_ordered=False))
             continue
         given = (_raw_frame(raw, frames, number) for number in segment.numbers)
         tracks = transferred_tracks(given, map(frames.normalized, segment.positions))
-        yield replace(
-            key,
+        yield key.replace(
             vertices=segment.positions,
             faces=segment.key_mesh.mesh.faces,
             start_s=_frame(raw, segment.first).start_s,
@@ -343,8 +339,8 @@ def _kept_surface(
 def _changes(
     n_removed: Mapping[str, int],
     topologies: Sequence[Topology | None],
-    raw: SegmentedSequence,
-    registered: SegmentedSequence,
+    raw: MeshSequence,
+    registered: MeshSequence,
     segments: Sequence[Segment],
 ) -> Iterator[str]:
     if refined := [one.key for one in segments if one.key_mesh.is_refined]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.metrics.surface_distance import point_psnr_db
-from meshreel.model.segments import HasSegments, MeshFrame, frame_at
+from meshreel.model.sequence import MeshFrame, Segmented
 from meshreel.registration.register import Distances, Registration
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.progress import Count, Progress, silent
@@ -59,7 +59,7 @@ class Report:
 
     @classmethod
     def measured(
-        cls, registration: Registration, decoded: HasSegments, progress: Progress = silent
+        cls, registration: Registration, decoded: Segmented, progress: Progress = silent
     ) -> "Report":
         """Measure a decoded sequence or a file, and the registered sequence."""
         return cls(
@@ -117,7 +117,7 @@ class Report:
 
 
 def point_psnr(
-    registration: Registration, sequence: HasSegments, progress: Progress = silent
+    registration: Registration, sequence: Segmented, progress: Progress = silent
 ) -> PointPsnr:
     """Return D1 and D2 between raw frames and those of a sequence or a file."""
     raw, numbers = registration.raw, _evenly_spaced(registration)
@@ -132,7 +132,7 @@ def point_psnr(
 
     in_threads(
         measure,
-        [(n, frame_at(raw, n), frame_at(sequence, n)) for n in numbers],
+        [(n, raw[n], sequence[n]) for n in numbers],
         lambda n_done: progress("measuring D1 and D2", Count(n_done, len(numbers), "frames")),
     )
     pairs = np.array([found[number] for number in numbers])

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.compare import connectivity_difference, require_comparable
+from meshreel.metrics.compare import mesh_difference, require_comparable
 from meshreel.metrics.heat import (
     HEATS,
     SURFACE_HEAT,
@@ -22,8 +22,7 @@ from meshreel.metrics.heat import (
 from meshreel.metrics.reference import reference_of_box
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.geometry.polygons import fan_corners
-from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, tracks_of_all
-from meshreel.model.sequence import Faces
+from meshreel.model.sequence import Faces, MeshSequence, segment_of_frame, tracks_of_all
 from meshreel.model.surface import Domain, Kind, Surface
 from meshreel.model.tracks import describe_track, track_by_name
 from meshreel.rendering.camera import Camera
@@ -124,8 +123,8 @@ class Scene:
 
     Parameters
     ----------
-    sequence : FrameSource or SegmentedSequence
-    original : FrameSource or SegmentedSequence, optional
+    sequence : FrameSource or MeshSequence
+    original : FrameSource or MeshSequence, optional
         With as many frames.
     heat : str, optional
         One of `HEAT_NAMES`; needs the original. "distance" is that of vertices if all frames have
@@ -145,8 +144,8 @@ class Scene:
 
     def __init__(
         self,
-        sequence: AnySequence,
-        original: AnySequence | None = None,
+        sequence: MeshSequence,
+        original: MeshSequence | None = None,
         heat: str | None = None,
         *,
         background: Color = WHITE,
@@ -160,12 +159,11 @@ class Scene:
             raise InvalidInputError(f"heat must be one of {', '.join(HEAT_NAMES)}; got {heat!r}")
         if heat == TRACK_HEAT and track is None:
             raise InvalidInputError("a heat map of a track needs its name: add --track")
-        self.sequence: AnySequence = sequence
-        self.original: AnySequence | None = original
+        self.sequence: MeshSequence = sequence
+        self.original: MeshSequence | None = original
         self.heat: str | None = heat
         self.background: Color = background
-        several = [sequence] if original is None else [original, sequence]
-        self._sources = [SegmentedSequence(segments_of(source)) for source in several]
+        self._sources = [sequence] if original is None else [original, sequence]
         self._difference = _mesh_difference(self._sources)
         if self._difference and heat not in (None, "distance"):
             raise InvalidInputError(
@@ -177,7 +175,7 @@ class Scene:
         self._field = lru_cache(1)(self._field_of_segments)
         self.track: TrackColors | None = None
         if track is not None:
-            tracks = [track_by_name(tracks_of_all(source), track.name) for source in several]
+            tracks = [track_by_name(tracks_of_all(source), track.name) for source in self._sources]
             _require_same_kind(self._sources, track.name)
             self.track = TrackColors(track, tracks[-1])
 
@@ -210,25 +208,25 @@ class Scene:
         return self._heat_text.unit if self.heat else ""
 
     @property
-    def framed(self) -> AnySequence:
+    def framed(self) -> MeshSequence:
         """The sequence that the camera frames: the original if there is one."""
         return self.original if self.original is not None else self.sequence
 
     def read(self, number: int) -> Moment:
         """Read a frame of each sequence."""
-        segments = [source.segment_of(number) for source in self._sources]
+        segments = [segment_of_frame(source.starts, number)[0] for source in self._sources]
         return Moment(
-            [source.frame(number).vertices for source in self._sources],
+            [source[number].vertices for source in self._sources],
             [look(segment) for look, segment in zip(self._looks, segments, strict=True)],
             [] if self.track is None else [self._values(one, number) for one in self._sources],
             self._field(segments[0], segments[-1]) if self.heat not in (None, TRACK_HEAT) else None,
         )
 
-    def _values(self, source: SegmentedSequence, number: int) -> Values:
+    def _values(self, source: MeshSequence, number: int) -> Values:
         """Values of the track in a frame; NaN in a segment without it."""
         assert self.track is not None
-        index = source.segment_of(number)
-        segment, local = source.segments[index], number - source.starts[index]
+        index, local = segment_of_frame(source.starts, number)
+        segment = source.segments[index]
         if self.track.name in segment.tracks:
             return np.asarray(segment.tracks[self.track.name].read(local, local + 1)[0])
         n_items = segment.surface.n_items(self.track.domain, segment.n_verts, len(segment.faces))
@@ -321,7 +319,7 @@ class Scene:
         return colors_of_items(colors, track.domain, look.surface, look.faces)
 
 
-def _mesh_difference(sources: Sequence[SegmentedSequence]) -> str:
+def _mesh_difference(sources: Sequence[MeshSequence]) -> str:
     """Return how the meshes of an original and a decoded sequence differ, "" if they do not.
 
     Raises
@@ -341,14 +339,14 @@ def _mesh_difference(sources: Sequence[SegmentedSequence]) -> str:
     if original.starts != decoded.starts:
         return "the faces change in different frames"
     pairs = list(zip(original.segments, decoded.segments, strict=True))
-    if difference := next(filter(None, (connectivity_difference(*pair) for pair in pairs)), ""):
+    if difference := next(filter(None, (mesh_difference(*pair) for pair in pairs)), ""):
         return difference
     for pair in pairs:
         require_comparable(*pair)
     return ""
 
 
-def _look_of(source: SegmentedSequence, number: int) -> MeshLook:
+def _look_of(source: MeshSequence, number: int) -> MeshLook:
     """Return what the frames of a segment share."""
     segment = source.segments[number]
     faces, surface = segment.faces, segment.surface
@@ -358,7 +356,7 @@ def _look_of(source: SegmentedSequence, number: int) -> MeshLook:
     return MeshLook(faces, surface, CLAY if colors is None else colors, shading)
 
 
-def _require_same_kind(sources: Sequence[SegmentedSequence], name: str) -> None:
+def _require_same_kind(sources: Sequence[MeshSequence], name: str) -> None:
     """Raise InvalidInputError if a track has another domain or width in some segment."""
     segments = [segment for source in sources for segment in source.segments]
     tracks = [segment.tracks[name] for segment in segments if name in segment.tracks]
@@ -374,7 +372,7 @@ def _require_same_kind(sources: Sequence[SegmentedSequence], name: str) -> None:
 class ChosenFrames:
     """Positions of selected frames, read during iteration."""
 
-    source: AnySequence
+    source: MeshSequence
     numbers: Sequence[int]
 
     def __iter__(self) -> Iterator[Frame]:
@@ -386,14 +384,13 @@ class ChosenFrames:
         It is the mean vertex. If the mesh changes, it is the centroid of the surface, which does
         not jump where another triangulation begins.
         """
-        is_constant = len(segments_of(self.source)) == 1
+        is_constant = self.source.n_segments == 1
         for frame, faces in self._read():
             center = frame.mean(axis=0, dtype=np.float64) if is_constant else centroid(frame, faces)
             yield frame, center
 
     def _read(self) -> Iterator[tuple[Frame, Faces]]:
-        whole = SegmentedSequence(segments_of(self.source))
-        return map(whole.frame, self.numbers)
+        return map(self.source.__getitem__, self.numbers)
 
 
 def centroid(vertices: Frame, faces: Faces) -> Floats:

@@ -70,7 +70,7 @@ def seam():
     is_right = grid.faces.max(axis=1) == grid.faces.max()
     values = (grid.faces + 100.0 * is_right[:, None]).reshape(1, -1, 1).repeat(2, axis=0)
     track = Track(values.astype(np.float32), "corner")
-    data = meshreel.encode(replace(grid, tracks={"x": track}), tracks={"x": "exact"})
+    data = meshreel.encode(grid.replace(tracks={"x": track}), tracks={"x": "exact"})
     np.testing.assert_array_equal(meshreel.decode(data).tracks["x"].values, track.values)
     stream = Stream(data)
     (payload,) = (payload for section, payload in parts_of(stream) if section is Section.TRACK)

@@ -1,6 +1,6 @@
 """Selection of a segment in streams with several."""
 
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +13,10 @@ from samples.commands import assert_fails, run, run_json
 from samples.meshes import waving_grid
 
 STREAMS = [
-    meshreel.encode(replace(one, start_s=2.0))
+    meshreel.encode(one.replace(start_s=2.0))
     for one in (waving_grid(4, 5, 6), waving_grid(5, 7, 3), waving_grid(1, 2, 2))
 ]
 DATA = join_streams(STREAMS)
-CHOOSE = "there are 3 segments with different meshes, 0 to 2; decode one with segment="
 
 
 @pytest.fixture
@@ -36,18 +35,24 @@ def test_selected_segment_equals_the_joined_stream(path, number):
         assert np.array_equal(found.vertices, wanted.vertices)
         assert np.array_equal(found.faces, wanted.faces)
     with meshreel.open(path, segment=number) as reel:
-        assert np.array_equal(reel[:], wanted.vertices)
+        assert np.array_equal(reel[:].vertices, wanted.vertices)
         assert (reel.fps, reel.name, reel.is_whole) == (25.0, "grid", True)
         assert reel.start_s == 2.0 + [0, 4, 9][number] / 25
 
 
-def test_stream_of_several_segments_requires_a_selection(path):
-    for act in (meshreel.decode, meshreel.open, meshreel.load):
-        with pytest.raises(InvalidInputError, match="3 segments") as refused:
-            act(path)
-        assert "three.reel" in str(refused.value)
-    with pytest.raises(InvalidInputError, match=CHOOSE):
-        meshreel.decode(DATA)
+def test_all_segments_are_decoded_opened_and_loaded_by_default(path):
+    with meshreel.open(path) as reel:
+        given: Any
+        for given in (meshreel.decode(path), meshreel.decode(DATA), meshreel.load(path), reel):
+            assert (given.n_segments, given.starts) == (3, (0, 4, 9, 10))
+            for segment, stream in zip(given.segments, STREAMS, strict=True):
+                wanted = meshreel.decode(stream).vertices
+                assert np.array_equal(segment.read(0, segment.n_frames), wanted)
+            with pytest.raises(meshreel.ConnectivityChangeError, match=r"segments\[0\]"):
+                _ = given.faces
+
+
+def test_missing_segment_is_rejected(path):
     for number in (3, -1):
         with pytest.raises(InvalidInputError, match="it has 3 segments, numbered from 0"):
             meshreel.open(path, segment=number)
@@ -94,7 +99,7 @@ def test_truncated_file_has_its_complete_segments(path):
     place = meshreel.info(DATA).segments[1]
     path.write_bytes(DATA[: len(DATA) - place.size_bytes // 2])
     with meshreel.open(path, segment=0) as reel:
-        assert np.array_equal(reel[:], meshreel.decode(STREAMS[0]).vertices)
+        assert np.array_equal(reel[:].vertices, meshreel.decode(STREAMS[0]).vertices)
     with pytest.raises(TruncatedStreamError):
         meshreel.decode(path, segment=0)
 
@@ -110,7 +115,7 @@ def test_segment_is_written_as_a_separate_stream():
 def test_segment_is_served_as_a_separate_stream(path):
     with meshreel.open(path, segment=1) as reel:
         served = reel.stored(0, reel.size_bytes)
-        assert np.array_equal(meshreel.decode(served).vertices, reel[:])
+        assert np.array_equal(meshreel.decode(served).vertices, reel[:].vertices)
         assert reel.stored(3, 40) == served[3:40]
 
 

@@ -1,7 +1,6 @@
 """Sequences whose faces change, encoded as one stream with one target."""
 
 import tracemalloc
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,17 +13,17 @@ from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count
 from samples.meshes import quad_sheet, waving_grid
 
-GRID, SHEET = (replace(one, fps=25.0) for one in (waving_grid(12, 9, 8), quad_sheet(5)))
-SMALL = replace(SHEET, vertices=0.25 * SHEET.vertices)
+GRID, SHEET = (one.replace(fps=25.0) for one in (waving_grid(12, 9, 8), quad_sheet(5)))
+SMALL = SHEET.replace(vertices=0.25 * SHEET.vertices)
 
 
 @pytest.fixture
 def sequence():
-    return meshreel.concatenate([GRID, SMALL, replace(GRID, vertices=GRID.vertices[:1])])
+    return meshreel.concatenate([GRID, SMALL, GRID.replace(vertices=GRID.vertices[:1])])
 
 
 def decoded_pairs(sequence, data):
-    decoded = meshreel.decode_segments(data)
+    decoded = meshreel.decode(data)
     assert decoded.starts == sequence.starts
     return list(zip(sequence.segments, decoded.segments, strict=True))
 
@@ -73,7 +72,7 @@ def test_kg_error_of_all_frames_meets_the_target(sequence):
 
 
 FRAMES = meshreel.concatenate(
-    [replace(one, vertices=one.vertices[i : i + 1]) for i in range(5) for one in (GRID, SHEET)]
+    [one.replace(vertices=one.vertices[i : i + 1]) for i in range(5) for one in (GRID, SHEET)]
 )
 
 
@@ -122,7 +121,7 @@ def test_bounds_of_tracks_are_shares_of_their_range_in_all_segments():
         rng.random((one.n_frames, one.n_verts)) * size for one, size in ((GRID, 1), (SMALL, 9))
     ]
     segments = [
-        replace(one, tracks={"heat": Track(heat.astype(np.float32))})
+        one.replace(tracks={"heat": Track(heat.astype(np.float32))})
         for one, heat in zip((GRID, SMALL), heats, strict=True)
     ]
     sequence = meshreel.concatenate([*segments, GRID])
@@ -155,17 +154,17 @@ def test_single_segment_gives_the_stream_of_its_sequence():
 
 
 def test_name_start_and_rate_are_those_of_the_sequence():
-    parts = [replace(one, fps=30.0, start_s=2.0, name="a") for one in (GRID, SMALL)]
+    parts = [one.replace(fps=30.0, start_s=2.0, name="a") for one in (GRID, SMALL)]
     data = meshreel.encode(meshreel.concatenate(parts)[3:])
-    decoded = meshreel.decode_segments(data)
+    decoded = meshreel.decode(data)
     assert (decoded.name, decoded.fps, decoded.start_s) == ("a", 30.0, pytest.approx(2.1))
 
 
 def test_ranges_of_frames_are_decoded_across_segments(sequence):
     data = meshreel.encode(sequence)
     whole, part = (
-        meshreel.decode_segments(data),
-        meshreel.decode_segments(data, frames=slice(10, 14)),
+        meshreel.decode(data),
+        meshreel.decode(data, frames=slice(10, 14)),
     )
     assert part.starts == (0, 2, 4)
     for number in range(4):
@@ -175,8 +174,8 @@ def test_ranges_of_frames_are_decoded_across_segments(sequence):
 def test_files_with_segments_are_read_frame_by_frame(sequence, tmp_path):
     path = tmp_path / "a.reel"
     path.write_bytes(meshreel.encode(sequence))
-    whole = meshreel.decode_segments(path)
-    with meshreel.open_segments(path) as reel:
+    whole = meshreel.decode(path)
+    with meshreel.open(path) as reel:
         assert (len(reel), reel.n_segments, reel.starts) == (18, 3, sequence.starts)
         for number in (17, 3, 12, -1):
             np.testing.assert_array_equal(reel[number].vertices, whole[number].vertices)
@@ -187,22 +186,22 @@ def test_files_with_segments_are_read_frame_by_frame(sequence, tmp_path):
 
 def test_folders_of_changing_meshes_are_encoded_as_segments(tmp_path):
     for number, mesh in enumerate((GRID, SMALL, GRID)):
-        meshreel.save(replace(mesh, vertices=mesh.vertices[:2]), tmp_path / f"{number}_%d.ply")
+        meshreel.save(mesh.replace(vertices=mesh.vertices[:2]), tmp_path / f"{number}_%d.ply")
     with pytest.warns(UserWarning, match="6 frames in 3 segments"):
         data = meshreel.encode(tmp_path, lossless=True)
-    assert meshreel.decode_segments(data).starts == (0, 2, 4, 6)
-    assert meshreel.load_segments(tmp_path).starts == (0, 2, 4, 6)
+    assert meshreel.decode(data).starts == (0, 2, 4, 6)
+    assert meshreel.load(tmp_path).starts == (0, 2, 4, 6)
 
 
 def test_memory_does_not_grow_with_the_segments_that_are_read(tmp_path):
-    grid = replace(waving_grid(60, 50, 12), fps=25.0)  # a frame outweighs a segment's index entry
-    frames = [replace(grid, vertices=grid.vertices[i : i + 1]) for i in range(12)]
+    grid = waving_grid(60, 50, 12).replace(fps=25.0)  # a frame outweighs a segment's index entry
+    frames = [grid.replace(vertices=grid.vertices[i : i + 1]) for i in range(12)]
 
     def peak(n_copies):
         path = tmp_path / f"{n_copies}.reel"
         path.write_bytes(meshreel.encode(meshreel.concatenate(n_copies * frames)))
         tracemalloc.start()
-        with meshreel.open_segments(path) as reel:
+        with meshreel.open(path) as reel:
             assert sum(1 for _ in reel) == 12 * n_copies
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
@@ -213,13 +212,13 @@ def test_memory_does_not_grow_with_the_segments_that_are_read(tmp_path):
 
 
 def test_memory_limit_holds_for_all_segments_together():
-    long = replace(GRID, vertices=np.tile(GRID.vertices, (5, 1, 1)))
+    long = GRID.replace(vertices=np.tile(GRID.vertices, (5, 1, 1)))
     sequence = meshreel.concatenate(25 * [long, SMALL])
     data = meshreel.encode(sequence)
     limit = sequence.raw_size_bytes - 100_000
-    assert len(meshreel.decode_segments(data, frames=slice(30, 60), memory=limit)) == 30
+    assert len(meshreel.decode(data, frames=slice(30, 60), memory=limit)) == 30
     with pytest.raises(MemoryLimitError, match="segments would take"):
-        meshreel.decode_segments(data, memory=limit)
+        meshreel.decode(data, memory=limit)
 
 
 def test_progress_of_long_segments_counts_the_frames_of_all(sequence, monkeypatch):

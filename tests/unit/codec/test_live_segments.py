@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.decoder import decode, decode_segments
+from meshreel.codec.decoder import decode
 from meshreel.codec.inspect import info
 from meshreel.codec.mesh_edits import MeshEdits
-from meshreel.codec.segmented_file import SegmentedReelFile
+from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.streaming import Encoder
 from meshreel.errors import InvalidInputError, TruncatedStreamError
-from meshreel.model.segments import SegmentedSequence
+from meshreel.model.sequence import MeshSequence
 from samples.meshes import kg_error_percent, octahedron_faces, quad_sheet, waving_grid
 
 GRIDS = [waving_grid(n, 5 + n, 6) for n in (7, 1, 4)]
@@ -35,7 +35,7 @@ def recorded(segments, file=None, **options):
 def test_each_push_with_other_faces_begins_a_segment(method):
     options = {"max_error": 0.5} if method == "grid" else {}
     data = recorded(GRIDS, method=method, block_frames=3, **options)
-    decoded = decode_segments(data)
+    decoded = decode(data)
     assert decoded.starts == (0, 7, 8, 12)
     for grid, segment in zip(GRIDS, decoded.segments, strict=True):
         np.testing.assert_array_equal(segment.faces, grid.faces)
@@ -67,14 +67,14 @@ def test_a_mesh_that_returns_is_stored_once():
         Encoder(GRIDS[0].faces, file, lossless=True) as encoder,
     ):
         for number in (0, 1, 0, 2, 1, 0):
-            encoder.push(GRIDS[number][0], faces=GRIDS[number].faces)
+            encoder.push(GRIDS[number].vertices[0], faces=GRIDS[number].faces)
     opened = info(file.getvalue())
     assert opened.budget_bytes["reference"] == 3 * 9
     sizes = [info(meshreel.encode(grid, lossless=True)).budget_bytes for grid in GRIDS]
     assert opened.budget_bytes["connectivity"] == sum(one["connectivity"] for one in sizes)
-    for number, frame in zip((0, 1, 0, 2, 1, 0), decode_segments(file.getvalue()), strict=True):
+    for number, frame in zip((0, 1, 0, 2, 1, 0), decode(file.getvalue()), strict=True):
         np.testing.assert_array_equal(frame.faces, GRIDS[number].faces)
-        np.testing.assert_array_equal(frame.vertices, GRIDS[number][0])
+        np.testing.assert_array_equal(frame.vertices, GRIDS[number].vertices[0])
 
 
 def test_the_error_bound_refers_to_the_first_box_in_all_segments():
@@ -86,13 +86,13 @@ def test_the_error_bound_refers_to_the_first_box_in_all_segments():
     low, high = larger[0].extent.low, larger[0].extent.high
     bound = 0.004 * np.linalg.norm(high - low)
     assert info(data).error_bound_percent == 0.4
-    for grid, segment in zip(larger, decode_segments(data).segments, strict=True):
+    for grid, segment in zip(larger, decode(data).segments, strict=True):
         errors = np.linalg.norm(segment.read(0, segment.n_frames) - grid.vertices, axis=2)
         assert 0.1 * bound < errors.max() <= bound
 
 
 def test_the_start_counts_once():
-    decoded = decode_segments(recorded(GRIDS, start_s=2.0))
+    decoded = decode(recorded(GRIDS, start_s=2.0))
     assert [one.start_s for one in decoded.segments] == pytest.approx([2.0, 2.28, 2.32])
 
 
@@ -102,7 +102,7 @@ def test_vertices_of_another_count_and_equal_faces_begin_a_segment():
     with Encoder(octahedron_faces(), file) as encoder:
         encoder.push(points[:6])
         encoder.push(points, faces=octahedron_faces())
-    assert [one.n_verts for one in decode_segments(file.getvalue()).segments] == [6, 9]
+    assert [one.n_verts for one in decode(file.getvalue()).segments] == [6, 9]
 
 
 class LoggedFile(BytesIO):
@@ -121,13 +121,13 @@ class LoggedFile(BytesIO):
 def test_a_file_cut_after_any_write_plays_up_to_there():
     file = LoggedFile()
     recorded(GRIDS, file, block_frames=3)
-    whole = decode_segments(file.getvalue())
+    whole = decode(file.getvalue())
     frames, ends = list(whole), np.cumsum([0, 3, 3, 1, 1, 3, 1])
     counts = []
     for size in file.sizes:
         data = BytesIO(file.getvalue()[:size])
         try:
-            reel = SegmentedReelFile(data)
+            reel = ReelFile(data)
         except TruncatedStreamError:
             counts.append(0)
             continue
@@ -144,21 +144,21 @@ def test_a_file_cut_after_any_write_plays_up_to_there():
 def test_recording_continues_after_refused_faces():
     grid, file = GRIDS[0], BytesIO()
     with Encoder(grid.faces, file) as encoder:
-        encoder.push(grid[0])
+        encoder.push(grid[0].vertices)
         with pytest.raises(InvalidInputError, match=r"indices must be in 0\.\.98"):
-            encoder.push(waving_grid()[0], faces=grid.faces + 98)
+            encoder.push(waving_grid().vertices[0], faces=grid.faces + 98)
         with pytest.raises(InvalidInputError, match=r"frame 1 has 99 .* 0 has 72 .* its faces"):
-            encoder.push(waving_grid()[0])
-        encoder.push(grid[1])
+            encoder.push(waving_grid().vertices[0])
+        encoder.push(grid[1].vertices)
         assert (encoder.n_frames, encoder.n_segments) == (2, 1)
     np.testing.assert_array_equal(decode(file.getvalue()).faces, grid.faces)
 
 
 def test_methods_of_the_paper_refuse_other_faces():
     with Encoder(GRIDS[0].faces, BytesIO(), method="blocks") as encoder:
-        encoder.push(GRIDS[0][0])
+        encoder.push(GRIDS[0].vertices[0])
         with pytest.raises(InvalidInputError, match="method blocks needs the same in every frame"):
-            encoder.push(GRIDS[1][0], faces=GRIDS[1].faces)
+            encoder.push(GRIDS[1].vertices[0], faces=GRIDS[1].faces)
 
 
 def test_each_segment_has_its_surface():
@@ -167,9 +167,9 @@ def test_each_segment_has_its_surface():
     with Encoder(sheet.faces, file, surface=sheet.surface, uv_bits=10) as encoder:
         for frame in sheet.vertices:
             encoder.push(frame, surface=sheet.surface)
-        encoder.push(grid[0], faces=grid.faces)
-        encoder.push(sheet[0], faces=sheet.faces, surface=sheet.surface)
-    surfaces = [one.surface for one in decode_segments(file.getvalue()).segments]
+        encoder.push(grid[0].vertices, faces=grid.faces)
+        encoder.push(sheet[0].vertices, faces=sheet.faces, surface=sheet.surface)
+    surfaces = [one.surface for one in decode(file.getvalue()).segments]
     names = [[one.name for one in surface.attributes] for surface in surfaces]
     assert names == [[one.name for one in sheet.surface.attributes], [], names[0]]
 
@@ -178,12 +178,12 @@ def test_each_segment_has_its_tracks():
     heat = [np.linspace(0, n + 1, grid.n_verts) for n, grid in enumerate(GRIDS)]
     file = BytesIO()
     with Encoder(GRIDS[0].faces, file, tracks={"heat": "1%"}) as encoder:
-        encoder.push(GRIDS[0][0], {"heat": heat[0]})
-        encoder.push(GRIDS[1][0], faces=GRIDS[1].faces)
+        encoder.push(GRIDS[0].vertices[0], {"heat": heat[0]})
+        encoder.push(GRIDS[1].vertices[0], faces=GRIDS[1].faces)
         with pytest.raises(InvalidInputError, match=r"frame 2 has the tracks .*; frame 1 has none"):
-            encoder.push(GRIDS[1][0], {"heat": heat[1]})
-        encoder.push(GRIDS[2][0], {"heat": heat[2]}, faces=GRIDS[2].faces)
-    segments = decode_segments(file.getvalue()).segments
+            encoder.push(GRIDS[1].vertices[0], {"heat": heat[1]})
+        encoder.push(GRIDS[2].vertices[0], {"heat": heat[2]}, faces=GRIDS[2].faces)
+    segments = decode(file.getvalue()).segments
     assert [list(one.tracks) for one in segments] == [["heat"], [], ["heat"]]
     for number in (0, 2):
         values = segments[number].tracks["heat"].read(0, 1)[0, :, 0]
@@ -196,7 +196,7 @@ def test_memory_is_bounded_by_a_block_while_faces_change(monkeypatch):
     import weakref
 
     alive = weakref.WeakSet()
-    frames = list(SegmentedSequence(GRIDS)) * 4
+    frames = list(MeshSequence.of_segments(GRIDS)) * 4
     with Encoder(frames[0].faces, BytesIO()) as encoder:
         for number, (vertices, faces) in enumerate(frames):
             shifted = np.roll(faces, number % 3, axis=1)
@@ -213,11 +213,11 @@ def test_memory_is_bounded_by_a_block_while_faces_change(monkeypatch):
 def test_a_file_in_segments_is_encoded_within_its_memory_limit(tmp_path):
     grids = [waving_grid(200, 5 + n, 6) for n in range(12)]
     path = tmp_path / "a.reel"
-    path.write_bytes(meshreel.encode(SegmentedSequence(grids), "lossless"))
+    path.write_bytes(meshreel.encode(MeshSequence.of_segments(grids), "lossless"))
     needed = sum(grid.vertices.nbytes + grid.faces.nbytes for grid in grids)
-    with meshreel.open_segments(path, memory=0.9 * needed) as reel:
+    with meshreel.open(path, memory=0.9 * needed) as reel:
         assert len(list(reel)) == 2400
-        with pytest.raises(meshreel.MemoryLimitError, match="all 2400 frames"):
+        with pytest.raises(meshreel.MemoryLimitError, match="frames 0:2400"):
             meshreel.encode(reel)
-    with meshreel.open_segments(path, memory=1.1 * needed) as reel:
-        assert decode_segments(meshreel.encode(reel, "lossless")).n_segments == 12
+    with meshreel.open(path, memory=1.1 * needed) as reel:
+        assert decode(meshreel.encode(reel, "lossless")).n_segments == 12

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import meshreel
 from conformance.segments import edits
 from conformance.sources import grid
-from meshreel import MeshSequence, SegmentedSequence
+from meshreel import MeshSequence
 from meshreel.codec import mesh_edits
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.joining import separate_stream
@@ -32,11 +32,11 @@ def frames_of(faces, n_verts, n_frames=2, seed=0):
 
 def round_trip(*meshes, **options):
     """Return the stream of the meshes, after checking that it has their faces."""
-    sequence = SegmentedSequence(
+    sequence = MeshSequence.of_segments(
         [frames_of(faces, n_verts, seed=i) for i, (faces, n_verts) in enumerate(meshes)]
     )
     data = meshreel.encode(sequence, order="keep", **options)
-    decoded = meshreel.decode_segments(data)
+    decoded = meshreel.decode(data)
     for segment, original in zip(decoded.segments, sequence.segments, strict=True):
         np.testing.assert_array_equal(segment.faces, original.faces)
     return data, sequence, decoded
@@ -110,7 +110,7 @@ def test_edited_meshes_share_connectivity_and_order(options):
 
 def test_meshes_without_order_are_no_edits():
     holes = np.delete(SHEET, slice(100, 160), axis=0)
-    sequence = SegmentedSequence([frames_of(SHEET, N_VERTS), frames_of(holes, N_VERTS)])
+    sequence = MeshSequence.of_segments([frames_of(SHEET, N_VERTS), frames_of(holes, N_VERTS)])
     data = meshreel.encode(sequence, order="drop")
     assert Section.EDIT not in sections_of(data, 1)
 
@@ -124,7 +124,7 @@ def test_live_encoder_writes_edits(tmp_path):
             encoder.push(frame, faces=SHEET if number < 2 else holes)
     data = path.read_bytes()
     assert Section.EDIT in sections_of(data, 1)
-    np.testing.assert_array_equal(meshreel.decode_segments(data).segments[1].faces, holes)
+    np.testing.assert_array_equal(meshreel.decode(data).segments[1].faces, holes)
 
 
 def test_a_segment_alone_has_the_base_and_the_edit():

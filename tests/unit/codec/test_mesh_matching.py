@@ -13,7 +13,6 @@ from meshreel.codec import mesh_matching
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.mesh_edits import BaseMesh, MeshEdits, find_edit
 from meshreel.codec.mesh_matching import FaceIndex, longest_ascending, match_vertices
-from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import MeshSequence
 from samples.d3plot import Model, state, write_family
 from samples.ensight import block, case, geometry, part
@@ -223,7 +222,7 @@ def ensight_of(folder, nodes, quads, exists):
 
 @pytest.mark.parametrize("write", [d3plot_of, ensight_of])
 def test_eroded_elements_of_solvers_are_edits(tmp_path, write):
-    found = meshreel.load_segments(write(tmp_path, *eroded_quads(4)))
+    found = meshreel.load(write(tmp_path, *eroded_quads(4)))
     assert found.n_segments == 4
     edits, base = MeshEdits(), found.segments[0]
     assert edits.edit_to(base.faces, base.n_verts) is None
@@ -232,9 +231,7 @@ def test_eroded_elements_of_solvers_are_edits(tmp_path, write):
         edit = edits.edit_to(segment.faces, segment.n_verts)
         assert (edit.listed >= 0).all()
     data = meshreel.encode(found, order="keep")
-    for segment, original in zip(
-        meshreel.decode_segments(data).segments, found.segments, strict=True
-    ):
+    for segment, original in zip(meshreel.decode(data).segments, found.segments, strict=True):
         np.testing.assert_array_equal(segment.faces, original.faces)
 
 
@@ -247,4 +244,7 @@ def test_eroded_segments_share_their_connectivity():
         segments.append(MeshSequence(frames[:, used], others))
         sizes.append(len(meshreel.encode(segments[-1], order="keep")))
     own = encode_connectivity(faces, N_VERTS, order="keep").size_bytes
-    assert len(meshreel.encode(SegmentedSequence(segments), order="keep")) < sum(sizes) - 2.5 * own
+    assert (
+        len(meshreel.encode(MeshSequence.of_segments(segments), order="keep"))
+        < sum(sizes) - 2.5 * own
+    )

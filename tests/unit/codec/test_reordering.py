@@ -7,7 +7,6 @@ import pytest
 
 import meshreel
 from meshreel.codec.reordering import without_reordering
-from meshreel.model.segments import segments_of
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.commands import run_json
@@ -64,16 +63,18 @@ def shuffled(sequence, seed):
 
 def in_orders(sequence, *frames):
     """Return ranges of the frames of a sequence, each in its own order, as segments."""
-    whole = meshreel.SegmentedSequence([sequence])
+    whole = meshreel.MeshSequence.of_segments([sequence])
     parts = [whole.part(one).segments[0] for one in frames]
-    return meshreel.SegmentedSequence([shuffled(one, seed) for seed, one in enumerate(parts)])
+    return meshreel.MeshSequence.of_segments(
+        [shuffled(one, seed) for seed, one in enumerate(parts)]
+    )
 
 
 def test_segments_in_another_order_are_joined_exactly():
     sequence = textured()
     frames = range(2), range(2, 3), range(3, 6)
     joined = without_reordering(in_orders(sequence, *frames), "drop")
-    [found] = segments_of(joined)
+    [found] = joined.segments
     expected = shuffled(sequence, 0)  # the order of the first segment
     np.testing.assert_array_equal(found.faces, expected.faces)
     np.testing.assert_array_equal(positions_of(found), expected.vertices)
@@ -85,14 +86,14 @@ def test_irregular_faces_alone_prove_the_order():
     grid = textured(4, has_uv=False)
     notched = replace(grid, faces=np.delete(grid.faces, [3, 40], axis=0))
     joined = without_reordering(in_orders(notched, range(2), range(2, 4)), "drop")
-    [found] = segments_of(joined)
+    [found] = joined.segments
     np.testing.assert_array_equal(positions_of(found), shuffled(notched, 0).vertices)
 
 
 def test_positions_of_a_mesh_at_rest_prove_the_order():
     grid = textured(2, has_uv=False)
     still = replace(grid, vertices=grid.vertices[[0, 0]])
-    [found] = segments_of(without_reordering(in_orders(still, range(1), range(1, 2)), "drop"))
+    [found] = without_reordering(in_orders(still, range(1), range(1, 2)), "drop").segments
     np.testing.assert_array_equal(positions_of(found), shuffled(still, 0).vertices)
 
 
@@ -139,7 +140,7 @@ def changed(sequence, **changes):
     ],
 )
 def test_other_meshes_and_data_are_not_joined(change):
-    sequence = meshreel.SegmentedSequence([textured(), change(textured())])
+    sequence = meshreel.MeshSequence.of_segments([textured(), change(textured())])
     assert without_reordering(sequence, "drop") is sequence
 
 
@@ -147,7 +148,7 @@ def test_streams_of_reordered_frames_have_one_segment_and_keep_their_bound():
     plain = replace(textured(12), tracks={})
     sequence = in_orders(plain, *(range(n, n + 1) for n in range(12)))
     data = meshreel.encode(sequence, max_error=0.1, order="drop")
-    decoded = meshreel.decode_segments(data)
+    decoded = meshreel.decode(data)
     assert (decoded.n_segments, decoded.n_frames) == (1, 12)
     assert len(data) < 0.5 * len(meshreel.encode(sequence, max_error=0.1))
     quality = meshreel.compare(sequence, data)

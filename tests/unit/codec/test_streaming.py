@@ -130,7 +130,7 @@ def test_file_of_a_killed_encoder_is_readable_up_to_the_last_block(tmp_path):
         assert not reel.is_whole
         assert len(reel) % 5 == 0
         assert len(reel) >= 20
-        shown = np.stack(list(reel))[:40]
+        shown = np.stack([frame.vertices for frame in reel])[:40]
         assert kg_error_percent(flag.vertices[: len(shown)], shown) < 3
     assert os.path.getsize(path) == n_written
 

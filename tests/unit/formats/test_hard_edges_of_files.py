@@ -16,7 +16,7 @@ CORNERS = join_fans(SIZES, CAKE.faces)
 
 def places(sequence):
     """Hard edges of a sequence, as pairs of positions in its first frame."""
-    ends = np.round(sequence[0].astype(float), 3)[sequence.surface.hard_edges] + 0.0
+    ends = np.round(sequence.vertices[0].astype(float), 3)[sequence.surface.hard_edges] + 0.0
     return {frozenset(map(tuple, edge.tolist())) for edge in ends}
 
 
@@ -27,7 +27,7 @@ def cake_file(n_split=1, **node):
     normals = cake_normals(CAKE)[corner_of]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     values = {"NORMAL": file.accessor(normals)}
-    mesh = file.mesh(CAKE[0][CORNERS[corner_of]], attributes=values)
+    mesh = file.mesh(CAKE.vertices[0][CORNERS[corner_of]], attributes=values)
     file.node(mesh=mesh, **node)
     return file
 
@@ -106,7 +106,7 @@ def usda(more="", *, corners=CORNERS, normals=None, scheme="none"):
     end = "" if normals is None else 'interpolation = "faceVarying")\n'
     return f"""#usda 1.0
 def Mesh "m" {{
-  point3f[] points = [{rows(CAKE[0])}]
+  point3f[] points = [{rows(CAKE.vertices[0])}]
   uniform token subdivisionScheme = "{scheme}"
   int[] faceVertexCounts = {SIZES.tolist()}
   int[] faceVertexIndices = {np.asarray(corners).tolist()}
@@ -188,7 +188,7 @@ def PointInstancer "p" {
 """
     found, _ = read(text, ".usda")
     assert len(found.surface.hard_edges) == 36
-    lengths = np.linalg.norm(np.diff(found[0][found.surface.hard_edges], axis=1), axis=2)
+    lengths = np.linalg.norm(np.diff(found.vertices[0][found.surface.hard_edges], axis=1), axis=2)
     np.testing.assert_allclose(lengths, 2)
 
 
@@ -205,7 +205,9 @@ def test_alembic_corner_normals_give_hard_rims(tmp_path):
     normals.setVals(sample.points_array(cake_normals(CAKE)[order]))
     normals.setScope(AbcGeom.GeometryScope.kFacevaryingScope)
     one = AbcGeom.OPolyMeshSchemaSample(
-        sample.points_array(CAKE[0]), sample.int_array(CORNERS[order]), sample.int_array(SIZES)
+        sample.points_array(CAKE.vertices[0]),
+        sample.int_array(CORNERS[order]),
+        sample.int_array(SIZES),
     )
     one.setNormals(normals)
     mesh.getSchema().set(one)
@@ -217,7 +219,7 @@ def test_alembic_corner_normals_give_hard_rims(tmp_path):
 
 
 def obj(face_lines, normals=()):
-    points = "".join("v {} {} {}\n".format(*one) for one in CAKE[0].tolist())
+    points = "".join("v {} {} {}\n".format(*one) for one in CAKE.vertices[0].tolist())
     return points + "".join("vn {} {} {}\n".format(*one) for one in normals) + "".join(face_lines)
 
 

@@ -7,6 +7,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from samples.meshes import waving_grid
+from samples.opening import open_same_faces
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
@@ -126,7 +127,7 @@ def test_later_float64_frame_widens_the_sequence(tmp_path, make_sequence):
 def test_error_names_file_and_frame_with_other_faces(tmp_path, second, message):
     write_frames(tmp_path, SQUARE + "f 1 2 3\n", second)
     with pytest.raises(InvalidInputError, match=message):
-        load(tmp_path)
+        open_same_faces(tmp_path)
 
 
 def test_error_names_the_stl_frame_with_other_triangles(tmp_path, make_sequence):
@@ -135,7 +136,7 @@ def test_error_names_the_stl_frame_with_other_triangles(tmp_path, make_sequence)
     with pytest.raises(
         InvalidInputError, match=r"f_1\.stl \(frame 1\) has 3 vertices; expected 24"
     ):
-        load(tmp_path)
+        open_same_faces(tmp_path)
 
 
 def test_error_names_frame_and_vertex_of_a_non_finite_position(tmp_path):

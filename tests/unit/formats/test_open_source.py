@@ -11,7 +11,7 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence, positions_size_bytes
 from samples.meshes import waving_grid
-from samples.opening import open_source
+from samples.opening import open_same_faces, open_source
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"
 EXTENSIONS = ["obj", "ply", "off", "stl"]
@@ -188,7 +188,7 @@ def test_open_source_error_names_file_and_frame_with_other_faces(tmp_path):
     write_frames(tmp_path, TRIANGLE, TRIANGLE, TRIANGLE.replace("f 1 2 3", "f 1 3 2"))
     message = r"frame_2\.obj \(frame 2\) has vertex 2 in face 0; expected vertex 1 as in frame 0"
     with pytest.raises(InvalidInputError, match=message):
-        open_source(tmp_path)
+        open_same_faces(tmp_path)
 
 
 def test_open_source_rejects_an_empty_list():

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 import meshreel
 from meshreel.errors import ConnectivityChangeError
 from meshreel.formats.options import WriteOptions
+from meshreel.model.sequence import segment_of_frame
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.datasets import positions_of
@@ -95,7 +96,7 @@ def assert_data_as_of_single_segments(found, expected, folder, output):
 def test_frame_files_have_the_mesh_of_their_segment(changing, tmp_path, extension):
     written = meshreel.save(changing, tmp_path / f"f_%02d{extension}")
     assert len(written) == changing.n_frames
-    found = meshreel.load_segments(str(tmp_path / f"f_*{extension}"), fps=FPS)
+    found = meshreel.load(str(tmp_path / f"f_*{extension}"), fps=FPS)
     assert_same_frames(found, changing)
     assert_data_as_of_single_segments(found, changing, tmp_path, f"f_%02d{extension}")
 
@@ -127,16 +128,16 @@ def test_frames_of_one_segment_are_written_in_any_format(changing, tmp_path, ext
 def test_reel_has_a_segment_for_each(changing, tmp_path):
     notes = []
     meshreel.save(changing, tmp_path / "a.reel", notes=notes)
-    assert_same_frames(meshreel.decode_segments(tmp_path / "a.reel"), changing, atol=0.02)
+    assert_same_frames(meshreel.decode(tmp_path / "a.reel"), changing, atol=0.02)
     assert any("encoded with a largest error of" in note for note in notes)
 
 
 def test_segments_of_a_reel_are_written_without_loading_all(changing, tmp_path):
     data = meshreel.encode(changing, lossless=True)
     (tmp_path / "a.reel").write_bytes(data)
-    with meshreel.open_segments(tmp_path / "a.reel") as reel:
+    with meshreel.open(tmp_path / "a.reel") as reel:
         meshreel.save(reel, tmp_path / "f_%d.ply")
-    found = meshreel.load_segments(str(tmp_path / "f_*.ply"), fps=FPS)
+    found = meshreel.load(str(tmp_path / "f_*.ply"), fps=FPS)
     assert_same_frames(found, changing)
 
 
@@ -158,7 +159,7 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path):
 def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
     notes = []
     meshreel.save(textured, tmp_path / f"a{extension}", notes=notes)
-    found = meshreel.load_segments(tmp_path / f"a{extension}")
+    found = meshreel.load(tmp_path / f"a{extension}")
     name = "a" if extension == ".pvd" else "mesh"  # a collection has no name
     assert (found.fps, found.name) == (FPS, name)
     assert_same_frames(found, textured)
@@ -170,7 +171,7 @@ def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
 def test_one_file_of_segments_with_different_data(changing, tmp_path, extension):
     notes = []
     meshreel.save(changing, tmp_path / f"a{extension}", notes=notes)
-    found = meshreel.load_segments(tmp_path / f"a{extension}")
+    found = meshreel.load(tmp_path / f"a{extension}")
     assert_same_frames(found, changing)
     assert_same_tracks(found.segments[1].tracks, changing.segments[1].tracks)
     assert any("only some segments have" in note and "st" in note for note in notes)
@@ -190,8 +191,8 @@ def test_vtk_reads_the_mesh_of_each_step(textured, tmp_path):
         reader.SetStep(number)
         reader.Update()
         mesh = reader.GetOutput()
-        segment = textured.segments[textured.segment_of(number)]
-        local = number - textured.starts[textured.segment_of(number)]
+        segment = textured.segments[segment_of_frame(textured.starts, number)[0]]
+        local = number - textured.starts[segment_of_frame(textured.starts, number)[0]]
         np.testing.assert_array_equal(vtk_to_numpy(mesh.GetPoints().GetData()), frame.vertices)
         corners = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray())
         np.testing.assert_array_equal(corners.reshape(-1, 3), frame.faces)
@@ -225,7 +226,7 @@ def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
         surface = replace(grid.surface, groups=(replace(groups, labels=labels),), hard_edges=hard)
         grids[number] = replace(grid, surface=surface)
     meshreel.save(meshreel.concatenate(grids), tmp_path / f"a{extension}")
-    found = meshreel.load_segments(tmp_path / f"a{extension}")
+    found = meshreel.load(tmp_path / f"a{extension}")
     expected = meshreel.concatenate(grids)
     assert_data_as_of_single_segments(found, expected, tmp_path, f"a{extension}")
 
@@ -235,7 +236,7 @@ def test_gltf_shows_the_mesh_of_each_segment(textured, tmp_path, extension):
     notes = []
     options = WriteOptions(max_error=0.01)
     meshreel.save(textured, tmp_path / f"a{extension}", options=options, notes=notes)
-    found = meshreel.load_segments(tmp_path / f"a{extension}")
+    found = meshreel.load(tmp_path / f"a{extension}")
     assert (found.starts, found.name) == (textured.starts, "mesh")
     assert found.fps == pytest.approx(FPS)
     diagonal = np.linalg.norm(textured.extent.high - textured.extent.low)
@@ -263,7 +264,9 @@ def test_gltf_scales_the_segments_of_other_frames_to_zero(textured, tmp_path):
         assert sampler["interpolation"] == "STEP"
         keys, scales = found.array(sampler["input"])[:, 0], found.array(sampler["output"])
         before = np.searchsorted(keys, times + 1e-4, side="right") - 1
-        segments = [textured.segment_of(number) for number in range(textured.n_frames)]
+        segments = [
+            segment_of_frame(textured.starts, number)[0] for number in range(textured.n_frames)
+        ]
         expected = np.equal(segments, n_segments)[:, np.newaxis]
         np.testing.assert_array_equal(scales[before], np.repeat(expected, 3, axis=1))
         assert nodes[channel["target"]["node"]].get("scale", [1, 1, 1])[0] == (n_segments == 0)
@@ -302,9 +305,9 @@ def test_error_bound_of_gltf_holds_for_decoded_segments(changing, tmp_path):
     data = meshreel.encode(changing, max_error=0.05)
     (tmp_path / "a.reel").write_bytes(data)
     notes = []
-    with meshreel.open_segments(tmp_path / "a.reel") as reel:
+    with meshreel.open(tmp_path / "a.reel") as reel:
         meshreel.save(reel, tmp_path / "a.glb", options=WriteOptions(max_error=0.1), notes=notes)
-    found = meshreel.load_segments(tmp_path / "a.glb")
+    found = meshreel.load(tmp_path / "a.glb")
     diagonal = np.linalg.norm(changing.extent.high - changing.extent.low)
     for one, other in zip(found, changing, strict=True):
         distance, _ = cKDTree(one.vertices).query(other.vertices)
@@ -320,7 +323,10 @@ def test_usd_has_the_faces_and_primvars_of_each_frame(textured, tmp_path):
     mesh, primvars = geometry.Mesh(prim), geometry.PrimvarsAPI(prim)
     first = stage.GetStartTimeCode()
     for number, frame in enumerate(textured):
-        segment, code = textured.segments[textured.segment_of(number)], first + number
+        segment, code = (
+            textured.segments[segment_of_frame(textured.starts, number)[0]],
+            first + number,
+        )
         np.testing.assert_array_equal(mesh.GetPointsAttr().Get(code), frame.vertices)
         corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(code)).reshape(-1, 3)
         np.testing.assert_array_equal(corners, frame.faces)

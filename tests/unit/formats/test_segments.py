@@ -5,7 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.formats.load import load_segments
+from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from meshreel.formats.segments import find_segments
@@ -39,7 +39,7 @@ def test_progress_counts_the_frames_of_all_segments(changing):
     def progress(stage, share):
         stages.setdefault(stage, []).append((share.done, share.total))
 
-    load_segments(changing, progress=progress)
+    load(changing, progress=progress)
     assert stages["reading"][-4:] == [(one, 5) for one in range(2, 6)]
 
 
@@ -89,11 +89,11 @@ def reordered(tmp_path):
 
 def test_frames_in_another_order_are_matched_by_texture_coordinates(reordered):
     notes = []
-    sequence = load_segments(reordered, notes=notes)
+    sequence = load(reordered, notes=notes)
     assert sequence.starts == (0, 4)
     assert not sequence.segments[0].surface.is_ordered
     assert any("matched 4 segments that differ only in the order" in note for note in notes)
-    assert load_segments(reordered, attributes="none").segments[0].surface.attributes == ()
+    assert load(reordered, attributes="none").segments[0].surface.attributes == ()
 
 
 @pytest.mark.filterwarnings("ignore:the faces change", "ignore:matched 4 segments")

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec import segmented_file
-from meshreel.codec.reel_file import ReelFile
-from meshreel.codec.segmented_file import MAX_OPEN_SEGMENTS
+from meshreel.codec import reel_file
+from meshreel.codec.reel_file import MAX_OPEN_SEGMENTS, ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.formats.frames import segmented_stream
 from meshreel.formats.options import ReadOptions
@@ -39,7 +38,7 @@ def opened(path, **options):
 
 
 def test_stored_segments_are_those_that_load_decodes(path):
-    found, expected = opened(path), meshreel.load_segments(path)
+    found, expected = opened(path), meshreel.load(path)
     assert all(isinstance(one, StoredSegment) for one in found.segments)
     assert (found.starts, found.name, found.fps) == (expected.starts, "a", expected.fps)
     assert found.raw_size_bytes == expected.raw_size_bytes
@@ -53,14 +52,14 @@ def test_stored_segments_are_those_that_load_decodes(path):
 
 
 def test_stored_segments_have_the_frame_rate_of_the_options(path):
-    found, expected = opened(path, fps=50), meshreel.load_segments(path, fps=50)
+    found, expected = opened(path, fps=50), meshreel.load(path, fps=50)
     assert [one.start_s for one in found.segments] == [0, 4 / 50, 7 / 50]
     assert found.fps == expected.fps == 50
 
 
 @pytest.mark.parametrize(("surplus", "is_stored"), [(0, False), (-1, True)])
 def test_segments_are_stored_above_max_loaded_bytes(path, surplus, is_stored):
-    expected = meshreel.load_segments(path)
+    expected = meshreel.load(path)
     size = sum(one.read(0, one.n_frames).nbytes for one in expected.segments)
     found = open_any(find_files(path), ReadOptions(max_loaded_bytes=size + surplus))
     assert isinstance(found.segments[0], StoredSegment) == is_stored
@@ -99,7 +98,7 @@ def test_split_finds_the_segments_of_a_stream(path):
     found = find_segments(path, ReadOptions(max_loaded_bytes=0))
     assert [(one.start, one.stop) for one in found] == [(0, 4), (4, 7), (7, 9)]
     assert [one.open().n_verts for one in found] == [
-        one.n_verts for one in meshreel.load_segments(path).segments
+        one.n_verts for one in meshreel.load(path).segments
     ]
 
 
@@ -115,8 +114,8 @@ def test_an_incomplete_file_is_refused_when_it_is_opened(path):
 
 def test_a_damaged_segment_is_named_with_its_file_when_it_is_read(path):
     data = bytearray(path.read_bytes())
-    with meshreel.open_segments(path) as reel:
-        last = reel.segment(2)
+    with meshreel.open(path) as reel:
+        last = reel.segments[2]
         middle = last._opened.file.block(0).offset + last._opened.file.block(0).size_bytes - 8
     data[middle] ^= 255
     path.write_bytes(data)
@@ -129,7 +128,7 @@ def test_a_damaged_segment_is_named_with_its_file_when_it_is_read(path):
 @pytest.mark.parametrize(("limit", "n_decodings"), [(1 << 26, 1), (0, 3)])
 def test_meshes_are_decoded_once_if_they_are_small(path, tmp_path, monkeypatch, limit, n_decodings):
     monkeypatch.setattr(segmented_stream, "MAX_KEPT_BYTES", limit)
-    monkeypatch.setattr(segmented_file, "MAX_OPEN_SEGMENTS", 1)
+    monkeypatch.setattr(reel_file, "MAX_OPEN_SEGMENTS", 1)
     surface_of, numbers = vars(StoredSegment)["surface"].fget, []
 
     def counted(segment):
@@ -141,6 +140,6 @@ def test_meshes_are_decoded_once_if_they_are_small(path, tmp_path, monkeypatch, 
     meshreel.save(sequence, tmp_path / "a.vtkhdf", notes=[])
     assert max(np.bincount(numbers)) <= n_decodings + 1
     assert min(np.bincount(numbers)) >= n_decodings
-    found = meshreel.load_segments(tmp_path / "a.vtkhdf")
-    for one, other in zip(found, meshreel.load_segments(path), strict=True):
+    found = meshreel.load(tmp_path / "a.vtkhdf")
+    for one, other in zip(found, meshreel.load(path), strict=True):
         np.testing.assert_array_equal(one.vertices, other.vertices)

@@ -63,7 +63,7 @@ def test_usd_stores_corner_normals_for_other_programs(tmp_path):
     normals = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
     assert normals.GetInterpolation() == "faceVarying"
     for frame, code in enumerate(normals.GetTimeSamples()):
-        expected = meshreel.corner_normals(box[frame], box.faces, box.surface)
+        expected = meshreel.corner_normals(box.vertices[frame], box.faces, box.surface)
         np.testing.assert_allclose(normals.ComputeFlattened(code), expected, atol=1e-6)
 
 
@@ -86,7 +86,7 @@ def test_glb_splits_vertices_at_hard_edges(tmp_path, make):
     assert len(normals) == count
     sizes = sequence.surface.face_sizes
     still = replace(sequence, vertices=sequence.vertices.mean(axis=0, keepdims=True))
-    expected = meshreel.corner_normals(still[0], still.faces, still.surface)
+    expected = meshreel.corner_normals(still.vertices[0], still.faces, still.surface)
     of_corner = dict(zip(triangle_corners(sizes), corners.tolist(), strict=True))
     for corner, normal in enumerate(expected):
         assert normals[of_corner[corner]] @ normal > 0.99
@@ -144,7 +144,7 @@ def test_obj_falls_back_to_normals_for_hard_edges(tmp_path):
     rows = np.array([line.split()[1:] for line in text.splitlines() if line.startswith("vn ")])
     words = " ".join(line[2:] for line in text.splitlines() if line.startswith("f ")).split()
     named = rows.astype(float)[[int(word.split("/")[2]) - 1 for word in words]]
-    expected = meshreel.corner_normals(sheet[0], sheet.faces, sheet.surface)
+    expected = meshreel.corner_normals(sheet.vertices[0], sheet.faces, sheet.surface)
     np.testing.assert_allclose(named, expected, atol=1e-6)
     found, _ = loaded(tmp_path / "a.obj")
     assert_same_normals(found, sheet, 1e-4)

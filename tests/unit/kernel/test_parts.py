@@ -8,7 +8,6 @@ from meshreel.codec import decoder
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.parts import SegmentFrames, decode_together
-from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from meshreel.runtime import threads
@@ -27,7 +26,7 @@ def segments_of(n_segments=5, n_frames=3, *, with_tracks=True):
         segments.append(
             MeshSequence(flag.vertices, flag.faces, flag.fps, tracks=tracks if with_tracks else {})
         )
-    return SegmentedSequence(segments)
+    return MeshSequence.of_segments(segments)
 
 
 @pytest.fixture(params=[1, None], ids=["one core", "all cores"])
@@ -41,7 +40,7 @@ def test_segments_decoded_together_equal_those_decoded_alone(method):
     given = segments_of(with_tracks=method != "grid")
     options = {"step": 1e-3} if method == "grid" else {}
     data = meshreel.encode(given, method, **options)
-    together = meshreel.decode_segments(data)
+    together = meshreel.decode(data)
     assert len(together.segments) == len(given.segments)
     for number, segment in enumerate(together.segments):
         alone = meshreel.decode(data, segment=number)
@@ -56,7 +55,7 @@ def test_segments_decoded_together_equal_those_decoded_alone(method):
 @pytest.mark.usefixtures("cores")
 def test_ranges_of_frames_and_modes_are_those_of_single_segments():
     data = meshreel.encode(segments_of(n_frames=8))
-    part = meshreel.decode_segments(data, frames=slice(6, 30), n_modes=1).segments
+    part = meshreel.decode(data, frames=slice(6, 30), n_modes=1).segments
     assert [one.n_frames for one in part] == [2, 8, 8, 6]
     first = meshreel.decode(data, segment=0, frames=slice(6, 8), n_modes=1)
     last = meshreel.decode(data, segment=3, frames=slice(0, 6), n_modes=1)
@@ -67,7 +66,7 @@ def test_ranges_of_frames_and_modes_are_those_of_single_segments():
 def test_groups_contain_consecutive_segments(monkeypatch):
     given = segments_of(with_tracks=False)
     data = meshreel.encode(given)
-    whole = meshreel.decode_segments(data)
+    whole = meshreel.decode(data)
     sizes = []
 
     def recorded(segments):
@@ -77,7 +76,7 @@ def test_groups_contain_consecutive_segments(monkeypatch):
     monkeypatch.setattr(decoder, "decode_together", recorded)
     n_two = sum(one.n_frames * one.n_verts for one in given.segments[:2])
     monkeypatch.setattr(decoder, "POSITIONS_OF_GROUP", n_two)
-    apart = meshreel.decode_segments(data)
+    apart = meshreel.decode(data)
     assert sizes == [2]  # the others exceed the limit together, and are decoded one by one
     for one, other in zip(whole.segments, apart.segments, strict=True):
         np.testing.assert_array_equal(one.read(0, 3), other.read(0, 3))
@@ -91,7 +90,7 @@ def test_first_damaged_segment_raises():
     with pytest.raises(CorruptStreamError) as alone:
         meshreel.decode(bytes(data), segment=3)
     with pytest.raises(CorruptStreamError) as together:
-        meshreel.decode_segments(bytes(data))
+        meshreel.decode(bytes(data))
     assert str(together.value) == str(alone.value)
 
 

@@ -1,6 +1,5 @@
 """Alignment of two sequences that differ in axes, scale and position."""
 
-from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
@@ -17,7 +16,7 @@ def changed(order=(0, 1, 2), signs=(1, 1, 1), scale=1.0, shift=(0, 0, 0), noise=
     vertices = scale * np.array(signs) * ORIGINAL.vertices.astype(np.float64)[..., list(order)]
     size = np.ptp(vertices)
     vertices += np.array(shift) + noise * size * rng.standard_normal(vertices.shape)
-    return replace(ORIGINAL, vertices=vertices)
+    return ORIGINAL.replace(vertices=vertices)
 
 
 @pytest.mark.parametrize("order", list(permutations(range(3))))
@@ -58,7 +57,7 @@ def disturbed(order, signs, share):
     vertices = np.array(signs) * ORIGINAL.vertices.astype(np.float64)[..., list(order)]
     size = np.sqrt(np.mean((vertices - vertices.mean(axis=(0, 1))) ** 2))
     noise = np.random.default_rng(1).standard_normal(vertices.shape)
-    return replace(ORIGINAL, vertices=vertices + share * size * noise)
+    return ORIGINAL.replace(vertices=vertices + share * size * noise)
 
 
 @pytest.mark.parametrize("share", [0.01, 0.08])
@@ -82,7 +81,7 @@ def test_alignment_with_a_residual_above_a_tenth_is_none(order, signs, share):
 def test_alignment_finds_shifts_above_the_threshold(share, is_found):
     vertices = ORIGINAL.vertices.astype(np.float64)
     size = np.sqrt(np.mean(np.sum((vertices - vertices.mean(axis=(0, 1))) ** 2, axis=2)))
-    moved = replace(ORIGINAL, vertices=vertices + np.array([share * size, 0, 0]))
+    moved = ORIGINAL.replace(vertices=vertices + np.array([share * size, 0, 0]))
     alignment = find_alignment(ORIGINAL, moved)
     assert (alignment is not None) == is_found
     if alignment is not None:
@@ -109,18 +108,18 @@ def test_axis_without_extent_keeps_its_sign():
     rounding = 1e-12 * vertices[..., :1]
     flat = np.concatenate([vertices[..., :2], rounding], axis=2)
     larger = 2 * flat * [1, 1, -1]
-    alignment = find_alignment(replace(ORIGINAL, vertices=flat), replace(ORIGINAL, vertices=larger))
+    alignment = find_alignment(ORIGINAL.replace(vertices=flat), ORIGINAL.replace(vertices=larger))
     assert alignment.axes == ("x", "y", "z")
 
 
 def test_alignment_of_unrelated_sequences_is_none():
     assert find_alignment(ORIGINAL, changed(noise=0.5)) is None
-    point = replace(ORIGINAL, vertices=np.zeros_like(ORIGINAL.vertices))
+    point = ORIGINAL.replace(vertices=np.zeros_like(ORIGINAL.vertices))
     assert find_alignment(ORIGINAL, point) is None
     assert find_alignment(point, ORIGINAL) is None
 
 
 def test_alignment_finds_the_axes_of_huge_coordinates():
-    far = replace(ORIGINAL, vertices=ORIGINAL.vertices.astype(np.float64) * 1e200)
-    turned = replace(far, vertices=far.vertices[..., [1, 2, 0]])
+    far = ORIGINAL.replace(vertices=ORIGINAL.vertices.astype(np.float64) * 1e200)
+    turned = far.replace(vertices=far.vertices[..., [1, 2, 0]])
     assert find_alignment(far, turned).axes == ("y", "z", "x")

@@ -23,7 +23,7 @@ def with_faces(sequence, faces):
 
 
 def split(sequence):
-    frames = [split_at_centroids(frame, sequence.faces) for frame in sequence]
+    frames = [split_at_centroids(frame, sequence.faces) for frame in sequence.vertices]
     return meshreel.MeshSequence(
         np.stack([frame for frame, _ in frames]), frames[0][1], sequence.fps
     )
@@ -73,15 +73,15 @@ def test_samples_option_is_rejected_for_vertices(sheet):
 
 
 def test_surfaces_of_segments_are_compared_frame_by_frame(sheet):
-    segments = meshreel.SegmentedSequence([split(sheet), sheet])
-    others = meshreel.SegmentedSequence([sheet, split(sheet)])
+    segments = meshreel.MeshSequence.of_segments([split(sheet), sheet])
+    others = meshreel.MeshSequence.of_segments([sheet, split(sheet)])
     quality = meshreel.compare(segments, others, n_samples=2000)
     assert (quality.reason, quality.n_frames) == ("the faces change over time", 6)
     assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
 
 
 def test_vertices_of_several_segments_cannot_be_compared(sheet):
-    segments = meshreel.SegmentedSequence([split(sheet), sheet])
+    segments = meshreel.MeshSequence.of_segments([split(sheet), sheet])
     with pytest.raises(InvalidInputError, match="same faces in every frame"):
         meshreel.compare(segments, segments, surface=False)
 
@@ -136,7 +136,7 @@ def test_a_mesh_with_another_order_of_vertices_is_compared_by_its_surface(sheet)
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 def test_vertices_of_segments_are_compared_as_well_as_surfaces(sheet, order):
     segments = [shuffled(sheet), shuffled(waving_grid(2, 5, 6))]
-    sequence = meshreel.SegmentedSequence(segments)
+    sequence = meshreel.MeshSequence.of_segments(segments)
     data = meshreel.encode(sequence, max_error=0.5, order=order)
     quality = meshreel.compare(sequence, data, n_samples=200)
     assert quality.reason == "the faces change over time"
@@ -146,6 +146,6 @@ def test_vertices_of_segments_are_compared_as_well_as_surfaces(sheet, order):
 
 
 def test_vertices_of_other_segments_are_not_compared(sheet):
-    segments = meshreel.SegmentedSequence([split(sheet), sheet])
-    others = meshreel.SegmentedSequence([sheet, split(sheet)])
+    segments = meshreel.MeshSequence.of_segments([split(sheet), sheet])
+    others = meshreel.MeshSequence.of_segments([sheet, split(sheet)])
     assert meshreel.compare(segments, others, n_samples=200).vertex_errors is None

@@ -28,8 +28,25 @@ def frames(request):
 
 
 @pytest.mark.parametrize("number", [0, 3, -1, -9, np.int32(4), np.uint8(8), np.array(5)])
-def test_integer_index_returns_the_positions_of_one_frame(frames, number):
-    np.testing.assert_allclose(frames[number], WHOLE.vertices[number], atol=1e-6)
+def test_integer_index_returns_one_frame(frames, number):
+    vertices, faces = frames[number]
+    np.testing.assert_allclose(vertices, WHOLE.vertices[number], atol=1e-6)
+    np.testing.assert_array_equal(faces, WHOLE.faces)
+
+
+def test_slice_returns_a_sequence_with_its_start(frames):
+    part = frames[2:7]
+    assert (len(part), part.start_s) == (5, WHOLE.start_s + 2 / WHOLE.fps)
+    np.testing.assert_allclose(part.vertices, WHOLE.vertices[2:7], atol=1e-6)
+    np.testing.assert_allclose(frames[-3:99].vertices, WHOLE.vertices[-3:], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "chosen", [slice(5, 5), slice(7, 2), slice(1, 9, 3), slice(None, None, -1)]
+)
+def test_slices_that_are_empty_or_have_a_step_are_rejected(frames, chosen):
+    with pytest.raises(InvalidInputError, match=r"select no frame|must have no step"):
+        frames[chosen]
 
 
 @pytest.mark.parametrize(
@@ -54,27 +71,31 @@ def test_integer_index_returns_the_positions_of_one_frame(frames, number):
     ],
     ids=repr,
 )
-def test_index_of_several_frames_equals_numpy_indexing(frames, chosen):
+def test_chosen_frames_equal_numpy_indexing(chosen):
     by_numpy = (
         chosen if isinstance(chosen, slice) else np.asarray(chosen, None if len(chosen) else int)
     )
-    selected, expected = frames[chosen], WHOLE.vertices[by_numpy]
-    assert selected.dtype == expected.dtype
-    np.testing.assert_allclose(selected, expected, atol=1e-6)
+    selected = WHOLE.vertices[np.asarray(chosen_frames(chosen, 9), int)]
+    np.testing.assert_array_equal(selected, WHOLE.vertices[by_numpy])
 
 
 @pytest.mark.parametrize(
     "number", [9, -10, np.int64(9), 10**30, [0, 9], [-10], np.array([3, 200], np.uint8)], ids=repr
 )
-def test_index_error_states_the_valid_frames(frames, number):
+def test_index_error_states_the_valid_frames(number):
     with pytest.raises(IndexError, match=r"no frame (9|-10|200|10+); there are 9, from 0 to 8"):
-        frames[number]
+        chosen_frames(number, 9)
+
+
+def test_missing_frames_are_an_index_error(frames):
+    with pytest.raises(IndexError, match=r"no frame 9; there are 9, from 0 to 8"):
+        frames[9]
 
 
 @pytest.mark.parametrize("mask", [EVEN[:5], [True], np.ones(10, bool)], ids=len)
-def test_mask_must_cover_all_frames(frames, mask):
+def test_mask_must_cover_all_frames(mask):
     with pytest.raises(IndexError, match=f"{len(mask)} Booleans for 9 frames"):
-        frames[mask]
+        chosen_frames(mask, 9)
 
 
 @pytest.mark.parametrize(
@@ -82,8 +103,14 @@ def test_mask_must_cover_all_frames(frames, mask):
     ["3", b"3", 1.0, None, True, np.True_, (1, 2), [1.5], [[1]], [[1], [2, 3]], np.float32(1), {1}],
     ids=repr,
 )
-def test_type_error_states_the_valid_indices(frames, chosen):
+def test_type_error_states_the_valid_indices(chosen):
     with pytest.raises(TypeError, match="must be a number, a slice, or a list or array"):
+        chosen_frames(chosen, 9)
+
+
+@pytest.mark.parametrize("chosen", ["3", 1.0, None, True, (1, 2), [1, 2]], ids=repr)
+def test_index_of_another_type_is_a_type_error(frames, chosen):
+    with pytest.raises(TypeError, match="a frame is chosen by a number, or several by a slice"):
         frames[chosen]
 
 
@@ -96,14 +123,15 @@ def test_decode_accepts_only_slices_of_frames(chosen):
 
 def test_length_iteration_and_reversal_cover_the_frames(frames):
     assert len(frames) == 9
-    np.testing.assert_allclose(np.stack(list(frames)), WHOLE.vertices, atol=1e-6)
-    np.testing.assert_allclose(np.stack(list(reversed(frames))), WHOLE.vertices[::-1], atol=1e-6)
+    forward, backward = ([frame.vertices for frame in each] for each in (frames, reversed(frames)))
+    np.testing.assert_allclose(np.stack(forward), WHOLE.vertices, atol=1e-6)
+    np.testing.assert_allclose(np.stack(backward), WHOLE.vertices[::-1], atol=1e-6)
 
 
 def test_frames_of_a_sequence_are_read_only():
-    for chosen in (0, slice(1, 3), [1, 2]):
+    for vertices in (WHOLE[0].vertices, WHOLE[1:3].vertices):
         with pytest.raises(ValueError, match="read-only"):
-            WHOLE[chosen][...] = 0
+            vertices[...] = 0
 
 
 def test_blocks_are_decoded_once_when_frames_are_selected_in_any_order():
@@ -115,7 +143,7 @@ def test_blocks_are_decoded_once_when_frames_are_selected_in_any_order():
     with ReelFile(File(encode(waving_grid(24), block_frames=4))) as reel:
         _ = reel.faces
         fetched.clear()
-        reel[[0, 23, 1, 22, 5, 2, 18, 9, 13]]
+        reel.frames([0, 23, 1, 22, 5, 2, 18, 9, 13])
         blocks = [reel._opened.file.block(number).offset for number in range(6)]
     assert fetched == blocks
 

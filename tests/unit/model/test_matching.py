@@ -88,7 +88,7 @@ def assert_same_surfaces(matched, given):
 
 
 def test_frames_in_another_order_become_one_segment():
-    given = frames_of(replace(SHEET, surface=surface_of(SHEET.faces)))
+    given = frames_of(SHEET.replace(surface=surface_of(SHEET.faces)))
     (matched,) = found = match_segments(given)
     assert (matched.n_frames, matched.n_verts, len(matched.faces)) == (6, 99, len(SHEET.faces))
     assert not matched.surface.is_ordered
@@ -97,7 +97,7 @@ def test_frames_in_another_order_become_one_segment():
 
 @pytest.mark.parametrize("n_values", [1, 2, 8])
 def test_equal_texture_coordinates_are_told_apart_by_their_neighbors(n_values):
-    given = frames_of(replace(SHEET, surface=surface_of(SHEET.faces, n_values)))
+    given = frames_of(SHEET.replace(surface=surface_of(SHEET.faces, n_values)))
     found = match_segments(given)
     assert_same_surfaces(found, given)
     if n_values == 8:
@@ -115,15 +115,13 @@ def collapsed(sequence):
         uvs = sequence.surface.attributes[0]
         values = uvs.values.reshape(-1, 3, 2)[has_area].reshape(-1, 2)
         surface = Surface(attributes=(replace(uvs, values=values),))
-        frame = replace(
-            sequence, vertices=vertices, faces=sequence.faces[has_area], surface=surface
-        )
+        frame = sequence.replace(vertices=vertices, faces=sequence.faces[has_area], surface=surface)
         result.append(shuffled(frame, number, number))
     return result
 
 
 def test_faces_without_area_that_single_frames_lack_are_added():
-    given = collapsed(replace(SHEET, surface=surface_of(SHEET.faces)))
+    given = collapsed(SHEET.replace(surface=surface_of(SHEET.faces)))
     assert {len(one.faces) for one in given} == {len(SHEET.faces) - 2}
     (matched,) = found = match_segments(given)
     assert len(matched.faces) == len(SHEET.faces)
@@ -131,7 +129,7 @@ def test_faces_without_area_that_single_frames_lack_are_added():
 
 
 def test_frame_without_a_face_with_area_begins_a_segment():
-    given = frames_of(replace(SHEET, surface=surface_of(SHEET.faces, 8)))
+    given = frames_of(SHEET.replace(surface=surface_of(SHEET.faces, 8)))
     cut = given[3]
     uvs = cut.surface.attributes[0]
     surface = Surface(attributes=(replace(uvs, values=uvs.values[3:]),))
@@ -155,7 +153,7 @@ def everything():
 def test_attributes_groups_and_hard_edges_are_kept():
     surface, more = everything()
     surface = replace(surface, attributes=(*surface.attributes, *more))
-    given = frames_of(replace(SHEET, surface=surface))
+    given = frames_of(SHEET.replace(surface=surface))
     (matched,) = found = match_segments(given)
     assert_same_surfaces(found, given)
     ends = [
@@ -177,13 +175,13 @@ def other_hard_edges(surface):
 
 @pytest.mark.parametrize("change", [other_color, other_hard_edges])
 def test_frames_of_other_surfaces_are_not_joined(change):
-    given = frames_of(replace(SHEET, surface=everything()[0]))[:2]
-    given[1] = replace(given[1], surface=change(given[1].surface))
+    given = frames_of(SHEET.replace(surface=everything()[0]))[:2]
+    given[1] = given[1].replace(surface=change(given[1].surface))
     assert match_segments(given) == given
 
 
 def test_meshes_at_rest_are_matched_by_positions():
-    still = replace(SHEET, vertices=np.repeat(SHEET.vertices[:1], 3, axis=0))
+    still = SHEET.replace(vertices=np.repeat(SHEET.vertices[:1], 3, axis=0))
     (matched,) = match_segments(frames_of(still))
     frames = matched.read(0, 3)
     assert (frames == frames[:1]).all()
@@ -193,9 +191,9 @@ def test_meshes_at_rest_are_matched_by_positions():
 
 def test_tracks_polygons_and_unused_vertices_are_left_alone():
     surface = surface_of(SHEET.faces)
-    given = frames_of(replace(SHEET, surface=surface))[:2]
+    given = frames_of(SHEET.replace(surface=surface))[:2]
     heat = Track(np.ones((1, 99), np.float32))
-    with_tracks = [replace(one, tracks={"heat": heat}) for one in given]
+    with_tracks = [one.replace(tracks={"heat": heat}) for one in given]
     assert match_segments(with_tracks) == with_tracks
     unused = [
         MeshSequence(
@@ -209,13 +207,13 @@ def test_tracks_polygons_and_unused_vertices_are_left_alone():
 
 
 def test_segments_of_several_frames_and_other_meshes_are_joined_where_they_match():
-    sheet = replace(SHEET, surface=surface_of(SHEET.faces))
+    sheet = SHEET.replace(surface=surface_of(SHEET.faces))
     box = MeshSequence(
         RNG.random((1, 6, 3)).astype(np.float32),
         octahedron_faces(),
         surface=surface_of(octahedron_faces()),
     )
-    long = replace(sheet, vertices=sheet.vertices[:3])
+    long = sheet.replace(vertices=sheet.vertices[:3])
     given = [long, *frames_of(sheet)[3:5], box, *frames_of(sheet)[4:]]
     counts = []
 
@@ -241,7 +239,7 @@ def with_speck(sequence, number):
 
 
 def test_component_that_single_frames_lack_is_a_point_there():
-    sheet = replace(SHEET, surface=surface_of(SHEET.faces))
+    sheet = SHEET.replace(surface=surface_of(SHEET.faces))
     given = frames_of(sheet)
     for number in (1, 2, 4):
         given[number] = shuffled(with_speck(sheet, number), 0, number)
@@ -251,11 +249,10 @@ def test_component_that_single_frames_lack_is_a_point_there():
 
 
 def test_face_that_coincides_with_another_may_be_missing():
-    sheet = replace(SHEET, surface=surface_of(SHEET.faces))
+    sheet = SHEET.replace(surface=surface_of(SHEET.faces))
     uvs = sheet.surface.attributes[0]
     values = np.concatenate([uvs.values, uvs.values[:3]])
-    doubled = replace(
-        sheet,
+    doubled = sheet.replace(
         faces=np.concatenate([sheet.faces, sheet.faces[:1]]),
         surface=Surface(attributes=(replace(uvs, values=values),)),
     )

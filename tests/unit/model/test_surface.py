@@ -42,7 +42,7 @@ def test_validated_drops_face_sizes_when_all_are_triangles():
 def test_sequence_is_rejected_when_the_surface_does_not_fit(surface, message):
     grid = waving_grid()
     with pytest.raises(InvalidInputError) as error:
-        replace(grid, surface=surface)
+        grid.replace(surface=surface)
     assert message in str(error.value)
 
 

@@ -71,8 +71,8 @@ def test_the_texture_moves_with_the_surface(textured, registered):
 
 
 def test_colors_do_not_move_with_the_error_of_coding(textured, registered):
-    (decoded,) = meshreel.decode_segments(meshreel.encode(registered.sequence, quality=5)).segments
-    file = meshreel.SegmentedSequence([decoded])
+    (decoded,) = meshreel.decode(meshreel.encode(registered.sequence, quality=5)).segments
+    file = meshreel.MeshSequence.of_segments([decoded])
     followed, moved = (
         errors_of(decoded, list(bake(registered, shown, textured[1], SIZE)))
         for shown in (file, registered.sequence)
@@ -94,7 +94,7 @@ def test_texture_coordinates_that_overlap_are_replaced(textured, registered):
     (uv,) = segment.surface.attributes
     twice = replace(uv, values=uv.values % np.float32(0.3))
     surface = replace(segment.surface, attributes=(twice,), materials=(Material("skin"),))
-    sequence = meshreel.SegmentedSequence([replace(segment, surface=surface)])
+    sequence = meshreel.MeshSequence.of_segments([segment.replace(surface=surface)])
     ready, n_made = with_atlases(replace(registered, sequence=sequence), SIZE)
     (made,) = ready.sequence.segments
     assert (n_made, made.surface.materials) == (1, ())
@@ -105,7 +105,7 @@ def test_texture_coordinates_that_overlap_are_replaced(textured, registered):
 def test_frames_that_keep_their_mesh_keep_their_image(textured):
     raw, images = textured
     apart = raw.segments[0].vertices[:, :, ::-1].copy()
-    sequence = meshreel.concatenate([raw[:2], replace(raw.segments[0], vertices=apart)])
+    sequence = meshreel.concatenate([raw[:2], raw.segments[0].replace(vertices=apart)])
     found = register(sequence, ErrorBound(0.5))
     ready, _ = with_atlases(found, SIZE)
     baked = list(bake(ready, ready.sequence, [*images[:2], images[0]], (64, 64)))
@@ -155,7 +155,7 @@ def test_frames_whose_faces_have_several_images_are_an_error(textured, n_used):
         ),
         images=(Image("skin", "image/png", b"1"), Image("cloth", "image/png", b"2")),
     )
-    sequence = meshreel.concatenate([raw[:1], replace(first, surface=surface)])
+    sequence = meshreel.concatenate([raw[:1], first.replace(surface=surface)])
     if n_used == 1:
         check_textured(sequence)
         return
@@ -194,8 +194,8 @@ def test_charts_are_made_for_keys_with_more_vertices_than_their_frame(textured, 
     faces = np.vstack([segment.faces[1:], [[a, b, center], [b, c, center], [c, a, center]]])
     centers = segment.vertices[:, [a, b, c]].mean(axis=1, keepdims=True)
     vertices = np.concatenate([segment.vertices, centers], axis=1)
-    split = replace(segment, vertices=vertices, faces=faces, surface=Surface())
-    sequence = meshreel.SegmentedSequence([split])
+    split = segment.replace(vertices=vertices, faces=faces, surface=Surface())
+    sequence = meshreel.MeshSequence.of_segments([split])
     ready, n_made = with_atlases(replace(registered, sequence=sequence), SIZE)
     assert n_made == 1
     images = list(bake(ready, ready.sequence, textured[1], SIZE))

@@ -1,7 +1,5 @@
 """Refinement of a key adds vertices where it bends and keeps its surface."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -71,8 +69,8 @@ def test_texture_coordinates_are_interpolated_on_a_refined_key(monkeypatch):
     textured = []
     for one in raw.segments:
         uv = Attribute("uv", Kind.UV, Domain.VERTEX, one.read(0, 1)[0, :, ::2])
-        textured.append(replace(one, surface=Surface(attributes=(uv,))))
-    found = register(type(raw)(textured), ErrorBound(2.0))
+        textured.append(one.replace(surface=Surface(attributes=(uv,))))
+    found = register(raw.of_segments(textured), ErrorBound(2.0))
     (segment,), key = found.sequence.segments, found.segments[0].key
     (uv,) = segment.surface.attributes
     at_corners = segment.read(key, key + 1)[0][segment.faces.ravel()]

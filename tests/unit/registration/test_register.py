@@ -63,7 +63,7 @@ def test_the_mesh_follows_the_material(registered):
 
 def test_times_are_those_of_the_raw_frames(raw):
     parts = [
-        replace(frame, start_s=7 + number / raw.fps) for number, frame in enumerate(raw.segments)
+        frame.replace(start_s=7 + number / raw.fps) for number, frame in enumerate(raw.segments)
     ]
     found = register(meshreel.concatenate(parts), TOLERANCE)
     assert (found.sequence.start_s, only_segment(found).start_s) == (7.0, 7.0)
@@ -91,13 +91,13 @@ def test_frames_without_a_surface_stay_as_they_are(raw):
     empty = as_frames([(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))])
     found = register(meshreel.concatenate([empty, raw, empty]), TOLERANCE)
     assert [one.n_frames for one in found.sequence.segments] == [1, raw.n_frames, 1]
-    assert found.sequence.frame(0).vertices.shape == (3, 3)
+    assert found.sequence[0].vertices.shape == (3, 3)
     assert any("without a surface" in note for note in found.changes)
 
 
 def test_a_frame_inside_out_is_named(raw):
     frames = [MeshSequence(one.read(0, 1), one.faces, one.fps) for one in raw.segments]
-    frames[0] = replace(frames[0], faces=frames[0].faces[:, ::-1])
+    frames[0] = frames[0].replace(faces=frames[0].faces[:, ::-1])
     found = register(meshreel.concatenate(frames), TOLERANCE)
     assert any("oriented inside out" in cut for cut in found.cuts())
     assert found.sequence.n_frames == N_FRAMES
@@ -138,7 +138,7 @@ def test_segments_encode_to_fewer_bytes_than_raw_frames(raw, registered):
 def test_distances_of_a_decoded_sequence_include_those_of_coding(raw, registered):
     again = registered.distances_of(registered.sequence)
     assert vars(again) == pytest.approx(vars(registered.distances), rel=1e-3)
-    decoded = meshreel.decode_segments(meshreel.encode(registered.sequence, quality=40))
+    decoded = meshreel.decode(meshreel.encode(registered.sequence, quality=40))
     assert registered.distances_of(decoded).mean_percent > registered.distances.mean_percent
 
 
@@ -153,7 +153,7 @@ def test_notes_state_the_result_and_the_cuts(raw):
 
 def test_a_warning_names_what_was_removed(raw):
     *others, last = raw[:2].segments
-    flat = replace(last, faces=np.vstack([last.faces, [[0, 1, 1]]]))
+    flat = last.replace(faces=np.vstack([last.faces, [[0, 1, 1]]]))
     with pytest.warns(UserWarning, match="removed 1 face without area"):
         meshreel.register(meshreel.concatenate([*others, flat]), tolerance="2%")
 
@@ -216,7 +216,7 @@ def test_colors_that_differ_in_type_stay_those_of_the_key(raw):
     first, *others = (with_values(one) for one in raw.segments)
     (color,) = first.surface.attributes
     floats = replace(color, values=(color.values / 255).astype(np.float32))
-    first = replace(first, surface=Surface(attributes=(floats,)), tracks={})
+    first = first.replace(surface=Surface(attributes=(floats,)), tracks={})
     segment = only_segment(register(meshreel.concatenate([first, *others]), TOLERANCE))
     assert segment.tracks == {}
     assert [one.name for one in segment.surface.attributes] == ["color"]

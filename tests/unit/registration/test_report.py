@@ -1,7 +1,5 @@
 """Figures on registered and decoded surfaces, against those of `compare`."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -26,7 +24,7 @@ def moved_beside_the_key(registered):
     noise = np.random.default_rng(0).normal(0, 0.004, segment.vertices.shape)
     noise[registered.segments[0].key] = 0
     positions = (segment.vertices + noise).astype(np.float32)
-    return meshreel.concatenate([replace(segment, vertices=positions)])
+    return meshreel.concatenate([segment.replace(vertices=positions)])
 
 
 def test_d1_and_d2_are_those_of_compare(registered):

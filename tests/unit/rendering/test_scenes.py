@@ -6,7 +6,6 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.reference import bounding_box_reference
-from meshreel.model.segments import SegmentedSequence
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
@@ -164,13 +163,15 @@ def test_heat_of_positions_keeps_its_title_next_to_a_track(grid, lifted):
 
 def test_hard_edges_give_each_face_of_a_box_one_color():
     box = hard_box(1)
-    camera = fit_camera(box[0], azimuth_deg=30, elevation_deg=25, width=96, height=96)
+    camera = fit_camera(box.vertices[0], azimuth_deg=30, elevation_deg=25, width=96, height=96)
     scene = Scene(box)
     (picture,) = scene.draw(scene.read(0), camera)
-    smooth = Scene(replace(box, surface=replace(box.surface, hard_edges=None)))
+    smooth = Scene(box.replace(surface=replace(box.surface, hard_edges=None)))
     (smooth_picture,) = smooth.draw(smooth.read(0), camera)
     count = [len(np.unique(image.reshape(-1, 3), axis=0)) for image in (picture, smooth_picture)]
-    flat = render(box[0], box.faces, camera, colors=CLAY, background=scene.background, smooth=False)
+    flat = render(
+        box.vertices[0], box.faces, camera, colors=CLAY, background=scene.background, smooth=False
+    )
     assert np.abs(picture.astype(int) - flat).max() <= 1
     assert count[1] > 2 * count[0]
 
@@ -185,7 +186,7 @@ def with_other_faces(sequence):
 @pytest.fixture
 def changing(grid):
     """A grid whose second half has half the faces."""
-    return SegmentedSequence([
+    return MeshSequence.of_segments([
         MeshSequence(grid.vertices[:6], grid.faces, grid.fps),
         MeshSequence(grid.vertices[6:], grid.faces[::2], grid.fps),
     ])  # fmt: skip
@@ -197,12 +198,14 @@ def test_scene_draws_each_frame_with_the_faces_of_its_segment(changing, grid):
     for number in (5, 6, 2):
         (view,) = scene.draw(scene.read(number), camera)
         faces = grid.faces if number < 6 else grid.faces[::2]
-        expected = render(grid[number], faces, camera, colors=CLAY, background=scene.background)
+        expected = render(
+            grid.vertices[number], faces, camera, colors=CLAY, background=scene.background
+        )
         assert np.array_equal(view, expected)
 
 
 def test_heat_of_segments_is_the_vertex_distance_if_their_meshes_are_the_same(changing, lifted):
-    decoded = SegmentedSequence([
+    decoded = MeshSequence.of_segments([
         MeshSequence(lifted.vertices[:6], changing.segments[0].faces, 25.0),
         MeshSequence(lifted.vertices[6:], changing.segments[1].faces, 25.0),
     ])  # fmt: skip
@@ -215,7 +218,7 @@ def test_heat_of_segments_is_the_vertex_distance_if_their_meshes_are_the_same(ch
 
 
 def test_heat_is_the_distance_to_the_surface_if_the_order_of_vertices_differs(changing, grid):
-    shuffled = SegmentedSequence([with_other_faces(one) for one in changing.segments])
+    shuffled = MeshSequence.of_segments([with_other_faces(one) for one in changing.segments])
     same = Scene(shuffled, changing, "distance")
     assert same.titles[-1] == "distance to the original surface, % of the diagonal"
     assert same.scales(range(12)).heat.largest < 1e-10
@@ -223,7 +226,7 @@ def test_heat_is_the_distance_to_the_surface_if_the_order_of_vertices_differs(ch
         MeshSequence(one.read(0, one.n_frames) + np.float32(0.5), one.faces, one.fps)
         for one in shuffled.segments
     ]
-    heat = Scene(SegmentedSequence(raised), changing, "distance").scales(range(12)).heat
+    heat = Scene(MeshSequence.of_segments(raised), changing, "distance").scales(range(12)).heat
     longest = 50 * np.sqrt(3) / np.linalg.norm(changing.extent.high - changing.extent.low)
     assert 0.5 * longest < heat.largest <= longest * (1 + 1e-6)
 
@@ -237,7 +240,9 @@ def test_heat_is_the_distance_to_the_surface_if_faces_change_in_other_frames(cha
 def test_segments_without_the_track_are_gray(changing):
     first, second = changing.segments
     values = np.linspace(0, 1, 6 * 99, dtype=np.float32).reshape(6, 99)
-    scene = Scene(SegmentedSequence([first, with_track(second, values)]), track=TrackLook("heat"))
+    scene = Scene(
+        MeshSequence.of_segments([first, with_track(second, values)]), track=TrackLook("heat")
+    )
     scales = scene.scales(range(12))
     assert scales.track.has_missing
     camera = View().camera(changing.segments[0].vertices, 160, 120)
@@ -252,6 +257,8 @@ def test_segments_without_the_track_are_gray(changing):
 def test_scene_rejects_a_track_of_other_kinds_in_different_segments(changing):
     first, second = changing.segments
     tracks = np.zeros((6, 99), np.float32), np.zeros((6, 99, 2), np.float32)
-    sequence = SegmentedSequence([with_track(first, tracks[0]), with_track(second, tracks[1])])
+    sequence = MeshSequence.of_segments(
+        [with_track(first, tracks[0]), with_track(second, tracks[1])]
+    )
     with pytest.raises(InvalidInputError, match="2 x float32; only a track of one kind"):
         Scene(sequence, track=TrackLook("heat"))

@@ -1,11 +1,9 @@
 """Static cameras, and cameras that follow a mesh."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from meshreel.model.segments import SegmentedSequence
+from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.scenes import ChosenFrames
 from meshreel.rendering.shots import MIN_DISTANCE_RATIO, Framing, framing_of
 from meshreel.rendering.views import View
@@ -17,7 +15,7 @@ def travelling(sequence, step):
     """The sequence, moving to the right by `step` per frame."""
     steps = np.arange(sequence.n_frames)[:, None] * np.array([step, 0, 0])
     vertices = sequence.vertices + steps[:, None]
-    return ChosenFrames(replace(sequence, vertices=vertices), range(0, sequence.n_frames, 3))
+    return ChosenFrames(sequence.replace(vertices=vertices), range(0, sequence.n_frames, 3))
 
 
 def test_static_camera_sees_all_frames(grid):
@@ -78,10 +76,10 @@ def test_explicit_choice_overrides_the_default(grid, is_followed):
 
 def test_a_following_camera_does_not_jump_where_the_faces_change(grid):
     """Vertices that are added in a corner move their mean, but not the surface."""
-    still = replace(grid, vertices=np.repeat(grid.vertices[:1], 4, axis=0))
+    still = grid.replace(vertices=np.repeat(grid.vertices[:1], 4, axis=0))
     corner = np.repeat(still.vertices[:, :1], 200, axis=1)
-    dense = replace(still, vertices=np.concatenate([still.vertices, corner], axis=1))
-    frames = ChosenFrames(SegmentedSequence([still, dense]), range(8))
+    dense = still.replace(vertices=np.concatenate([still.vertices, corner], axis=1))
+    frames = ChosenFrames(MeshSequence.of_segments([still, dense]), range(8))
     eyes = np.array(
         [camera.eye for camera in Framing(FRONT, is_followed=True).cameras(frames, 300, 200)]
     )

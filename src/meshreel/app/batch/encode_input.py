@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from meshreel import __version__
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.decoder import decode_segments
+from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import info
 from meshreel.codec.reordering import joined_note, without_reordering
@@ -26,8 +26,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import registered
 from meshreel.formats.supported_options import supported_only
-from meshreel.model.segments import AnySequence, SegmentedSequence, segments_of, tracks_of_all
-from meshreel.model.sequence import positions_size_bytes
+from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.runtime.counting import counted
 from meshreel.runtime.engine.engine import Engine
@@ -134,7 +133,7 @@ def encode_input(
     with local_copy(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)
         if options.reading.register is not None:
-            if isinstance(opened, SegmentedSequence):
+            if opened.n_segments > 1:
                 opened = registered(opened, replace(reading, register=options.reading.register))
             else:
                 notes.append("not registered: all frames have the same faces")
@@ -147,7 +146,7 @@ def _memory(options: EncodeOptions) -> float | None:
 
 
 def _measured(
-    opened: AnySequence,
+    opened: MeshSequence,
     registrations: "Sequence[Registration]",
     options: EncodeOptions,
     notes: list[str],
@@ -164,9 +163,9 @@ def _measured(
     for registration in registrations:
         from meshreel.registration.report import Report  # imports SciPy
 
-        notes += Report.measured(registration, decode_segments(data)).notes()
+        notes += Report.measured(registration, decode(data)).notes()
     stream = info(data)
-    surfaces = (segment.surface for segment in segments_of(sequence))
+    surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
     if state := solver_state_note(stream.tracks, tracks):
         notes.append(state)
@@ -191,18 +190,18 @@ def _measured(
 
 
 def _suited(
-    opened: AnySequence, options: EncodeOptions, notes: list[str]
-) -> tuple[AnySequence, EncoderConfig]:
+    opened: MeshSequence, options: EncodeOptions, notes: list[str]
+) -> tuple[MeshSequence, EncoderConfig]:
     """The input with its selected attributes, and the options that apply to it."""
     config, names = options.config, options.reading.attributes
-    surfaces = [segment.surface for segment in segments_of(opened)]
+    surfaces = [segment.surface for segment in opened.segments]
     if missing := missing_everywhere(surfaces, names):
         notes.append(describe_missing(surfaces[0], missing))
     sequence = with_surfaces(
         opened, [select(surface, names, ignore_missing=True) for surface in surfaces]
     )
     if config.uv_bits is not None and not any(
-        has_uvs(segment.surface) for segment in segments_of(sequence)
+        has_uvs(segment.surface) for segment in sequence.segments
     ):
         notes.append("has no texture coordinates for uv_bits= to quantize")
         config = replace(config, uv_bits=None)
@@ -212,9 +211,9 @@ def _suited(
 
 
 def _with_smaller_blocks(
-    config: EncoderConfig, sequence: AnySequence, share: float, notes: list[str]
+    config: EncoderConfig, sequence: MeshSequence, share: float, notes: list[str]
 ) -> EncoderConfig:
-    largest = max(segments_of(sequence), key=positions_size_bytes)
+    largest = max(sequence.segments, key=positions_size_bytes)
     number_bytes = largest.dtype.itemsize
     n_together = config.frames_in_block(largest.n_frames, largest.n_verts, number_bytes)
     n_frames = max(1, int(share * n_together))
@@ -226,7 +225,7 @@ def _with_smaller_blocks(
 
 
 def _present(
-    sequence: AnySequence, options: EncodeOptions, notes: list[str]
+    sequence: MeshSequence, options: EncodeOptions, notes: list[str]
 ) -> dict[str, float | str]:
     """The error bounds of tracks that the input has."""
     bounds, tracks = options.tracks or {}, tracks_of_all(sequence)

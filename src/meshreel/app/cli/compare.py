@@ -80,7 +80,7 @@ def compare_command(
     from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import Quality, measure_quality
-    from meshreel.model.segments import single_segment
+    from meshreel.model.sequence import single_segment
     from meshreel.rendering.plots import plot_error_per_frame
     from meshreel.runtime.extras import PLOT, require
     from meshreel.runtime.outputs.checks import check_extension, check_output_path

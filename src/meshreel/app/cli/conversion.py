@@ -13,7 +13,7 @@ from meshreel.runtime.progress import Progress
 if TYPE_CHECKING:
     from meshreel.app.cli.encoded_file import EncodedFile
     from meshreel.formats.remote import Output
-    from meshreel.model.segments import AnySequence
+    from meshreel.model.sequence import MeshSequence
 
 
 @dataclass
@@ -70,21 +70,21 @@ class Conversion:
 
     def write(
         self,
-        sequence: "AnySequence",
+        sequence: "MeshSequence",
         output: "str | os.PathLike[str]",
         chosen: slice | None = None,
         *,
         first: int = 0,
     ) -> None:
         """Write the chosen frames of a sequence whose first frame has the number `first`."""
-        from meshreel.app.cli.encoded_file import encode_file, frames_of
+        from meshreel.app.cli.encoded_file import encode_file
         from meshreel.app.cli.write_options import chosen_frames, is_stream, written_figures
         from meshreel.formats.save import save_part
 
         frames = chosen_frames(chosen, sequence.n_frames, self.notes)
         if is_stream(output):
             stream = encode_file(
-                frames_of(sequence, frames), Path(output), self.config, self.notes,
+                sequence.part(frames), Path(output), self.config, self.notes,
                 tracks=self.tracks, force=self.force, progress=self.progress,
                 name=self.target.name(output),
             )  # fmt: skip

@@ -23,8 +23,7 @@ from meshreel.app.cli.write_options import (
 from meshreel.codec.config import option_named
 
 if TYPE_CHECKING:
-    from meshreel.codec.reel_file import ReelFile
-    from meshreel.codec.segmented_file import SegmentedReelFile
+    pass
 
 
 @command
@@ -102,6 +101,7 @@ def decode_command(
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.options import WriteOptions
     from meshreel.formats.outputs import check_output
+    from meshreel.formats.reel import open as open_reel
     from meshreel.formats.remote import local_file, uploaded
     from meshreel.formats.save import save_part
     from meshreel.runtime.stores.address import is_remote
@@ -123,7 +123,7 @@ def decode_command(
         refuse_other_formats(Path(source), "meshreel convert writes it in another format")
         with (
             progress_bar() as progress,
-            _open(stream, modes, segment, memory) as reel,
+            open_reel(stream, n_modes=modes, segment=segment, memory=memory) as reel,
             errors_naming(source),
         ):
             numbers = chosen_frames(chosen, reel.n_frames, notes)
@@ -146,14 +146,3 @@ def decode_command(
         print_json({**figures, "is_whole": reel.is_whole, "notes": notes})
         return
     print_written(figures)
-
-
-def _open(
-    source: str | Path, modes: int | None, segment: int | None, memory: str | None
-) -> "ReelFile | SegmentedReelFile":
-    """Open one segment of a stream, or the whole stream."""
-    from meshreel.formats.reel import open, open_segments
-
-    if segment is not None:
-        return open(source, n_modes=modes, segment=segment, memory=memory)
-    return open_segments(source, n_modes=modes, memory=memory)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from meshreel.formats.options import ReadOptions
-    from meshreel.model.segments import AnySequence
+    from meshreel.model.sequence import MeshSequence
 
 OTHER_OUTPUTS = (
     "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
@@ -97,7 +97,7 @@ def encode_command(
     from meshreel.codec.config import EncoderConfig
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.needed_extras import extras_to_read
-    from meshreel.formats.reel import open_segments
+    from meshreel.formats.reel import open as open_reel
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.segments import find_segments
     from meshreel.formats.sources import files_of_source
@@ -118,7 +118,7 @@ def encode_command(
         progress = stack.enter_context(progress_bar())
         keeps_order = config.order in ("keep", "vertices")
         reading = replace(reading, progress=progress, matches_frames=not keeps_order)
-        pieces: list[tuple[Callable[[], AnySequence], Path]]
+        pieces: list[tuple[Callable[[], MeshSequence], Path]]
         if split:
             segments = find_segments(source, loading_for(config.memory_bytes, reading))
             has_several = len(segments) > 1
@@ -148,7 +148,7 @@ def encode_command(
         for registration in reading.registrations:  # one at most: of the only piece
             from meshreel.registration.report import Report  # imports SciPy
 
-            with open_segments(stream_path) as reel:
+            with open_reel(stream_path) as reel:
                 reports.append(Report.measured(registration, reel, progress))
     print_notes(notes)
     if as_json:

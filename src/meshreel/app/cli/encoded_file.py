@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.surface.uv_errors import UvErrors
     from meshreel.codec.track_bounds import TrackTargets
-    from meshreel.model.segments import AnySequence
+    from meshreel.model.sequence import MeshSequence
     from meshreel.runtime.progress import Progress
 
 
@@ -55,19 +55,8 @@ class EncodedFile:
         print_bars("bytes", self.stream.part_bytes)
 
 
-def frames_of(sequence: "AnySequence", numbers: range) -> "AnySequence":
-    """Return the frames of these numbers, loaded unless they are the whole sequence."""
-    from meshreel.model import segments
-
-    if numbers == range(sequence.n_frames):
-        return sequence
-    if isinstance(sequence, segments.SegmentedSequence):
-        return sequence.part(numbers)
-    return segments.frames_of(sequence, numbers)
-
-
 def encode_file(
-    sequence: "AnySequence",
+    sequence: "MeshSequence",
     output: Path,
     config: EncoderConfig,
     notes: list[str],
@@ -87,7 +76,7 @@ def encode_file(
     from meshreel.codec.surface.uv_errors import measure_uvs
     from meshreel.codec.track_bounds import without_units
     from meshreel.formats.notes import note_unknown_rate
-    from meshreel.model.segments import SegmentedSequence, segments_of, tracks_of_all
+    from meshreel.model.sequence import tracks_of_all
     from meshreel.runtime.outputs.atomic import replace_when_done
 
     given = sequence
@@ -99,11 +88,10 @@ def encode_file(
         temporary.write_bytes(data)
     achieved = measure_stream(sequence, data, with_sted=config.sted is not None, progress=progress)
     stream = info(data)
-    surfaces = (segment.surface for segment in segments_of(sequence))
+    surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
     if state_note := solver_state_note(stream.tracks, tracks):
         notes.append(state_note)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
-    n_meshes = sequence.n_meshes if isinstance(sequence, SegmentedSequence) else 1
-    return EncodedFile(name, stream, achieved, uv, n_meshes)
+    return EncodedFile(name, stream, achieved, uv, sequence.n_meshes)

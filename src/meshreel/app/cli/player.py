@@ -56,12 +56,12 @@ def opened_player(
     from meshreel.app.viewer.playable import reencoding_text
     from meshreel.errors import ConnectivityChangeError
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.reel import open_segments
+    from meshreel.formats.reel import open as open_reel
 
     _check_options_of_original(original, reading)
     _check_is_encoded(source)
-    with open_segments(source, memory=reading.memory) as file:
-        first = file.segment(0)
+    with open_reel(source, memory=reading.memory) as file:
+        first = file.segments[0]
         with errors_naming(source):
             _ = first.faces  # raises for damaged faces before the original is read
             if original and file.n_segments > 1:
@@ -70,10 +70,9 @@ def opened_player(
                     "frame: leave --original out"
                 )
         comparison = _comparison(first, original, reading) if original else None
-        shown = file if file.n_segments > 1 else first
         with errors_naming(source):
             api = Api(
-                shown, source.stem, player_rows, comparison, measured_rows, reading.progress, look,
+                file, source.stem, player_rows, comparison, measured_rows, reading.progress, look,
                 texture,
             )  # fmt: skip
         if api.is_reencoded:

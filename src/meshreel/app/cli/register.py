@@ -102,7 +102,7 @@ def register_command(
     from meshreel.codec.error_bounds import METERS, bound_of
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake, extras_to_read
-    from meshreel.formats.reel import open_segments
+    from meshreel.formats.reel import open as open_reel
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.sources import files_of_source
     from meshreel.registration.register import register
@@ -149,7 +149,7 @@ def register_command(
             progress=progress,
             name=target.name(path),
         )
-        with open_segments(path) as reel:
+        with open_reel(path) as reel:
             report = Report.measured(registration, reel, progress)
             if job is not None:
                 job.write(registration, reel, progress)

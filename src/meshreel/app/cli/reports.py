@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,7 @@ from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import files_of_source
 from meshreel.model.flag import simulate_flag
-from meshreel.model.segments import AnySequence, SegmentedSequence, single_segment
-from meshreel.model.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence, single_segment
 from meshreel.runtime.extras import PEERS, PLOT, Extra, require
 from meshreel.runtime.outputs.checks import check_output_folder
 
@@ -82,14 +80,12 @@ def write_report(
     notes: list[str] = []
     with progress_bar() as progress:
         reading = ReadOptions(progress=progress, notes=notes)
-        sequences: list[AnySequence] = [load_any(source, reading) for source in inputs]
+        sequences: list[MeshSequence] = [load_any(source, reading) for source in inputs]
         if of_surfaces is None:
-            sequences = [
-                single_segment(one, f"{study.program} of {source}")
-                for one, source in zip(sequences, inputs, strict=True)
-            ]
+            for sequence, source in zip(sequences, inputs, strict=True):
+                single_segment(sequence, f"{study.program} of {source}")
         chosen: Study[Any] = study
-        if of_surfaces is not None and any(isinstance(one, SegmentedSequence) for one in sequences):
+        if of_surfaces is not None and any(one.n_segments > 1 for one in sequences):
             chosen = of_surfaces
         else:
             sequences = [_with_only(track, one, notes) for one in sequences]
@@ -105,15 +101,14 @@ def write_report(
     print_table("Written", {**written, "figures": f"{n_figures} in {out / 'figures'}"})
 
 
-def _with_only(track: str | None, sequence: AnySequence, notes: list[str]) -> MeshSequence:
+def _with_only(track: str | None, sequence: MeshSequence, notes: list[str]) -> MeshSequence:
     """The sequence with one track or none, because only some methods encode tracks."""
-    assert isinstance(sequence, MeshSequence)  # loaded, with constant connectivity
     if track is not None:
         return with_track_alone(sequence, track)
     if not sequence.tracks:
         return sequence
     note_left_out(notes, f"tracks, as the report covers positions: {listed(sequence.tracks)}")
-    return replace(sequence, tracks={})
+    return sequence.replace(tracks={})
 
 
 def command_line(

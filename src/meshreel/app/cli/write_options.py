@@ -191,9 +191,7 @@ def written_figures(
     written: list[Path], source: "AnySource", n_frames: int, target: "Output"
 ) -> dict[str, Any]:
     """Figures of written files for JSON."""
-    from meshreel.model.segments import each_segment
-
-    sizes = [(segment.n_verts, len(segment.faces)) for segment in each_segment(source)]
+    sizes = [(segment.n_verts, len(segment.faces)) for segment in source.segments]
     n_verts, n_faces = map(max, zip(*sizes, strict=True))
     return {
         "outputs": [target.name(path) for path in written],

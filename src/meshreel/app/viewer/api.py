@@ -17,7 +17,6 @@ from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.arrays import Floats
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
-from meshreel.codec.segmented_file import SegmentedReelFile
 from meshreel.errors import ConnectivityChangeError, CorruptStreamError, InvalidInputError
 from meshreel.rendering.track_colors import TrackColors, TrackLook
 from meshreel.runtime.progress import Progress, silent
@@ -55,7 +54,7 @@ class Api:
 
     Parameters
     ----------
-    file : ReelFile or SegmentedReelFile
+    file : ReelFile
         Files with several segments can neither be compared nor colored by a track.
     name : str
         Name to show if the stream has none.
@@ -74,7 +73,7 @@ class Api:
 
     Attributes
     ----------
-    file : ReelFile or SegmentedReelFile
+    file : ReelFile
         The stream that the page plays: see `meshreel.app.viewer.playable`.
     reel : ReelFile
         The same stream, or its first segment.
@@ -99,7 +98,7 @@ class Api:
 
     def __init__(
         self,
-        file: ReelFile | SegmentedReelFile,
+        file: ReelFile,
         name: str,
         rows_of: Callable[[StreamInfo], Rows],
         comparison: Comparison | None = None,
@@ -108,13 +107,13 @@ class Api:
         look: TrackLook | None = None,
         texture: Path | None = None,
     ) -> None:
-        if isinstance(file, SegmentedReelFile) and (comparison or look):
+        if file.n_segments > 1 and (comparison or look):
             what = "a comparison" if comparison else "coloring by a track"
             raise ConnectivityChangeError(
                 f"the faces change: {file!r}; {what} in the player needs the same faces in every "
                 "frame"
             )
-        reel = file.segment(0) if isinstance(file, SegmentedReelFile) else file
+        reel = file.segments[0]
         if look is not None:
             TrackColors(look, reel.track(look.name))  # raises if the track cannot be shown
         self._look = look
@@ -130,12 +129,8 @@ class Api:
             )
         self.method: str = reel.method
         self.comparison = comparison
-        self.reel: ReelFile = (
-            reel if isinstance(file, SegmentedReelFile) else playable(reel, progress)
-        )
-        self.file: ReelFile | SegmentedReelFile = (
-            file if isinstance(file, SegmentedReelFile) else self.reel
-        )
+        self.reel: ReelFile = reel if file.n_segments > 1 else playable(reel, progress)
+        self.file: ReelFile = file if file.n_segments > 1 else self.reel
         self._name, self._measured_rows = name, measured_rows
         self._rows, self._budget = _figures(file, rows_of)
         if self.is_reencoded:
@@ -226,7 +221,7 @@ class Api:
 
 
 def _figures(
-    file: ReelFile | SegmentedReelFile, rows_of: Callable[[StreamInfo], Rows]
+    file: ReelFile, rows_of: Callable[[StreamInfo], Rows]
 ) -> tuple[dict[str, str], dict[str, int]]:
     """Figures as text and bytes by kind of section; of a damaged file only the error."""
     try:
@@ -245,17 +240,17 @@ def _look_facts(look: TrackLook) -> dict[str, str | None]:
     }
 
 
-def _n_modes(file: ReelFile | SegmentedReelFile) -> list[int]:
+def _n_modes(file: ReelFile) -> list[int]:
     """Number of modes of each block; 0 if it is damaged."""
-    if isinstance(file, SegmentedReelFile):
+    if file.n_segments > 1:
         segments = (_segment_or_none(file, number) for number in range(file.n_segments))
         return [n_modes for reel in segments if reel is not None for n_modes in _n_modes(reel)]
-    return [_n_modes_of(file, number) for number in range(len(file.starts) - 1)]
+    return [_n_modes_of(file, number) for number in range(len(file.block_starts) - 1)]
 
 
-def _segment_or_none(file: SegmentedReelFile, number: int) -> ReelFile | None:
+def _segment_or_none(file: ReelFile, number: int) -> ReelFile | None:
     try:
-        return file.segment(number)
+        return file.segments[number]
     except CorruptStreamError:
         return None
 
@@ -288,7 +283,7 @@ def swept_points(reel: ReelFile, *, is_part: bool = False) -> Floats:
     half = np.zeros(3)  # side lengths of the box around the center
     drawn = np.unique(reel.faces)  # vertices without faces are invisible
     extremes: Floats = np.zeros((0, 3))
-    stop = reel.starts[1]
+    stop = reel.block_starts[1]
     n_searched = int(np.clip(MAX_SEARCHED_POSITIONS // reel.n_verts, 2, MAX_SEARCHED_FRAMES))
     searched = set(np.linspace(0, stop - 1, n_searched).round().astype(int).tolist())
     for start, frames in reel.pieces(range(stop)):
@@ -299,7 +294,7 @@ def swept_points(reel: ReelFile, *, is_part: bool = False) -> Floats:
             extremes = extreme_points(np.concatenate([extremes, extreme_points(frame)]))
     extremes -= origin
     length = float(np.linalg.norm(half))
-    if length > 0 and (len(reel.starts) > 2 or is_part):
+    if length > 0 and (len(reel.block_starts) > 2 or is_part):
         extremes *= max(1.0, reel.frame.scale / 2 / length)
     return extremes
 

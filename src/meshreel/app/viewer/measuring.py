@@ -47,7 +47,7 @@ class Comparison:
 
     def pair(self, number: int) -> tuple[Vertices, Vertices]:
         """Original and decoded positions of a frame, of shape (V, 3), in model units."""
-        return self.original.frame(number), self.reel[number]
+        return self.original.frame(number), self.reel[number].vertices
 
     def heat(self, kind: str, pair: tuple[Vertices, Vertices]) -> Floats:
         """Values of one kind of heat map of a frame, of shape (V,); undefined values become 0."""

@@ -43,7 +43,7 @@ def playable(reel: ReelFile, progress: Progress = silent) -> ReelFile:
     if reel.method == METHOD or (reel.method in EXACT_METHODS and is_short):
         return reel
     # As float64, because float32 is too coarse for the bound far from the origin.
-    positions = reel[:].astype(np.float64)
+    positions = reel.read(0, reel.n_frames).astype(np.float64)
     tracks = {
         name: Track(track.read(0, reel.n_frames), track.domain, track.kind, track.unit)
         for name, track in reel.tracks.items()

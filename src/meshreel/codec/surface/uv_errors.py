@@ -9,8 +9,7 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.surface.payloads import surface_in_order
 from meshreel.codec.surface.uv_grid import is_quantized
-from meshreel.model.segments import AnySequence, segments_of
-from meshreel.model.sequence import FrameSource
+from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Attribute
 
 TEXELS = 4096
@@ -35,17 +34,17 @@ class UvErrors:
         return self.largest * TEXELS
 
 
-def measure_uvs(sequence: AnySequence, data: bytes) -> UvErrors | None:
+def measure_uvs(sequence: MeshSequence, data: bytes) -> UvErrors | None:
     """Measure the errors of the texture coordinates of a stream; None if it has none.
 
     Parameters
     ----------
-    sequence : MeshSequence, SegmentedSequence, or FrameSource
+    sequence : MeshSequence
         The original, with its complete surface.
     """
     several = (
         _errors_of_segment(segment, whole_stream(data, segment=number))
-        for number, segment in enumerate(segments_of(sequence))
+        for number, segment in enumerate(sequence.segments)
     )
     errors = [error for one in several for error in one]
     return UvErrors(max(errors)) if errors else None

@@ -11,7 +11,7 @@ from typing import Any
 from meshreel import __version__
 from meshreel.errors import MeshReelError
 from meshreel.evaluation.folder import file_name, write_text
-from meshreel.model.segments import AnySequence, segments_of
+from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -29,7 +29,7 @@ class Store:
     sequence: dict[str, Any]
 
     @classmethod
-    def for_sequence(cls, results: Path, sequence: AnySequence) -> "Store":
+    def for_sequence(cls, results: Path, sequence: MeshSequence) -> "Store":
         """Open or create the store of a sequence within a folder of results."""
         identity = sequence_identity(sequence)
         folder = results / f"{file_name(sequence.name)}-{identity['sha256'][:12]}"
@@ -87,10 +87,10 @@ def without_identities(results: Iterable[Result]) -> list[Result]:
     return [{name: one for name, one in result.items() if name != "identity"} for result in results]
 
 
-def sequence_identity(sequence: AnySequence) -> dict[str, Any]:
+def sequence_identity(sequence: MeshSequence) -> dict[str, Any]:
     """Name, shape and a hash of the content; of several segments the largest counts."""
     digest = hashlib.sha256()
-    segments = segments_of(sequence)
+    segments = sequence.segments
     for segment in segments:
         for array in (segment.read(0, segment.n_frames), segment.faces):
             digest.update(f"{array.dtype.str} {array.shape}".encode())

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.codec.decoder import decode_segments
+from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.evaluation.codecs.measure import METHOD, PEER, MethodSetting
@@ -18,7 +18,7 @@ from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.runs.store import Outcome, Run, finite
 from meshreel.evaluation.runs.timing import REPEATS, machine_facts, seconds_of, timed
 from meshreel.metrics.surface_distance import compare_surfaces
-from meshreel.model.segments import MeshFrame, SegmentedSequence
+from meshreel.model.sequence import MeshFrame, MeshSequence
 from meshreel.runtime.progress import Progress
 
 N_SAMPLES = 20_000
@@ -43,7 +43,7 @@ class Compared:
         return iter(self.frames)
 
 
-def our_run(sequence: SegmentedSequence, setting: MethodSetting, max_compared: int) -> Run:
+def our_run(sequence: MeshSequence, setting: MethodSetting, max_compared: int) -> Run:
     """A run of our codec on positions and faces, whose order is dropped."""
     return Run(
         name=f"{setting.method} {setting.params}",
@@ -59,7 +59,7 @@ def our_run(sequence: SegmentedSequence, setting: MethodSetting, max_compared: i
     )
 
 
-def draco_run(sequence: SegmentedSequence, peer: Draco, bits: float, max_compared: int) -> Run:
+def draco_run(sequence: MeshSequence, peer: Draco, bits: float, max_compared: int) -> Run:
     """A run of Draco, which codes each frame for itself."""
     about = {"codec": peer.name, "summary": peer.summary, "version": package_version(peer)}
     params = peer.params(bits)
@@ -78,22 +78,22 @@ def _comparison(max_compared: int) -> dict[str, Any]:
 
 
 def _measure_ours(
-    sequence: SegmentedSequence, setting: MethodSetting, max_compared: int, progress: Progress
+    sequence: MeshSequence, setting: MethodSetting, max_compared: int, progress: Progress
 ) -> Outcome:
     options = {**dict(setting.options), "order": "drop", "attributes": "none"}
     data, encode_s = timed(
         lambda: encode(sequence, setting.method, **options, progress=progress), REPEATS
     )
-    decoded, decode_s = timed(lambda: decode_segments(data, progress=progress), REPEATS)
+    decoded, decode_s = timed(lambda: decode(data, progress=progress), REPEATS)
     n_connectivity = info(data).budget_bytes.get("connectivity", 0)
-    frames = [decoded.frame(number) for number in _compared(sequence, max_compared)]
+    frames = [decoded[number] for number in _compared(sequence, max_compared)]
     return _outcome(
         sequence, len(data), n_connectivity, (encode_s, decode_s), frames, max_compared, progress
     )
 
 
 def _measure_draco(
-    sequence: SegmentedSequence, bits: int, max_compared: int, progress: Progress
+    sequence: MeshSequence, bits: int, max_compared: int, progress: Progress
 ) -> Outcome:
     draco = import_module("DracoPy")
     originals = [
@@ -125,7 +125,7 @@ def _measure_draco(
 
 
 def _outcome(
-    sequence: SegmentedSequence,
+    sequence: MeshSequence,
     n_bytes: int,
     n_connectivity: int | None,
     seconds: tuple[list[float], list[float]],
@@ -134,7 +134,7 @@ def _outcome(
     progress: Progress,
 ) -> Outcome:
     n_positions = sum(one.n_frames * one.n_verts for one in sequence.segments)
-    original = [sequence.frame(number) for number in _compared(sequence, max_compared)]
+    original = [sequence[number] for number in _compared(sequence, max_compared)]
     figures: dict[str, Any] = {
         "size_bytes": n_bytes,
         "connectivity_bytes": n_connectivity,
@@ -171,7 +171,7 @@ def errors_of(
     return errors
 
 
-def _compared(sequence: SegmentedSequence, max_compared: int) -> list[int]:
+def _compared(sequence: MeshSequence, max_compared: int) -> list[int]:
     """Evenly spaced frames, at most `max_compared`."""
     n_compared = min(sequence.n_frames, max_compared)
     numbers: list[int] = np.linspace(0, sequence.n_frames - 1, n_compared).astype(int).tolist()

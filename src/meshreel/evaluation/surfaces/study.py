@@ -18,13 +18,10 @@ from meshreel.evaluation.surfaces.measure import (
     draco_run,
     our_run,
 )
-from meshreel.model.segments import SegmentedSequence, segments_of
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.documents import Document, Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
-
-Loaded = MeshSequence | SegmentedSequence
 
 METHOD = "reel"
 """The only method that encodes segments at a choice of rates."""
@@ -54,13 +51,12 @@ class SurfaceStudy:
     quick: bool = False
     program: str = "meshreel evaluate"
 
-    def plan(self, sequence: Loaded) -> dict[str, list[Run]]:
+    def plan(self, sequence: MeshSequence) -> dict[str, list[Run]]:
         """The runs of all settings on positions and faces, ours first."""
         segments = [
-            MeshSequence(one.read(0, one.n_frames), one.faces, one.fps)
-            for one in segments_of(sequence)
+            MeshSequence(one.read(0, one.n_frames), one.faces, one.fps) for one in sequence.segments
         ]
-        whole = SegmentedSequence(segments, sequence.name, sequence.start_s)
+        whole = MeshSequence.of_segments(segments, sequence.name, sequence.start_s)
         n_compared = MAX_COMPARED_QUICK if self.quick else MAX_COMPARED
         sizes = whole.n_frames, max(one.n_verts for one in whole.segments)
         settings = method_sweep(METHOD, *sizes, quick=self.quick)

@@ -109,7 +109,8 @@ class TrackInput:
     @property
     def track(self) -> Track:
         """The track."""
-        return self.sequence.tracks[self.name]
+        track: Track = self.sequence.tracks[self.name]
+        return track
 
     @cached_property
     def without(self) -> tuple[int, float]:

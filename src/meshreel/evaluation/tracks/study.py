@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -114,7 +114,7 @@ def with_track_alone(sequence: MeshSequence, name: str) -> MeshSequence:
     InvalidInputError
         If it lacks the track.
     """
-    return replace(sequence, tracks={name: track_by_name(sequence.tracks, name)})
+    return sequence.replace(tracks={name: track_by_name(sequence.tracks, name)})
 
 
 def _identity(name: str, track: Track) -> dict[str, Any]:

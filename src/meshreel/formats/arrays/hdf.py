@@ -45,8 +45,7 @@ from meshreel.formats.hdf import (
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
-from meshreel.model.segments import single_segment
-from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.sequence import FrameSource, Vertices, single_segment
 from meshreel.runtime.extras import HDF
 
 POSITIONS = "vertices"

@@ -100,7 +100,7 @@ class SegmentedStream:
     segments : sequence of StreamedSegment
         At least one.
     fps, name, start_s
-        As in `SegmentedSequence`.
+        As in `MeshSequence`.
     progress : Progress, default silent
         Called after every frame.
     notes : list of str, optional

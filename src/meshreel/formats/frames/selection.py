@@ -1,14 +1,12 @@
 """Selection of the attributes of a sequence."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.model.segments import AnySequence, SegmentedSequence
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import ALL, Names, select
@@ -55,14 +53,11 @@ def with_surface(sequence: FrameSource, surface: Surface) -> FrameSource:
         return sequence.changed(lambda _: surface)
     if not isinstance(sequence, MeshSequence | StoredFrames):
         raise TypeError(f"cannot replace the surface of a {type(sequence).__name__}")
-    return replace(sequence, surface=surface)
+    return sequence.replace(surface=surface)
 
 
-def with_surfaces(sequence: AnySequence, surfaces: Sequence[Surface]) -> AnySequence:
+def with_surfaces(sequence: MeshSequence, surfaces: Sequence[Surface]) -> MeshSequence:
     """Return the sequence with other surfaces, one for each segment."""
-    if not isinstance(sequence, SegmentedSequence):
-        (surface,) = surfaces
-        return with_surface(sequence, surface)
     pairs = zip(sequence.segments, surfaces, strict=True)
     segments = [with_surface(segment, surface) for segment, surface in pairs]
-    return SegmentedSequence(segments, sequence.name, sequence.start_s)
+    return MeshSequence.of_segments(segments, sequence.name, sequence.start_s)

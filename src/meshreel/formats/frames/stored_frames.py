@@ -1,7 +1,7 @@
 """Sequences and tracks that stay in their files until they are read; surveys of their frames."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +64,10 @@ class StoredFrames:
         surface = self.surface.validated(self.n_verts, len(self.faces))
         object.__setattr__(self, "surface", surface)
         check_tracks(self.tracks, self.n_frames, self.n_verts, len(self.faces), surface)
+
+    def replace(self, **changes: Any) -> "StoredFrames":
+        """Return the frames with other values of some parameters."""
+        return replace(self, **changes)
 
     def read(self, start: int, stop: int) -> Vertices:
         """Read the positions of frames start..stop - 1, with the index rules of slices."""

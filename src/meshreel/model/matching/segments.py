@@ -162,8 +162,7 @@ def _assembled(
         if edges is None:
             return None
         surface = replace(surface, hard_edges=edges)
-    return replace(
-        segments[0],
+    return segments[0].replace(
         vertices=np.concatenate([one[:, used] for one in positions]),
         faces=faces.astype(np.int32),
         surface=surface,

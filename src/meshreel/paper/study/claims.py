@@ -3,7 +3,6 @@
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -200,7 +199,7 @@ def long_run(sequence: MeshSequence, table: TableSettings) -> Run:
 
     def measure(progress: Progress) -> Outcome:
         vertices = np.concatenate([sequence.vertices] * n_repeats)
-        repeated = replace(sequence, vertices=vertices)
+        repeated = sequence.replace(vertices=vertices)
         figures: dict[str, Any] = {"n_frames": len(vertices)}
         for number, (name, setting) in enumerate(settings.items()):
             progress(f"{name}, {len(vertices)} frames", number / 2)

@@ -93,7 +93,7 @@ def test_input_whose_faces_change_becomes_segments(tmp_path, out):
     report = run(tmp_path / "in", out, options)
     assert report.summary == "0 up to date, 1 encoded, 0 failed"
     found = facts(out)["scan"]
-    decoded = meshreel.decode_segments(out / "scan.reel")
+    decoded = meshreel.decode(out / "scan.reel")
     assert [one.n_frames for one in decoded.segments] == [3, 2]
     assert [[a.name for a in one.surface.attributes] for one in decoded.segments] == [[], ["uv"]]
     assert 0.1 < found["max_error_percent"] <= 0.3

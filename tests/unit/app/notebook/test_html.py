@@ -47,7 +47,7 @@ def test_framed_player_contains_the_animation_when_it_is_small(reel, kind):
     animation = reel if kind == "file" else waving_grid(12)
     html = animation._repr_html_()
     data = carried(framed_page(html))
-    np.testing.assert_array_equal(decode(data["stream"]).vertices, reel[:])
+    np.testing.assert_array_equal(decode(data["stream"]).vertices, reel[:].vertices)
     assert data["facts"]["name"] == "grid"
 
 

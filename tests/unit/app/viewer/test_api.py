@@ -11,11 +11,10 @@ from meshreel.app.viewer import playable
 from meshreel.app.viewer.api import Api
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.segmented_file import SegmentedReelFile
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.metrics.heat import HEATS
-from meshreel.model.segments import concatenate
-from meshreel.model.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence, concatenate
 from meshreel.model.tracks import Track
 from meshreel.rendering.track_colors import TrackLook
 from samples.meshes import quad_sheet, waving_grid
@@ -107,7 +106,7 @@ def test_stream_is_reencoded_when_its_method_is_unsupported_or_it_is_too_long(me
         assert api.reel.info().method == "reel"
         facts = get_json(api, "api/facts")
         decoded = decode(encode(grid, method))
-        error = np.linalg.norm(api.reel[:] - decoded.vertices, axis=2).max()
+        error = np.linalg.norm(api.reel[:].vertices - decoded.vertices, axis=2).max()
         assert error < 1.01e-5 * api.reel.frame.scale
     assert "re-encoded as reel" in dict(facts["rows"])["shown"]
 
@@ -263,7 +262,7 @@ def test_tracks_of_a_lossless_file_are_exact_when_it_is_reencoded(monkeypatch):
 def segmented():
     grid, sheet = replace(waving_grid(6), fps=24.0), quad_sheet(4)
     data = encode(concatenate([grid, sheet]))
-    with SegmentedReelFile(BytesIO(data)) as file:
+    with ReelFile(BytesIO(data)) as file:
         yield file, data
 
 
@@ -273,7 +272,7 @@ def test_facts_describe_all_segments(segmented):
     assert list(facts) == KEYS
     assert facts["rows"] == [["frames", "10"]]
     assert facts["n_modes"] == list(file.info().n_modes)
-    diagonal = file.segment(0).frame.scale
+    diagonal = file.segments[0].frame.scale
     half = np.abs(facts["swept"]).max(axis=0)
     assert np.linalg.norm(half) == pytest.approx(diagonal / 2, rel=0.01)
 

@@ -89,7 +89,7 @@ def test_live_exact_tracks_are_lossless(tmp_path):
     ids = RNG.integers(0, 9, (12, moving.n_verts), np.int16)
     path = tmp_path / "live.reel"
     with meshreel.Encoder(moving.faces, path, fps=25, block_frames=5) as encoder:
-        for frame, values in zip(moving, ids, strict=True):
+        for frame, values in zip(moving.vertices, ids, strict=True):
             encoder.push(frame, {"id": values})
     with meshreel.open(path) as reel:
         np.testing.assert_array_equal(reel.track("id")[:][..., 0], ids)

@@ -26,7 +26,7 @@ def recorded(frames, bounds=None, **options):
 def test_tracks_of_pushed_frames_are_within_their_bounds():
     frames = [
         (frame, {"heat": meshreel.Track(HEAT[number][None], unit="K"), "again": HEAT[number]})
-        for number, frame in enumerate(GRID)
+        for number, frame in enumerate(GRID.vertices)
     ]
     data = recorded(frames, {"heat": "0.5K"}, block_frames=4)
     found = meshreel.decode(data).tracks
@@ -34,28 +34,28 @@ def test_tracks_of_pushed_frames_are_within_their_bounds():
     assert 0.1 < np.abs(found["heat"].values[..., 0] - HEAT).max() <= 0.5
     first_range = np.ptp(HEAT[:4])
     assert np.abs(found["again"].values[..., 0] - HEAT).max() <= 0.001 * first_range
-    alone = meshreel.decode(recorded([(frame, None) for frame in GRID], block_frames=4))
+    alone = meshreel.decode(recorded([(frame, None) for frame in GRID.vertices], block_frames=4))
     np.testing.assert_array_equal(meshreel.decode(data).vertices, alone.vertices)
 
 
 def test_frame_with_other_tracks_than_the_first_is_refused():
     with meshreel.Encoder(GRID.faces, BytesIO()) as encoder:
-        encoder.push(GRID[0], {"heat": HEAT[0]})
+        encoder.push(GRID[0].vertices, {"heat": HEAT[0]})
         with pytest.raises(InvalidInputError, match="frame 1 has the tracks none; frame 0 has"):
-            encoder.push(GRID[1])
+            encoder.push(GRID[1].vertices)
         with pytest.raises(InvalidInputError, match="float64"):
-            encoder.push(GRID[1], {"heat": HEAT[1].astype(float)})
+            encoder.push(GRID[1].vertices, {"heat": HEAT[1].astype(float)})
         with pytest.raises(InvalidInputError, match="track 'heat': values of shape"):
-            encoder.push(GRID[1], {"heat": HEAT[1][:-1]})
-        encoder.push(GRID[1], {"heat": HEAT[1]})
+            encoder.push(GRID[1].vertices, {"heat": HEAT[1][:-1]})
+        encoder.push(GRID[1].vertices, {"heat": HEAT[1]})
         assert encoder.n_frames == 2
 
 
 def test_bounds_of_unknown_tracks_are_refused_at_the_first_frame():
     encoder = meshreel.Encoder(GRID.faces, BytesIO(), tracks={"heap": 1})
     with pytest.raises(InvalidInputError, match="did you mean 'heat'"):
-        encoder.push(GRID[0], {"heat": HEAT[0]})
+        encoder.push(GRID[0].vertices, {"heat": HEAT[0]})
     with meshreel.Encoder(GRID.faces, BytesIO(), method="pca-qp") as encoder:
         with pytest.raises(InvalidInputError, match="codes positions only"):
-            encoder.push(GRID[0], {"heat": HEAT[0]})
-        encoder.push(GRID[0])
+            encoder.push(GRID[0].vertices, {"heat": HEAT[0]})
+        encoder.push(GRID[0].vertices)

@@ -172,8 +172,8 @@ def test_single_frames_are_decoded_from_their_blocks(tmp_path):
     meshreel.save(sequence, path, options=WriteOptions(lossless=True))
     with meshreel.open(path) as reel:
         assert (reel.method, reel.error_bound) == ("lossless", 0)
-        for chosen in (7, slice(3, 9), [8, 1, 10]):
-            assert_same_bits(reel[chosen], sequence.vertices[chosen])
+        for chosen in (7, slice(3, 9)):
+            assert_same_bits(reel[chosen].vertices, sequence.vertices[chosen])
         assert "bit for bit" in reel._repr_html_()
     part = meshreel.decode(path, frames=slice(4, 6))
     assert_same_bits(part.vertices, sequence.vertices[4:6])

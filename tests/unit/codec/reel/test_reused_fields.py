@@ -77,8 +77,8 @@ def test_block_with_reused_fields_decodes_alone(tmp_path):
     path.write_bytes(meshreel.encode(LOOPED, **OPTIONS))
     together = meshreel.decode(path).vertices
     with meshreel.open(path) as reel:
-        np.testing.assert_array_equal(reel[-1], together[-1])
-        np.testing.assert_array_equal(reel[13], together[13])
+        np.testing.assert_array_equal(reel[-1].vertices, together[-1])
+        np.testing.assert_array_equal(reel[13].vertices, together[13])
 
 
 def test_block_becomes_a_key_block_when_the_previous_one_does_not_help():
@@ -100,7 +100,7 @@ def test_pushed_frames_reuse_fields_and_keep_tracks_across_key_blocks():
     with meshreel.Encoder(
         HELD_FIRST.faces, file, fps=25, tracks={"velocity": "1%"}, **OPTIONS
     ) as encoder:
-        for frame, moves in zip(HELD_FIRST, velocity, strict=True):
+        for frame, moves in zip(HELD_FIRST.vertices, velocity, strict=True):
             encoder.push(frame, {"velocity": meshreel.Track(moves[None], kind="velocity")})
     assert [one.reference for one in layouts(file.getvalue())][:3] == [0, 0, 1]
     found = meshreel.decode(file.getvalue())

@@ -63,7 +63,7 @@ def test_values_of_any_type_and_domain_are_lossless(dtype, domain, is_indexed):
     values = rng.integers(0, 256, (n_rows, 16 * np.dtype(dtype).itemsize), np.uint8).view(dtype)
     indices = rng.integers(0, 7, n_items) if is_indexed else None
     surface = Surface(sizes, (Attribute("odd \u00e9", Kind.OTHER, domain, values, indices),))
-    given = replace(sequence, surface=surface)
+    given = sequence.replace(surface=surface)
     assert_same_surface(meshreel.decode(meshreel.encode(given)).surface, given.surface)
 
 
@@ -367,10 +367,10 @@ def test_no_hard_edges_take_no_bytes_and_all_hard_edges_few():
 
 def test_hard_edge_without_two_faces_is_refused():
     grid = waving_grid(2)
-    given = replace(grid, surface=Surface(hard_edges=np.array([[0, 98]])))
+    given = grid.replace(surface=Surface(hard_edges=np.array([[0, 98]])))
     with pytest.raises(InvalidInputError, match="hard edge 0, 98 must have two or more faces"):
         meshreel.encode(given)
-    given = replace(grid, surface=Surface(hard_edges=np.array([[0, 1]])))  # on the boundary
+    given = grid.replace(surface=Surface(hard_edges=np.array([[0, 1]])))  # on the boundary
     with pytest.raises(InvalidInputError, match="hard edge 0, 1"):
         meshreel.encode(given)
 
@@ -409,7 +409,7 @@ def test_two_sections_of_hard_edges_are_refused():
 
 
 def unordered(sequence):
-    return replace(sequence, surface=replace(sequence.surface, is_ordered=False))
+    return sequence.replace(surface=replace(sequence.surface, is_ordered=False))
 
 
 @pytest.mark.parametrize(
@@ -429,7 +429,7 @@ def test_default_order_is_kept_if_it_has_a_meaning_or_polygons_need_it(sequence,
 def test_order_that_tracks_of_faces_need_is_kept():
     sheet = unordered(waving_grid(3))
     heat = Track(np.zeros((3, len(sheet.faces)), np.float32), domain=Domain.FACE)
-    data = meshreel.encode(replace(sheet, tracks={"heat": heat}), tracks={"heat": "1%"})
+    data = meshreel.encode(sheet.replace(tracks={"heat": heat}), tracks={"heat": "1%"})
     assert meshreel.info(data).order == "keep"
 
 

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
@@ -14,8 +13,7 @@ from samples.meshes import two_sheets, waving_grid
 def grid_with_uvs(values):
     """A grid of 99 vertices with texture coordinates."""
     given = np.asarray(values)
-    return replace(
-        waving_grid(),
+    return waving_grid().replace(
         surface=Surface(None, (Attribute("uv", Kind.UV, Domain.VERTEX, given),)),
     )
 

@@ -8,7 +8,7 @@ from meshreel.evaluation.codecs.peers.protocol import peers_named
 from meshreel.evaluation.pipeline import evaluate
 from meshreel.evaluation.surfaces import measure
 from meshreel.evaluation.surfaces.study import SurfaceStudy
-from meshreel.model.segments import MeshFrame
+from meshreel.model.sequence import MeshFrame
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import silent
 from samples.meshes import waving_grid
@@ -60,7 +60,7 @@ def test_sizes_of_ours_are_those_of_streams_without_order_and_tracks(changing):
     plain = [meshreel.MeshSequence(one.vertices, one.faces, one.fps) for one in changing.segments]
     step = dict(first.setting["options"])["step"]
     data = meshreel.encode(
-        meshreel.SegmentedSequence(plain, "wave"),
+        meshreel.MeshSequence.of_segments(plain, "wave"),
         step=step,
         order="drop",
         effort=dict(first.setting["options"])["effort"],

@@ -314,7 +314,7 @@ def test_second_parameter_of_a_name_is_renamed(tmp_path):
     path = file_with(tmp_path / "a.abc", fill)
     sheet = load(path)
     speed = Track(RNG.normal(size=(N_FRAMES, 6, 3)).astype("f4"), kind="velocity")
-    save(replace(sheet, tracks={**sheet.tracks, "v": speed}), path.with_name("b.abc"))
+    save(sheet.replace(tracks={**sheet.tracks, "v": speed}), path.with_name("b.abc"))
     notes = []
     found = load(path.with_name("b.abc"), notes=notes).tracks
     assert np.array_equal(found["velocities"].values[..., 0], heat)

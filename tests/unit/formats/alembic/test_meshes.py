@@ -6,7 +6,7 @@ from meshreel.formats.load import load
 from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Domain, Kind
 from samples import alembic as sample
-from samples.opening import open_source
+from samples.opening import open_same_faces, open_source
 
 MOVES = [sample.POINTS, sample.POINTS * 2, sample.POINTS * 4]
 
@@ -107,7 +107,7 @@ def test_load_names_the_frame_in_which_faces_change(tmp_path):
     with pytest.raises(
         InvalidInputError, match="frame 2 of /m has 1 face; expected 2 as in frame 0"
     ):
-        load(tmp_path / "a.abc")
+        open_same_faces(tmp_path / "a.abc")
 
 
 def test_load_lists_the_contents_of_a_file_without_meshes(tmp_path):

@@ -39,13 +39,13 @@ def test_frames_of_a_pattern_are_read_with_their_rate(tmp_path, first, counts):
     save_frames(tmp_path / "geo", first)
     path = write_manifest(tmp_path / "liam.manifest", DRCURLPattern="geo/#####.obj", **counts)
     notes = []
-    found = meshreel.load_segments(path, notes=notes)
+    found = meshreel.load(path, notes=notes)
     assert (found.starts, found.fps, found.name) == ((0, 2, 3), 25, "liam")
-    expected = meshreel.load_segments(tmp_path / "geo")
+    expected = meshreel.load(tmp_path / "geo")
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.vertices, other.vertices)
     assert not any("left out: textures" in note for note in notes)
-    assert meshreel.load_segments(path, fps=50).fps == 50
+    assert meshreel.load(path, fps=50).fps == 50
 
 
 def test_frames_of_version_2_are_read_without_textures_and_sound(tmp_path):
@@ -53,7 +53,7 @@ def test_frames_of_version_2_are_read_without_textures_and_sound(tmp_path):
     contents = {**v2(), "audio": {"path": "a[ext]"}, "texture": {"path": "t", "targets": {}}}
     path = write_manifest(tmp_path / "liam.uvol.json", **contents)
     notes = []
-    found = meshreel.load_segments(path, notes=notes)
+    found = meshreel.load(path, notes=notes)
     assert (found.starts, found.fps, found.name) == ((0, 2, 3), 25, "liam")
     assert notes.count("left out: textures, sound of the manifest") == 1
 
@@ -75,7 +75,7 @@ def test_encode_and_info_take_a_manifest(tmp_path):
     path = write_manifest(tmp_path / "liam.json", **v2())
     figures = run_json("encode", path, "-o", tmp_path / "a.reel")
     assert figures["n_segments"] == 2
-    assert meshreel.decode_segments(tmp_path / "a.reel").fps == 25
+    assert meshreel.decode(tmp_path / "a.reel").fps == 25
     [mesh] = run_json("info", path)["meshes"]
     assert (mesh["n_segments"], mesh["fps"]) == (2, 25)
     split = run_json("convert", path, "-o", tmp_path / "b.npz", "--split")
@@ -109,7 +109,7 @@ def test_other_manifests_are_refused_with_the_reason(tmp_path, contents, message
     save_frames(tmp_path / "geo")
     path = write_manifest(tmp_path / "a.manifest", **contents)
     with pytest.raises(FormatError, match=rf"a\.manifest: .*{message}"):
-        meshreel.load_segments(path)
+        meshreel.load(path)
 
 
 def test_json_of_other_contents_is_refused(tmp_path):

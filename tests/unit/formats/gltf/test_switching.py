@@ -52,7 +52,7 @@ def switching(by, shown):
 @pytest.mark.parametrize("by", ["visible", "scale"])
 def test_meshes_shown_in_turn_are_segments(tmp_path, by):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 0, 0], "back": [0, 0, 0, 1, 1]}
-    loaded = meshreel.load_segments(switching(by, shown).save(tmp_path / "a.glb"))
+    loaded = meshreel.load(switching(by, shown).save(tmp_path / "a.glb"))
     assert loaded.starts == (0, 2, 3, 5)
     assert loaded.fps == 4
     for segment, faces in zip(loaded.segments, FACES.values(), strict=True):
@@ -65,14 +65,14 @@ def test_meshes_shown_in_turn_are_segments(tmp_path, by):
 @pytest.mark.parametrize("by", ["visible", "scale"])
 def test_a_mesh_that_returns_is_a_further_segment(tmp_path, by):
     shown = {"tri": [1, 0, 0, 1, 1], "quad": [0, 1, 1, 0, 0]}
-    loaded = meshreel.load_segments(switching(by, shown).save(tmp_path / "a.gltf"))
+    loaded = meshreel.load(switching(by, shown).save(tmp_path / "a.gltf"))
     assert loaded.starts == (0, 1, 3, 5)
     assert (loaded.n_segments, loaded.n_meshes) == (3, 2)
 
 
 def test_nodes_shown_together_are_parts_of_a_segment(tmp_path):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1], "back": [0, 0, 1, 1, 1]}
-    loaded = meshreel.load_segments(switching("visible", shown).save(tmp_path / "a.glb"))
+    loaded = meshreel.load(switching("visible", shown).save(tmp_path / "a.glb"))
     assert loaded.starts == (0, 2, 5)
     assert [part.name for part in loaded.segments[1].surface.parts] == ["/quad", "/back"]
 
@@ -82,14 +82,14 @@ def test_visibility_of_a_node_above_hides_its_meshes(tmp_path):
     child = file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad", is_root=False)
     parent = file.node(children=[child], name="group")
     show(file, parent, [0, 0, 1, 1, 1], "visible")
-    loaded = meshreel.load_segments(file.save(tmp_path / "a.glb"))
+    loaded = meshreel.load(file.save(tmp_path / "a.glb"))
     assert loaded.starts == (0, 2, 5)
     assert loaded.segments[1].n_verts == 4
 
 
 def test_frames_without_a_mesh_at_the_ends_are_left_out(tmp_path):
     shown = {"tri": [0, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 0]}
-    loaded = meshreel.load_segments(switching("visible", shown).save(tmp_path / "a.glb"))
+    loaded = meshreel.load(switching("visible", shown).save(tmp_path / "a.glb"))
     assert (loaded.starts, loaded.start_s) == ((0, 1, 3), 0.25)
 
 
@@ -97,7 +97,7 @@ def test_animation_of_meshes_continues_while_they_are_shown(tmp_path):
     file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
     for node in (0, 1):
         file.animate(node, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
-    loaded = meshreel.load_segments(file.save(tmp_path / "a.glb"), fps=4)
+    loaded = meshreel.load(file.save(tmp_path / "a.glb"), fps=4)
     moved = [frame.vertices[0, 0] for frame in loaded]
     np.testing.assert_allclose(moved, [0, 1, 2, 3, 4], atol=1e-6)
 
@@ -153,7 +153,7 @@ def test_visibility_must_step(tmp_path):
     file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
     file.json["animations"][0]["samplers"][0]["interpolation"] = "LINEAR"
     with pytest.raises(FormatError, match="STEP, as visibility is not a number"):
-        meshreel.load_segments(file.save(tmp_path / "a.glb"), animation=0)
+        meshreel.load(file.save(tmp_path / "a.glb"), animation=0)
 
 
 def test_pointers_to_missing_nodes_and_other_properties(tmp_path):
@@ -163,11 +163,11 @@ def test_pointers_to_missing_nodes_and_other_properties(tmp_path):
     channel = file.json["animations"][0]["channels"][-1]
     channel["target"] = {"path": "pointer", "extensions": {POINTER: other}}
     notes = []
-    assert meshreel.load_segments(file.save(tmp_path / "a.glb"), notes=notes).n_segments == 2
+    assert meshreel.load(file.save(tmp_path / "a.glb"), notes=notes).n_segments == 2
     assert f"left out: animated properties: {other['pointer']}" in notes
     channel["target"] = pointer_target(7)
     with pytest.raises(FormatError, match="a pointer to one of 2 nodes"):
-        meshreel.load_segments(file.save(tmp_path / "b.glb"), animation=0)
+        meshreel.load(file.save(tmp_path / "b.glb"), animation=0)
 
 
 def changing():
@@ -185,7 +185,7 @@ def test_segments_survive_writing_and_reading(tmp_path, keeps_extras):
         removed = [node.pop("extras") for node in document["nodes"] if "extras" in node]
         assert len(removed) == 3
         (tmp_path / "a.gltf").write_text(json.dumps(document))
-    loaded = meshreel.load_segments(tmp_path / "a.gltf")
+    loaded = meshreel.load(tmp_path / "a.gltf")
     assert loaded.starts == sequence.starts
     for actual, expected in zip(loaded, sequence, strict=True):
         assert len(actual.faces) == len(expected.faces)

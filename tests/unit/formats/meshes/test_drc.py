@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.load import load, load_segments
+from meshreel.formats.load import load
 from meshreel.formats.meshes.drc import parse_drc, parse_drc_surface
 from meshreel.formats.registry import described_formats
 from samples.meshes import grid_faces, waving_grid
@@ -159,7 +159,7 @@ def test_frames_with_changing_faces_are_segments(tmp_path):
     for number, frame in enumerate(grid.vertices):
         written(tmp_path / f"{number + 2}.drc", frame, grid.faces.astype(np.uint32))
     notes = []
-    found = load_segments(tmp_path, notes=notes)
+    found = load(tmp_path, notes=notes)
     assert [one.n_frames for one in found.segments] == [2, 2]
     assert [one.n_verts for one in found.segments] == [60, grid.n_verts]
 
@@ -170,7 +170,7 @@ def test_notes_of_segments_that_differ_in_numbers_are_combined(tmp_path):
     for number, n_faces in enumerate((80, 90), 1):
         written(tmp_path / f"{number}.drc", points, faces[:n_faces], tex_coord=uv)
     notes = []
-    load_segments(tmp_path, notes=notes)
+    load(tmp_path, notes=notes)
     [welded] = [note for note in notes if note.startswith("welded")]
     assert welded == (
         "welded 65 points that Draco split at seams to 60 vertices; other segments similarly"

@@ -7,7 +7,7 @@ import meshreel
 from meshreel.app.batch.discovery import find_inputs
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.inspection import inspect_source
-from meshreel.formats.load import load, load_segments
+from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import files_of_source, find_files
@@ -129,7 +129,7 @@ def test_deleted_elements_begin_a_segment_and_leave_no_nodes(tmp_path):
     alive = [[1, 2, 3, 3, 2], [1, 2, 3, 3, 2], [1, 0, 3, 3, 2], [1, 0, 0, 3, 2]]
     states = [state(index, moved(index), alive[index]) for index in range(4)]
     path = write_family(tmp_path / "d3plot", whole_model(**DELETION), [states])
-    found = load_segments(path)
+    found = load(path)
     assert [one.n_frames for one in found.segments] == [2, 1, 1]
     assert [np.bincount(one.surface.groups[0].numbers, minlength=3).tolist() for one in
             found.segments] == [[5, 5, 2], [6, 0, 2], [6, 0, 1]]  # fmt: skip
@@ -144,7 +144,7 @@ def test_deleted_nodes_delete_their_elements(tmp_path):
     visible = np.ones((2, 8))
     visible[1, 7] = 0
     states = [state(index, model.nodes, visible[index]) for index in range(2)]
-    found = load_segments(write_family(tmp_path / "d3plot", model, [states]))
+    found = load(write_family(tmp_path / "d3plot", model, [states]))
     assert [len(one.faces) for one in found.segments] == [6, 4]
 
 
@@ -153,7 +153,7 @@ def test_frames_without_elements_are_an_error(tmp_path):
     states = [state(index, model.nodes, [1 - index] * 3) for index in range(2)]
     path = write_family(tmp_path / "d3plot", model, [states])
     with pytest.raises(FormatError, match="all elements with faces are deleted"):
-        load_segments(path)
+        load(path)
 
 
 def test_results_at_nodes_are_tracks(tmp_path):
@@ -278,7 +278,7 @@ def test_adapted_meshes_replace_later_states_and_begin_segments(tmp_path):
     states = [state(index, coarse.nodes) for index in range(4)]
     write_family(tmp_path / "d3plot", coarse, [states])
     write_family(tmp_path / "d3plotaa", fine, [[state(time, fine.nodes) for time in (2, 3, 4)]])
-    found = load_segments(tmp_path / "d3plot")
+    found = load(tmp_path / "d3plot")
     assert [(one.n_frames, len(one.faces)) for one in found.segments] == [(2, 4), (3, 10)]
     assert found.fps == 1
 
@@ -343,7 +343,7 @@ def test_damaged_files_are_an_error_or_readable(tmp_path):
         path.write_bytes(damaged)
         (tmp_path / "d3plot01").write_bytes(padded(member))
         with contextlib.suppress(MeshReelError):
-            load_segments(path)
+            load(path)
 
 
 def test_frames_stay_in_the_files_until_they_are_read(tmp_path):
@@ -374,7 +374,7 @@ def test_deleted_elements_survive_encoding(tmp_path):
     alive = [[1, 2, 3, 3, 2], [1, 0, 3, 3, 2], [1, 0, 0, 3, 2]]
     states = [state(index, moved(index), alive[index]) for index in range(3)]
     path = write_family(tmp_path / "d3plot", whole_model(**DELETION), [states])
-    found = load_segments(path)
+    found = load(path)
     data = meshreel.encode(found, max_error="0.001u")
     for number, one in enumerate(found.segments):
         back = meshreel.decode(data, segment=number)

@@ -5,7 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
-from meshreel.formats.load import load, load_segments
+from meshreel.formats.load import load
 from samples.datasets import damaged_versions, positions_of
 from samples.ensight import FORMATS, block, case, geometry, part, variable
 
@@ -169,7 +169,7 @@ def test_changing_elements_begin_a_segment(tmp_path):
     path = moving(tmp_path, "<")
     one = part("<", 1, "sheet", STEPS[2], block("<", "tria3", TRIANGLES[:1]))
     (tmp_path / "g007").write_bytes(geometry("<", one))
-    found = load_segments(path)
+    found = load(path)
     assert [(one.n_frames, len(one.faces)) for one in found.segments] == [(2, 2), (1, 1)]
     data = meshreel.encode(found, max_error="0.001u")
     for number, segment in enumerate(found.segments):
@@ -285,5 +285,5 @@ def test_damaged_files_are_an_error_or_readable(tmp_path, form):
         for damaged in damaged_versions(data, 60, 500):
             (tmp_path / name).write_bytes(damaged)
             with contextlib.suppress(MeshReelError):
-                load_segments(path)
+                load(path)
         (tmp_path / name).write_bytes(data)

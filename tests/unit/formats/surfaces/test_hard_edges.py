@@ -20,7 +20,9 @@ from samples.meshes import cake, cake_normals, hard_box, hard_sheet, quad_sheet,
 
 def polygons_of(sequence):
     sizes = sequence.surface.sizes(sequence.n_faces)
-    return PolygonMesh(sequence[0], sizes.astype(np.int64), join_fans(sizes, sequence.faces))
+    return PolygonMesh(
+        sequence.vertices[0], sizes.astype(np.int64), join_fans(sizes, sequence.faces)
+    )
 
 
 def ascending(edges):
@@ -28,7 +30,7 @@ def ascending(edges):
 
 
 def computed(sequence):
-    return corner_normals(sequence[0], sequence.faces, sequence.surface)
+    return corner_normals(sequence.vertices[0], sequence.faces, sequence.surface)
 
 
 @pytest.mark.parametrize("make", [hard_box, hard_sheet])
@@ -41,7 +43,7 @@ def test_hard_edges_are_recovered_from_their_normals(make):
     # A hard edge that ends inside a fan does not change normals, so it cannot be recovered.
     given = ascending(sequence.surface.hard_edges)
     assert {*map(tuple, ascending(found.edges))} <= {*map(tuple, given)}
-    kept = corner_normals(sequence[0], sequence.faces, surface_with(sequence, found.edges))
+    kept = corner_normals(sequence.vertices[0], sequence.faces, surface_with(sequence, found.edges))
     np.testing.assert_allclose(kept, computed(sequence), atol=1e-12)
 
 
@@ -79,11 +81,11 @@ def test_nearest_candidate_set_of_hard_edges_is_chosen():
     next_one = {*dart[0].tolist()}
     touching = [e for e in sheet.surface.hard_edges if len(next_one & {*e.tolist()}) == 1]
     edges = np.array([dart[0], *touching])
-    given = corner_normals(sheet[0], sheet.faces, surface_with(sheet, edges))
+    given = corner_normals(sheet.vertices[0], sheet.faces, surface_with(sheet, edges))
     found = find_hard_edges(polygons_of(sheet), given)
     if found.edges is not None:
         assert {*map(tuple, ascending(found.edges))} <= {*map(tuple, ascending(edges))}
-    kept = corner_normals(sheet[0], sheet.faces, surface_with(sheet, found.edges))
+    kept = corner_normals(sheet.vertices[0], sheet.faces, surface_with(sheet, found.edges))
     np.testing.assert_allclose(kept, given, atol=1e-12)
 
 
@@ -98,7 +100,7 @@ def test_normals_with_large_errors_are_counted():
 def test_faceted_surface_has_only_hard_edges():
     grid = waving_grid(1, 60, 60)
     mesh = polygons_of(grid)
-    found = find_hard_edges(mesh, np.repeat(face_normals(grid[0], grid.faces), 3, axis=0))
+    found = find_hard_edges(mesh, np.repeat(face_normals(grid.vertices[0], grid.faces), 3, axis=0))
     assert len(found.edges) == found.n_shared
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshreel.formats.load import load_segments
+from meshreel.formats.load import load
 from samples.meshes import grid_faces, waving_grid
 
 pytest.importorskip("vtkmodules")
@@ -149,13 +149,13 @@ def write_vtkhdf(folder, meshes):
 @pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
 def test_polygons_that_change_become_segments_with_their_arrays(tmp_path, write):
     source = write(tmp_path, [sheet(frame) for frame in range(len(ROWS))])
-    assert_sheets(load_segments(source, fps=1 / STEP_S))
+    assert_sheets(load(source, fps=1 / STEP_S))
 
 
 @pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
 def test_boundaries_of_solid_cells_that_change_become_segments(tmp_path, write):
     source = write(tmp_path, [stack(frame) for frame in range(len(N_LAYERS))])
-    found = load_segments(source, fps=1 / STEP_S)
+    found = load(source, fps=1 / STEP_S)
     assert found.starts == STARTS
     for segment, start in zip(found.segments, STARTS, strict=False):
         n_layers = N_LAYERS[start]
@@ -194,7 +194,7 @@ def test_xdmf_grids_that_change_become_segments(tmp_path):
     (tmp_path / "a.xdmf").write_text(
         f'<Xdmf Version="3.0"><Domain>{text}{"".join(grids)}</Grid></Domain></Xdmf>'
     )
-    assert_sheets(load_segments(tmp_path / "a.xdmf"))
+    assert_sheets(load(tmp_path / "a.xdmf"))
 
 
 def item(values):
@@ -213,7 +213,7 @@ def test_array_that_only_later_steps_of_vtkhdf_have_is_left_out_with_a_note(tmp_
     meshes = [sheet(frame) for frame in range(len(ROWS))]
     with_array(meshes[3].GetPointData(), "late", heat_of(3))
     notes = []
-    found = load_segments(write_vtkhdf(tmp_path, meshes), notes=notes)
+    found = load(write_vtkhdf(tmp_path, meshes), notes=notes)
     assert_sheets(found)
     [note] = [note for note in notes if "late" in note]
     assert note.startswith("left out: arrays: late, with offsets for ")

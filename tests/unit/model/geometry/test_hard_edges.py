@@ -29,7 +29,7 @@ def test_corner_normals_are_vertex_normals_without_hard_edges():
 
 def test_corner_normals_are_face_normals_when_all_edges_are_hard():
     box = hard_box()
-    normals = meshreel.corner_normals(box[2], box.faces, box.surface)
+    normals = meshreel.corner_normals(box.vertices[2], box.faces, box.surface)
     axes = [[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [-1, 0, 0], [1, 0, 0]]
     np.testing.assert_allclose(normals.reshape(6, 4, 3), np.repeat(np.array(axes)[:, None], 4, 1))
 
@@ -106,4 +106,4 @@ def test_hard_edge_is_rejected_when_the_mesh_has_no_such_edge():
     grid = waving_grid(1)
     surface = Surface(hard_edges=np.array([[0, 50]], np.int32))
     with pytest.raises(InvalidInputError, match="hard edge 0, 50 must have two or more faces"):
-        meshreel.corner_normals(grid[0], grid.faces, surface)
+        meshreel.corner_normals(grid[0].vertices, grid.faces, surface)

@@ -34,6 +34,7 @@ from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.metrics.rate import rate_bpvf
+from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import prefetch
@@ -87,7 +88,7 @@ def encode(
         data = min(data, other, key=len)
     if bound is not None:
         achieved = measure_stream(
-            source.sequence,
+            MeshSequence.of_segments([source.sequence]),
             data,
             extent=source.extent,
             progress=progress,
