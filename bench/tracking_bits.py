@@ -13,9 +13,11 @@ import meshreel
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding import basis_coding
-from meshreel.codec.reel.normative.payloads import read_basis, write_basis
+from meshreel.codec.reel.normative.payloads import write_basis
+from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.codec.subspace.pca import eigen_trajectories
 from meshreel.evaluation.rate_distortion import bd_rate
+from meshreel.kernel.fields import decode_fields
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
 from speed_tables import table
@@ -107,7 +109,8 @@ def temporal_bases(data: bytes) -> list[Integers]:
             opened.file.group(number).n_modes,
         )
         n_frames = opened.file.block(number).n_frames
-        found.append(read_basis(basis, n_modes, 3, n_frames).astype(np.int64))
+        integers = decode_fields(basis, n_modes, 3 * n_frames, time_order(3, n_frames))
+        found.append(integers.reshape(n_modes, 3, n_frames).astype(np.int64))
     return found
 
 

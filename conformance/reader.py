@@ -430,8 +430,8 @@ def without_missing(values, group, shape, items):
     return values
 
 
-def read_integers(group, n_frames, n_columns, items):
-    """Return the integers of a track in a block."""
+def read_layout(group, n_frames, n_columns):
+    """Return the layout of a track in a block."""
     is_first = "BLOCK" in group
     head, layout = Payload(group["BLOCK" if is_first else "TRACK_BLOCK"]), Payload(group["FIELDS"])
     if is_first:
@@ -457,12 +457,6 @@ def read_integers(group, n_frames, n_columns, items):
         need(0 < n_reused <= n_modes and 0 < finer < 1e6)
     layout.end()
     need(1 <= size <= 16 and n_learned <= 255 and 0 < step < 1e6)
-    corrections = 0.0, {}
-    if "CORRECTIONS" in group:
-        corrections = read_corrections(group["CORRECTIONS"], n_columns, n_frames, items.n)
-    passes = passes_of(items.resolutions(size))
-    times = passes_by_times(n_columns, n_frames, resting_times(rests))
-    times = pass_of_cosines(n_columns, n_frames) if cosines else times
     return {
         "frames": n_frames,
         "modes": n_modes,
@@ -475,8 +469,22 @@ def read_integers(group, n_frames, n_columns, items):
         **({"cosines": 1} if cosines else {}),
         **({"adaptive": 1} if is_adaptive else {}),
         **({"reused": n_reused, "finer": finer} if n_reused else {}),
+    }
+
+
+def read_integers(group, n_frames, n_columns, items):
+    """Return the layout and the integers of a track in a block."""
+    layout = read_layout(group, n_frames, n_columns)
+    n_modes, n_new = layout["modes"], layout["modes"] - layout.get("reused", 0)
+    corrections = 0.0, {}
+    if "CORRECTIONS" in group:
+        corrections = read_corrections(group["CORRECTIONS"], n_columns, n_frames, items.n)
+    passes = passes_of(items.resolutions(layout["stencil"]))
+    times = passes_by_times(n_columns, n_frames, resting_times(layout.get("rests", [])))
+    times = pass_of_cosines(n_columns, n_frames) if "cosines" in layout else times
+    return layout | {
         "basis": read_fields(group["BASIS"], n_modes, times),
-        "coefficients": read_fields(group["COEFFICIENTS"], n_modes - n_reused, passes),
+        "coefficients": read_fields(group["COEFFICIENTS"], n_new, passes),
         "correction step": corrections[0],
         "corrections": corrections[1],
     }

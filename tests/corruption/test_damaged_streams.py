@@ -13,13 +13,13 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.reel.normative.payloads import read_layout, write_layout
+from meshreel.codec.reel.normative.payloads import write_layout
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from meshreel.formats.reel import open as open_reel
 from samples.costs import draws
 from samples.materials import dressed_sheet
 from samples.meshes import irregular_sequence, two_sheets, waving_grid
-from samples.streams import Stream, parts_of, raw_stream
+from samples.streams import Stream, layout_of, layouts, parts_of, raw_stream
 
 ROOT = Path(__file__).parents[2]
 
@@ -142,16 +142,18 @@ def test_a_missing_section_is_detected():
 
 def referring_to(stream, number, reference, stencil_size=None):
     """Return a stream of `reel` with another reference of the block of this number."""
+    layout = layout_of(stream.block(number), stream.file.block(number).n_frames)
+    changes = {"reference": reference, "stencil_size": stencil_size or layout.stencil_size}
+    return with_layout(stream, number, replace(layout, **changes))
+
+
+def with_layout(stream, number, layout):
+    """Return a stream of `reel` with another layout of the block of this number."""
     parts, n_blocks = [], -1
     for section, payload in parts_of(stream):
         n_blocks += section is Section.BLOCK
-        if section is Section.FIELDS and n_blocks == number:
-            layout = read_layout(payload)
-            layout = replace(
-                layout, reference=reference, stencil_size=stencil_size or layout.stencil_size
-            )
-            payload = write_layout(layout)
-        parts.append((section, payload))
+        is_changed = section is Section.FIELDS and n_blocks == number
+        parts.append((section, write_layout(layout) if is_changed else payload))
     return raw_stream(stream.header, parts)
 
 
@@ -175,13 +177,11 @@ def test_invalid_references_are_refused(changes, message):
 def test_more_reused_fields_than_modes_are_refused(n_reused):
     data = (ROOT / "conformance" / "streams" / "reused_fields.reel").read_bytes()
     stream = Stream(data)
-    parts = []
-    for section, payload in parts_of(stream):
-        if section is Section.FIELDS and read_layout(payload).n_reused:
-            payload = write_layout(replace(read_layout(payload), n_reused=n_reused))
-        parts.append((section, payload))
+    number, layout = next(
+        (number, layout) for number, layout in enumerate(layouts(data)) if layout.n_reused
+    )
     with pytest.raises(CorruptStreamError, match="reused fields"):
-        decode(raw_stream(stream.header, parts))
+        decode(with_layout(stream, number, replace(layout, n_reused=n_reused)))
 
 
 def test_a_block_without_its_reference_decodes():

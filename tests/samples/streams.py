@@ -4,12 +4,14 @@ from functools import cached_property
 
 import numpy as np
 
-from conformance.reader import read_track
+from conformance.reader import read_layout, read_track
 from meshreel.codec.bitstream.container import Header, write_header, write_sections
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import whole_stream
+from meshreel.codec.reel.normative.fields import Layout
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS, Coding, Sharing, TrackHeader
+from meshreel.kernel.basis import Rests
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.structures import NUMBER_TYPES
 
@@ -68,6 +70,26 @@ class Stream:
             for one in self.file.sections(start, stop)
             if one.is_known
         ]
+
+
+def layouts(data):
+    """Return the layout of the positions in each block of `reel`, read by the plain reader."""
+    stream = Stream(data)
+    return [
+        layout_of(stream.block(number), stream.file.block(number).n_frames)
+        for number in range(len(stream.groups))
+    ]
+
+
+def layout_of(sections, n_frames):
+    """Return the layout of the positions in a block, given its sections by id."""
+    read = read_layout({section.name: data for section, data in sections.items()}, n_frames, 3)
+    rests = Rests(tuple(map(tuple, read.get("rests", []))), read.get("rest bits", 0))
+    return Layout(
+        np.float32(read["step"]), read["stencil"], read["learned"], read["reference"],
+        read["precision"] == 4, read.get("reused", 0), np.float32(read.get("finer", 0.0)),
+        rests, "cosines" in read, "adaptive" in read,
+    )  # fmt: skip
 
 
 def track_headers(data):

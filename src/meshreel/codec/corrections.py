@@ -35,20 +35,10 @@ class Corrections:
         """Displacements of shape (N, 3), in diagonals."""
         return np.asarray(self.offsets * float(self.step))
 
-
-def corrections_by_frame(corrections: Corrections, n_frames: int, output: Integers) -> Moves:
-    """Group the corrections of a block by frame, with ascending output vertices.
-
-    Parameters
-    ----------
-    n_frames : int
-    output : integer array of shape (V,)
-        Output number of each internal vertex.
-    """
-    output_vertices = output[corrections.vertices]
-    order = np.lexsort((output_vertices, corrections.frames))
-    starts = np.searchsorted(corrections.frames[order], np.arange(n_frames + 1))
-    vertices = output_vertices[order].astype(np.int32)
-    return Moves(
-        starts.astype(np.int64), vertices, np.ascontiguousarray(corrections.displacements[order])
-    )
+    def by_frame(self, n_frames: int) -> Moves:
+        """Group the displacements by frame, with ascending vertices."""
+        order = np.lexsort((self.vertices, self.frames))
+        starts = np.searchsorted(self.frames[order], np.arange(n_frames + 1))
+        vertices = self.vertices[order].astype(np.int32)
+        displacements = np.ascontiguousarray(self.displacements[order])
+        return Moves(starts.astype(np.int64), vertices, displacements)

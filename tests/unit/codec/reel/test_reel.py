@@ -11,18 +11,19 @@ from meshreel.codec.inspect import info
 from meshreel.codec.reel.encoding.analysis import FieldChoices, analyze_fields
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.normative.blocks import write_field_block
-from meshreel.codec.reel.normative.fields import decode_basis, decoded_values
+from meshreel.codec.reel.normative.fields import decode_basis
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.reel.normative.payloads import read_basis, read_layout
+from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.kernel import fields as field_coder
 from meshreel.kernel.mesh import N_NEIGHBORS
+from meshreel.kernel.predict import decode_values
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 from samples.resolutions import core_resolutions
-from samples.streams import Stream, parts_of, raw_stream
+from samples.streams import Stream, layout_of, layouts, parts_of, raw_stream
 
 STENCIL = FieldChoices(1.0).stencil_size
 
@@ -63,7 +64,8 @@ def wanted_fields(block, matrices):
 
 def decoded_fields(block, mesh):
     """Decoded fields of shape (V, K), in internal order."""
-    return float(block.layout.step) * decoded_values(block.fields, block.layout, mesh)[mesh.number]
+    values = decode_values(mesh.hierarchy, block.fields, block.layout.n_learned)
+    return float(block.layout.step) * values[mesh.number]
 
 
 def test_finer_steps_reduce_the_error():
@@ -109,10 +111,11 @@ def test_basis_vectors_are_accurate_when_their_step_is_fine():
 def test_integers_of_a_block_round_trip():
     _, mesh, block = analyzed(0.0005, sequence=irregular_sequence(20))
     sections = dict(write_field_block(block, mesh))
-    assert read_layout(sections[Section.FIELDS]) == block.layout
+    assert layout_of(sections, 20) == block.layout
     has_cosines = block.layout.has_cosines
-    times = read_basis(sections[Section.BASIS], block.n_modes, 3, 20, has_cosines=has_cosines)
-    np.testing.assert_array_equal(times, block.basis)
+    order = time_order(3, 20, block.layout.rests, has_cosines=has_cosines)
+    times = field_coder.decode_fields(sections[Section.BASIS], block.n_modes, 60, order)
+    np.testing.assert_array_equal(times.reshape(block.basis.shape), block.basis)
     coded = sections[Section.COEFFICIENTS]
     fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.coding_order)
     np.testing.assert_array_equal(fields, block.fields)
@@ -217,7 +220,7 @@ def test_layouts_of_other_builds_are_refused(number):
 def test_frames_are_summed_in_float64_for_fine_steps(step, is_single):
     sequence = waving_grid()
     data = encode(sequence, "reel", step=step)
-    assert read_layout(Stream(data).block(0)[Section.FIELDS]).is_single is is_single
+    assert layouts(data)[0].is_single is is_single
     error = np.abs(decode(data).vertices - sequence.vertices).max()
     assert error < 6 * step * np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
 

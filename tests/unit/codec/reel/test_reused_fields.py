@@ -1,20 +1,15 @@
 """Blocks that reuse fields of their key block, and new key blocks."""
 
-from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding import analysis
-from meshreel.codec.reel.normative.fields import Layout
-from meshreel.codec.reel.normative.payloads import read_layout, write_layout
-from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.runtime.engine.engine import open_engine
 from samples.meshes import grid_faces
-from samples.streams import Stream
+from samples.streams import layouts
 
 N, SIDE = 60, 17
 PLACES = np.stack(np.meshgrid(*[np.linspace(0, 1, SIDE)] * 2), axis=-1).reshape(-1, 2)
@@ -37,13 +32,6 @@ HELD_FIRST = meshreel.MeshSequence(
     np.concatenate([waves(np.ones((12, 1)), 1), waves(TIMES, *range(1, 17))]), LOOPED.faces
 )
 OPTIONS = {"quality": 85, "block_frames": 12}
-
-
-def layouts(data):
-    """Layout of each block."""
-    stream = Stream(data)
-    blocks = map(stream.block, range(len(stream.groups)))
-    return [read_layout(block[Section.FIELDS]) for block in blocks]
 
 
 @pytest.mark.slow
@@ -105,23 +93,3 @@ def test_pushed_frames_reuse_fields_and_keep_tracks_across_key_blocks():
     assert [one.reference for one in layouts(file.getvalue())][:3] == [0, 0, 1]
     found = meshreel.decode(file.getvalue())
     assert meshreel.compare(HELD_FIRST, found).kg_error_percent < 2
-
-
-@pytest.mark.parametrize("is_single", [False, True])
-def test_layout_with_reused_fields_round_trips(is_single):
-    known = Layout(np.float32(0.1), 16, 32, 300, is_single, 200, np.float32(2.5))
-    payload = write_layout(known)
-    assert read_layout(payload) == known
-    with pytest.raises(TruncatedStreamError, match="cut off"):
-        read_layout(payload[:-1])
-    with pytest.raises(CorruptStreamError, match="1 unread bytes"):
-        read_layout(payload + b"\0")
-
-
-@pytest.mark.parametrize(
-    "changes", [{"n_reused": 3, "reference": 0}, {"finer": np.float32(np.nan)}]
-)
-def test_layout_without_reusable_fields_is_refused(changes):
-    known = Layout(np.float32(0.1), 16, 32, 1, False, 3, np.float32(4.0))
-    with pytest.raises(CorruptStreamError):
-        read_layout(write_layout(replace(known, **changes)))

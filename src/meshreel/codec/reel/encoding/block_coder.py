@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.reel.encoding.analysis import (
     AnalyzedFields,
     FieldChoices,
@@ -21,11 +19,13 @@ from meshreel.codec.reel.encoding.analysis import (
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.corrections import check_error_bound, corrections_of_block
 from meshreel.codec.reel.encoding.effort import choices_of
-from meshreel.codec.reel.normative.blocks import layout_of, read_field_block, write_field_block
+from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
 from meshreel.codec.reel.normative.mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.kernel.fields import decode_fields, encode_fields
+from meshreel.kernel.predict import decode_values
 from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
 
 Vertices = npt.NDArray[np.floating]
@@ -102,10 +102,7 @@ class FieldBlockCoder:
         with one_blas_thread():
             key_fields = None if key is None else key.fields
             analyzed = analyze_fields(frames.block, self.mesh, self.choices, key_fields, reference)
-            if (
-                key is not None
-                and len(analyzed.block.fields) > MAX_NEW_MODE_RATIO * key.block.n_modes
-            ):
+            if key is not None and len(analyzed.block.fields) > MAX_NEW_MODE_RATIO * key.n_modes:
                 analyzed = analyze_fields(frames.block, self.mesh, self.choices)
             corrections = None
             if self.bound is not None:
@@ -119,7 +116,10 @@ class FieldBlockCoder:
         return CodedFrames(
             sections=self.sections_of(analyzed.block, self.mesh, corrections),
             analyzed=analyzed,
-            key=KeyBlock(self.mesh, analyzed.block, analyzed.new_fields),
+            corrections=corrections,
+            key=KeyBlock(
+                self.mesh, analyzed.block.fields, self.choices.n_learned, analyzed.new_fields
+            ),
             is_key=not analyzed.block.layout.reference,
         )
 
@@ -157,7 +157,7 @@ class CodedFrames:
     sections : iterator of (Section, bytes)
         Entropy coded while iterated, which is possible once.
     analyzed : AnalyzedFields
-        Fields, without corrections.
+    corrections : Corrections or None
     key : KeyBlock
         The block as a key block.
     is_key : bool
@@ -166,20 +166,23 @@ class CodedFrames:
 
     sections: Iterator[tuple[Section, bytes]]
     analyzed: AnalyzedFields
+    corrections: Corrections | None
     key: "KeyBlock"
     is_key: bool
 
     def decoded(self, frames: "FieldFrames") -> Vertices:
-        """Decode the positions of these frames, without corrections."""
+        """Decoded positions of these frames, in internal order."""
         out = np.empty(frames.block.vertices.shape, frames.block.vertices.dtype)
-        pieces = chunks(len(out), DECODED_FRAMES)
+        moves = None if self.corrections is None else self.corrections.by_frame(len(out))
 
         def fill(piece: slice) -> None:
             numbers = range(piece.start, piece.stop)
-            self.analyzed.decoded.fill(out[piece], numbers, frames.block.frame.placement)
+            moves_here = None if moves is None else moves.of_frames(numbers)
+            joint.fill(out[piece], numbers, frames.block.frame.placement, moves_here)
 
-        self.analyzed.decoded.pack()
-        in_threads(fill, pieces)
+        joint = self.analyzed.decoded
+        joint.pack()
+        in_threads(fill, chunks(len(out), DECODED_FRAMES))
         return out
 
     def squared_error(self, frames: "FieldFrames") -> float:
@@ -204,38 +207,46 @@ class CodedFrames:
 class KeyBlock:
     """A block that others refer to.
 
-    Only its sections are pickled: another process decodes them, and caches the result.
+    Only its coded fields are pickled: the core of another process decodes them.
 
     Attributes
     ----------
     mesh : FieldMesh
-    block : FieldBlock
+    residuals : int32 array of shape (K, V)
+        As in `FieldBlock`.
+    n_learned : int
+        As in `Layout`.
     fields : KeyFields
     """
 
     mesh: FieldMesh
-    block: FieldBlock
+    residuals: npt.NDArray[np.int32]
+    n_learned: int
     fields: KeyFields
 
+    @property
+    def n_modes(self) -> int:
+        """Number of its modes, K."""
+        return len(self.residuals)
+
     @cached_property
-    def _sections(self) -> tuple[tuple[Section, bytes], ...]:
-        return tuple(write_field_block(self.block, self.mesh))
+    def _coded(self) -> bytes:
+        return encode_fields(self.residuals, self.mesh.coding_order)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _decoded_key, (self.mesh.connectivity, self._sections)
+        return _decoded_key, (self.mesh.connectivity, self.n_modes, self.n_learned, self._coded)
 
 
 @lru_cache(maxsize=1)
 def _decoded_key(
-    connectivity: Connectivity, sections: tuple[tuple[Section, bytes], ...]
+    connectivity: Connectivity, n_modes: int, n_learned: int, coded: bytes
 ) -> KeyBlock:
-    mesh, own = shared_field_mesh(*connectivity), dict(sections)
-    n_frames, n_modes = read_block_counts(own[Section.BLOCK])
-    stored = StoredBlock(0, n_frames, n_modes, own)
+    """Return a key block from another process; the last one is cached."""
+    mesh = shared_field_mesh(*connectivity)
     with one_blas_thread():
-        read = read_field_block(stored, layout_of(stored), mesh)
-        fields = KeyFields(read.values(mesh))
-    return KeyBlock(mesh, FieldBlock(read.layout, read.basis, read.fields), fields)
+        residuals = decode_fields(coded, n_modes, mesh.n_verts, mesh.coding_order)
+        values = decode_values(mesh.hierarchy, residuals, n_learned)
+    return KeyBlock(mesh, residuals, n_learned, KeyFields(values))
 
 
 @dataclass(frozen=True)

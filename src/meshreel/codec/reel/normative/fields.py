@@ -4,7 +4,6 @@ A mode is a field on the mesh with a basis vector over time for each axis. The c
 fields of a block in closed loop, vertex by vertex over a hierarchy of the mesh.
 """
 
-from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import NO_REST, BasisCoding, Rests, basis_vectors, lengths_of
-from meshreel.kernel.predict import Prepared, decode_values, prepared_weights
+from meshreel.kernel.predict import Prepared, prepared_weights
 
 NONE_REUSED = np.float32(0.0)
 
@@ -107,38 +106,6 @@ class KeyFields:
                 weights = prepared_weights(mesh.hierarchy, n_learned, self.values)
             self._prepared = {n_learned: weights}  # only the last: they are large
         return self._prepared[n_learned]
-
-
-def decoded_values(
-    residuals: npt.NDArray[np.int32],
-    layout: Layout,
-    mesh: FieldMesh,
-    key: KeyFields | None = None,
-    weights: "Future[Prepared | None] | None" = None,
-) -> Floats:
-    """Decode fields of shape (V, K), in coding order and in steps.
-
-    Parameters
-    ----------
-    residuals : int32 array of shape (K - n_reused, V)
-        As in `FieldBlock`.
-    layout : Layout
-    mesh : FieldMesh
-    key : KeyFields, optional
-        Fields of the block that this one refers to.
-    weights : Future of Prepared, optional
-        Initial weights; computed if None.
-    """
-    if not len(residuals):
-        new_fields = np.empty((mesh.n_verts, 0))
-    else:
-        if weights is not None:
-            prepared = weights.result()
-        else:
-            prepared = None if key is None else key.prepared(mesh, layout.n_learned)
-        values = None if key is None else key.values
-        new_fields = decode_values(mesh.hierarchy, residuals, layout.n_learned, values, prepared)
-    return with_reused(new_fields, layout.n_reused, key)
 
 
 def with_reused(new_fields: Floats, n_reused: int, key: KeyFields | None) -> Floats:

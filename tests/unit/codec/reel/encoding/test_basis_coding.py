@@ -4,20 +4,14 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.reel.encoding import basis_coding
 from meshreel.codec.reel.encoding.basis_coding import (
     MIN_ADAPTIVE_FRAMES,
     cheapest_coding,
 )
-from meshreel.codec.reel.normative.blocks import layout_of
-from meshreel.codec.reel.normative.fields import Layout
-from meshreel.codec.reel.normative.payloads import read_layout, write_layout
-from meshreel.errors import CorruptStreamError
 from meshreel.kernel.basis import BY_TIMES, MAX_COSINES, BasisCoding, basis_vectors, encode_basis
 from samples.meshes import waving_grid
-from samples.streams import Stream
+from samples.streams import layouts
 
 RATE_WEIGHT = 0.116
 
@@ -29,12 +23,6 @@ def periodic(n_frames=48, side=14, period=24):
     waves = np.concatenate([np.sin(k * angles + k)[:, None] / k for k in range(1, 7)], axis=1)
     moves = np.tensordot(waves, 0.1 * rng.normal(size=(6, side * side, 3)), 1)
     return meshreel.MeshSequence((sheet.vertices + moves).astype(np.float32), sheet.faces)
-
-
-def layouts(data):
-    stream = Stream(data)
-    blocks = map(stream.block, range(len(stream.groups)))
-    return [read_layout(block[Section.FIELDS]) for block in blocks]
 
 
 def by_times(monkeypatch, sequence, **options):
@@ -77,14 +65,6 @@ def test_sudden_motion_is_coded_by_times():
 )
 def test_times_are_coded_when_cosines_save_nothing_or_are_impossible(targets, rate_weight):
     assert cheapest_coding(targets, rate_weight) == BY_TIMES
-
-
-def test_block_with_cosines_and_too_many_frames_is_refused():
-    layout = Layout(np.float32(0.5), 1, 0, has_cosines=True)
-    sections = {Section.FIELDS: write_layout(layout)}
-    assert layout_of(StoredBlock(0, MAX_COSINES, 1, sections)) == layout
-    with pytest.raises(CorruptStreamError, match="at most 1024 frames"):
-        layout_of(StoredBlock(0, MAX_COSINES + 1, 1, sections))
 
 
 def shaking(n_frames=120, side=8):

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding import analysis, basis_coding
-from meshreel.codec.reel.normative.payloads import read_layout
 from meshreel.kernel.basis import NO_REST
 from samples.meshes import waving_grid
-from samples.streams import Stream
+from samples.streams import layouts
 
 SIDE = 15
 
@@ -41,9 +39,7 @@ def half_still():
 
 
 def rests_of(data):
-    stream = Stream(data)
-    blocks = map(stream.block, range(len(stream.groups)))
-    return [read_layout(block[Section.FIELDS]).rests for block in blocks]
+    return [layout.rests for layout in layouts(data)]
 
 
 def steps_percent(vertices):
@@ -110,7 +106,7 @@ def test_rests_are_found_with_reused_fields():
     vertices[40:50] = vertices[40]
     sequence = meshreel.MeshSequence(vertices, faces)
     data = meshreel.encode(sequence, block_frames=30)
-    layout = read_layout(Stream(data).block(1)[Section.FIELDS])
+    layout = layouts(data)[1]
     assert layout.n_reused > 0
     assert layout.rests.runs == ((11, 20),)
     decoded = meshreel.decode(data).vertices
