@@ -18,8 +18,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 import meshreel
-from meshreel.codec.config import config_of
 from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.options import config_of
 from meshreel.codec.reel.encoding.shared_corners import shared_track
 from meshreel.codec.reel.encoding.tracks import MAX_TRIALS, block_ranges, encode_track
 from meshreel.codec.source import Source
@@ -88,7 +88,7 @@ def tracks_of_corners(sequence: meshreel.MeshSequence) -> Iterator[tuple[str, me
 def sizes(sequence: meshreel.MeshSequence, track: meshreel.Track) -> list[int]:
     """Bytes of the track per corner, with shared values, and of the sharing itself."""
     bound = "0.5deg" if track.kind == "normal" else "0.1%"
-    tracks, config = {"x": track}, config_of({})
+    tracks, config = {"x": track}, config_of()
     whole = meshreel.MeshSequence(sequence.vertices, sequence.faces, 25, tracks=tracks)
     source = Source(whole, config, bounds=kept_bounds(config, tracks, {"x": bound}))
     shared = shared_track(track, source.mesh)

@@ -14,6 +14,7 @@ from meshreel.codec.surface.materials import MATERIAL_NUMBERS, TEXTURE_NUMBERS
 from meshreel.kernel.files import OpenFile
 from meshreel.model.materials import SLOTS
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
+from meshreel.paper.stored_blocks import stored_block
 from meshreel.paper.variants import variant_named
 
 GROUP_KEYS = ("frames", "modes", "reference", "step", "n corrections")
@@ -135,7 +136,7 @@ def paper_blocks(opened):
     decoder, mesh = PaperBlockDecoder(opened, variant), stored_mesh(opened, variant)
     blocks = []
     for number in range(opened.n_blocks):
-        stored = opened.stored(number)
+        stored = stored_block(opened, number)
         coded = decoder.coded(stored, number)
         block = {"frames": stored.n_frames, "modes": stored.n_modes}
         anchors = coded.anchors

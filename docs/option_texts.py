@@ -1,13 +1,13 @@
-"""Options of encoding as Markdown tables, of the fields of `EncoderConfig`.
+"""Options of encoding as Markdown tables, derived from their fields.
 
 python docs/option_texts.py
 """
 
 from collections.abc import Iterable
 
-from meshreel.codec.config import all_options
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.option import Option, documentation, literal, type_text
+from meshreel.codec.options import all_options
 
 PLAIN_GROUP = "How to code"
 

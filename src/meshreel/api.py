@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar,
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
-from meshreel.codec.config import check_names
 from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of
+from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe

@@ -17,7 +17,7 @@ from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.manifest import MANIFEST_NAME
 from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.run import run_batch
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.options import config_of
 from meshreel.runtime.engine.engine import Engine
 from samples.engines import InlineWorkers
 
@@ -25,7 +25,7 @@ CHANGES = {"os.rename", "os.mkdir", "os.rmdir", "os.remove", "open"}
 
 
 def run(inputs, out):
-    options = EncodeOptions(EncoderConfig(quality=40))
+    options = EncodeOptions(config_of(quality=40))
     return run_batch(plan_batch(inputs, out, options), Engine(InlineWorkers()))
 
 

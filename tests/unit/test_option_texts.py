@@ -3,7 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-from meshreel.codec.config import all_options
+from meshreel.codec.options import all_options
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "option_texts.py"
 

@@ -1,32 +1,19 @@
-"""Encoding options: the fields of `EncoderConfig`, and their validation.
+"""Options of encoding that all methods share, with their checks.
 
-`encode`, the command line, batches and the documentation derive options, types, defaults and texts
-from these fields. To add an option, add a field here and read it in the methods that support it.
+`codec.options` joins them with those of each family of methods. `encode`, the command line, batches
+and the documentation derive options, types, defaults and texts from the fields of these classes. To
+add an option, add a field and read it in the methods that support it.
 """
 
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from difflib import get_close_matches
-from enum import Enum
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Self
 
 from meshreel.codec.bitstream.layout import Laplacian, Order
-from meshreel.codec.error_bounds import METERS, bound_of
 from meshreel.codec.memory import bytes_of
-from meshreel.codec.methods import METHOD_NAMES, Method, method_named, own_name
+from meshreel.codec.methods import LOSSLESS, METHOD_NAMES, Method, method_named, own_name
 from meshreel.codec.option import COUNT, Option, Range, options_of_fields
-from meshreel.codec.targets import (
-    ABOVE_ZERO,
-    DEFAULT_QUALITY,
-    DIAGONAL_OF_ALL,
-    GROUP,
-    QUALITIES,
-    Target,
-    TargetKind,
-    target_of,
-)
+from meshreel.codec.targets import ABOVE_ZERO
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.counting import counted
 
@@ -34,49 +21,20 @@ if TYPE_CHECKING:
     from meshreel.model.surface import Surface
 
 DEFAULT_METHOD = "reel"
-LOSSLESS_METHOD = "lossless"
 
-REEL = ("reel",)
-BOUNDED = ("reel", "grid")
-PAPER = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft")
-OF_DELTAS = tuple(name for name in PAPER if name != "v2v")
-ROUNDING = tuple(name for name in METHOD_NAMES if name != LOSSLESS_METHOD)
-"""Methods that support an option."""
-
-PAPER_GROUP = "The paper's methods"
-
-EFFORT_RANGE = Range(1, 9, is_whole=True)
-DEFAULT_EFFORT = 5
+ROUNDING = tuple(name for name in METHOD_NAMES if name != LOSSLESS)
+"""Methods that round positions."""
 
 UV_BITS_RANGE = Range(4, 24, is_whole=True)
 """A float32 of up to 1 represents every number of a grid of 24 bits."""
-
-BITS_RANGE = Range(2, 24, is_whole=True)
-DEFAULT_BITS, FINE_BITS = 9, 16
-DEFAULT_ENERGY, DEFAULT_ANCHORS, DEFAULT_ITERATIONS = 0.99995, 0.01, 4
-"""Defaults of the paper's methods; `pca` uses `FINE_BITS`."""
 
 MAX_BLOCK_POSITIONS = 1 << 28
 """Most positions of a block if `block_frames` is not given."""
 
 
-class Tune(Enum):
-    """Error measure that the encoder optimizes."""
-
-    VISUAL = "visual"
-    GEOMETRY = "geometry"
-
-
-class Allocation(Enum):
-    """Distribution of bits over the rows of coefficients."""
-
-    ENERGY = "energy"
-    CONSTANT = "constant"
-
-
 @dataclass(frozen=True)
 class EncoderConfig:
-    """The options of `meshreel.encode`, checked.
+    """The options of `meshreel.encode` that all methods share, checked.
 
     Raises
     ------
@@ -100,123 +58,13 @@ class EncoderConfig:
         ),
     ] = DEFAULT_METHOD
     _: KW_ONLY
-    quality: Annotated[
-        float | None,
-        Option(
-            f"{QUALITIES.words}; every 12 points halve the error, which is relative to the model's "
-            "size (the mean diagonal of the bounding boxes of single frames), and smaller on "
-            "smooth surfaces.",
-            default_text=f"{DEFAULT_QUALITY:g}, without another target",
-            range=QUALITIES,
-            group=GROUP,
-            methods=REEL,
-        ),
-    ] = None
-    max_error: Annotated[
-        float | str | None,
-        Option(
-            "Largest distance of any vertex from the original, guaranteed. 0.1 or 0.1%: "
-            f"percent {DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see {{unit}}.",
-            range=ABOVE_ZERO,
-            unit="in percent",
-            group=GROUP,
-            metavar="BOUND",
-            methods=BOUNDED,
-        ),
-    ] = None
-    unit: Annotated[
-        str | None,
-        Option(
-            "Length of one model unit, if {max_error} is a length.",
-            names=tuple(METERS),
-            group=GROUP,
-            metavar="|".join(METERS),
-            methods=BOUNDED,
-        ),
-    ] = None
-    kg: Annotated[
-        float | None,
-        Option(
-            "Smallest file of at most this KG error, relative to the shape's extent.",
-            range=ABOVE_ZERO,
-            unit="in percent",
-            group=GROUP,
-            metavar="PERCENT",
-            more="In percent.",
-            methods=REEL,
-        ),
-    ] = None
-    sted: Annotated[
-        float | None,
-        Option("Smallest file of at most this STED.", range=ABOVE_ZERO, group=GROUP, methods=REEL),
-    ] = None
-    bpvf: Annotated[
-        float | None,
-        Option(
-            "Best quality within this many bits per vertex and frame.",
-            range=ABOVE_ZERO,
-            unit="in bits per vertex and frame",
-            group=GROUP,
-            more="Counts the whole stream.",
-            methods=REEL,
-        ),
-    ] = None
-    size: Annotated[
-        float | str | None,
-        Option(
-            "Best quality within this size, as in 100kB, 1MiB or 100000 (bytes).",
-            range=ABOVE_ZERO,
-            unit="in bytes",
-            group=GROUP,
-            metavar="SIZE",
-            methods=REEL,
-        ),
-    ] = None
-    step: Annotated[
-        float | None,
-        Option(
-            "Quantization step of positions, in diagonals of the bounding box of all frames.",
-            range=Range(0, 1, is_open=True),
-            unit="in diagonals of the bounding box",
-            group=GROUP,
-            methods=BOUNDED,
-        ),
-    ] = None
-    lossless: Annotated[
-        bool,
-        Option(
-            "Decode positions and tracks bit for bit. Also keeps the order of vertices and faces, "
-            "unless {order} is given.",
-            group=GROUP,
-            more='Equals method="lossless". `tracks` may still set bounds, or drop tracks.',
-            methods=("reel", LOSSLESS_METHOD),
-        ),
-    ] = False
-    tune: Annotated[
-        str | None,
-        Option(
-            "Error measure to optimize. visual: how the surface looks; geometry: vertex positions.",
-            default_text="the measure of the target, else visual",
-            names=tuple(tune.value for tune in Tune),
-            more="visual suits STED, geometry the KG error and the largest error.",
-            methods=REEL,
-        ),
-    ] = None
-    effort: Annotated[
-        int | None,
-        Option(
-            f"{EFFORT_RANGE.words}: encoding time against size.",
-            default_text=str(DEFAULT_EFFORT),
-            range=EFFORT_RANGE,
-            methods=REEL,
-        ),
-    ] = None
     n_modes: Annotated[
         int | None,
         Option(
             "Number of modes, 1 or more: a maximum for reel, else a number per axis.",
             range=COUNT,
             flag="--modes",
+            synonyms={"k_l": ""},
             more="Those of an axis are eigen-trajectories (the paper's k_l), at most as many as a "
             "block has frames; a shorter last block has fewer. Excludes `energy`. With `gft`, "
             "graph frequencies, at most one per vertex; default 5 % of the vertices. Many of a "
@@ -251,6 +99,7 @@ class EncoderConfig:
             "memory allows; above 1024 frames and 8 million positions, up to 512. Method blocks: "
             "up to 25.",
             range=COUNT,
+            synonyms={"n_b": "the frames of each block (k / n_b)", "k_f": ""},
             methods=METHOD_NAMES,
         ),
     ] = None
@@ -267,137 +116,40 @@ class EncoderConfig:
             methods=METHOD_NAMES,
         ),
     ] = None
-    energy: Annotated[
-        float | None,
-        Option(
-            "Share of the shape's energy to keep, up to 1; chooses the number of modes.",
-            default_text=str(DEFAULT_ENERGY),
-            range=Range(0, 1, is_open=True),
-            unit="a share of the energy",
-            group=PAPER_GROUP,
-            more="The omitted energy causes a KG error of sqrt(1 - energy), by default 0.7 %.",
-            methods=PAPER,
-        ),
-    ] = None
-    bits: Annotated[
-        int | Sequence[int] | None,
-        Option(
-            f"Bits of the largest coefficient, {BITS_RANGE.words}; or of each row, 0 to omit it.",
-            default_text=f"{DEFAULT_BITS}; pca: {FINE_BITS}",
-            range=BITS_RANGE,
-            group=PAPER_GROUP,
-            metavar="N[,N...]",
-            methods=PAPER,
-        ),
-    ] = None
-    allocation: Annotated[
-        str,
-        Option(
-            "How to distribute one number of bits over the rows.",
-            names=tuple(allocation.value for allocation in Allocation),
-            group=PAPER_GROUP,
-            more="energy: all share the step of the largest, so that bits follow a row's energy; "
-            "constant: each row spreads that many bits over its range.",
-            methods=PAPER,
-        ),
-    ] = Allocation.ENERGY.value
-    anchors: Annotated[
-        float | Sequence[int] | None,
-        Option(
-            "Share of the vertices stored as anchors, 0 to 1, if the method has anchors; or their "
-            "indices.",
-            default_text=str(DEFAULT_ANCHORS),
-            range=Range(0, 1),
-            unit="a share of the vertices (0.01 = 1 %)",
-            group=PAPER_GROUP,
-            metavar="SHARE or N,N...",
-            more="Every connected component gets at least one: 0 decodes by L alone (Eq. 11).",
-            methods=PAPER,
-        ),
-    ] = None
-    choices: Annotated[
-        str | Mapping[str, object] | None,
-        Option(
-            "Choices that the paper leaves open, separated by commas: anchor-values, anchor-set, "
-            "anchor-seed, anchor-bits, dictionary-bits, quantize, centering, dictionary, rotation.",
-            group=PAPER_GROUP,
-            metavar="NAME=VALUE[,...]",
-            more='Such as `"anchor-values=coefficients,anchor-bits=16"`, or a mapping; '
-            "`meshreel.paper.PaperChoices` describes each.",
-            methods=PAPER,
-        ),
-    ] = None
-    laplacian: Annotated[
-        str,
-        Option(
-            "Laplacian matrix of the deltas.",
-            names=tuple(laplacian.name.lower() for laplacian in Laplacian),
-            group=PAPER_GROUP,
-            more="normalized: I - D^-1 C (Eq. 3), with smaller measured errors; combinatorial: "
-            "D - C (Eq. 1); cotangent: I - D^-1 W with the cotangent weights of the first frame, "
-            "which is stored too.",
-            methods=OF_DELTAS,
-        ),
-    ] = Laplacian.NORMALIZED.name.lower()
-    n_iterations: Annotated[
-        int,
-        Option(
-            "Orthogonal iterations from block to block (blocks).",
-            range=COUNT,
-            group=PAPER_GROUP,
-            flag="--iterations",
-            methods=("blocks",),
-        ),
-    ] = DEFAULT_ITERATIONS
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "method", own_name(self.method))
-        for option in all_options():
+        for option in options_of_fields(type(self)):
             option.check(getattr(self, option.name))
         self._parse_texts()
-        chosen = self.chosen
-        for option in chosen:
-            if self.method not in option.methods:
-                raise InvalidInputError(
-                    f"method {self.method} does not take {option.name}=; omit it, or choose "
-                    f"{' or '.join(option.methods)}"
-                )
-        if self.lossless:
-            self._make_lossless(chosen)
-        object.__setattr__(self, "lossless", self.method == LOSSLESS_METHOD)
+        for option in self.chosen:
+            option.check_method(self.method)
+        self._complete()
         self.method_row.check(self)
+
+    def _parse_texts(self) -> None:
+        """Replace sizes such as "100kB" by bytes."""
+        if self.memory is not None:
+            object.__setattr__(self, "memory", bytes_of(self.memory, "memory"))
+
+    def _complete(self) -> None:
+        """Set options that follow from others."""
+
+    @classmethod
+    def of(cls, config: "EncoderConfig") -> Self:
+        """Return options of this class; those of another method must not arrive here."""
+        assert isinstance(config, cls)
+        return config
 
     @property
     def chosen(self) -> list[Option]:
         """Options that differ from their defaults."""
-        return [option for option in all_options() if getattr(self, option.name) != option.default]
+        options = options_of_fields(type(self))
+        return [option for option in options if getattr(self, option.name) != option.default]
 
-    def _make_lossless(self, chosen: Sequence[Option]) -> None:
-        """Set the method to lossless; raise if another option excludes it."""
-        unused = [f"{one.name}=" for one in chosen if LOSSLESS_METHOD not in one.methods]
-        if unused:
-            verb, pronoun = ("has", "it") if len(unused) == 1 else ("have", "them")
-            raise InvalidInputError(
-                f"{' and '.join(unused)} {verb} no effect with lossless=; omit {pronoun}, or "
-                "lossless="
-            )
-        object.__setattr__(self, "method", LOSSLESS_METHOD)
-
-    def _parse_texts(self) -> None:
-        """Replace sizes such as "100kB" by bytes, and lengths by model units."""
-        for name in ("memory", "size"):
-            if (size := getattr(self, name)) is not None:
-                object.__setattr__(self, name, bytes_of(size, name))
-        if self.max_error is not None:
-            object.__setattr__(self, "max_error", bound_of(self.max_error, self.unit).plain)
-            object.__setattr__(self, "unit", None)
-        elif self.unit is not None:
-            raise InvalidInputError("unit= applies to a length in max_error=; give both")
-
-    @cached_property
-    def target(self) -> Target:
-        """Target of `reel`: a rate, an error or a step."""
-        return target_of(**{name: getattr(self, name) for name in _TARGETS})
+    def is_chosen(self, name: str) -> bool:
+        """Whether an option differs from its default; one of another method does not."""
+        return any(option.name == name for option in self.chosen)
 
     @property
     def method_row(self) -> Method:
@@ -405,9 +157,28 @@ class EncoderConfig:
         return method_named(self.method)
 
     @property
+    def is_lossless(self) -> bool:
+        """Whether positions, and tracks by default, are lossless."""
+        return self.method == LOSSLESS
+
+    @property
     def laplacian_choice(self) -> Laplacian:
-        """The Laplacian as an enumeration member."""
-        return Laplacian[self.laplacian.upper()]
+        """The Laplacian that the header names; methods without deltas do not use it."""
+        return Laplacian.NORMALIZED
+
+    def check_live(self) -> None:
+        """Raise InvalidInputError if an option needs the whole sequence."""
+        for option in self.chosen:
+            if option.needs_all_frames:
+                others = [
+                    other.name
+                    for other in options_of_fields(type(self))
+                    if other.group == option.group and other.range and not other.needs_all_frames
+                ]
+                raise InvalidInputError(
+                    f"{option.name} needs the whole sequence; for frames added in order, set "
+                    f"{', '.join(others)}"
+                )
 
     def order_of(self, surface: "Surface") -> Order:
         """Return which order a stream of a mesh with this surface keeps.
@@ -439,8 +210,8 @@ class EncoderConfig:
         InvalidInputError
             If not even one frame fits into the memory limit.
         """
-        chosen = self.block_frames or self.method_row.longest_block(n_frames, n_verts)
-        chosen = min(chosen, n_frames)
+        longest = self.method_row.longest_block(n_frames, n_verts) or n_frames
+        chosen = min(self.block_frames or longest, n_frames)
         if self.memory is None:
             return chosen
         memory = float(self.memory)
@@ -460,49 +231,7 @@ class EncoderConfig:
             )
         return bisect_right(range(1, chosen), memory, key=needed)
 
-    def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> "EncoderConfig":
+    def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> Self:
         """Return these options with shorter blocks, and the memory that they need."""
         needed = self.method_row.block_bytes(block_frames, n_verts, number_bytes, is_whole=False)
         return replace(self, block_frames=block_frames, memory=needed)
-
-
-_TARGETS = tuple(kind.value for kind in TargetKind)
-
-
-@cache
-def all_options() -> tuple[Option, ...]:
-    """Return the fields of `EncoderConfig`."""
-    return options_of_fields(EncoderConfig)
-
-
-def option_named(name: str) -> Option:
-    """Return the option of this name, which must exist."""
-    return next(option for option in all_options() if option.name == name)
-
-
-PRINTED_OPTIONS = {
-    "k_l": "n_modes=",
-    "n_c": "anchors=, as a share of the vertices (n_c / n)",
-    "n_b": "block_frames=, the frames of each block (k / n_b)",
-    "k_f": "block_frames=",
-    "t_max": "n_iterations=, which is t_max - 1",
-}
-"""Options by their letters in the paper, and what to write instead."""
-
-
-def check_names(names: Iterable[str], known: Iterable[str]) -> None:
-    """Raise InvalidInputError, with the closest known name, unless all names are known."""
-    allowed = list(known)
-    for name in names:
-        if name not in allowed:
-            near = get_close_matches(name, allowed, 1)
-            advice = f"did you mean {near[0]!r}?" if near else f"choose {', '.join(allowed)}"
-            if name in PRINTED_OPTIONS:
-                advice = f"the paper's {name} is {PRINTED_OPTIONS[name]}"
-            raise InvalidInputError(f"option {name!r} is unknown; {advice}")
-
-
-def config_of(options: Mapping[str, Any]) -> EncoderConfig:
-    """Build an `EncoderConfig`; raises InvalidInputError for an unknown option too."""
-    check_names(options, (option.name for option in all_options()))
-    return EncoderConfig(**options)

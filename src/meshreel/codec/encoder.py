@@ -8,6 +8,9 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.joining import join_streams
 from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.option import takes_fields
+from meshreel.codec.options import all_options, config_of
+from meshreel.codec.paper_options import PaperOptions
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.reordering import without_reordering
 from meshreel.codec.source import Source
 from meshreel.codec.subspace.trajectories import bounding_frame
@@ -29,13 +32,21 @@ from meshreel.runtime.progress import Progress, silent
 
 
 @dataclass(frozen=True, kw_only=True)
-class EncodeCall(EncoderConfig):
+class EncodeCall(PaperOptions, ReelOptions):
     """Parameters of `encode` other than the sequence; see its docstring."""
 
     attributes: Names = ALL
     tracks: TrackTargets | None = None
     progress: Progress = silent
     engine: Engine | None = None
+
+    def __post_init__(self) -> None:
+        """Check nothing: `config` does."""
+
+    @property
+    def config(self) -> EncoderConfig:
+        """The checked options of the method."""
+        return config_of(**{option.name: getattr(self, option.name) for option in all_options()})
 
 
 @takes_fields(EncodeCall)
@@ -51,7 +62,7 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
         Frames that are not in memory are read block by block. `meshreel.encode` also accepts inputs
         of `meshreel.load`, such as a path, and warns of contents that reading omits.
     options
-        The fields of `EncoderConfig`.
+        The fields of `ReelOptions` and `PaperOptions`.
     attributes : str or sequence of str, default "all"
         Which attributes and groups of the surface to keep: "all", "none", or names; a kind such
         as "uv" or "color" names all of it. Polygons and parts are kept.
@@ -78,8 +89,9 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
     G. Arvanitis, A. S. Lalos, K. Moustakas, "Fast Spatio-temporal Compression of Dynamic 3D
     Meshes".
     """
-    sequence = without_reordering(sequence, call.order)
-    return encode_with(call, sequence, call.attributes, call.tracks, call.progress, call.engine)
+    config = call.config
+    sequence = without_reordering(sequence, config.order)
+    return encode_with(config, sequence, call.attributes, call.tracks, call.progress, call.engine)
 
 
 def encode_with(
@@ -105,10 +117,9 @@ def encode_with(
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
-    source = Source(
-        sequence.segments[0], config, surface, kept_bounds(config, sequence.tracks, tracks)
-    )
-    return config.method_row.encode(source, progress, engine)
+    bounds = kept_bounds(config, sequence.tracks, tracks)
+    source = Source(sequence.segments[0], config, surface, bounds)
+    return next(config.method_row.encode([source], progress, engine))
 
 
 def encode_segments(
@@ -130,6 +141,11 @@ def encode_segments(
         If no segment has an attribute or a track of a selected name, the method needs constant
         connectivity, or no stream meets the target.
     """
+    if config.method_row.positions_only:
+        raise InvalidInputError(
+            f"method {config.method} needs constant connectivity, and the sequence has "
+            f"{sequence.n_segments} segments; use reel or lossless"
+        )
     progress("encoding connectivity", 0.0)
     _check_names(sequence, attributes, tracks or {})
     ranges: dict[str, float] = {}
@@ -157,7 +173,7 @@ def encode_segments(
         keeps_order = source.mesh.keeps_order
         mesh = source.sequence.faces, source.sequence.n_verts
         edited.append(replace(source, edit=edits.edit_to(*mesh)) if keeps_order else source)
-    streams = list(config.method_row.encode_segments(edited, progress, engine))
+    streams = list(config.method_row.encode(edited, progress, engine))
     return join_streams(streams, name=sequence.name, start_s=sequence.start_s)
 
 

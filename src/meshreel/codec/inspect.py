@@ -7,6 +7,7 @@ from typing import Any
 
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
+from meshreel.codec.methods import LOSSLESS
 from meshreel.codec.open_stream import OpenStream, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
@@ -374,7 +375,7 @@ def stream_info(
         part_bytes=_parts(opened, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
         error_bound_percent=opened.error_bound_percent,
-        is_lossless=opened.method.is_lossless,
+        is_lossless=opened.method.name == LOSSLESS,
         is_whole=opened.is_whole,
         start_s=opened.start_s,
         n_polygons=surface.n_polygons,

@@ -78,29 +78,17 @@ class Method(Protocol):
         """Name of the method, as in the options."""
 
     @property
-    def block_frames(self) -> int | None:
-        """Default number of frames per block; None: all frames."""
-
-    @property
-    def has_tracks(self) -> bool:
-        """Whether its streams may contain tracks."""
-
-    @property
-    def is_lossless(self) -> bool:
-        """Whether positions are lossless."""
-
-    @property
-    def blocks_are_independent(self) -> bool:
-        """Whether workers can encode blocks in parallel after the first."""
+    def positions_only(self) -> bool:
+        """Whether it codes the positions of one mesh, without tracks, segments or workers."""
 
     def check(self, config: "EncoderConfig") -> None:
         """Raise InvalidInputError if options, each in range, exclude each other."""
 
-    def check_live(self, config: "EncoderConfig") -> None:
-        """Raise InvalidInputError if these options require the whole sequence."""
+    def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
+        """Return the number of frames per block without an option or a memory limit.
 
-    def longest_block(self, n_frames: int, n_verts: int) -> int:
-        """Return the number of frames per block without an option or a memory limit."""
+        None if the number of frames is unknown, and any number will do.
+        """
 
     def block_bytes(
         self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
@@ -116,19 +104,7 @@ class Method(Protocol):
             Whether one block is the whole sequence, so that no other is read meanwhile.
         """
 
-    def max_modes(self, n_frames: int, n_verts: int) -> int:
-        """Return the largest number of modes of a block."""
-
-    def encode(self, source: "Source", progress: "Progress", engine: "Engine | None") -> bytes:
-        """Encode the source to a stream.
-
-        Raises
-        ------
-        InvalidInputError
-            If no stream meets the target.
-        """
-
-    def encode_segments(
+    def encode(
         self, sources: "Sequence[Source]", progress: "Progress", engine: "Engine | None"
     ) -> "Iterator[bytes]":
         """Yield a stream for each segment of a sequence; all together meet the target.
@@ -136,7 +112,7 @@ class Method(Protocol):
         Raises
         ------
         InvalidInputError
-            If they cannot, or the method needs constant connectivity.
+            If they cannot.
         """
 
     def live_coder(
@@ -197,17 +173,7 @@ METHOD_CODES = {
 
 METHOD_NAMES = tuple(METHOD_CODES)
 
-PRINTED_NAMES = {
-    "pca+q": "pca-q",
-    "pca+qs": "pca-qs",
-    "pca+qp": "pca-qp",
-    "per mesh": "gft",
-    "per-mesh": "gft",
-}
-"""Methods by their names in the paper, in lower case, where these differ from ours."""
-
-SEGMENT_METHODS = ("reel", "lossless", "grid")
-"""Methods whose streams may have several segments; the paper's assume constant connectivity."""
+LOSSLESS = "lossless"
 
 Methods = Mapping[str, Method]
 _LOADERS: dict[str, Callable[[], Methods]] = {}
@@ -220,8 +186,9 @@ def register(names: Iterable[str], load: Callable[[], Methods]) -> None:
 
 def own_name(name: str) -> str:
     """Return our name of a method that may have its name in the paper, such as "PCA+qp"."""
-    lower = str(name).lower()
-    return PRINTED_NAMES.get(lower, lower if lower in METHOD_CODES else name)
+    plain = str(name).lower().replace("+", "-").replace(" ", "-")
+    plain = "gft" if plain == "per-mesh" else plain
+    return plain if plain in METHOD_CODES else name
 
 
 @cache

@@ -1,7 +1,6 @@
 """An open stream and the parts that its blocks share: mesh, order, surface, time."""
 
 from collections.abc import Hashable, Iterator
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from operator import attrgetter
@@ -10,7 +9,6 @@ from typing import BinaryIO, TypeVar
 import numpy as np
 
 from meshreel.arrays import Integers
-from meshreel.codec.bitstream.container import read_block_counts
 from meshreel.codec.bitstream.layout import (
     MESH_SECTIONS,
     SURFACE_SECTIONS,
@@ -18,8 +16,8 @@ from meshreel.codec.bitstream.layout import (
     Order,
     Section,
 )
-from meshreel.codec.memory import DEFAULT_LIMIT, UNLIMITED, MemoryLimit
-from meshreel.codec.methods import Method, method_of_code
+from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
+from meshreel.codec.methods import LOSSLESS, Method, method_of_code
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.surface.decoded import decoded_surface
 from meshreel.errors import CorruptStreamError, InvalidInputError, UnsupportedVersionError
@@ -28,29 +26,6 @@ from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
 
 CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
-
-MODE_BYTES = 48
-"""Memory of a value of a mode of the paper's methods during decoding: three axes."""
-
-
-@dataclass(frozen=True)
-class StoredBlock:
-    """Sections of one track in a block, with the number of its first frame."""
-
-    start: int
-    n_frames: int
-    n_modes: int
-    sections: dict[Section, bytes]
-    limit: MemoryLimit = UNLIMITED
-
-    def payload(self, section: Section) -> bytes:
-        """Return the payload of a section; raises CorruptStreamError if it is missing."""
-        if section not in self.sections:
-            raise CorruptStreamError(
-                f"the block of frames {self.start}..{self.start + self.n_frames - 1} has no "
-                f"section {section.name}"
-            )
-        return self.sections[section]
 
 
 class OpenStream:
@@ -120,7 +95,7 @@ class OpenStream:
         self.laplacian: Laplacian = _choice_of_code(Laplacian, info.laplacian)
         self.order_kept: Order = _choice_of_code(Order, info.order)
         self.error_bound_percent: float | None = (
-            0.0 if self.method.is_lossless else info.error_bound_percent
+            0.0 if self.method.name == LOSSLESS else info.error_bound_percent
         )
         self.n_frames: int = info.n_frames
         self.n_verts: int = info.n_verts
@@ -220,57 +195,12 @@ class OpenStream:
         """Read the payload of a section."""
         return self.file.bytes_at(section.payload_offset, section.payload_bytes)
 
-    def only(self, section: Section) -> bytes:
-        """Read the only section of this id before the first block.
-
-        Raises
-        ------
-        CorruptStreamError
-            If there is none, or more than one.
-        """
-        found = [one for one in self.leading if one.id == section]
-        if len(found) != 1:
-            raise CorruptStreamError(
-                f"the stream has {len(found)} sections {section.name}; exactly 1 is allowed"
-            )
-        return self.payload(found[0])
-
     def group(self, number: int, track: int = 0) -> Iterator[tuple[Section, bytes]]:
         """Yield the sections of a track in a block; raises CorruptStreamError if damaged."""
         place = self.file.block(number, track)
         for one in self.file.sections(place.offset, place.offset + place.size_bytes):
             if one.is_known:
                 yield Section(one.id), self.payload(one)
-
-    def stored(self, number: int) -> StoredBlock:
-        """Read a block of a stream of the paper's methods.
-
-        Raises
-        ------
-        CorruptStreamError
-            If it is damaged, or its number of modes is not allowed.
-        MemoryLimitError
-            If decoding it would take more than allowed.
-        """
-        place, listed = self.file.block(number), list(self.group(number))
-        sections = dict(listed)
-        if len(sections) < len(listed):
-            raise CorruptStreamError(f"block {number} has a section twice")
-        n_frames, n_modes = read_block_counts(sections.get(Section.BLOCK, b""))
-        if n_frames != place.n_frames or listed[0][0] is not Section.BLOCK:
-            raise CorruptStreamError(
-                f"block {number} has {n_frames} frames; the index has {place.n_frames}"
-            )
-        max_modes = self.method.max_modes(n_frames, self.n_verts)
-        if not 1 <= n_modes <= max_modes:
-            raise CorruptStreamError(
-                f"a block of {n_frames} frames has {n_modes} modes; 1 to {max_modes} are allowed"
-            )
-        needed = MODE_BYTES * n_modes * (self.n_verts + 3 * n_frames)
-        needed += 3 * n_frames * self.n_verts * self.dtype.itemsize
-        what = f"block {number} of {n_frames} frames, {self.n_verts} vertices and {n_modes} modes"
-        self.limit.require(needed, what)
-        return StoredBlock(place.first_frame, n_frames, n_modes, sections, self.limit)
 
 
 def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:

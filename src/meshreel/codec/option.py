@@ -7,8 +7,8 @@ import inspect
 import math
 import textwrap
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from functools import wraps
+from dataclasses import dataclass, field, fields, replace
+from functools import cache, wraps
 from types import UnionType
 from typing import (
     Annotated,
@@ -114,6 +114,10 @@ class Option:
         Placeholder of the value in help.
     methods : tuple of str
         Names of the encoding methods that use it.
+    needs_all_frames : bool
+        Whether it needs the whole sequence, so that live frames exclude it.
+    synonyms : mapping of str to str
+        Names in the paper and other programs, and how their values differ, if they do.
     name : str
         Keyword in Python; like the following, set by `options_of_fields` from the field.
     annotation : type
@@ -131,6 +135,8 @@ class Option:
     flag: str = ""
     metavar: str = ""
     methods: tuple[str, ...] = ()
+    needs_all_frames: bool = False
+    synonyms: Mapping[str, str] = field(default_factory=dict)
     name: str = ""
     annotation: Any = None
     default: Any = None
@@ -167,6 +173,14 @@ class Option:
         elif self.range is not None and not self._is_parsed_later(value):
             self.range.check(value, self.name, self.unit)
 
+    def check_method(self, method: str) -> None:
+        """Raise InvalidInputError unless a method uses the option."""
+        if method not in self.methods:
+            raise InvalidInputError(
+                f"method {method} does not take {self.name}=; omit it, or choose "
+                f"{' or '.join(self.methods)}"
+            )
+
     def _is_parsed_later(self, value: Any) -> bool:
         others = [get_origin(one) or one for one in self.types if one not in (int, float)]
         return any(isinstance(value, other) for other in others)
@@ -192,21 +206,20 @@ class _OptionNames(dict[str, str]):
 
 def options_of_fields(record: type) -> tuple[Option, ...]:
     """Return the fields of a dataclass that are annotated with an `Option`, as options."""
+    hashable: Any = record  # mypy takes the hash of its instances for that of the class
+    return _options_of_fields(hashable)
+
+
+@cache
+def _options_of_fields(record: Any) -> tuple[Option, ...]:
     hints = get_type_hints(record, include_extras=True)
     options = []
-    for field in fields(record):
-        if get_origin(hints[field.name]) is Annotated:
-            annotation, option = get_args(hints[field.name])
-            flag = option.flag or f"--{field.name.replace('_', '-')}"
-            options.append(
-                replace(
-                    option,
-                    name=field.name,
-                    annotation=annotation,
-                    default=field.default,
-                    flag=flag,
-                )
-            )
+    for row in fields(record):
+        if get_origin(hints[row.name]) is Annotated:
+            annotation, option = get_args(hints[row.name])
+            flag = option.flag or f"--{row.name.replace('_', '-')}"
+            known = {"name": row.name, "annotation": annotation, "default": row.default}
+            options.append(replace(option, flag=flag, **known))
     return tuple(options)
 
 

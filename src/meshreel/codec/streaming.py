@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.block_writer import BlockWriter, LiveSegment
-from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig, config_of
+from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.mesh_edits import MeshEdits
-from meshreel.codec.methods import SEGMENT_METHODS
+from meshreel.codec.options import config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
@@ -313,7 +313,7 @@ class Encoder:
             faces = self._faces if faces is None else faces
             surface = self._surface if surface is None else surface
         elif _begins_segment(last, len(array), faces, surface):
-            if self._config.method not in SEGMENT_METHODS:
+            if self._config.method_row.positions_only:
                 raise InvalidInputError(
                     f"frame {self.n_frames} has other faces; method {self._config.method} needs "
                     "the same in every frame; use reel or lossless"
@@ -372,8 +372,8 @@ class Encoder:
     def _block_frames(self, n_verts: int) -> int:
         if self._config.block_frames is not None:
             return self._config.block_frames
-        if self._config.method_row.block_frames is not None:
-            return self._config.method_row.block_frames
+        if (default := self._config.method_row.longest_block(None, n_verts)) is not None:
+            return default
         seconds = self._max_latency_s * (1 - SHARE_FOR_CODING)
         return max(
             1, min(int(seconds * (self._fps or FPS_IF_UNKNOWN)), MAX_BLOCK_POSITIONS // n_verts)
@@ -437,8 +437,8 @@ def _checked_config(block_frames: int | str, options: dict[str, Any]) -> Encoder
     if isinstance(block_frames, str) and block_frames != "auto":
         raise InvalidInputError(f"block_frames must be a number or 'auto'; got {block_frames!r}")
     chosen = None if block_frames == "auto" else block_frames
-    config = config_of({**options, "block_frames": chosen})
-    config.method_row.check_live(config)
+    config = config_of(**{**options, "block_frames": chosen})
+    config.check_live()
     return config
 
 

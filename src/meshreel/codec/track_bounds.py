@@ -136,10 +136,10 @@ def kept_bounds(
     InvalidInputError
         If a bound does not suit its track, or the method does not support tracks.
     """
-    default = EXACT if config.lossless else None
+    default = EXACT if config.is_lossless else None
     bounds = track_bounds(tracks, targets, default)
     kept = {name: bound for name, bound in bounds.items() if bound != DROP}
-    if kept and not config.method_row.has_tracks:
+    if kept and config.method_row.positions_only:
         names = ", ".join(kept)
         raise InvalidInputError(
             f"method {config.method} codes positions only; drop the tracks ({names}), or use reel"

@@ -7,13 +7,13 @@ import numpy as np
 from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import read_varint, write_block_counts, write_varint
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.open_stream import StoredBlock
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.paper import blocks
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Anchors, CodedBlock, Quantized
 from meshreel.paper.quantization import Steps
+from meshreel.paper.stored_blocks import StoredBlock
 from meshreel.paper.variants import Basis, Decoding, Variant
 
 MAX_DIFFERENCE = 2

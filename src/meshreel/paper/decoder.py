@@ -1,7 +1,7 @@
 """Decoder of the blocks of the paper's variants."""
 
 from collections import OrderedDict
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -10,12 +10,13 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.memory import DEFAULT_LIMIT, OWN_STREAM, UNLIMITED, MemoryLimit
-from meshreel.codec.open_stream import OpenStream, StoredBlock, whole_stream
+from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.paper.blocks import Dictionaries, read_anchor_vertices, read_coded_block, read_curves
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
+from meshreel.paper.stored_blocks import StoredBlock, only_section, stored_block
 from meshreel.paper.variants import METHODS, Variant, variant_named
 from meshreel.runtime.threads import fork_safe_lock
 
@@ -41,7 +42,7 @@ class PaperBlockDecoder:
         self._opened = opened
         self._variant = variant
         self._n_modes = n_modes
-        self._dictionaries = Dictionaries(opened.stored, variant)
+        self._dictionaries = Dictionaries(partial(stored_block, opened), variant)
 
     @cached_property
     def mesh(self) -> MeshModel:
@@ -53,6 +54,11 @@ class PaperBlockDecoder:
         basis = self._dictionaries.of(number)
         return read_coded_block(stored, self.mesh, self._variant, basis)
 
+    def all_coded(self) -> list[CodedBlock]:
+        """The integers of every block, with complete dictionaries."""
+        numbers = range(self._opened.n_blocks)
+        return [self.coded(stored_block(self._opened, number), number) for number in numbers]
+
     def block(self, number: int) -> DecodedBlock:
         """A block of the stream, decoded.
 
@@ -63,7 +69,7 @@ class PaperBlockDecoder:
         MemoryLimitError
             If it takes more memory than allowed.
         """
-        stored, order = self._opened.stored(number), self._opened.order
+        stored, order = stored_block(self._opened, number), self._opened.order
         with np.errstate(over="ignore", invalid="ignore"):
             block = self.coded(stored, number).values
             if self._n_modes is not None:
@@ -154,7 +160,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
     """The mesh model of a stream: connectivity and anchors, in internal order."""
     anchors, shape = np.zeros(0, np.int64), None
     if variant.has_anchors:
-        payload = opened.only(Section.ANCHOR_VERTICES)
+        payload = only_section(opened, Section.ANCHOR_VERTICES)
         anchors = read_anchor_vertices(payload, opened.n_verts)
     if opened.laplacian is Laplacian.COTANGENT:
         shape = stored_shape(opened).values[:, 0].T
@@ -172,7 +178,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
 
 def stored_shape(opened: OpenStream) -> Quantized:
     """Positions of shape (3, 1, V) from which the cotangent weights of a stream are computed."""
-    return read_curves(opened.only(Section.SHAPE), 1, opened.n_verts)
+    return read_curves(only_section(opened, Section.SHAPE), 1, opened.n_verts)
 
 
 def open_paper_stream(
@@ -206,5 +212,5 @@ def coded_blocks(data: bytes) -> list[CodedBlock]:
     InvalidInputError, CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         As `open_paper_stream`.
     """
-    opened, decoder = open_paper_stream(bytes(data))
-    return [decoder.coded(opened.stored(number), number) for number in range(opened.n_blocks)]
+    _, decoder = open_paper_stream(bytes(data))
+    return decoder.all_coded()

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Laplacian, Section
-from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.entropy.exact import encode_exact
 from meshreel.codec.memory import DEFAULT_LIMIT
+from meshreel.codec.paper_options import PaperOptions
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.errors import InvalidInputError
@@ -69,15 +69,16 @@ class PaperBlockCoder:
         progress: Progress = silent,
     ) -> None:
         self._frame = frame
-        self._variant = variant_named(mesh.config.method)
-        is_optimized = choices(mesh.config).anchor_set == "optimized"
+        config = PaperOptions.of(mesh.config)
+        self._variant = variant_named(config.method)
+        is_optimized = choices(config).anchor_set == "optimized"
         # Only optimized anchors read blocks twice, for which `tee` may keep them in memory.
         blocks, trial_blocks = tee(known) if is_optimized else (iter(known), iter(()))
         first = next(blocks)
         _check_modes(mesh, self._variant, len(first))
-        self._config = _with_modes_for_all(mesh.config, frame, chain([first], blocks))
+        self._config = _with_modes_for_all(config, frame, chain([first], blocks))
         self._shape: Quantized | None = None
-        if mesh.config.laplacian_choice is Laplacian.COTANGENT:
+        if config.laplacian_choice is Laplacian.COTANGENT:
             coordinates = to_matrices(first[:1], frame)
             self._shape = Quantized.of(coordinates, step_for_all_rows(coordinates, SHAPE_BITS))
         self._mesh = _mesh_model(mesh, self._config, self._shape)
@@ -143,7 +144,7 @@ def _check_modes(mesh: CodedMesh, variant: Variant, block_frames: int) -> None:
         )
 
 
-def _mesh_model(mesh: CodedMesh, config: EncoderConfig, shape: Quantized | None) -> MeshModel:
+def _mesh_model(mesh: CodedMesh, config: PaperOptions, shape: Quantized | None) -> MeshModel:
     anchors = np.zeros(0, np.int64)
     if variant_named(config.method).has_anchors:
         anchors = _anchors(mesh, config)
@@ -161,7 +162,7 @@ def _mesh_model(mesh: CodedMesh, config: EncoderConfig, shape: Quantized | None)
     )
 
 
-def _anchors(mesh: CodedMesh, config: EncoderConfig) -> npt.NDArray[np.int64]:
+def _anchors(mesh: CodedMesh, config: PaperOptions) -> npt.NDArray[np.int64]:
     """The anchors in internal order."""
     anchors, options = anchors_of(config), choices(config)
     if isinstance(anchors, Sequence):
@@ -172,8 +173,8 @@ def _anchors(mesh: CodedMesh, config: EncoderConfig) -> npt.NDArray[np.int64]:
 
 
 def _with_modes_for_all(
-    config: EncoderConfig, frame: BoundingFrame, blocks: Iterable[Vertices]
-) -> EncoderConfig:
+    config: PaperOptions, frame: BoundingFrame, blocks: Iterable[Vertices]
+) -> PaperOptions:
     """The configuration with the number of modes of a tracked basis, which all blocks share."""
     if variant_named(config.method).basis is not Basis.TRACKED or config.n_modes is not None:
         return config

@@ -10,15 +10,16 @@ from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
+from meshreel.codec.paper_options import PaperOptions
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import TrackTargets
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import CorruptStreamError
 from meshreel.model.tracks import Track
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
-from meshreel.paper.variants import VARIANTS, Basis, Variant, equal_blocks
+from meshreel.paper.variants import VARIANTS, Variant, equal_blocks
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 
@@ -40,35 +41,19 @@ class PaperMethod:
         return self.variant.name
 
     @property
-    def block_frames(self) -> int | None:
-        """Default number of frames per block; None is all frames."""
-        return self.variant.block_frames
-
-    @property
-    def has_tracks(self) -> bool:
-        """False: it codes positions."""
-        return False
-
-    @property
-    def is_lossless(self) -> bool:
-        """False: coefficients are rounded."""
-        return False
-
-    @property
-    def blocks_are_independent(self) -> bool:
-        """False: a tracked basis is passed from each block to the next."""
-        return False
+    def positions_only(self) -> bool:
+        """True."""
+        return True
 
     def check(self, config: EncoderConfig) -> None:
         """Check that the options are compatible; raises as `settings.check`."""
-        settings.check(config)
+        settings.check(PaperOptions.of(config))
 
-    def check_live(self, config: EncoderConfig) -> None:
-        """Accept every option for live frames."""
-
-    def longest_block(self, n_frames: int, n_verts: int) -> int:
+    def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
         """Default frames per block, if memory suffices; tracked blocks are of equal length."""
-        return n_frames if self.block_frames is None else equal_blocks(n_frames)
+        if n_frames is None or self.variant.block_frames is None:
+            return self.variant.block_frames or n_frames
+        return equal_blocks(n_frames)
 
     def block_bytes(
         self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
@@ -76,23 +61,13 @@ class PaperMethod:
         """Memory for encoding with blocks of this many frames, independent of the number type."""
         return PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
 
-    def max_modes(self, n_frames: int, n_verts: int) -> int:
-        """Largest number of modes of a block of this many frames."""
-        return n_verts if self.variant.basis is Basis.GRAPH else n_frames
-
-    def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """Encode the source to a stream; the engine is not used."""
-        coder = PaperBlockCoder(source.mesh, source.frame, source.blocks(), progress)
-        return source.stream(coder.leading_sections(), _code_blocks(source, coder, progress))
-
-    def encode_segments(
+    def encode(
         self, sources: Sequence[Source], progress: Progress, engine: Engine | None
     ) -> Iterator[bytes]:
-        """Raise InvalidInputError: the paper assumes constant connectivity."""
-        raise InvalidInputError(
-            f"method {self.name} needs constant connectivity, and the sequence has "
-            f"{len(sources)} segments; use reel or lossless"
-        )
+        """Yield the stream of the only source; the engine is not used."""
+        (source,) = sources
+        coder = PaperBlockCoder(source.mesh, source.frame, source.blocks(), progress)
+        yield source.stream(coder.leading_sections(), _code_blocks(source, coder, progress))
 
     def live_coder(
         self,

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
-from meshreel.codec.config import FINE_BITS, Allocation, EncoderConfig
+from meshreel.codec.paper_options import FINE_BITS, Allocation, PaperOptions
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.paper.decoded_block import FramesOf, product_frames
@@ -170,7 +170,7 @@ def analyse(
     vertices: npt.NDArray[np.floating],
     frame: BoundingFrame,
     mesh: MeshModel,
-    config: EncoderConfig,
+    config: PaperOptions,
     reference: Quantized | None = None,
 ) -> CodedBlock:
     """Transform and quantize a block of frames.
@@ -211,7 +211,7 @@ def delta_errors(
     vertices: npt.NDArray[np.floating],
     frame: BoundingFrame,
     mesh: MeshModel,
-    config: EncoderConfig,
+    config: PaperOptions,
 ) -> Floats:
     """Errors of a block's decoded deltas that anchors can reduce, of shape (V, 3 T).
 
@@ -260,7 +260,7 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
 
 
 def modes_needed(
-    vertices: npt.NDArray[np.floating], frame: BoundingFrame, config: EncoderConfig
+    vertices: npt.NDArray[np.floating], frame: BoundingFrame, config: PaperOptions
 ) -> int:
     """Smallest number of modes that keeps the configured fraction of the energy of a block."""
     matrices = to_matrices(vertices, frame)
@@ -272,7 +272,7 @@ def n_frequencies(n_modes: int | None, n_verts: int) -> int:
     return n_modes or int(np.ceil(DEFAULT_FREQUENCIES * n_verts))
 
 
-def _correlation(matrices: Floats, frame: BoundingFrame, config: EncoderConfig) -> Floats:
+def _correlation(matrices: Floats, frame: BoundingFrame, config: PaperOptions) -> Floats:
     """R of shape (3, T, T), of positions relative to the center of the box or as given."""
     # Deviation from Eq. 7: centered by default, so that a large offset costs no precision.
     if choices(config).centering == "none":
@@ -281,7 +281,7 @@ def _correlation(matrices: Floats, frame: BoundingFrame, config: EncoderConfig) 
 
 
 def _dictionary(
-    matrices: Floats, frame: BoundingFrame, config: EncoderConfig, reference: Quantized | None
+    matrices: Floats, frame: BoundingFrame, config: PaperOptions, reference: Quantized | None
 ) -> Quantized:
     """Eigen-trajectories as integers of shape (3, K, T)."""
     correlation = _correlation(matrices, frame, config)
@@ -296,7 +296,7 @@ def _dictionary(
     return _fine(np.swapaxes(basis, 1, 2), choices(config).dictionary_bits)
 
 
-def _modes_needed(correlation: Floats, matrices: Floats, config: EncoderConfig) -> int:
+def _modes_needed(correlation: Floats, matrices: Floats, config: PaperOptions) -> int:
     eigenvalues, _ = eigen_trajectories(correlation, matrices.shape[1])
     total = float(np.trace(correlation, axis1=1, axis2=2).sum())
     centered = matrices - matrices.mean(axis=2, keepdims=True)
@@ -310,7 +310,7 @@ def _deltas(rows: Floats, mesh: MeshModel) -> Floats:
 
 
 def _coded_anchors(
-    coefficients: Floats, positions: Floats, basis: Quantized, config: EncoderConfig
+    coefficients: Floats, positions: Floats, basis: Quantized, config: PaperOptions
 ) -> Anchors:
     """The anchors of a block on eigen-trajectories.
 
@@ -357,7 +357,7 @@ def _fine(values: Floats, bits: int) -> Quantized:
     return Quantized.of(values, step_for_all_rows(values, bits))
 
 
-def _coefficient_steps(values: Floats, config: EncoderConfig) -> Steps:
+def _coefficient_steps(values: Floats, config: PaperOptions) -> Steps:
     bits = bits_of(config)
     if isinstance(bits, Sequence) or allocation_of(config) is Allocation.CONSTANT:
         return steps_for_each_row(values, bits)
@@ -374,7 +374,7 @@ def _solve(mesh: MeshModel, deltas: Floats, anchors: Floats) -> Floats:
     return columns.T.reshape(3, n_modes, n_verts)
 
 
-def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: EncoderConfig) -> CodedBlock:
+def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: PaperOptions) -> CodedBlock:
     """A block whose deltas are projected on low graph frequencies (the paper's "per mesh")."""
     frequencies = mesh.graph_fourier_basis(n_frequencies(config.n_modes, mesh.n_verts))
     spectra = np.swapaxes(_deltas(matrices, mesh) @ frequencies, 1, 2)

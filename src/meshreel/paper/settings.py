@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 
-from meshreel.codec.config import (
+from meshreel.codec.paper_options import (
     BITS_RANGE,
     DEFAULT_ANCHORS,
     DEFAULT_ENERGY,
     FINE_BITS,
     Allocation,
-    EncoderConfig,
+    PaperOptions,
 )
 from meshreel.errors import InvalidInputError
 from meshreel.paper.choices import PaperChoices, choices_of
@@ -18,34 +18,34 @@ EXTRA_ANCHOR_BITS = 4
 """Bits of an anchor position beyond those of a coefficient of the deltas (docs/codec.md)."""
 
 
-def energy_share(config: EncoderConfig) -> float:
+def energy_share(config: PaperOptions) -> float:
     """Fraction of the energy that determines the default number of modes."""
     return DEFAULT_ENERGY if config.energy is None else config.energy
 
 
-def bits_of(config: EncoderConfig) -> int | Sequence[int]:
+def bits_of(config: PaperOptions) -> int | Sequence[int]:
     """Bits of the largest coefficient or of each row; the variant's default if not given."""
     return variant_named(config.method).bits if config.bits is None else config.bits
 
 
-def allocation_of(config: EncoderConfig) -> Allocation:
+def allocation_of(config: PaperOptions) -> Allocation:
     """How a single number of bits is allocated to rows."""
     return Allocation(config.allocation)
 
 
-def choices(config: EncoderConfig) -> PaperChoices:
+def choices(config: PaperOptions) -> PaperChoices:
     """The choices that the paper leaves open."""
     return choices_of(config.choices)
 
 
-def anchors_of(config: EncoderConfig) -> float | Sequence[int]:
+def anchors_of(config: PaperOptions) -> float | Sequence[int]:
     """The anchors as vertices, or as a fraction of the vertices; 0 is one per component."""
     if variant_named(config.method).decoding is not Decoding.ANCHORED:
         return 0.0
     return DEFAULT_ANCHORS if config.anchors is None else config.anchors
 
 
-def anchor_bits(config: EncoderConfig) -> int:
+def anchor_bits(config: PaperOptions) -> int:
     """Bits of the largest position of an anchor, or of its largest coefficient."""
     chosen, variant = choices(config), variant_named(config.method)
     if chosen.anchor_bits is not None:
@@ -57,7 +57,7 @@ def anchor_bits(config: EncoderConfig) -> int:
     return min(largest + EXTRA_ANCHOR_BITS, int(BITS_RANGE.high))
 
 
-def check(config: EncoderConfig) -> None:
+def check(config: PaperOptions) -> None:
     """Check that the options of the variant are compatible.
 
     Raises
@@ -87,7 +87,7 @@ def check(config: EncoderConfig) -> None:
         )
 
 
-def ineffective_choices(config: EncoderConfig, chosen: PaperChoices) -> dict[str, str]:
+def ineffective_choices(config: PaperOptions, chosen: PaperChoices) -> dict[str, str]:
     """Choices that have no effect on streams of these options, and why."""
     variant, reasons = variant_named(config.method), dict[str, str]()
     if variant.decoding is not Decoding.ANCHORED:
@@ -115,7 +115,7 @@ def ineffective_choices(config: EncoderConfig, chosen: PaperChoices) -> dict[str
     return reasons
 
 
-def _check_bits(config: EncoderConfig, variant: Variant) -> None:
+def _check_bits(config: PaperOptions, variant: Variant) -> None:
     if isinstance(config.bits, Sequence):
         if variant.basis is Basis.GRAPH or not config.bits:
             raise InvalidInputError(

@@ -2,7 +2,7 @@
 
 import os
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,6 @@ from scipy.sparse import csr_array
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.memory import memory_limit
-from meshreel.codec.open_stream import StoredBlock
 from meshreel.codec.option import COUNT
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -22,6 +21,7 @@ from meshreel.paper.decoder import PaperBlockDecoder, open_paper_stream
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import BlockValues, Quantized, synthesise
 from meshreel.paper.quantization import Steps
+from meshreel.paper.stored_blocks import StoredBlock, stored_block
 from meshreel.paper.variants import Basis, variant_named
 from meshreel.runtime.counting import counted
 
@@ -317,7 +317,7 @@ def read(
         order=opened.order,
         mesh=mesh,
     )
-    stored = map(opened.stored, range(opened.n_blocks))
+    stored = map(partial(stored_block, opened), range(opened.n_blocks))
     with np.errstate(over="ignore", invalid="ignore"):  # `reconstruct` checks the positions
         blocks = tuple(
             _block(stream, decoder, block, number) for number, block in enumerate(stored)

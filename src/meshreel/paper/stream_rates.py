@@ -100,7 +100,7 @@ def rates(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Stre
     """
     opened, decoder = open_paper_stream(bytes_of(data))
     variant, size = variant_named(opened.method.name), opened.n_verts * opened.n_frames
-    blocks = [decoder.coded(opened.stored(number), number) for number in range(opened.n_blocks)]
+    blocks = decoder.all_coded()
     n_squares = sum((stop - start) ** 2 for start, stop in pairwise(opened.starts))
     stored_bytes = stream_info(opened).budget_bytes
 

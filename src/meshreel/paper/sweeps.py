@@ -4,7 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from meshreel.codec.config import Allocation, EncoderConfig
+from meshreel.codec.options import config_of
+from meshreel.codec.paper_options import Allocation, PaperOptions
 from meshreel.errors import InvalidInputError
 from meshreel.paper.choices import choices_of
 from meshreel.paper.settings import ineffective_choices
@@ -280,7 +281,7 @@ def check_table(table: TableSettings, methods: Sequence[str]) -> None:
     """
     settings = [table.setting(method) for method in methods]
     for setting in settings:
-        EncoderConfig(**setting.options())
+        config_of(**setting.options())
     effective = {
         name for setting in settings for name in choices_of(setting.shared or None).changed
     }
@@ -293,7 +294,7 @@ def check_table(table: TableSettings, methods: Sequence[str]) -> None:
 def _effective(choices: str, method: str) -> str:
     """The choices that have an effect on a method."""
     options = choices_of(choices or None)
-    unused = ineffective_choices(EncoderConfig(method), options)
+    unused = ineffective_choices(PaperOptions(method), options)
     return ",".join(
         f"{name}={value}" for name, value in options.changed.items() if name not in unused
     )

@@ -6,7 +6,7 @@ The pipeline depends on these properties, never on the names.
 from dataclasses import dataclass
 from enum import Enum
 
-from meshreel.codec.config import DEFAULT_BITS, FINE_BITS
+from meshreel.codec.paper_options import DEFAULT_BITS, FINE_BITS
 
 TRACKED_BLOCK_FRAMES = 25
 """Most frames of a tracked block by default."""

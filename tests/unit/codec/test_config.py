@@ -2,7 +2,8 @@ from itertools import combinations
 
 import pytest
 
-from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
+from meshreel.codec.config import MAX_BLOCK_POSITIONS
+from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError
 
 TARGETS = {
@@ -95,27 +96,27 @@ TARGETS = {
 )
 def test_config_reports_allowed_values_of_an_option(options, message):
     with pytest.raises(InvalidInputError, match=message):
-        EncoderConfig(**options)
+        config_of(**options)
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 1000, 1001])
 def test_blocks_within_memory_are_of_equal_length(n_frames):
     n_verts = MAX_BLOCK_POSITIONS // 300
-    size = EncoderConfig().frames_in_block(n_frames, n_verts, 4)
+    size = config_of().frames_in_block(n_frames, n_verts, 4)
     assert size * n_verts <= MAX_BLOCK_POSITIONS
     n_blocks = -(-n_frames // size)
     assert n_blocks == -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
 
 
 def test_one_block_is_used_if_memory_allows():
-    assert EncoderConfig().frames_in_block(5000, 100, 4) == 5000
-    assert EncoderConfig(block_frames=30).frames_in_block(5000, 100, 4) == 30
+    assert config_of().frames_in_block(5000, 100, 4) == 5000
+    assert config_of(block_frames=30).frames_in_block(5000, 100, 4) == 30
 
 
 @pytest.mark.parametrize("number_bytes", [4, 8])
 @pytest.mark.parametrize("method", ["reel", "lossless", "pca-qp"])
 def test_blocks_are_as_long_as_memory_allows(method, number_bytes):
-    config = EncoderConfig(method=method, memory="500MB", block_frames=5000)
+    config = config_of(method=method, memory="500MB", block_frames=5000)
     size = config.frames_in_block(5000, 10_000, number_bytes)
     assert 20 < size < 5000
     for block_frames, is_enough in ((size, True), (size + 1, False)):
@@ -124,22 +125,22 @@ def test_blocks_are_as_long_as_memory_allows(method, number_bytes):
 
 
 def test_a_million_vertices_and_200_frames_are_one_block_in_6_gigabytes():
-    assert EncoderConfig(memory="6GB").frames_in_block(200, 10**6, 4) == 200
-    assert EncoderConfig(memory="6GB").frames_in_block(201, 10**6, 8) < 200
+    assert config_of(memory="6GB").frames_in_block(200, 10**6, 4) == 200
+    assert config_of(memory="6GB").frames_in_block(201, 10**6, 8) < 200
 
 
 @pytest.mark.parametrize("n_verts", [100, 10**6])
 def test_memory_for_blocks_of_100_frames_gives_such_blocks(n_verts):
-    config = EncoderConfig().with_blocks_of(100, n_verts, 4)
+    config = config_of().with_blocks_of(100, n_verts, 4)
     assert config.frames_in_block(200, n_verts, 4) == 100
 
 
 def test_abundant_memory_does_not_change_blocks():
-    assert EncoderConfig(memory="1TB").frames_in_block(10_000, 10_000, 4) == 500
+    assert config_of(memory="1TB").frames_in_block(10_000, 10_000, 4) == 500
 
 
 def test_long_sequences_of_many_vertices_have_blocks_of_equal_length():
-    assert EncoderConfig().frames_in_block(10_000, 10_000, 4) == 500
-    assert EncoderConfig().frames_in_block(1024, 10_000, 4) == 1024
-    assert EncoderConfig().frames_in_block(1025, 10_000, 4) == 342
-    assert EncoderConfig().frames_in_block(1025, 1 << 12, 4) == 1025
+    assert config_of().frames_in_block(10_000, 10_000, 4) == 500
+    assert config_of().frames_in_block(1024, 10_000, 4) == 1024
+    assert config_of().frames_in_block(1025, 10_000, 4) == 342
+    assert config_of().frames_in_block(1025, 1 << 12, 4) == 1025

@@ -4,25 +4,20 @@ import inspect
 import math
 import subprocess
 import sys
-from dataclasses import dataclass, fields
-from typing import Annotated, Any, get_type_hints
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import pytest
 
 import meshreel
-from meshreel.codec.config import (
-    EFFORT_RANGE,
-    UV_BITS_RANGE,
-    EncoderConfig,
-    all_options,
-    check_names,
-    config_of,
-)
+from meshreel.codec.config import UV_BITS_RANGE, EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.entropy.multiples import MAX_GRID_BITS
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.option import Option, Range, numpydoc, options_of_fields, takes_fields
+from meshreel.codec.options import FAMILIES, all_options, check_names, config_of
 from meshreel.codec.reel.encoding.effort import EFFORTS
+from meshreel.codec.reel_options import EFFORT_RANGE
 from meshreel.errors import InvalidInputError
 from samples.meshes import waving_grid
 
@@ -77,7 +72,7 @@ def test_option_accepts_its_default_and_describes_it(name):
 def test_config_refuses_what_the_table_does_not_allow(name):
     option = OPTIONS[name]
     with pytest.raises(InvalidInputError, match=rf"\b{name}\b"):
-        EncoderConfig(**{name: "none of them" if option.names else -1})
+        config_of(**{name: "none of them" if option.names else -1})
 
 
 @pytest.mark.parametrize("name", OPTIONS)
@@ -91,7 +86,7 @@ def test_methods_refuse_options_that_they_lack(method, name):
         return
     expected = f"method {method} does not take {name}=; .* {' or '.join(option.methods)}$"
     with pytest.raises(InvalidInputError, match=expected):
-        EncoderConfig(method, **{name: given})
+        config_of(method, **{name: given})
 
 
 def test_every_option_is_supported_by_a_method():
@@ -108,14 +103,23 @@ def test_encode_has_the_options_of_the_table(function):
         assert parameters[name].annotation == option.annotation
 
 
-def test_config_has_the_options_of_the_table():
-    types = get_type_hints(EncoderConfig)
-    assert {(field.name, field.default) for field in fields(EncoderConfig)} == {
-        (name, option.default) for name, option in OPTIONS.items()
-    }
-    assert {name: types[name] for name in OPTIONS} == {
-        name: option.annotation for name, option in OPTIONS.items()
-    }
+def test_families_extend_the_shared_options_and_share_no_others():
+    shared = {option.name for option in options_of_fields(EncoderConfig)}
+    own = [{option.name for option in options_of_fields(family)} - shared for family in FAMILIES]
+    assert not set.intersection(*own)
+    assert set.union(shared, *own) == set(OPTIONS)
+    assert not {"energy", "bits", "anchors"} & shared
+
+
+def test_options_of_another_method_are_accepted_at_their_default():
+    defaults = {name: option.default for name, option in OPTIONS.items() if name != "method"}
+    assert config_of("pca-qp", **defaults) == config_of("pca-qp")
+
+
+def test_live_frames_exclude_options_of_the_whole_sequence():
+    with pytest.raises(InvalidInputError, match=r"^kg needs .* set quality, max_error, step$"):
+        config_of(kg=1.0).check_live()
+    config_of("pca-qp", n_modes=3).check_live()
 
 
 @pytest.mark.parametrize("name", OPTIONS)
@@ -130,7 +134,10 @@ def test_encode_forwards_every_option(name):
     [("qualty", "did you mean 'quality'?"), ("modes", "did you mean 'n_modes'?"), ("zzz", "kg")],
 )
 def test_error_for_an_unknown_option_suggests_the_nearest(name, advice):
-    for call in (config_of, lambda options: meshreel.encode(waving_grid(1), **options)):
+    for call in (
+        lambda options: config_of(**options),
+        lambda options: meshreel.encode(waving_grid(1), **options),
+    ):
         with pytest.raises(InvalidInputError, match=f"option '{name}' is unknown") as refused:
             call({name: 1})
         assert advice in str(refused.value)
@@ -148,7 +155,7 @@ def test_ranges_agree_with_the_enumerations():
 def test_table_is_built_without_importing_numpy():
     """The command line shows its help without importing numerics."""
     code = (
-        "import sys; from meshreel.codec.config import all_options; all_options(); "
+        "import sys; from meshreel.codec.options import all_options; all_options(); "
         "print(*{'numpy', 'scipy', 'DracoPy'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

@@ -5,8 +5,8 @@ import pickle
 import numpy as np
 import pytest
 
-from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode
+from meshreel.codec.options import config_of
 from meshreel.codec.reel.encoding.block_coder import coder_of
 from meshreel.codec.source import Source
 from meshreel.formats.frames.stored_frames import StoredFrames
@@ -50,7 +50,7 @@ def test_errors_are_measured_in_this_process():
 
 def test_only_the_frames_of_a_block_are_sent_for_a_sequence_in_memory():
     sequence = waving_grid(200)
-    pieces = list(Source(sequence, EncoderConfig(block_frames=10)).pieces())
+    pieces = list(Source(sequence, config_of(block_frames=10)).pieces())
     assert len(pickle.dumps(pieces[3])) < sequence.vertices.nbytes / 10
     restored = pickle.loads(pickle.dumps(pieces[3]))
     assert (restored.read() == pieces[3].read()).all()
@@ -59,7 +59,7 @@ def test_only_the_frames_of_a_block_are_sent_for_a_sequence_in_memory():
 def test_workers_read_frames_from_files(tmp_path):
     sequence = waving_grid(200)
     save(sequence, tmp_path / "grid.npz")
-    source = Source(open_source(tmp_path / "grid.npz"), EncoderConfig(block_frames=10))
+    source = Source(open_source(tmp_path / "grid.npz"), config_of(block_frames=10))
     piece = list(source.pieces())[3]
     sent = pickle.dumps(piece)
     assert len(sent) < sequence.vertices.nbytes / 10
@@ -73,7 +73,7 @@ def test_piece_of_an_open_file_is_sent_with_its_frames(tmp_path, extension):
     source = tmp_path / f"grid.{extension}"
     save(sequence, tmp_path / "f_%02d.ply" if extension == "ply" else source)
     opened = open_source(tmp_path if extension == "ply" else source)
-    pieces = list(Source(opened, EncoderConfig(block_frames=10)).pieces())
+    pieces = list(Source(opened, config_of(block_frames=10)).pieces())
     assert type(opened) is StoredFrames
     found = pickle.loads(pickle.dumps(pieces[2])).read()
     np.testing.assert_array_equal(found, sequence.vertices[20:30, pieces[2].order])
@@ -81,7 +81,7 @@ def test_piece_of_an_open_file_is_sent_with_its_frames(tmp_path, extension):
 
 def test_process_reuses_a_mesh_that_it_received_before():
     sequence = waving_grid(5)
-    source = Source(sequence, EncoderConfig())
+    source = Source(sequence, config_of())
     sent = pickle.dumps(coder_of(source.mesh, source.frame))
     assert pickle.loads(sent).mesh is pickle.loads(sent).mesh
 

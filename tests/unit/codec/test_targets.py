@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.config import Tune
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.reel.encoding.effort import (
     DEFAULT_QUALITY_STEP,
@@ -18,6 +17,7 @@ from meshreel.codec.reel.encoding.effort import (
     tune_named,
 )
 from meshreel.codec.reel.normative.payloads import MAX_LEARNED
+from meshreel.codec.reel_options import Tune
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind, target_of
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.mesh import MAX_STENCIL

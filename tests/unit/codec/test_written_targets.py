@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.options import config_of
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.errors import InvalidInputError
 from samples.meshes import waving_grid
 
@@ -49,9 +50,9 @@ def test_every_vertex_of_live_frames_is_within_a_bound_in_length_units():
 
 
 def test_options_given_as_text_are_numbers():
-    config = EncoderConfig(max_error="0.5mm", unit="cm", memory="1kB")
-    assert (config.max_error, config.unit, config.memory) == ("0.05u", None, 1000.0)
-    assert EncoderConfig(**asdict(config)) == config
+    config = config_of(max_error="0.5mm", unit="cm", memory="1kB")
+    assert config == ReelOptions(max_error="0.05u", memory=1000.0)
+    assert config_of(**asdict(config)) == config
 
 
 def test_refused_bound_is_reported_in_the_unit_of_the_request():
@@ -62,4 +63,4 @@ def test_refused_bound_is_reported_in_the_unit_of_the_request():
 
 def test_unit_without_a_number_is_refused():
     with pytest.raises(InvalidInputError, match="unit= applies to a length in max_error="):
-        EncoderConfig(unit="mm")
+        config_of(unit="mm")

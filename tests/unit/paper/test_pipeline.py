@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.options import config_of
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.laplacian import component_labels
@@ -30,7 +30,7 @@ def round_trip(sequence, config):
 @pytest.mark.parametrize("laplacian", ["normalized", "combinatorial"])
 @pytest.mark.parametrize("anchors", [0.0, 0.01, 1.0])
 def test_frames_with_all_modes_and_fine_steps_round_trip(laplacian, anchors):
-    config = EncoderConfig("pca-qp", n_modes=12, bits=24, anchors=anchors, laplacian=laplacian)
+    config = config_of("pca-qp", n_modes=12, bits=24, anchors=anchors, laplacian=laplacian)
     matrices, matrices_hat, _ = round_trip(waving_grid(12), config)
     # Only the dictionary and the anchors are rounded, to 16 bits.
     assert np.abs(matrices_hat - matrices).max() < 2e-4
@@ -40,7 +40,7 @@ def test_error_falls_with_more_bits():
     errors = []
     for bits in (5, 7, 9, 11):
         matrices, matrices_hat, _ = round_trip(
-            waving_grid(12), EncoderConfig("pca-qp", n_modes=12, bits=bits)
+            waving_grid(12), config_of("pca-qp", n_modes=12, bits=bits)
         )
         errors.append(np.linalg.norm(matrices_hat - matrices))
     assert errors == sorted(errors, reverse=True)
@@ -48,14 +48,14 @@ def test_error_falls_with_more_bits():
 
 def test_solving_for_modes_equals_solving_for_frames():
     """PCA+qp and PCA+qs: the Laplacian and the projection commute (Eq. 12)."""
-    _, parallel, _ = round_trip(waving_grid(12), EncoderConfig("pca-qp", n_modes=5))
-    _, serial, _ = round_trip(waving_grid(12), EncoderConfig("pca-qs", n_modes=5))
+    _, parallel, _ = round_trip(waving_grid(12), config_of("pca-qp", n_modes=5))
+    _, serial, _ = round_trip(waving_grid(12), config_of("pca-qs", n_modes=5))
     np.testing.assert_allclose(serial, parallel, atol=1e-9)
 
 
 def test_connected_vertices_round_trip_next_to_isolated_ones():
     sequence = irregular_sequence()
-    config = EncoderConfig("pca-qp", n_modes=8, bits=24)
+    config = config_of("pca-qp", n_modes=8, bits=24)
     matrices, matrices_hat, mesh = round_trip(sequence, config)
     connected = np.setdiff1d(np.arange(sequence.n_verts), mesh.isolated)
     assert np.abs(matrices_hat - matrices)[:, :, connected].max() < 5e-4

@@ -1,7 +1,7 @@
 import pytest
 
-from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import METHOD_NAMES as CODED
+from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.plots import METHOD_COLORS
 from meshreel.paper.sweeps import (
@@ -32,7 +32,7 @@ def test_different_settings_have_different_keys():
 @pytest.mark.parametrize(("n_frames", "expected"), [(175, 25), (48, 24), (26, 13), (12, 12)])
 def test_blocks_are_of_equal_length(n_frames, expected):
     assert equal_blocks(n_frames) == expected
-    assert EncoderConfig("blocks").frames_in_block(n_frames, 99, 4) == expected
+    assert config_of("blocks").frames_in_block(n_frames, 99, 4) == expected
     assert variants(n_frames, ["blocks"])[0].block_frames == expected
 
 
@@ -73,7 +73,7 @@ def test_rows_of_the_printed_preset_have_constant_bits():
 
 def test_alternatives_of_the_printed_preset_are_valid_options():
     for setting in alternatives(175, table=PRESETS["printed"]):
-        EncoderConfig(**setting.options())
+        config_of(**setting.options())
 
 
 def test_keys_differ_by_allocation():

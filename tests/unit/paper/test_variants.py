@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.config import EncoderConfig
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.options import config_of
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError
@@ -227,7 +227,7 @@ def test_more_modes_than_a_block_has_are_refused(method, options, words):
      ("v2v", "v2v"), ("Blocks", "blocks"), ("per mesh", "gft"), ("per-mesh", "gft")],
 )  # fmt: skip
 def test_methods_are_understood_by_their_names_in_the_paper(printed, own):
-    assert EncoderConfig(printed).method == own
+    assert config_of(printed).method == own
 
 
 @pytest.mark.every_case
@@ -236,7 +236,7 @@ def test_methods_are_understood_by_their_names_in_the_paper(printed, own):
     [("k_l", "n_modes="), ("n_c", "n_c / n"), ("n_b", "k / n_b"), ("t_max", "t_max - 1")],
 )
 def test_letters_of_the_paper_are_answered_with_our_option(letter, words):
-    with pytest.raises(InvalidInputError, match=f"the paper's {letter} is .*{words}"):
+    with pytest.raises(InvalidInputError, match=f"'{letter}' is unknown; .*{words}"):
         meshreel.encode(waving_grid(3), "blocks", **{letter: 2})
 
 

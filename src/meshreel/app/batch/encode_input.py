@@ -77,7 +77,7 @@ class EncodeOptions:
     def are_cut(self) -> bool:
         """Whether sequences are coded in independent blocks."""
         is_cut = self.config.block_frames is not None or self.config.memory is not None
-        return is_cut and self.config.method_row.blocks_are_independent
+        return is_cut and not self.config.method_row.positions_only
 
     def as_dict(self) -> dict[str, Any]:
         """Options that differ from the default, in plain types."""
@@ -159,7 +159,7 @@ def _measured(
     notes += filter(None, [joined_note(given, sequence)])
     tracks = _present(sequence, options, notes)
     data = encode_with(config, sequence, tracks=tracks, engine=engine)
-    achieved = measure_stream(sequence, data, with_sted=config.sted is not None)
+    achieved = measure_stream(sequence, data, with_sted=config.is_chosen("sted"))
     for registration in registrations:
         from meshreel.registration.report import Report  # imports SciPy
 

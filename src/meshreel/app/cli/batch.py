@@ -109,12 +109,12 @@ def batch_command(
     from meshreel.app.batch.encode_input import EncodeOptions
     from meshreel.app.batch.plan import plan_batch
     from meshreel.app.cli.console import print_json, print_notes
-    from meshreel.codec.config import EncoderConfig
+    from meshreel.codec.options import config_of
     from meshreel.model.surface_selection import listed_names
 
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler cannot be combined; give one")
-    config = EncoderConfig(**encoding)
+    config = config_of(**encoding)
     listed_names(reading.attributes)  # raises before any work
     tracks = track_targets(track)
     options = EncodeOptions(config, reading, tracks)

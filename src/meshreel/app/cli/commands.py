@@ -29,18 +29,6 @@ COMMANDS = (
 
 NUMBER = re.compile(r"\d*\.?\d+(e[+-]?\d+)?")
 
-SYNONYMS = {
-    f"--{name}": "--max-error"
-    for name in ("error", "error-bound", "bound", "eb", "epsilon", "tolerance", "precision")
-} | {
-    "--k-l": "--modes",
-    "--n-c": "--anchors",
-    "--n-b": "--block-frames",
-    "--k-f": "--block-frames",
-    "--t-max": "--iterations",
-}
-"""Options by names that other programs and the paper give them."""
-
 WITH_ADDRESSES = frozenset({"encode", "register", "batch", "decode", "convert", "info", "compare"})
 """Commands that accept addresses of remote files."""
 
@@ -64,7 +52,7 @@ class Command(click.Command):
         except click.UsageError as error:
             error.ctx = error.ctx or ctx  # the parser does not set it
             if isinstance(error, click.NoSuchOption):
-                meant = SYNONYMS.get(error.option_name.replace("_", "-"), "")
+                meant = _flag_of_synonym(error.option_name)
                 if any(meant in param.opts for param in self.params):
                     message = f"{error.message} Did you mean {meant!r}?"
                     raise click.UsageError(message, ctx) from None
@@ -120,6 +108,14 @@ def _refuse_split_values(ctx: click.Context, args: list[str]) -> None:
                 raise click.UsageError(
                     f"a space separates {number} from its unit; write {option} {number}{unit}", ctx
                 )
+
+
+def _flag_of_synonym(option_name: str) -> str:
+    """Return the option that the paper or another program calls "--n-c"; empty if none does."""
+    from meshreel.codec.options import all_options
+
+    name = option_name.removeprefix("--").replace("-", "_")
+    return next((option.flag for option in all_options() if name in option.synonyms), "")
 
 
 def command(function: Callable[..., Any]) -> click.Command:

@@ -105,7 +105,7 @@ def convert_command(
         known_frames,
         refuse_stream_options,
     )
-    from meshreel.codec.config import EncoderConfig
+    from meshreel.codec.options import config_of
     from meshreel.formats.load import loading_for
     from meshreel.formats.needed_extras import extras_to_read, extras_to_write
     from meshreel.formats.options import WriteOptions
@@ -122,7 +122,7 @@ def convert_command(
         raise click.UsageError("--split and --frames cannot be combined; give one")
     if not is_stream(output):
         refuse_stream_options(context, {*stream_options, "track"}, output)
-    config = EncoderConfig(**(encoding if is_stream(output) else stream_options))
+    config = config_of(**(encoding if is_stream(output) else stream_options))
     notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))

@@ -20,7 +20,7 @@ from meshreel.app.cli.write_options import (
     targets_option,
     textures_option,
 )
-from meshreel.codec.config import option_named
+from meshreel.codec.options import option_named
 
 if TYPE_CHECKING:
     pass

@@ -94,7 +94,7 @@ def encode_command(
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
     from meshreel.app.cli.encoded_file import encode_file
     from meshreel.app.cli.read_options import output_stem, source_of
-    from meshreel.codec.config import EncoderConfig
+    from meshreel.codec.options import config_of
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.reel import open as open_reel
@@ -106,7 +106,7 @@ def encode_command(
 
     output = output or f"{output_stem(inputs[0])}.reel"
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
-    config, targets = EncoderConfig(**encoding), track_targets(track)
+    config, targets = config_of(**encoding), track_targets(track)
     notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))

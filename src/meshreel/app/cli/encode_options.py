@@ -1,4 +1,4 @@
-"""Command-line options for encoding, derived from the fields of `EncoderConfig`."""
+"""Command-line options for encoding, derived from `codec.options`."""
 
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -9,11 +9,11 @@ import click
 from meshreel.app.cli.completing import names_of
 from meshreel.app.cli.messages import flag_of
 from meshreel.app.cli.parameters import Decorator, option
-from meshreel.codec.config import all_options
 from meshreel.codec.option import Option
+from meshreel.codec.options import all_options
 
 Encoding = dict[str, Any]
-"""Values of the options for encoding, by field of `EncoderConfig`."""
+"""Values of the options for encoding, by name."""
 
 
 def encode_options(**replacements: Decorator) -> Decorator:

@@ -86,7 +86,7 @@ def encode_file(
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
     with replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(data)
-    achieved = measure_stream(sequence, data, with_sted=config.sted is not None, progress=progress)
+    achieved = measure_stream(sequence, data, with_sted=config.is_chosen("sted"), progress=progress)
     stream = info(data)
     surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)

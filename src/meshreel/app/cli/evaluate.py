@@ -91,8 +91,8 @@ def evaluate_command(
     - `meshreel evaluate crash.vtkhdf --track stress --quick`
     """
     from meshreel.app.cli.reports import check_before_work, portable_path, split_names, write_report
-    from meshreel.codec.config import PAPER as PAPER_METHODS
     from meshreel.codec.methods import own_name
+    from meshreel.codec.paper_options import PAPER as PAPER_METHODS
     from meshreel.evaluation.choices import checked_names
     from meshreel.evaluation.codecs.measure import CODED_METHODS, DEFAULT_METHODS
     from meshreel.evaluation.codecs.peers.protocol import peers_named

@@ -50,7 +50,7 @@ def flag_of(keyword: str) -> str:
 @cache
 def _flags() -> dict[str, str]:
     """Options by keyword: those of encoding, and `RENAMED`."""
-    from meshreel.codec.config import all_options
+    from meshreel.codec.options import all_options
 
     return {**RENAMED, **{option.name: option.flag for option in all_options()}}
 

@@ -98,8 +98,8 @@ def register_command(
     from meshreel.app.cli.encode import OTHER_OUTPUTS
     from meshreel.app.cli.encoded_file import encode_file
     from meshreel.app.cli.read_options import output_stem, source_of
-    from meshreel.codec.config import EncoderConfig
     from meshreel.codec.error_bounds import METERS, bound_of
+    from meshreel.codec.options import config_of
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake, extras_to_read
     from meshreel.formats.reel import open as open_reel
@@ -118,7 +118,7 @@ def register_command(
     bound = bound_of(tolerance, encoding["unit"] if is_length else None, "tolerance")
     if is_length and encoding["max_error"] is None:
         encoding = {**encoding, "unit": None}
-    config, notes = EncoderConfig(**encoding), reading.notes
+    config, notes = config_of(**encoding), reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))
         path = Path(target.local)

@@ -7,8 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
+from meshreel.codec.methods import LOSSLESS
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.targets import TargetKind
@@ -46,37 +48,25 @@ modes. MAX_MODES is the number assumed for long blocks."""
 BYTES_PER_CACHED, MAX_CACHED = 52.0, 2.8e6
 """Memory of the cached coordinates of a position, and the largest number of cached positions."""
 
-LIVE_TARGETS = (TargetKind.QUALITY, TargetKind.STEP, TargetKind.MAX_ERROR)
-"""Targets that do not require later frames."""
-
 
 class ReelMethod:
     """The method `reel`; see `codec.methods.Method`."""
 
     name = "reel"
-    block_frames = None
-    blocks_are_independent = True
-    has_tracks = True
-    is_lossless = False
+    positions_only = False
 
     def check(self, config: EncoderConfig) -> None:
         """Raise InvalidInputError if there are several targets."""
-        _ = config.target
+        _ = ReelOptions.of(config).target
 
-    def check_live(self, config: EncoderConfig) -> None:
-        """Raise InvalidInputError if the target requires the whole sequence."""
-        if config.target.kind not in LIVE_TARGETS:
-            raise InvalidInputError(
-                f"{config.target.kind.value} needs the whole sequence; for frames added in order, "
-                f"set {', '.join(kind.value for kind in LIVE_TARGETS)}"
-            )
-
-    def longest_block(self, n_frames: int, n_verts: int) -> int:
+    def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
         """Return the number of frames per block without an option or a memory limit.
 
         Every cut repeats the fields that are not reused, so blocks are long. Long sequences are cut
         to limit time, memory and latency.
         """
+        if n_frames is None:
+            return None
         n_blocks = -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
         if n_frames > MAX_UNCUT_FRAMES and n_frames * n_verts > MAX_UNCUT_POSITIONS:
             n_blocks = max(n_blocks, -(-n_frames // MAX_CUT_FRAMES))
@@ -97,23 +87,20 @@ class ReelMethod:
             + 3 * number_bytes * n_blocks * n_positions
         )
 
-    def max_modes(self, n_frames: int, n_verts: int) -> int:
-        """Return the largest number of modes of a block."""
-        return 3 * n_frames
+    def encode(
+        self, sources: Sequence[Source], progress: Progress, engine: Engine | None
+    ) -> Iterator[bytes]:
+        """Yield the stream of each segment; raises as `whole.encode` and `encode_segments`."""
+        if len(sources) == 1:
+            return iter([self._encode(sources[0], progress, engine)])
+        from meshreel.codec.reel.encoding.segments import encode_segments
 
-    def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """Return a stream of the source; raises as `whole.encode`."""
+        return encode_segments(self._encode, sources, progress, engine)
+
+    def _encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
         from meshreel.codec.reel.encoding import whole
 
         return whole.encode(source, progress, engine)
-
-    def encode_segments(
-        self, sources: Sequence[Source], progress: Progress, engine: Engine | None
-    ) -> Iterator[bytes]:
-        """Yield the stream of each segment; raises as `segments.encode_segments`."""
-        from meshreel.codec.reel.encoding.segments import encode_segments
-
-        return encode_segments(self.encode, sources, progress, engine)
 
     def live_coder(
         self,
@@ -144,31 +131,24 @@ class ReelMethod:
 class LosslessMethod(ReelMethod):
     """The method `lossless`; tracks are coded as in `reel`."""
 
-    name = "lossless"
-    is_lossless = True
+    name = LOSSLESS
 
     def check(self, config: EncoderConfig) -> None:
         """Accept all options."""
 
-    def check_live(self, config: EncoderConfig) -> None:
-        """Accept all options."""
-
-    def longest_block(self, n_frames: int, n_verts: int) -> int:
+    def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
         """Return the number of frames per block without an option or a memory limit.
 
         Showing a frame decodes its whole block, which takes longer than with modes, and cuts cost
         fewer bytes.
         """
+        if n_frames is None:
+            return None
         together = max(MIN_EXACT_FRAMES, MAX_EXACT_POSITIONS // n_verts)
         together = max(1, min(together, MAX_BLOCK_POSITIONS // n_verts))
         return -(-n_frames // -(-n_frames // together))
 
-    def max_modes(self, n_frames: int, n_verts: int) -> int:
-        """Return 0."""
-        return 0
-
-    def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """Return a stream of the source; raises as `exact_positions.encode`."""
+    def _encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
         from meshreel.codec.reel.encoding import exact_positions
 
         return exact_positions.encode(source, progress, engine)
@@ -212,17 +192,15 @@ class GridMethod(LosslessMethod):
     """The method `grid`: positions rounded to a grid, then lossless."""
 
     name = "grid"
-    is_lossless = False
 
     def check(self, config: EncoderConfig) -> None:
         """Raise InvalidInputError without `max_error` or `step`."""
-        if config.target.kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
+        if ReelOptions.of(config).target.kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
             raise InvalidInputError(
                 f"method {self.name} rounds positions to a grid; set max_error= or step="
             )
 
-    def encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
-        """Return a stream of the source; raises as `grid_positions.encode`."""
+    def _encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
         from meshreel.codec.reel.encoding import grid_positions
 
         return grid_positions.encode(source, progress, engine)

@@ -8,13 +8,13 @@ from meshreel import decode
 from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.run import run_batch
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.engine.engine import Engine
 from samples.engines import InlineWorkers
 from samples.gltf import moving_triangle
 
-OPTIONS = EncodeOptions(EncoderConfig("lossless"))
+OPTIONS = EncodeOptions(config_of("lossless"))
 UP = [[0, 0, 0], [0, 7, 0]]
 
 

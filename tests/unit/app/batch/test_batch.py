@@ -16,7 +16,7 @@ from meshreel.app.batch.manifest import MANIFEST_NAME
 from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.report import REPORT_NAME
 from meshreel.app.batch.run import _is_spread, run_batch
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.options import ReadOptions
 from meshreel.model.tracks import Track
@@ -26,7 +26,7 @@ from samples.engines import InlineWorkers
 from samples.meshes import quad_sheet, waving_grid
 from samples.tasks import encode_or_die, process_id
 
-OPTIONS = EncodeOptions(EncoderConfig(quality=60))
+OPTIONS = EncodeOptions(config_of(quality=60))
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def test_input_whose_faces_change_becomes_segments(tmp_path, out):
     meshreel.save(replace(waving_grid(3), tracks={"heat": Track(heat)}), folder / "a_%d.ply")
     meshreel.save(quad_sheet(2), folder / "b_%d.ply")
     reading = ReadOptions(attributes=["uv", "none such"])
-    config = EncoderConfig(max_error=0.3)
+    config = config_of(max_error=0.3)
     options = EncodeOptions(config, reading, tracks={"heat": "1%", "cold": 1.0})
     report = run(tmp_path / "in", out, options)
     assert report.summary == "0 up to date, 1 encoded, 0 failed"
@@ -114,7 +114,7 @@ def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits,
     folder.mkdir(parents=True)
     meshreel.save(waving_grid(1), folder / "a.ply")
     meshreel.save(quad_sheet(1), folder / "b.ply")
-    config = EncoderConfig(quality=60, uv_bits=8)
+    config = config_of(quality=60, uv_bits=8)
     run(tmp_path / "in", out, EncodeOptions(config, ReadOptions(attributes=bits)))
     found = facts(out)["scan"]
     assert found["state"] == "done"
@@ -123,7 +123,7 @@ def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits,
 
 
 def test_manifest_lists_non_default_options(inputs, out):
-    run(inputs, out, EncodeOptions(EncoderConfig(sted=0.05, order="drop"), ReadOptions(fps=12.0)))
+    run(inputs, out, EncodeOptions(config_of(sted=0.05, order="drop"), ReadOptions(fps=12.0)))
     assert facts(out)["walk.npz"]["options"] == {"sted": 0.05, "order": "drop", "fps": 12.0}
     assert facts(out)["walk.npz"]["sted"] <= 0.05
     assert meshreel.info((out / "walk.reel").read_bytes()).fps == 12
@@ -181,7 +181,7 @@ def test_second_run_encodes_only_changed_inputs(inputs, out, change):
 
 def test_changed_options_reencode_everything(inputs, out):
     run(inputs, out)
-    report = run(inputs, out, EncodeOptions(EncoderConfig(quality=70)))
+    report = run(inputs, out, EncodeOptions(config_of(quality=70)))
     assert set(report.encoded) == {"walk.npz", "a/cloth"}
     expected = meshreel.encode(meshreel.load(inputs / "walk.npz"), quality=70)
     assert (out / "walk.reel").read_bytes() == expected
@@ -351,7 +351,7 @@ def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
         check_deaths(inputs, out, engine, monkeypatch)
 
 
-LONG = EncodeOptions(EncoderConfig(quality=60, block_frames=4))
+LONG = EncodeOptions(config_of(quality=60, block_frames=4))
 
 
 def check_spread(folder, engine):

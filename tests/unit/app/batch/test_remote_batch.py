@@ -12,13 +12,13 @@ from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.manifest import Manifest
 from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.run import run_batch
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.options import config_of
 from meshreel.errors import StoreError
 from meshreel.runtime.engine.engine import Engine
 from samples.engines import InlineWorkers
 from samples.meshes import waving_grid
 
-OPTIONS = EncodeOptions(EncoderConfig(quality=60))
+OPTIONS = EncodeOptions(config_of(quality=60))
 IN, OUT = "memory://bucket/in", "memory://bucket/out"
 
 

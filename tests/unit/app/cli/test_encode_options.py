@@ -11,7 +11,7 @@ import meshreel
 from meshreel.app.cli.app import app
 from meshreel.app.cli.commands import command_named
 from meshreel.app.cli.encode_options import encode_options
-from meshreel.codec.config import all_options
+from meshreel.codec.options import all_options
 from meshreel.errors import InvalidInputError
 from samples.meshes import waving_grid
 

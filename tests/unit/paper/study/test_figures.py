@@ -12,6 +12,7 @@ from meshreel.codec.open_stream import whole_stream
 from meshreel.evaluation.plots import label_ends
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
+from meshreel.paper.stored_blocks import stored_block
 from meshreel.paper.study.claims import near_zero_percent, projected_deltas
 from meshreel.paper.study.figures.matrices import (
     averaged,
@@ -119,7 +120,9 @@ def _tracked(sequence, n_modes, dictionary="difference"):
 def _stored_bits(data, n_modes):
     """Mean bits of an entry of the dictionaries after the first, from the bytes of a stream."""
     opened = whole_stream(data)
-    payloads = [opened.stored(number).payload(Section.BASIS) for number in range(opened.n_blocks)]
+    payloads = [
+        stored_block(opened, number).payload(Section.BASIS) for number in range(opened.n_blocks)
+    ]
     sizes = [len(payload) - 1 for payload in payloads[1:]]  # without the byte that names the kind
     return 8 * sum(sizes) / (len(sizes) * 3 * n_modes * BLOCK_FRAMES)
 

@@ -22,6 +22,7 @@ from meshreel.codec.reel.encoding.effort import choices_of
 from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
 from meshreel.codec.reel.normative.mesh import Connectivity, FieldMesh, shared_field_mesh
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.fields import decode_fields, encode_fields
@@ -299,7 +300,7 @@ class KeyedBlocks:
 
 def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
     """Return the coder of a mesh with its options; its step is still to be set."""
-    choices = choices_of(mesh.config)
+    choices = choices_of(ReelOptions.of(mesh.config))
     field_mesh = FieldMesh(mesh.faces, mesh.n_verts, choices.stencil_size)
     return FieldBlockCoder(field_mesh, frame, choices)
 

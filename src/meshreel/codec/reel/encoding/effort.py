@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from meshreel.codec.config import DEFAULT_EFFORT, EncoderConfig, Tune
 from meshreel.codec.reel.encoding.analysis import FieldChoices
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER
+from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind
 from meshreel.errors import InvalidInputError
 
@@ -63,7 +63,7 @@ EFFORTS = {
 }
 
 
-def choices_of(config: EncoderConfig) -> FieldChoices:
+def choices_of(config: ReelOptions) -> FieldChoices:
     """Return the encoder parameters of options; the step is still to be set."""
     effort = DEFAULT_EFFORT if config.effort is None else config.effort
     return choices_for(effort, tune_named(config.tune, config.target), config.n_modes)

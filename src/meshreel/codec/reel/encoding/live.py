@@ -25,6 +25,7 @@ from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import live_track_coders
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import TrackTargets
@@ -123,7 +124,8 @@ class LiveCoder:
     ) -> None:
         self._mesh = mesh
         coder = coder_of(mesh, frame)
-        self._coder = coder.with_step(*step_for_target(mesh.config, FirstBlock(coder, first)))
+        config = ReelOptions.of(mesh.config)
+        self._coder = coder.with_step(*step_for_target(config, FirstBlock(coder, first)))
         self._blocks = KeyedBlocks(self._coder)
 
         def decoded() -> Vertices:

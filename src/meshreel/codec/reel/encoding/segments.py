@@ -11,6 +11,7 @@ from meshreel.codec.reel.encoding.effort import quality_step
 from meshreel.codec.reel.encoding.grid_positions import frame_error, suits_one_frame
 from meshreel.codec.reel.encoding.meters import KgMeter
 from meshreel.codec.reel.encoding.target_step import FIRST_QUALITY, step_within_limit
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError
@@ -52,7 +53,7 @@ def encode_segments(
     InvalidInputError
         If the target cannot be met, or is a STED error, which compares consecutive frames.
     """
-    config = sources[0].config
+    config = ReelOptions.of(sources[0].config)
     kind = config.target.kind
     if kind is TargetKind.STED:
         raise InvalidInputError(
@@ -91,7 +92,7 @@ def _after(progress: Progress, n_done: int, total: int) -> Progress:
 
 def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     """Return the step, in diagonals, with which all segments together meet the target."""
-    config = sources[0].config
+    config = ReelOptions.of(sources[0].config)
     kind, numbers = config.target.kind, count(1)
     needed = whole.CACHED_POSITION_BYTES * sum(map(_n_positions, sources))
     fits = config.memory_bytes is None or needed <= config.memory_bytes / 2

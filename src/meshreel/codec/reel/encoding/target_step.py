@@ -10,10 +10,10 @@ from typing import Protocol
 
 import numpy as np
 
-from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step, quality_step
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.targets import Target, TargetKind
 from meshreel.errors import InvalidInputError
 
@@ -56,13 +56,13 @@ class RateModel(Protocol):
 
 
 def step_for_target(
-    config: EncoderConfig, model: RateModel, *, has_tracks: bool = False
+    config: ReelOptions, model: RateModel, *, has_tracks: bool = False
 ) -> tuple[float, float | None]:
     """Return the step that meets the target, and the guaranteed error bound, both in diagonals.
 
     Parameters
     ----------
-    config : EncoderConfig
+    config : ReelOptions
     model : RateModel
     has_tracks : bool
         Whether sizes include those of tracks, which the error then mentions.
@@ -118,7 +118,7 @@ def checked_bound(
 
 
 def step_within_limit(
-    config: EncoderConfig,
+    config: ReelOptions,
     measure: Callable[[float], float],
     start: float,
     *,
@@ -128,7 +128,7 @@ def step_within_limit(
 
     Parameters
     ----------
-    config : EncoderConfig
+    config : ReelOptions
     measure : callable
         Returns the error, bytes or bits that the target limits, for a step in diagonals.
     start : float
@@ -167,7 +167,7 @@ def _best(kind: TargetKind, reached: float) -> str:
     return f"the smallest error is {reached:g}"
 
 
-def _remedy(config: EncoderConfig, has_tracks: bool) -> str:
+def _remedy(config: ReelOptions, has_tracks: bool) -> str:
     if not config.target.kind.is_budget:
         return "positions come back no nearer than their number type; allow more"
     remedies = ["allow more"]

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Order, Section
-from meshreel.codec.config import DEFAULT_EFFORT, Tune
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
     FieldFrames,
@@ -28,6 +27,7 @@ from meshreel.codec.reel.normative.blocks import write_exact_block, write_missin
 from meshreel.codec.reel.normative.expected import MovingSurface
 from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
 from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.track_bounds import Measure, TrackBound
@@ -281,7 +281,8 @@ def track_coder(
             f"track {name!r}: an error of {allowed:.3g} cannot be guaranteed, since its numbers of "
             f"type {track.dtype} are rounded by up to {least:.2g}; allow more, or use exact"
         ) from None
-    effort = DEFAULT_EFFORT if mesh.config.effort is None else mesh.config.effort
+    chosen = ReelOptions.of(mesh.config).effort
+    effort = DEFAULT_EFFORT if chosen is None else chosen
     choices = choices_for(effort, Tune.GEOMETRY, None)
     header = TrackHeader(
         name,

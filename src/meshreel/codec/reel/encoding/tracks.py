@@ -134,7 +134,7 @@ def _prediction(
         return Coding.ROTATIONS, 0.0
     if not _is_velocity(track):
         return None
-    if bound == EXACT and not (source.config.method_row.is_lossless and track.dtype.kind == "f"):
+    if bound == EXACT and not (source.config.is_lossless and track.dtype.kind == "f"):
         return None
     fit = DifferenceFit()
     for piece in block_ranges(source):

@@ -30,6 +30,7 @@ from meshreel.codec.reel.encoding.rate_control import least_cost
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, SolverError
@@ -65,16 +66,17 @@ def encode(
     InvalidInputError
         If no stream meets the target.
     """
+    config = ReelOptions.of(source.config)
     if source.whole_extent is not None and suits_one_frame(source):
-        if step is None and source.config.target.kind is not TargetKind.MAX_ERROR:
-            step, _ = step_for_target(source.config, RateSearch(source, progress, None))
+        if step is None and config.target.kind is not TargetKind.MAX_ERROR:
+            step, _ = step_for_target(config, RateSearch(source, progress, None))
         return encode_frame(source, progress, step)
     if source.bounds:
         source = replace(source, tracks=encode_tracks(source, progress))
     sequence = RateSearch(source, progress, engine)
     bound = None
     if step is None:
-        step, bound = step_for_target(source.config, sequence, has_tracks=bool(source.tracks))
+        step, bound = step_for_target(config, sequence, has_tracks=bool(source.tracks))
     following = FollowingTracks(source, progress) if source.tracks else None
     if following is not None:
         step = sequence.step_for_tracks(following, step, bound)
@@ -121,7 +123,7 @@ class RateSearch:
         self._source = source
         self._n_frames = source.n_frames
         self.dtype: np.dtype[np.floating] = source.dtype
-        self._target = source.config.target
+        self._target = ReelOptions.of(source.config).target
         self._progress = progress
         self._engine = engine
         self._streams: dict[float, bytes] = {}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.codec.config import DEFAULT_ITERATIONS
+from meshreel.codec.paper_options import DEFAULT_ITERATIONS
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.model.sequence import MeshSequence

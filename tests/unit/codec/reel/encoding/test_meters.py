@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.config import EncoderConfig
+from meshreel.codec.options import config_of
 from meshreel.codec.reel.encoding.block_coder import KeyedBlocks, coder_of
 from meshreel.codec.reel.encoding.meters import SLACK, KgMeter
 from meshreel.codec.source import Source
@@ -14,7 +14,7 @@ from samples.meshes import irregular_sequence, waving_grid
 
 def metered(sequence, step, block_frames=8):
     """The error of the meter, and that of decoded frames."""
-    source = Source(sequence, EncoderConfig(block_frames=block_frames))
+    source = Source(sequence, config_of(block_frames=block_frames))
     coder = coder_of(source.mesh, source.frame).with_step(step, None)
     blocks, meter, decoded = KeyedBlocks(coder), KgMeter(), []
     for frames in map(coder.frames, source.blocks()):

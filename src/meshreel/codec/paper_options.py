@@ -1,0 +1,124 @@
+"""Options of the paper's methods."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated
+
+from meshreel.codec.bitstream.layout import Laplacian
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.option import COUNT, Option, Range
+
+PAPER = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft")
+OF_DELTAS = tuple(name for name in PAPER if name != "v2v")
+"""Methods that support an option."""
+
+GROUP = "The paper's methods"
+
+BITS_RANGE = Range(2, 24, is_whole=True)
+DEFAULT_BITS, FINE_BITS = 9, 16
+"""Default bits of coefficients; `pca` uses `FINE_BITS`."""
+
+DEFAULT_ENERGY, DEFAULT_ANCHORS, DEFAULT_ITERATIONS = 0.99995, 0.01, 4
+
+
+class Allocation(Enum):
+    """Distribution of bits over the rows of coefficients."""
+
+    ENERGY = "energy"
+    CONSTANT = "constant"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperOptions(EncoderConfig):
+    """Options of the paper's methods, checked."""
+
+    energy: Annotated[
+        float | None,
+        Option(
+            "Share of the shape's energy to keep, up to 1; chooses the number of modes.",
+            default_text=str(DEFAULT_ENERGY),
+            range=Range(0, 1, is_open=True),
+            unit="a share of the energy",
+            group=GROUP,
+            more="The omitted energy causes a KG error of sqrt(1 - energy), by default 0.7 %.",
+            methods=PAPER,
+        ),
+    ] = None
+    bits: Annotated[
+        int | Sequence[int] | None,
+        Option(
+            f"Bits of the largest coefficient, {BITS_RANGE.words}; or of each row, 0 to omit it.",
+            default_text=f"{DEFAULT_BITS}; pca: {FINE_BITS}",
+            range=BITS_RANGE,
+            group=GROUP,
+            metavar="N[,N...]",
+            methods=PAPER,
+        ),
+    ] = None
+    allocation: Annotated[
+        str,
+        Option(
+            "How to distribute one number of bits over the rows.",
+            names=tuple(allocation.value for allocation in Allocation),
+            group=GROUP,
+            more="energy: all share the step of the largest, so that bits follow a row's energy; "
+            "constant: each row spreads that many bits over its range.",
+            methods=PAPER,
+        ),
+    ] = Allocation.ENERGY.value
+    anchors: Annotated[
+        float | Sequence[int] | None,
+        Option(
+            "Share of the vertices stored as anchors, 0 to 1, if the method has anchors; or their "
+            "indices.",
+            default_text=str(DEFAULT_ANCHORS),
+            range=Range(0, 1),
+            unit="a share of the vertices (0.01 = 1 %)",
+            group=GROUP,
+            metavar="SHARE or N,N...",
+            more="Every connected component gets at least one: 0 decodes by L alone (Eq. 11).",
+            synonyms={"n_c": "a share of the vertices (n_c / n)"},
+            methods=PAPER,
+        ),
+    ] = None
+    choices: Annotated[
+        str | Mapping[str, object] | None,
+        Option(
+            "Choices that the paper leaves open, separated by commas: anchor-values, anchor-set, "
+            "anchor-seed, anchor-bits, dictionary-bits, quantize, centering, dictionary, rotation.",
+            group=GROUP,
+            metavar="NAME=VALUE[,...]",
+            more='Such as `"anchor-values=coefficients,anchor-bits=16"`, or a mapping; '
+            "`meshreel.paper.PaperChoices` describes each.",
+            methods=PAPER,
+        ),
+    ] = None
+    laplacian: Annotated[
+        str,
+        Option(
+            "Laplacian matrix of the deltas.",
+            names=tuple(laplacian.name.lower() for laplacian in Laplacian),
+            group=GROUP,
+            more="normalized: I - D^-1 C (Eq. 3), with smaller measured errors; combinatorial: "
+            "D - C (Eq. 1); cotangent: I - D^-1 W with the cotangent weights of the first frame, "
+            "which is stored too.",
+            methods=OF_DELTAS,
+        ),
+    ] = Laplacian.NORMALIZED.name.lower()
+    n_iterations: Annotated[
+        int,
+        Option(
+            "Orthogonal iterations from block to block (blocks).",
+            range=COUNT,
+            group=GROUP,
+            flag="--iterations",
+            synonyms={"t_max": "which is t_max - 1"},
+            methods=("blocks",),
+        ),
+    ] = DEFAULT_ITERATIONS
+
+    @property
+    def laplacian_choice(self) -> Laplacian:
+        """The Laplacian as an enumeration member."""
+        return Laplacian[self.laplacian.upper()]

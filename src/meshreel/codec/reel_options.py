@@ -1,0 +1,196 @@
+"""Options of the methods `reel`, `lossless` and `grid`."""
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import Annotated
+
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.error_bounds import METERS, bound_of
+from meshreel.codec.memory import bytes_of
+from meshreel.codec.methods import LOSSLESS
+from meshreel.codec.option import Option, Range
+from meshreel.codec.targets import (
+    ABOVE_ZERO,
+    DEFAULT_QUALITY,
+    DIAGONAL_OF_ALL,
+    GROUP,
+    QUALITIES,
+    Target,
+    TargetKind,
+    target_of,
+)
+from meshreel.errors import InvalidInputError
+
+REEL, BOUNDED = ("reel",), ("reel", "grid")
+"""Methods that support an option."""
+
+EFFORT_RANGE = Range(1, 9, is_whole=True)
+DEFAULT_EFFORT = 5
+
+
+class Tune(Enum):
+    """Error measure that the encoder optimizes."""
+
+    VISUAL = "visual"
+    GEOMETRY = "geometry"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReelOptions(EncoderConfig):
+    """Options of `reel`, `lossless` and `grid`, checked."""
+
+    quality: Annotated[
+        float | None,
+        Option(
+            f"{QUALITIES.words}; every 12 points halve the error, which is relative to the model's "
+            "size (the mean diagonal of the bounding boxes of single frames), and smaller on "
+            "smooth surfaces.",
+            default_text=f"{DEFAULT_QUALITY:g}, without another target",
+            range=QUALITIES,
+            group=GROUP,
+            methods=REEL,
+        ),
+    ] = None
+    max_error: Annotated[
+        float | str | None,
+        Option(
+            "Largest distance of any vertex from the original, guaranteed. 0.1 or 0.1%: "
+            f"percent {DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see {{unit}}.",
+            range=ABOVE_ZERO,
+            unit="in percent",
+            group=GROUP,
+            metavar="BOUND",
+            synonyms=dict.fromkeys(
+                ("error", "error_bound", "bound", "eb", "epsilon", "tolerance", "precision"), ""
+            ),
+            methods=BOUNDED,
+        ),
+    ] = None
+    unit: Annotated[
+        str | None,
+        Option(
+            "Length of one model unit, if {max_error} is a length.",
+            names=tuple(METERS),
+            group=GROUP,
+            metavar="|".join(METERS),
+            methods=BOUNDED,
+        ),
+    ] = None
+    kg: Annotated[
+        float | None,
+        Option(
+            "Smallest file of at most this KG error, relative to the shape's extent.",
+            range=ABOVE_ZERO,
+            unit="in percent",
+            group=GROUP,
+            metavar="PERCENT",
+            more="In percent.",
+            needs_all_frames=True,
+            methods=REEL,
+        ),
+    ] = None
+    sted: Annotated[
+        float | None,
+        Option(
+            "Smallest file of at most this STED.",
+            range=ABOVE_ZERO,
+            group=GROUP,
+            needs_all_frames=True,
+            methods=REEL,
+        ),
+    ] = None
+    bpvf: Annotated[
+        float | None,
+        Option(
+            "Best quality within this many bits per vertex and frame.",
+            range=ABOVE_ZERO,
+            unit="in bits per vertex and frame",
+            group=GROUP,
+            more="Counts the whole stream.",
+            needs_all_frames=True,
+            methods=REEL,
+        ),
+    ] = None
+    size: Annotated[
+        float | str | None,
+        Option(
+            "Best quality within this size, as in 100kB, 1MiB or 100000 (bytes).",
+            range=ABOVE_ZERO,
+            unit="in bytes",
+            group=GROUP,
+            metavar="SIZE",
+            needs_all_frames=True,
+            methods=REEL,
+        ),
+    ] = None
+    step: Annotated[
+        float | None,
+        Option(
+            "Quantization step of positions, in diagonals of the bounding box of all frames.",
+            range=Range(0, 1, is_open=True),
+            unit="in diagonals of the bounding box",
+            group=GROUP,
+            methods=BOUNDED,
+        ),
+    ] = None
+    lossless: Annotated[
+        bool,
+        Option(
+            "Decode positions and tracks bit for bit. Also keeps the order of vertices and faces, "
+            "unless {order} is given.",
+            group=GROUP,
+            more='Equals method="lossless". `tracks` may still set bounds, or drop tracks.',
+            methods=("reel", LOSSLESS),
+        ),
+    ] = False
+    tune: Annotated[
+        str | None,
+        Option(
+            "Error measure to optimize. visual: how the surface looks; geometry: vertex positions.",
+            default_text="the measure of the target, else visual",
+            names=tuple(tune.value for tune in Tune),
+            more="visual suits STED, geometry the KG error and the largest error.",
+            methods=REEL,
+        ),
+    ] = None
+    effort: Annotated[
+        int | None,
+        Option(
+            f"{EFFORT_RANGE.words}: encoding time against size.",
+            default_text=str(DEFAULT_EFFORT),
+            range=EFFORT_RANGE,
+            methods=REEL,
+        ),
+    ] = None
+
+    def _parse_texts(self) -> None:
+        super()._parse_texts()
+        if self.size is not None:
+            object.__setattr__(self, "size", bytes_of(self.size, "size"))
+        if self.max_error is not None:
+            object.__setattr__(self, "max_error", bound_of(self.max_error, self.unit).plain)
+            object.__setattr__(self, "unit", None)
+        elif self.unit is not None:
+            raise InvalidInputError("unit= applies to a length in max_error=; give both")
+
+    def _complete(self) -> None:
+        if self.lossless:
+            self._make_lossless()
+        object.__setattr__(self, "lossless", self.is_lossless)
+
+    def _make_lossless(self) -> None:
+        """Set the method to lossless; raise if another option excludes it."""
+        unused = [f"{option.name}=" for option in self.chosen if LOSSLESS not in option.methods]
+        if unused:
+            verb, pronoun = ("has", "it") if len(unused) == 1 else ("have", "them")
+            raise InvalidInputError(
+                f"{' and '.join(unused)} {verb} no effect with lossless=; omit {pronoun}, or "
+                "lossless="
+            )
+        object.__setattr__(self, "method", LOSSLESS)
+
+    @cached_property
+    def target(self) -> Target:
+        """Target of `reel`: a rate, an error or a step."""
+        return target_of(**{kind.value: getattr(self, kind.value) for kind in TargetKind})
