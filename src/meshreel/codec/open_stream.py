@@ -95,7 +95,7 @@ class OpenStream:
         self.laplacian: Laplacian = _choice_of_code(Laplacian, info.laplacian)
         self.order_kept: Order = _choice_of_code(Order, info.order)
         self.error_bound_percent: float | None = (
-            0.0 if self.method.name == LOSSLESS else info.error_bound_percent
+            0.0 if self.method.name == LOSSLESS else info.error_bound_percent or None
         )
         self.n_frames: int = info.n_frames
         self.n_verts: int = info.n_verts

@@ -8,51 +8,35 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from io import BytesIO
-from typing import Any, BinaryIO
+from typing import Annotated, Any, BinaryIO
 from weakref import finalize
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import (
-    CorruptStreamError,
-    InvalidInputError,
-    MemoryLimitError,
-    TruncatedStreamError,
-    UnsupportedVersionError,
-)
-from meshreel.kernel.host import (
-    ANNOUNCE,
-    READ,
-    RUN,
-    TASK,
-    HostMemory,
-    SourceReader,
-    block_store,
-)
+from meshreel.errors import InvalidInputError, MemoryLimitError
+from meshreel.kernel.host import ANNOUNCE, READ, RUN, TASK, HostMemory, SourceReader, block_store
 from meshreel.kernel.library import library
 from meshreel.kernel.structures import (
-    CORRUPT,
     LIMIT,
     NO_MEMORY,
     NORMAL,
     NUMBER_TYPES,
     OK,
-    TRUNCATED,
-    UNKNOWN_BYTE,
+    U32,
+    U64,
     UNREADABLE,
-    UNSUPPORTED,
-    Block,
+    Double,
     Error,
-    Group,
+    Flag,
     Host,
-    Info,
     Modes,
-    Section,
-    Segment,
+    Record,
     Source,
     Text,
-    Track,
+    Vector,
+    record_of,
+    structure_of,
 )
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
@@ -62,14 +46,18 @@ Integers = npt.NDArray[np.int32]
 _U32, _U64, _POINTER = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_void_p
 
 
+String = Annotated[str, Text]
+Damage = Annotated[Exception | None, Error]
+
+
 @dataclass(frozen=True)
 class FileInfo:
-    """Contents of the header and the index of a file or a segment.
+    """Contents of the header and the index of a file or a segment, `meshreel_info`.
 
     Attributes
     ----------
-    error_bound_percent : float or None
-        Guaranteed bound of the displacement of vertices, in percent of the diagonal, or None.
+    error_bound_percent : float
+        Guaranteed bound of the displacement of vertices, in percent of the diagonal; 0: none.
     center : tuple of 3 floats
     diagonal : float
         Of the bounding box of all frames, in model units.
@@ -77,40 +65,45 @@ class FileInfo:
         Up to the end of the file, or of the last complete block.
     n_frames, n_verts, n_triangles, n_faces, n_corners, n_blocks, n_tracks : int
         The positions are among the tracks.
+    longest_block : int
+        Frames of the longest block.
     number_bytes, method, laplacian, order : int
         As in the header.
+    is_whole : bool
+        Whether the end of the file is there.
     n_segments : int
-        Of a file of several, `error_bound_percent` is None and all counts but `n_frames` are 0.
+        Of a file of several, `error_bound_percent` and all counts but `n_frames` are 0.
     damage : Exception or None
         Why it is not whole.
     """
 
-    name: str
-    fps: float
-    start_s: float
-    error_bound_percent: float | None
-    center: tuple[float, float, float]
-    diagonal: float
-    size_bytes: int
-    n_frames: int
-    n_verts: int
-    n_triangles: int
-    n_faces: int
-    n_corners: int
-    n_blocks: int
-    n_tracks: int
-    number_bytes: int
-    method: int
-    laplacian: int
-    order: int
-    n_segments: int
-    is_whole: bool
-    damage: Exception | None
+    name: String
+    fps: Double
+    start_s: Double
+    error_bound_percent: Double
+    center: Vector
+    diagonal: Double
+    size_bytes: U64
+    n_frames: U32
+    n_verts: U32
+    n_triangles: U32
+    n_faces: U32
+    n_corners: U32
+    n_blocks: U32
+    longest_block: U32
+    n_tracks: U32
+    number_bytes: U32
+    method: U32
+    laplacian: U32
+    order: U32
+    is_whole: Flag
+    n_segments: U32
+    damage: Damage
 
 
 @dataclass(frozen=True)
 class FileSegment:
-    """A mesh of constant connectivity in a file, and its frames.
+    """A mesh of constant connectivity in a file, and its frames: `meshreel_segment`.
 
     Attributes
     ----------
@@ -120,39 +113,39 @@ class FileSegment:
         Of its bytes, without the header of the file.
     """
 
-    first_frame: int
-    n_frames: int
-    n_verts: int
-    n_triangles: int
-    offset: int
-    size_bytes: int
+    first_frame: U32
+    n_frames: U32
+    n_verts: U32
+    n_triangles: U32
+    offset: U64
+    size_bytes: U64
 
 
 @dataclass(frozen=True)
 class FileSection:
-    """A section of a file: its id, its bytes, and those of its payload."""
+    """A section of a file: its id, its bytes, and those of its payload: `meshreel_section`."""
 
-    id: int
-    is_known: bool
-    offset: int
-    size_bytes: int
-    payload_offset: int
-    payload_bytes: int
+    id: U32
+    is_known: Flag
+    offset: U64
+    size_bytes: U64
+    payload_offset: U64
+    payload_bytes: U64
 
 
 @dataclass(frozen=True)
 class FileBlock:
-    """The bytes of a track in a block of frames."""
+    """The bytes of a track in a block of frames: `meshreel_block`."""
 
-    first_frame: int
-    n_frames: int
-    offset: int
-    size_bytes: int
+    first_frame: U32
+    n_frames: U32
+    offset: U64
+    size_bytes: U64
 
 
 @dataclass(frozen=True)
 class FileGroup:
-    """Header of a track in a block.
+    """Header of a track in a block: `meshreel_group`.
 
     Attributes
     ----------
@@ -164,26 +157,32 @@ class FileGroup:
         Quantization step of the fields, in diagonals.
     """
 
-    key_block: int
-    n_modes: int
-    n_corrections: int
-    step: float
+    key_block: U32
+    n_modes: U32
+    n_corrections: U64
+    step: Double
 
 
 @dataclass(frozen=True)
 class FileTrack:
-    """A quantity that changes over time; `core/include/meshreel.h` has the codes."""
+    """A quantity that changes over time, `meshreel_track`; `meshreel.h` has the codes."""
 
-    name: str
-    unit: str
-    kind: int
-    domain: int
-    dtype: np.dtype[Any]
-    n_columns: int
-    n_items: int
-    coding: int
-    is_exact: bool
-    bound: float
+    name: String
+    unit: String
+    kind: U32
+    domain: U32
+    type: U32
+    n_columns: U32
+    n_items: U32
+    coding: U32
+    is_exact: Flag
+    reserved: U32
+    bound: Double
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Number type."""
+        return NUMBER_TYPES[self.type]
 
     @property
     def frame_bytes(self) -> int:
@@ -314,13 +313,13 @@ class FrameDecoder:
         """
         with self._lock:
             self._begin()
-            found = Modes()
-            number, stored = (_U32(track), _U32(block)), self._file.tracks[track]
-            self._file.call("modes_of", self._handle, *number, ctypes.byref(found))
-            is_sum = found.n_modes and not found.has_missing and stored.kind != NORMAL
-            if not is_sum or (found.shared and found.correction_starts):
+            modes, stored = Modes(), self._file.tracks[track]
+            numbers = _U32(track), _U32(block)
+            self._file.call("modes_of", self._handle, *numbers, ctypes.byref(modes))
+            is_sum = modes.n_modes and not modes.has_missing and stored.kind != NORMAL
+            if not is_sum or (modes.shared and modes.correction_starts):
                 return None
-            return _file_modes(found, stored.n_items)
+            return _file_modes(modes, stored.n_items)
 
     def close(self) -> None:
         """Release all that is held."""
@@ -435,14 +434,14 @@ class OpenFile:
             raise InvalidInputError(
                 f"segment {number} is not in the file; it has {there}, numbered from 0"
             )
-        place, found = self._segment(number), copy(self)
-        found.handle = _POINTER()
-        self.call("open_segment", self.handle, _U32(number), ctypes.byref(found.handle))
-        found._close = _closer(found)
-        found.info = found._info()
-        found.offset = place.offset if number else 0
-        found.first_frame = place.first_frame
-        return found
+        place, segment = self._segment(number), copy(self)
+        segment.handle = _POINTER()
+        self.call("open_segment", self.handle, _U32(number), ctypes.byref(segment.handle))
+        segment._close = _closer(segment)
+        segment.info = segment._info()
+        segment.offset = place.offset if number else 0
+        segment.first_frame = place.first_frame
+        return segment
 
     @cached_property
     def segments(self) -> tuple[FileSegment, ...]:
@@ -450,16 +449,13 @@ class OpenFile:
         return tuple(map(self._segment, range(self.info.n_segments)))
 
     def _segment(self, number: int) -> FileSegment:
-        found = Segment()
-        _function("segment_of")(self.handle, _U32(number), ctypes.byref(found))
-        return FileSegment(
-            found.first_frame,
-            found.n_frames,
-            found.n_verts,
-            found.n_triangles,
-            found.offset,
-            found.size,
-        )
+        return self._record(FileSegment, "segment_of", _U32(number))
+
+    def _record(self, record: type[Record], function: str, *arguments: Any) -> Record:
+        """Return what a function of the core, which cannot fail, tells about the file."""
+        structure = structure_of(record)()
+        _function(function)(self.handle, *arguments, ctypes.byref(structure))
+        return record_of(record, structure)
 
     def _core_source(self) -> Source:
         if isinstance(self._source, bytes):
@@ -472,19 +468,8 @@ class OpenFile:
         return Source(None, size, read, None, announce)
 
     def _info(self) -> FileInfo:
-        found = ctypes.cast(_function("info_of")(self.handle), ctypes.POINTER(Info)).contents
-        damage = found.damage
-        numbers = "fps start_s diagonal n_frames n_verts n_triangles n_faces n_corners n_blocks"
-        codes = "n_tracks number_bytes method laplacian order n_segments"
-        return FileInfo(
-            name=text_of(found.name),
-            error_bound_percent=found.error_bound_percent or None,
-            center=tuple(found.center),
-            size_bytes=found.size,
-            is_whole=bool(found.is_whole),
-            damage=_stream_error(damage) if damage.code else None,
-            **{name: getattr(found, name) for name in f"{numbers} {codes}".split()},
-        )
+        structure = structure_of(FileInfo).from_address(_function("info_of")(self.handle))
+        return record_of(FileInfo, structure)
 
     def call(self, name: str, *arguments: Any) -> None:
         """Call a function of the core that can fail; the last argument, the error, is added.
@@ -510,7 +495,7 @@ class OpenFile:
             )
         if error.code == NO_MEMORY:
             return MemoryError(f"decoding takes {error.size} bytes, which the system does not have")
-        return _stream_error(error)
+        return error.exception
 
     def read_mesh(self) -> None:
         """Decode the triangles and the order of vertices; raises as the class."""
@@ -523,8 +508,8 @@ class OpenFile:
         """Vertices of each triangle, of shape (M, 3); raises as the class."""
         if not self._has_mesh:
             self.read_mesh()
-        found = array_at(_function("triangles")(self.handle), 3 * self.info.n_triangles, np.int32)
-        return found.reshape(-1, 3)
+        address, n_numbers = _function("triangles")(self.handle), 3 * self.info.n_triangles
+        return array_at(address, n_numbers, np.int32).reshape(-1, 3)
 
     @cached_property
     def stored_mesh(self) -> tuple[Integers, Integers]:
@@ -546,29 +531,12 @@ class OpenFile:
     @cached_property
     def tracks(self) -> tuple[FileTrack, ...]:
         """All tracks; the positions are the first."""
-        return tuple(self._track(number) for number in range(self.info.n_tracks))
-
-    def _track(self, number: int) -> FileTrack:
-        found = Track()
-        _function("track_of")(self.handle, _U32(number), ctypes.byref(found))
-        return FileTrack(
-            text_of(found.name),
-            text_of(found.unit),
-            found.kind,
-            found.domain,
-            NUMBER_TYPES[found.type],
-            found.n_columns,
-            found.n_items,
-            found.coding,
-            bool(found.is_exact),
-            found.bound,
-        )
+        numbers = range(self.info.n_tracks)
+        return tuple(self._record(FileTrack, "track_of", _U32(number)) for number in numbers)
 
     def block(self, number: int, track: int = 0) -> FileBlock:
         """The bytes of a track in a block."""
-        found = Block()
-        _function("block_of")(self.handle, _U32(number), _U32(track), ctypes.byref(found))
-        return FileBlock(found.first_frame, found.n_frames, found.offset, found.size)
+        return self._record(FileBlock, "block_of", _U32(number), _U32(track))
 
     def block_of_frame(self, frame: int) -> int:
         """The block that holds a frame."""
@@ -582,15 +550,14 @@ class OpenFile:
     @cached_property
     def starts(self) -> list[int]:
         """First frame of each block, and the number of all frames."""
-        return [*(one.first_frame for one in self.blocks), self.info.n_frames]
+        return [*(block.first_frame for block in self.blocks), self.info.n_frames]
 
     def group(self, number: int, track: int = 0, *, is_checked: bool = True) -> FileGroup:
-        """What a block says of a track; its checksums are compared if `is_checked`."""
-        found = Group()
-        self.call(
-            "group_of", self.handle, _U32(number), _U32(track), is_checked, ctypes.byref(found)
-        )
-        return FileGroup(found.key_block, found.n_modes, found.n_corrections, found.step)
+        """Header of a track in a block; its checksums are compared if `is_checked`."""
+        group = structure_of(FileGroup)()
+        numbers = _U32(number), _U32(track)
+        self.call("group_of", self.handle, *numbers, is_checked, ctypes.byref(group))
+        return record_of(FileGroup, group)
 
     def sections(
         self, start: int = 0, stop: int | None = None, *, is_checked: bool = True
@@ -604,18 +571,19 @@ class OpenFile:
         """
         offset, end = start, self.info.size_bytes if stop is None else stop
         while offset < end:
-            found = Section()
-            self.call("section_at", self.handle, _U64(offset), is_checked, ctypes.byref(found))
-            yield _file_section(found)
-            offset = found.offset + found.size
+            section = structure_of(FileSection)()
+            self.call("section_at", self.handle, _U64(offset), is_checked, ctypes.byref(section))
+            yield record_of(FileSection, section)
+            offset = section.offset + section.size_bytes
 
     @cached_property
     def leading(self) -> tuple[FileSection, ...]:
         """Known sections before the first block, those that an earlier segment stores first."""
         sections: list[FileSection] = []
-        found = Section()
-        while not _function("leading_of")(self.handle, _U32(len(sections)), ctypes.byref(found)):
-            sections.append(_file_section(found))
+        section = structure_of(FileSection)()
+        at = ctypes.byref(section)
+        while not _function("leading_of")(self.handle, _U32(len(sections)), at):
+            sections.append(record_of(FileSection, section))
         return tuple(sections)
 
     def bytes_at(self, offset: int, size: int) -> bytes:
@@ -637,59 +605,31 @@ class OpenFile:
             self._close()
 
 
-def _file_modes(found: Modes, n_values: int) -> FileModes:
-    n_frames, n_modes, n_columns = found.n_frames, found.n_modes, found.n_columns
-    rows = array_at(found.rows, found.n_items, np.int32)
-    if found.shared:
-        rows = rows[array_at(found.shared, n_values, np.int32)]
-    fields = array_at(found.values, (rows.max(initial=-1) + 1) * n_modes, np.float64)
-    basis = array_at(found.basis, n_columns * n_frames * n_modes, np.float64)
+def _file_modes(modes: Modes, n_values: int) -> FileModes:
+    n_frames, n_modes, n_columns = modes.n_frames, modes.n_modes, modes.n_columns
+    rows = array_at(modes.rows, modes.n_items, np.int32)
+    if modes.shared:
+        rows = rows[array_at(modes.shared, n_values, np.int32)]
+    fields = array_at(modes.values, (rows.max(initial=-1) + 1) * n_modes, np.float64)
+    basis = array_at(modes.basis, n_columns * n_frames * n_modes, np.float64)
     basis = basis.reshape(n_columns, n_frames, n_modes).transpose(1, 2, 0)
-    n_starts = n_frames + 1 if found.correction_starts else 0
-    starts = array_at(found.correction_starts, n_starts, np.int64)
+    n_starts = n_frames + 1 if modes.correction_starts else 0
+    starts = array_at(modes.correction_starts, n_starts, np.int64)
     n_corrections = int(starts[-1]) if n_starts else 0
-    corrections = array_at(found.corrections, n_corrections * n_columns, np.float64)
+    corrections = array_at(modes.corrections, n_corrections * n_columns, np.float64)
     return FileModes(
         fields.reshape(-1, n_modes)[rows],
-        np.ascontiguousarray(basis) * (found.step * found.scale),
-        array_at(found.origin, n_columns, np.float64),
+        np.ascontiguousarray(basis) * (modes.step * modes.scale),
+        array_at(modes.origin, n_columns, np.float64),
         starts if n_starts else np.zeros(n_frames + 1, np.int64),
-        array_at(found.corrected, n_corrections, np.int32),
-        corrections.reshape(-1, n_columns) * found.scale,
+        array_at(modes.corrected, n_corrections, np.int32),
+        corrections.reshape(-1, n_columns) * modes.scale,
     )
-
-
-def _file_section(found: Section) -> FileSection:
-    return FileSection(
-        found.id,
-        bool(found.is_known),
-        found.offset,
-        found.size,
-        found.payload,
-        found.payload_size,
-    )
-
-
-def _stream_error(error: Error) -> Exception:
-    """The exception of a failure of the core."""
-    kinds: dict[int, type[Exception]] = {
-        TRUNCATED: TruncatedStreamError,
-        CORRUPT: CorruptStreamError,
-        UNSUPPORTED: UnsupportedVersionError,
-    }
-    message = error.message.decode()
-    place = "" if error.offset == UNKNOWN_BYTE else f" (byte {error.offset})"
-    return kinds.get(error.code, InvalidInputError)(f"{message}{place}")
-
-
-def text_of(text: Text) -> str:
-    """The string of a text of the core."""
-    return ctypes.string_at(text.bytes, text.size).decode() if text.size else ""
 
 
 def array_at(address: int | None, count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     """A copy of an array of the core."""
-    found = np.empty(count, dtype)
+    copied = np.empty(count, dtype)
     if count:
-        ctypes.memmove(found.ctypes.data, address or 0, found.nbytes)
-    return found
+        ctypes.memmove(copied.ctypes.data, address or 0, copied.nbytes)
+    return copied

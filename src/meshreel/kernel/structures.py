@@ -1,10 +1,17 @@
 """Structures and codes of `core/include/meshreel.h`, for `ctypes`."""
 
 import ctypes
-from typing import Any
+from functools import cache
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
 
+from meshreel.errors import (
+    CorruptStreamError,
+    InvalidInputError,
+    TruncatedStreamError,
+    UnsupportedVersionError,
+)
 from meshreel.kernel.exact import TYPES
 from meshreel.kernel.host import ANNOUNCE, READ, RUN
 
@@ -36,6 +43,45 @@ _U32, _U64, _SIZE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_size_t
 _POINTER, _DOUBLE = ctypes.c_void_p, ctypes.c_double
 
 
+U32 = Annotated[int, _U32]
+U64 = Annotated[int, _U64]
+Flag = Annotated[bool, _U32]
+Double = Annotated[float, _DOUBLE]
+Vector = Annotated[tuple[float, float, float], _DOUBLE * 3]
+"""Fields of dataclasses, with their types in C."""
+
+Record = TypeVar("Record")
+
+
+@cache
+def structure_of(record: Any) -> type[ctypes.Structure]:
+    """Return the structure of C whose members are the fields of a dataclass, in order."""
+    hints = get_type_hints(record, include_extras=True)
+    members = [(name, annotated.__metadata__[0]) for name, annotated in hints.items()]
+    return type(record.__name__, (ctypes.Structure,), {"_fields_": members})
+
+
+def record_of(record: type[Record], structure: ctypes.Structure) -> Record:
+    """Return a dataclass with copies of the members of its structure."""
+    members = _types_of(record).items()
+    return record(**{name: _plain(getattr(structure, name), kind) for name, kind in members})
+
+
+@cache
+def _types_of(record: Any) -> dict[str, Any]:
+    return get_type_hints(record)
+
+
+def _plain(member: Any, kind: Any) -> Any:
+    if isinstance(member, Text):
+        return str(member)
+    if isinstance(member, Error):
+        return member.exception if member.code else None
+    if isinstance(member, ctypes.Array):
+        return tuple(member)
+    return bool(member) if kind is bool else member
+
+
 def fields_of(kind: Any, names: str) -> list[tuple[str, Any]]:
     """Fields of a structure that are of one type, for `ctypes`."""
     return [(name, kind) for name in names.split()]
@@ -45,6 +91,9 @@ class Text(ctypes.Structure):
     """`meshreel_text`."""
 
     _fields_ = [("bytes", _POINTER), ("size", _SIZE)]
+
+    def __str__(self) -> str:
+        return ctypes.string_at(self.bytes, self.size).decode() if self.size else ""
 
 
 class Error(ctypes.Structure):
@@ -57,6 +106,17 @@ class Error(ctypes.Structure):
         ("size", _U64),
         ("message", ctypes.c_char_p),
     ]
+
+    @property
+    def exception(self) -> Exception:
+        """The exception for damaged bytes or wrong arguments."""
+        kinds: dict[int, type[Exception]] = {
+            TRUNCATED: TruncatedStreamError,
+            CORRUPT: CorruptStreamError,
+            UNSUPPORTED: UnsupportedVersionError,
+        }
+        place = "" if self.offset == UNKNOWN_BYTE else f" (byte {self.offset})"
+        return kinds.get(self.code, InvalidInputError)(f"{self.message.decode()}{place}")
 
 
 class Source(ctypes.Structure):
@@ -82,69 +142,6 @@ class Host(ctypes.Structure):
         ("n_threads", _U32),
         ("reserved", _U32),
         ("memory_limit", _U64),
-    ]
-
-
-class Info(ctypes.Structure):
-    """`meshreel_info`."""
-
-    _fields_ = [
-        ("name", Text),
-        *fields_of(_DOUBLE, "fps start_s error_bound_percent"),
-        ("center", _DOUBLE * 3),
-        ("diagonal", _DOUBLE),
-        ("size", _U64),
-        *fields_of(
-            _U32,
-            "n_frames n_verts n_triangles n_faces n_corners n_blocks longest_block n_tracks "
-            "number_bytes method laplacian order is_whole n_segments",
-        ),
-        ("damage", Error),
-    ]
-
-
-class Segment(ctypes.Structure):
-    """`meshreel_segment`."""
-
-    _fields_ = [
-        *fields_of(_U32, "first_frame n_frames n_verts n_triangles"),
-        *fields_of(_U64, "offset size"),
-    ]
-
-
-class Section(ctypes.Structure):
-    """`meshreel_section`."""
-
-    _fields_ = [
-        *fields_of(_U32, "id is_known"),
-        *fields_of(_U64, "offset size payload payload_size"),
-    ]
-
-
-class Block(ctypes.Structure):
-    """`meshreel_block`."""
-
-    _fields_ = [*fields_of(_U32, "first_frame n_frames"), *fields_of(_U64, "offset size")]
-
-
-class Group(ctypes.Structure):
-    """`meshreel_group`."""
-
-    _fields_ = [
-        *fields_of(_U32, "key_block n_modes"),
-        ("n_corrections", _U64),
-        ("step", _DOUBLE),
-    ]
-
-
-class Track(ctypes.Structure):
-    """`meshreel_track`."""
-
-    _fields_ = [
-        ("name", Text),
-        ("unit", Text),
-        *fields_of(_U32, "kind domain type n_columns n_items coding is_exact reserved"),
-        ("bound", _DOUBLE),
     ]
 
 
