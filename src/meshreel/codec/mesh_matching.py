@@ -1,8 +1,8 @@
-"""Vertices of a mesh as those of another one that has most of its faces, in the same order.
+"""Correspondence of the vertices of two meshes that share most faces, in the same order.
 
-A mesh may lose vertices and faces in many places and gain others, for instance if a solver deletes
-elements. At each place the numbers of all later vertices shift. Their order remains, so the numbers
-in the other mesh, the base, ascend.
+When a solver deletes elements, a mesh loses vertices and faces in many places and may gain others.
+At each place the numbers of all later vertices shift, but their order remains. So the vertices of
+a mesh correspond to ascending vertices of the other mesh, the base.
 """
 
 from bisect import bisect_left
@@ -18,42 +18,43 @@ from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.sequence import Faces
 
 MAX_VERTS = 1 << 21
-"""So that the three vertices of a face fit 63 bits."""
+"""Largest number of vertices: the key of a face, made of three vertices, fits 63 bits."""
 
-N_ENDS, BLOCK_SIZE = 128, 32
-"""Vertices at each end of the meshes, and in the blocks of them that are compared first."""
+N_END_VERTICES, BLOCK_SIZE = 128, 32
+"""Unrelated meshes are detected by blocks of vertices among the first and the last ones."""
 
-SIMILAR = 11 / 16
-"""Share of a block that must have as many faces as in the base; most pairs are unrelated."""
+MIN_EQUAL_DEGREES = 11 / 16
+"""Share of the vertices of such a block whose degrees must equal those in the base."""
 
 MAX_END_SHIFT = 8
-"""Vertices that are dropped or inserted before a block at the end, at most."""
+"""Largest shift of such a block by dropped or inserted vertices."""
 
-MAX_FILLED = 256
-"""Vertices between two others that are taken for those between their numbers, at most."""
+MAX_GAP = 256
+"""Longest run of unmatched vertices that is matched one to one with an equally long run of the
+base."""
 
 REACH, WIDE_REACH = 8, 64
-"""Vertices that are guessed at each end of a run of vertices without numbers.
+"""Number of vertices at each end of other runs that a guess matches.
 
-Many of them share faces only if the numbers follow the surface; more are more often wrong.
+A longer reach finds more shared faces if the order follows the surface, but is wrong more often.
 """
 
 N_BLOCKS = 64
-"""Blocks of vertices that are searched for in the base by the numbers of their faces."""
+"""Number of blocks that are searched for in the base by the degrees of their vertices."""
 
 MAX_SHIFTS = 4096
-"""Difference of the numbers of vertices up to which blocks are searched for, which takes time."""
+"""Largest difference of the numbers of vertices for this search, whose time grows with it."""
 
 MAX_ROUNDS, MIN_GROWTH = 8, 1.002
-"""Rounds of guessing, and how many times the faces of the last round one must find to go on."""
+"""Rounds of extending a guess; each must find this many times the shared faces of the last."""
 
 ENOUGH = 0.9
-"""Share of the faces of the smaller mesh at which no other guess is tried."""
+"""Share of the faces of the smaller mesh that is enough to try no other guess."""
 
 
 @dataclass(frozen=True, eq=False)
 class FaceIndex:
-    """The faces of a mesh, found by their vertices.
+    """Lookup of the faces of a mesh by their vertices.
 
     Attributes
     ----------
@@ -66,7 +67,7 @@ class FaceIndex:
     n_verts: int
 
     def keys(self, faces: npt.NDArray[np.integer]) -> Integers:
-        """Return a number for each face that no other oriented and rotated triangle has."""
+        """Return a key for each face, which only its vertices in the same rotation have."""
         wide = faces.astype(np.int64)
         return (wide[:, 0] * self.n_verts + wide[:, 1]) * self.n_verts + wide[:, 2]
 
@@ -95,36 +96,33 @@ class FaceIndex:
 
     @cached_property
     def degrees(self) -> Integers:
-        """Number of faces at each vertex."""
+        """Number of faces of each vertex."""
         return np.bincount(self.faces.ravel(), minlength=self.n_verts)
 
     @cached_property
     def corners(self) -> Integers:
-        """Numbers ``3 i + k`` of the corners k of all faces i, by vertex."""
+        """Corners, numbered ``3 i + k`` for corner k of face i, sorted by vertex."""
         return np.argsort(self.faces.ravel(), kind="stable")
 
     @cached_property
     def corner_starts(self) -> Integers:
-        """Place of the first corner of each vertex."""
+        """Index of the first corner of each vertex in `corners`."""
         return np.cumsum(self.degrees) - self.degrees
 
     def contains(self, faces: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
-        """Whether each face is one of these; its vertices may be outside of 0..V-1."""
+        """Whether the mesh has each face; its vertices may be outside of 0..V-1."""
         keys = self.keys(faces)
-        at = np.searchsorted(self.sorted_keys, keys)
+        index = np.minimum(np.searchsorted(self.sorted_keys, keys), len(self.faces) - 1)
         is_inside = (faces.min(axis=1) >= 0) & (faces.max(axis=1) < self.n_verts)
-        result: npt.NDArray[np.bool_] = is_inside & (
-            self.sorted_keys[np.minimum(at, len(self.faces) - 1)] == keys
-        )
-        return result
+        return np.asarray(is_inside & (self.sorted_keys[index] == keys))
 
 
 def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | None:
-    """Return the number of each vertex in the base, ascending, or -1; None if meshes are unrelated.
+    """Return the vertex of the base for each vertex, ascending, or -1; None for unrelated meshes.
 
-    Numbers are guessed for a few vertices, then spread across faces: two vertices of a face lead to
-    the side of the base with their numbers, which gives the number of the third. Vertices whose
-    faces the base does not have were guessed wrong and lose their numbers.
+    A few vertices are matched by a guess. Matches then spread across faces: if two vertices of a
+    face are matched, the face of the base at the same side tells the match of the third. Vertices
+    whose faces are not in the base were guessed wrong and become unmatched.
 
     Parameters
     ----------
@@ -138,20 +136,20 @@ def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | No
         return None
     enough = ENOUGH * min(len(base.faces), len(faces))
     best, n_best = np.full(n_verts, -1), 0
-    for is_last_chance, numbers in _guesses(base, mesh.degrees):
-        numbers, n_found = _verified(base, mesh, numbers)
-        if n_found > n_best:
-            best, n_best = numbers, n_found
+    for is_decisive, guess in _guesses(base, mesh.degrees):
+        matches, n_shared = _extended(base, mesh, guess)
+        if n_shared > n_best:
+            best, n_best = matches, n_shared
         if n_best >= enough:
             break
-        if is_last_chance and n_best == 0:
+        if is_decisive and n_best == 0:
             return None
-    return _continued(best, base.n_verts, fill=n_verts)
+    return _filled(best, base.n_verts, max_gap=n_verts)
 
 
 def _has_similar_ends(degrees: Integers, others: Integers) -> bool:
-    """Whether vertices near the first or the last have as many faces as in the base."""
-    n = min(N_ENDS, len(degrees), len(others))
+    """Whether a block near the first or the last vertices has the degrees of one in the base."""
+    n = min(N_END_VERTICES, len(degrees), len(others))
     size = min(BLOCK_SIZE, n)
     ends = [(degrees[:n], others[:n]), (degrees[: -n - 1 : -1], others[: -n - 1 : -1])]
     for first, second in ends:
@@ -160,37 +158,42 @@ def _has_similar_ends(degrees: Integers, others: Integers) -> bool:
         for start in range(0, n - size + 1, size):
             shifted = windows[start : start + 2 * MAX_END_SHIFT + 1]
             is_equal = shifted == second[start : start + size]
-            if np.count_nonzero(is_equal, axis=1).max() >= SIMILAR * size:
+            if np.count_nonzero(is_equal, axis=1).max() >= MIN_EQUAL_DEGREES * size:
                 return True
     return False
 
 
 def _guesses(base: FaceIndex, degrees: Integers) -> Iterator[tuple[bool, Integers]]:
-    """Yield numbers of some vertices, the most likely guess first.
+    """Yield matches of some vertices, the most likely guess first.
 
-    With them, whether meshes are unrelated if no face is found with this guess or one before it.
+    The flag says whether meshes are unrelated if no guess so far leads to a shared face.
     """
     none = np.full(len(degrees), -1)
-    yield False, _continued(none, base.n_verts, reach=REACH)
-    yield False, _continued(none, base.n_verts, reach=WIDE_REACH)
-    yield True, _numbers_by_degrees(base.degrees, degrees)
-    yield False, _continued(none, base.n_verts, reach=REACH, last=False)
-    yield False, _continued(none, base.n_verts, reach=REACH, first=False)
+    yield False, _filled(none, base.n_verts, reach=REACH)
+    yield False, _filled(none, base.n_verts, reach=WIDE_REACH)
+    yield True, _matches_by_degrees(base.degrees, degrees)
+    yield False, _filled(none, base.n_verts, reach=REACH, at_end=False)
+    yield False, _filled(none, base.n_verts, reach=REACH, at_start=False)
 
 
-def _numbers_by_degrees(degrees: Integers, others: Integers) -> Integers:
-    """Return the numbers of blocks of vertices whose degrees are found in the base, and else -1.
+def _matches_by_degrees(degrees: Integers, others: Integers) -> Integers:
+    """Match blocks of vertices whose sequence of degrees occurs at one place of the base.
 
-    Only in one place each; the more vertices precede a block, the further its numbers shift.
+    Shifts of consecutive blocks must grow, as more dropped or inserted vertices precede them.
+
+    Parameters
+    ----------
+    degrees, others : integer arrays of shapes (V_b,) and (V,)
+        Of the base and of the mesh.
     """
-    numbers = np.full(len(others), -1)
+    matches = np.full(len(others), -1)
     shift, size = len(degrees) - len(others), min(BLOCK_SIZE, len(degrees), len(others))
     if abs(shift) > MAX_SHIFTS:
-        return numbers
+        return matches
     starts = np.unique(np.linspace(0, len(others) - size, N_BLOCKS).astype(np.int64))
     blocks = others[starts[:, None] + np.arange(size)]
     shifts = np.arange(min(shift, 0), max(shift, 0) + 1)
-    outside = np.full(max(-shift, 0), -1)  # vertices with a number that the base does not have
+    outside = np.full(max(-shift, 0), -1)  # shifted beyond the vertices of the base
     padded = np.concatenate([outside, degrees, outside])
     windows = np.lib.stride_tricks.sliding_window_view(padded, size)
     n_equal = np.zeros((len(starts), len(shifts)), np.int64)
@@ -198,118 +201,120 @@ def _numbers_by_degrees(degrees: Integers, others: Integers) -> Integers:
         row[:] = np.count_nonzero(windows[start : start + len(shifts)] == block, axis=1)
     most = n_equal.max(axis=1)
     is_unique = np.count_nonzero(n_equal == most[:, None], axis=1) == 1
-    found = np.flatnonzero(is_unique & (2 * most > size))
-    of_block = shifts[n_equal[found].argmax(axis=1)]
-    rank = np.abs(of_block) * len(starts) + found  # shifts may repeat
+    blocks_found = np.flatnonzero(is_unique & (2 * most > size))
+    shifts_found = shifts[n_equal[blocks_found].argmax(axis=1)]
+    rank = np.abs(shifts_found) * len(starts) + blocks_found  # equal shifts are ascending too
     kept = longest_ascending(rank)
-    for start, own in zip(starts[found[kept]], of_block[kept], strict=True):
-        numbers[start : start + size] = np.arange(start, start + size) + own
-    numbered = np.flatnonzero(numbers >= 0)
-    numbers[numbered[~longest_ascending(numbers[numbered])]] = -1
-    return numbers
+    for start, own in zip(starts[blocks_found[kept]], shifts_found[kept], strict=True):
+        matches[start : start + size] = np.arange(start, start + size) + own
+    matched = np.flatnonzero(matches >= 0)
+    matches[matched[~longest_ascending(matches[matched])]] = -1
+    return matches
 
 
-def _verified(base: FaceIndex, mesh: FaceIndex, numbers: Integers) -> tuple[Integers, int]:
-    """Return numbers that follow from guessed ones, and how many faces the base then has."""
+def _extended(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> tuple[Integers, int]:
+    """Extend guessed matches; return them, and the number of shared faces."""
     faces, n_last = mesh.faces, 0
     for _ in range(MAX_ROUNDS):
-        numbers = _spread(base, mesh, numbers)
-        of_faces = numbers[faces]
-        is_numbered = of_faces.min(axis=1) >= 0
-        is_found = is_numbered & base.contains(of_faces)
-        n_found = int(np.count_nonzero(is_found))
-        support, tests = (
-            np.bincount(faces[chosen].ravel(), minlength=len(numbers))
-            for chosen in (is_found, is_numbered)
+        matches = _spread(base, mesh, matches)
+        faces_in_base = matches[faces]
+        is_matched = faces_in_base.min(axis=1) >= 0
+        is_shared = is_matched & base.contains(faces_in_base)
+        n_shared = int(np.count_nonzero(is_shared))
+        n_shared_at, n_matched_at = (
+            np.bincount(faces[selected].ravel(), minlength=len(matches))
+            for selected in (is_shared, is_matched)
         )
-        is_wrong = (mesh.degrees > 0) & ((support == 0) | (2 * support < tests))
-        numbers = np.where(is_wrong, -1, numbers)
-        if n_found == len(faces) or n_found < MIN_GROWTH * n_last:
+        is_wrong = (mesh.degrees > 0) & ((n_shared_at == 0) | (2 * n_shared_at < n_matched_at))
+        matches = np.where(is_wrong, -1, matches)
+        if n_shared == len(faces) or n_shared < MIN_GROWTH * n_last:
             break
-        n_last = n_found
-        guessed = _continued(numbers, base.n_verts, reach=REACH)
-        if np.array_equal(guessed, numbers):
+        n_last = n_shared
+        guess = _filled(matches, base.n_verts, reach=REACH)
+        if np.array_equal(guess, matches):
             break
-        numbers = guessed
-    return numbers, n_found
+        matches = guess
+    return matches, n_shared
 
 
-def _spread(base: FaceIndex, mesh: FaceIndex, numbers: Integers) -> Integers:
-    """Return numbers of further vertices, which follow from those of the others in their faces."""
+def _spread(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> Integers:
+    """Match further vertices by the matches of the two other vertices of their faces."""
     keys, opposite_in_base = base.sides
     first, second, opposite = _sides(mesh.faces)
-    was_open = np.ones(len(numbers), bool)
+    was_unmatched = np.ones(len(matches), bool)
     while True:
-        numbers = _continued(numbers, base.n_verts)
-        new = np.flatnonzero(was_open & (numbers >= 0))
-        was_open = numbers < 0
+        matches = _filled(matches, base.n_verts)
+        new = np.flatnonzero(was_unmatched & (matches >= 0))
+        was_unmatched = matches < 0
+        # Sides with a newly matched end, whose opposite vertex is unmatched.
         starts = mesh.corner_starts[new]
         from_new = mesh.corners[ragged_indices(starts, mesh.degrees[new])]
         sides = np.concatenate([from_new, from_new - 1 + 3 * (from_new % 3 == 0)])
-        sides = sides[
-            was_open[opposite[sides]] & ~was_open[first[sides]] & ~was_open[second[sides]]
-        ]
-        wanted = numbers[first[sides]] * base.n_verts + numbers[second[sides]]
-        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        vertices, found = opposite[sides], opposite_in_base[at]
-        known, of_known = _numbered(numbers, base.n_verts)
-        behind = np.searchsorted(known, vertices)
-        fits = (keys[at] == wanted) & (of_known[behind - 1] < found) & (found < of_known[behind])
+        are_ends_matched = ~was_unmatched[first[sides]] & ~was_unmatched[second[sides]]
+        sides = sides[was_unmatched[opposite[sides]] & are_ends_matched]
+        wanted = matches[first[sides]] * base.n_verts + matches[second[sides]]
+        index = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        vertices, candidates = opposite[sides], opposite_in_base[index]
+        # A candidate must lie between the matches of the nearest matched vertices.
+        matched, in_base = _matched_pairs(matches, base.n_verts)
+        behind = np.searchsorted(matched, vertices)
+        is_between = (in_base[behind - 1] < candidates) & (candidates < in_base[behind])
+        fits = (keys[index] == wanted) & is_between
         if not fits.any():
-            return numbers
-        vertices, which = np.unique(vertices[fits], return_index=True)
-        found = found[fits][which]
-        ascending = longest_ascending(found)
-        numbers[vertices[ascending]] = found[ascending]
+            return matches
+        vertices, first_places = np.unique(vertices[fits], return_index=True)
+        candidates = candidates[fits][first_places]
+        ascending = longest_ascending(candidates)
+        matches[vertices[ascending]] = candidates[ascending]
 
 
 def _sides(faces: Faces) -> tuple[Integers, Integers, Integers]:
-    """Return the vertices of all sides, in order, and those opposite to them."""
+    """Return the two ends of all sides, and the vertices opposite to them."""
     wide = faces.astype(np.int64)
     first, second, opposite = (np.roll(wide, -turn, axis=1).ravel() for turn in range(3))
     return first, second, opposite
 
 
-def _numbered(numbers: Integers, n_base_verts: int) -> tuple[Integers, Integers]:
-    """Return all vertices with numbers, ascending, and their numbers.
+def _matched_pairs(matches: Integers, n_base_verts: int) -> tuple[Integers, Integers]:
+    """Return all matched vertices, ascending, and their matches.
 
-    The first is vertex -1 with the number -1, the last V with the number of the base's vertices.
+    Vertex -1 with the match -1 precedes them, vertex V with the match V_b follows.
     """
-    known = np.concatenate([[-1], np.flatnonzero(numbers >= 0), [len(numbers)]])
-    return known, np.concatenate([[-1], numbers[known[1:-1]], [n_base_verts]])
+    matched = np.concatenate([[-1], np.flatnonzero(matches >= 0), [len(matches)]])
+    return matched, np.concatenate([[-1], matches[matched[1:-1]], [n_base_verts]])
 
 
-def _continued(
-    numbers: Integers,
+def _filled(
+    matches: Integers,
     n_base_verts: int,
     *,
-    fill: int = MAX_FILLED,
+    max_gap: int = MAX_GAP,
     reach: int = 0,
-    first: bool = True,
-    last: bool = True,
+    at_start: bool = True,
+    at_end: bool = True,
 ) -> Integers:
-    """Return numbers also of vertices between others where the base has as many.
+    """Match also runs of unmatched vertices where the base has as many vertices.
 
     Parameters
     ----------
-    fill : int
-        Length of the runs that are filled if the base has as many vertices there.
+    max_gap : int
+        Longest such run.
     reach : int
-        Number of vertices at each end of other runs that continue the numbers before or behind
-        them, if the run has at least four times as many in both meshes.
-    first, last : bool
-        At which ends.
+        Number of vertices at the start and the end of other runs that continue the matches before
+        or behind them, if both meshes have at least four times as many vertices there.
+    at_start, at_end : bool
+        Whether to match vertices at the start and the end of other runs.
     """
-    known, of_known = _numbered(numbers, n_base_verts)
-    runs = np.flatnonzero(np.diff(known) > 1)
-    before, behind = known[runs], known[runs + 1]
-    low, high = of_known[runs], of_known[runs + 1]
-    lengths, others = behind - before - 1, high - low - 1
-    reached = np.minimum(np.minimum(lengths, others) // 4, reach)
-    is_filled = (lengths == others) & (lengths <= fill)
-    forward = np.where(is_filled, lengths, reached * first)
-    backward = np.where(is_filled, 0, reached * last)
-    result = numbers.copy()
+    matched, in_base = _matched_pairs(matches, n_base_verts)
+    runs = np.flatnonzero(np.diff(matched) > 1)
+    before, behind = matched[runs], matched[runs + 1]
+    low, high = in_base[runs], in_base[runs + 1]
+    lengths, base_lengths = behind - before - 1, high - low - 1
+    reached = np.minimum(np.minimum(lengths, base_lengths) // 4, reach)
+    is_filled = (lengths == base_lengths) & (lengths <= max_gap)
+    forward = np.where(is_filled, lengths, reached * at_start)
+    backward = np.where(is_filled, 0, reached * at_end)
+    result = matches.copy()
     ends = (before + 1, forward, low - before), (behind - backward, backward, high - behind)
     for starts, counts, shifts in ends:
         vertices = ragged_indices(starts, counts)
@@ -322,16 +327,17 @@ def longest_ascending(numbers: Integers) -> npt.NDArray[np.bool_]:
     selected = np.ones(len(numbers), bool)
     if (np.diff(numbers) > 0).all():
         return selected
-    ends: list[int] = []
-    at_end: list[int] = []
+    # Of the subsequences of each length, the smallest last number, and its index.
+    last_numbers: list[int] = []
+    last_indices: list[int] = []
     previous = []
     for i, number in enumerate(numbers.tolist()):
-        place = bisect_left(ends, number)
-        previous.append(at_end[place - 1] if place else -1)
-        ends[place : place + 1] = [number]
-        at_end[place : place + 1] = [i]
+        place = bisect_left(last_numbers, number)
+        previous.append(last_indices[place - 1] if place else -1)
+        last_numbers[place : place + 1] = [number]
+        last_indices[place : place + 1] = [i]
     selected[:] = False
-    i = at_end[-1]
+    i = last_indices[-1]
     while i >= 0:
         selected[i] = True
         i = previous[i]

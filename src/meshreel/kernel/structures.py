@@ -1,7 +1,6 @@
 """Structures and codes of `core/include/meshreel.h`, for `ctypes`."""
 
 import ctypes
-from functools import cache
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
@@ -53,23 +52,28 @@ Vector = Annotated[tuple[float, float, float], _DOUBLE * 3]
 Record = TypeVar("Record")
 
 
-@cache
-def structure_of(record: Any) -> type[ctypes.Structure]:
+def structure_of(record: type) -> type[ctypes.Structure]:
     """Return the structure of C whose members are the fields of a dataclass, in order."""
-    hints = get_type_hints(record, include_extras=True)
-    members = [(name, annotated.__metadata__[0]) for name, annotated in hints.items()]
-    return type(record.__name__, (ctypes.Structure,), {"_fields_": members})
+    return _described(record)[0]
 
 
 def record_of(record: type[Record], structure: ctypes.Structure) -> Record:
     """Return a dataclass with copies of the members of its structure."""
-    members = _types_of(record).items()
+    members = _described(record)[1].items()
     return record(**{name: _plain(getattr(structure, name), kind) for name, kind in members})
 
 
-@cache
-def _types_of(record: Any) -> dict[str, Any]:
-    return get_type_hints(record)
+def _described(record: Any) -> tuple[type[ctypes.Structure], dict[str, Any]]:
+    """Return the structure of a dataclass, and its types in Python by name, cached."""
+    if record not in _DESCRIBED:
+        hints = get_type_hints(record, include_extras=True)
+        members = [(name, annotated.__metadata__[0]) for name, annotated in hints.items()]
+        structure = type(record.__name__, (ctypes.Structure,), {"_fields_": members})
+        _DESCRIBED[record] = structure, get_type_hints(record)
+    return _DESCRIBED[record]
+
+
+_DESCRIBED: dict[type, tuple[type[ctypes.Structure], dict[str, Any]]] = {}
 
 
 def _plain(member: Any, kind: Any) -> Any:

@@ -106,10 +106,10 @@ def test_blocks_are_searched_for_only_in_meshes_of_similar_size():
     faces = irregular()
     others, used = without(faces, N_VERTS, [30, 700, 1500])
     degrees = [FaceIndex(faces, N_VERTS).degrees, FaceIndex(others, len(used)).degrees]
-    found = mesh_matching._numbers_by_degrees(*degrees)
+    found = mesh_matching._matches_by_degrees(*degrees)
     assert (found == used)[found >= 0].mean() > 0.9
     with patch.object(mesh_matching, "MAX_SHIFTS", 2):
-        assert (mesh_matching._numbers_by_degrees(*degrees) == -1).all()
+        assert (mesh_matching._matches_by_degrees(*degrees) == -1).all()
 
 
 @pytest.mark.parametrize(("faces", "others"), [(0, 1), (100, 0), (0, 0)])
