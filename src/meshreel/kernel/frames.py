@@ -50,115 +50,6 @@ class Moves:
 
 
 @dataclass(frozen=True)
-class PackedFields:
-    """Fields in the core's layout for products with basis vectors, from `packed_fields`.
-
-    Attributes
-    ----------
-    n_modes, n_verts : int
-    precision : int
-        Precision of sums, a `reel_precision` of the core.
-    data : uint8 array
-    """
-
-    n_modes: int
-    n_verts: int
-    precision: int
-    data: npt.NDArray[np.uint8]
-
-
-def packed_fields(
-    fields: Floats,
-    *,
-    step: float = 1.0,
-    is_single: bool = False,
-    order: Integers | None = None,
-) -> PackedFields:
-    """Pack fields for any number of products, on all cores.
-
-    Parameters
-    ----------
-    fields : float64 array of shape (K, V)
-        May be a transposed view.
-    step : float
-        Fields are multiplied by it.
-    is_single : bool, default False
-        Round fields and basis vectors to IEEE single precision, and sum products in it.
-    order : integer array of shape (V,), optional
-        Vertex of the fields for each packed vertex.
-
-    Raises
-    ------
-    InvalidInputError
-        If the order contains a vertex that does not exist.
-    """
-    fields = np.asarray(fields, np.float64)
-    n_modes, n_verts = fields.shape
-    precision = SINGLE if is_single else DOUBLE
-    packed = memory(size_of("reel_packed_bytes", n_modes, n_verts, precision))
-    order = None if order is None else np.ascontiguousarray(order, np.int32)
-
-    def pack(piece: slice) -> None:
-        call(
-            "reel_pack",
-            ctypes.c_void_p(fields.ctypes.data),
-            *(stride // fields.itemsize for stride in fields.strides),
-            ctypes.c_double(step),
-            precision,
-            order,
-            n_modes,
-            n_verts,
-            piece.start,
-            piece.stop,
-            packed,
-            what="fields",
-        )
-
-    in_threads(pack, chunks(n_verts, VERTICES_AT_ONCE))
-    return PackedFields(n_modes, n_verts, precision, packed)
-
-
-def frame_columns(basis: Floats, fields: PackedFields, frames: range) -> Floats:
-    """Products of a basis of shape (C, T, K) and K fields, of shape (C, frames, V)."""
-    out = np.empty((len(basis), len(frames), fields.n_verts))
-    _frames(basis, fields, frames, None, None, out, COLUMNS)
-    return out
-
-
-def fill_values(
-    out: npt.NDArray[np.floating],
-    basis: Floats,
-    fields: PackedFields,
-    frames: range,
-    placement: Sequence[float],
-    moves: Moves | None = None,
-) -> bool:
-    """Fill an array with values of frames: (sum over modes + move) times scale plus origin.
-
-    Returns whether all values are finite.
-
-    Parameters
-    ----------
-    out : contiguous float32 or float64 array of shape (n, V, C)
-    basis : float64 array of shape (C, T, K)
-    fields : PackedFields
-        K fields of V vertices.
-    frames : range
-        The n frames.
-    placement : 1 + C floats
-        Scale, and the origin of each column.
-    moves : Moves, optional
-        Moves of these frames; vertices are indices into `out`.
-
-    Raises
-    ------
-    InvalidInputError
-        If a frame does not exist.
-    """
-    return _frames(basis, fields, frames, moves, np.array(placement, np.float64), out, out.itemsize)
-
-
-@dataclass(frozen=True)
 class JointFrames:
     """Frames as the product of a temporal basis and fields that all columns share.
 
@@ -169,35 +60,35 @@ class JointFrames:
     basis : float64 array of shape (C, T, K)
         C columns; positions have x, y and z.
     values : float64 array of shape (V, K)
-        Fields in steps.
-    step : float
-    order : integer array of shape (V,)
-        Row of `values` of each vertex of the frames.
+        Fields in steps; may be a transposed view.
+    step : float, default 1
+    order : integer array of shape (V,), optional
+        Row of `values` of each vertex of the frames. Default: the same.
     is_single : bool, default False
-        Sum products in IEEE single precision, not in double.
+        Round fields and basis vectors to IEEE single precision, and sum products in it.
+
+    Raises
+    ------
+    InvalidInputError
+        When fields are packed, if the order contains a row that does not exist; by all methods, if
+        a frame does not exist.
     """
 
     basis: Floats
     values: Floats
-    step: float
-    order: Integers
+    step: float = 1.0
+    order: Integers | None = None
     is_single: bool = False
 
     def __call__(self, frames: slice) -> Floats:
         """Return coordinate matrices of shape (C, frames, V) of a range of frames."""
-        numbers = range(*frames.indices(self.basis.shape[1]))
-        return frame_columns(self.basis, self.packed, numbers)
+        return self.columns(range(*frames.indices(self.basis.shape[1])))
 
-    @cached_property
-    def packed(self) -> PackedFields:
-        """Packed fields, computed once."""
-        return packed_fields(
-            self.values.T, step=self.step, is_single=self.is_single, order=self.order
-        )
-
-    def pack(self) -> None:
-        """Pack the fields now, on all cores, before threads call `fill`."""
-        _ = self.packed
+    def columns(self, frames: range) -> Floats:
+        """Return sums over the modes, of shape (C, frames, V)."""
+        out = np.empty((len(self.basis), len(frames), len(self.values)))
+        self._compute(frames, None, None, out, COLUMNS)
+        return out
 
     def fill(
         self,
@@ -205,13 +96,89 @@ class JointFrames:
         frames: range,
         placement: Sequence[float],
         moves: Moves | None = None,
-    ) -> None:
-        """Fill a contiguous array of shape (n, V, C) with values of n frames, in model units.
+    ) -> bool:
+        """Fill an array with values of frames: (sum over modes + move) times scale plus origin.
 
-        The placement is the scale, and the origin of each column. The result is bit-identical to
-        `from_matrices` of ``self(frames)``.
+        Returns whether all values are finite.
+
+        Parameters
+        ----------
+        out : contiguous float32 or float64 array of shape (n, V, C)
+        frames : range
+            The n frames.
+        placement : 1 + C floats
+            Scale, and the origin of each column.
+        moves : Moves, optional
+            Moves of these frames; vertices are indices into `out`.
         """
-        fill_values(out, self.basis, self.packed, frames, placement, moves)
+        return self._compute(frames, moves, np.array(placement, np.float64), out, out.itemsize)
+
+    def pack(self) -> None:
+        """Pack the fields now, on all cores, before threads call `fill`."""
+        _ = self._packed
+
+    @cached_property
+    def _packed(self) -> npt.NDArray[np.uint8]:
+        """The fields in the core's layout."""
+        values = np.asarray(self.values, np.float64)
+        n_verts, n_modes = values.shape
+        packed = memory(size_of("reel_packed_bytes", n_modes, n_verts, self._precision))
+        order = None if self.order is None else np.ascontiguousarray(self.order, np.int32)
+
+        def pack(piece: slice) -> None:
+            call(
+                "reel_pack",
+                ctypes.c_void_p(values.ctypes.data),
+                *(stride // values.itemsize for stride in reversed(values.strides)),
+                ctypes.c_double(self.step),
+                self._precision,
+                order,
+                n_modes,
+                n_verts,
+                piece.start,
+                piece.stop,
+                packed,
+                what="fields",
+            )
+
+        in_threads(pack, chunks(n_verts, VERTICES_AT_ONCE))
+        return packed
+
+    @property
+    def _precision(self) -> int:
+        return SINGLE if self.is_single else DOUBLE
+
+    def _compute(
+        self,
+        frames: range,
+        moves: Moves | None,
+        placement: Floats | None,
+        out: npt.NDArray[np.floating],
+        layout: int,
+    ) -> bool:
+        n_columns, n_frames, n_modes = self.basis.shape
+        arrays: tuple[Argument, ...] = (None, None, None)
+        if moves is not None:
+            arrays = (moves.starts, moves.vertices, moves.displacements)
+        are_finite = call(
+            "reel_frames",
+            np.ascontiguousarray(self.basis, np.float64),
+            self._packed,
+            self._precision,
+            n_columns,
+            n_frames,
+            n_modes,
+            len(self.values),
+            np.array(frames, np.int32),
+            len(frames),
+            *arrays,
+            placement,
+            layout,
+            out,
+            what="frames",
+            memory_of=("reel_frames_memory", n_columns, n_modes, len(frames)),
+        )
+        return bool(are_finite)
 
 
 def coordinate_rows(
@@ -278,38 +245,3 @@ def _coordinates(
         out,
         what="positions",
     )
-
-
-def _frames(
-    basis: Floats,
-    fields: PackedFields,
-    frames: range,
-    moves: Moves | None,
-    placement: Floats | None,
-    out: npt.NDArray[np.floating],
-    layout: int,
-) -> bool:
-    n_columns, n_frames, n_modes = basis.shape
-    assert n_modes == fields.n_modes
-    move_arrays: tuple[Argument, ...] = (None, None, None)
-    if moves is not None:
-        move_arrays = (moves.starts, moves.vertices, moves.displacements)
-    are_finite = call(
-        "reel_frames",
-        np.ascontiguousarray(basis, np.float64),
-        fields.data,
-        fields.precision,
-        n_columns,
-        n_frames,
-        n_modes,
-        fields.n_verts,
-        np.array(frames, np.int32),
-        len(frames),
-        *move_arrays,
-        placement,
-        layout,
-        out,
-        what="frames",
-        memory_of=("reel_frames_memory", n_columns, n_modes, len(frames)),
-    )
-    return bool(are_finite)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
-from meshreel.kernel.frames import PackedFields, frame_columns, packed_fields
+from meshreel.kernel.frames import JointFrames
 from meshreel.paper.subspace.basis import expand
 from meshreel.runtime.threads import chunks, in_threads
 
@@ -38,13 +38,12 @@ class ProductFrames:
     def __call__(self, frames: slice) -> Floats:
         """Return coordinate matrices of shape (3, frames, V) of a range of frames."""
         if len(self.coefficients) == 1:
-            numbers = range(*frames.indices(self.basis.shape[1]))
-            return frame_columns(self.basis, self._packed, numbers)
+            return self._joint(frames)
         return expand(self.basis[:, frames], self.coefficients)
 
     @cached_property
-    def _packed(self) -> PackedFields:
-        return packed_fields(self.coefficients[0])
+    def _joint(self) -> JointFrames:
+        return JointFrames(self.basis, self.coefficients[0].T)
 
 
 def product_frames(basis: Floats, coefficients: Floats) -> ProductFrames:

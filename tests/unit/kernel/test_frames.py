@@ -8,14 +8,7 @@ from hypothesis import given
 from conformance.timeline import basis_vectors as plain_basis_vectors
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.basis import BasisCoding, basis_vectors
-from meshreel.kernel.frames import (
-    Moves,
-    add_coordinate_rows,
-    coordinate_rows,
-    fill_values,
-    frame_columns,
-    packed_fields,
-)
+from meshreel.kernel.frames import JointFrames, Moves, add_coordinate_rows, coordinate_rows
 
 PLACEMENT = (3.7, 0.1, -2.0, 5e3)
 
@@ -51,12 +44,11 @@ def test_positions_of_all_frames_follow_the_format(block, dtype, summed):
     basis, fields = block
     is_single = summed is np.float32
     out = np.empty((basis.shape[1], fields.shape[1], 3), dtype)
-    packed = packed_fields(fields, is_single=is_single)
-    fill_values(out, basis, packed, range(len(out)), PLACEMENT)
+    joint = JointFrames(basis, fields.T, is_single=is_single)
+    joint.fill(out, range(len(out)), PLACEMENT)
     sums = sums_of_the_format(basis, fields, summed)
     np.testing.assert_array_equal(out, positions_of_the_format(sums, dtype))
-    columns = frame_columns(basis, packed, range(len(out)))
-    np.testing.assert_array_equal(columns, sums)
+    np.testing.assert_array_equal(joint(slice(None)), sums)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -65,11 +57,11 @@ def test_positions_of_all_frames_follow_the_format(block, dtype, summed):
 def test_values_that_are_not_finite_are_found(dtype, n_verts, vertex):
     basis, fields = block(3, 2, n_verts)
     out = np.empty((3, n_verts, 3), dtype)
-    assert fill_values(out, basis, packed_fields(fields), range(3), PLACEMENT)
+    assert JointFrames(basis, fields.T).fill(out, range(3), PLACEMENT)
     for value in (1e39, -1e39, 1e308, np.nan):
         fields[1, vertex] = value
         with np.errstate(over="ignore"):
-            is_finite = fill_values(out, 1e3 * basis, packed_fields(fields), range(3), PLACEMENT)
+            is_finite = JointFrames(1e3 * basis, fields.T).fill(out, range(3), PLACEMENT)
         assert is_finite == np.isfinite(out).all()
         assert is_finite == (dtype == np.float64 and abs(value) == 1e39)
 
@@ -79,7 +71,7 @@ def test_padding_of_the_last_tile_is_not_checked():
     fields[0, 64], basis[:] = 1e40, 1.0
     back_to_range = Moves(np.array([0, 1]), np.array([64], np.int32), np.full((1, 3), -1e40))
     out = np.empty((1, 65, 3), np.float32)
-    assert fill_values(out, basis, packed_fields(fields), range(1), PLACEMENT, back_to_range)
+    assert JointFrames(basis, fields.T).fill(out, range(1), PLACEMENT, back_to_range)
     assert np.isfinite(out).all()
 
 
@@ -89,7 +81,7 @@ def test_positions_do_not_depend_on_selected_frames_and_vertex_order(block, data
     frames = range(basis.shape[1])[data.draw(st.slices(basis.shape[1]))]
     order = np.random.default_rng(1).permutation(fields.shape[1])
     out = np.empty((len(frames), fields.shape[1], 3))
-    fill_values(out, basis, packed_fields(fields, order=order), frames, PLACEMENT)
+    JointFrames(basis, fields.T, order=order).fill(out, frames, PLACEMENT)
     sums = sums_of_the_format(basis, fields)[:, list(frames)][:, :, order]
     np.testing.assert_array_equal(out, positions_of_the_format(sums, np.float64))
 
@@ -106,36 +98,37 @@ def test_corrections_are_added_before_scaling(block, share, seed):
     sums[:, frames, vertices] += moves.T
     expected = positions_of_the_format(sums, np.float32)
     out = np.empty(expected.shape, np.float32)
-    packed = packed_fields(fields)
-    fill_values(out, basis, packed, range(len(out)), PLACEMENT, corrections)
+    joint = JointFrames(basis, fields.T)
+    joint.fill(out, range(len(out)), PLACEMENT, corrections)
     np.testing.assert_array_equal(out, expected)
     later = range(len(out) // 2, len(out))
-    fill_values(out[later.start :], basis, packed, later, PLACEMENT, corrections.of_frames(later))
+    joint.fill(out[later.start :], later, PLACEMENT, corrections.of_frames(later))
     np.testing.assert_array_equal(out, expected)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 3], [0, -1, 2]])
 def test_order_is_rejected_when_a_vertex_does_not_exist(order):
-    _, fields = block(2, 2, 3)
+    basis, fields = block(2, 2, 3)
     with pytest.raises(InvalidInputError, match="fields cannot be encoded"):
-        packed_fields(fields, order=np.array(order))
+        JointFrames(basis, fields.T, order=np.array(order)).pack()
 
 
 @pytest.mark.parametrize("frames", [range(-1, 1), range(1, 3)])
 def test_frame_is_rejected_when_it_does_not_exist(frames):
+    basis, fields = block(2, 2, 3)
     with pytest.raises(InvalidInputError, match="frames cannot be encoded"):
-        frame_columns(block(2, 2, 3)[0], packed_fields(block(2, 2, 3)[1]), frames)
+        JointFrames(basis, fields.T).columns(frames)
 
 
 @given(blocks, numbers, st.data())
-def test_packed_fields_give_the_same_positions(block, summed, data):
-    _, fields = block
+def test_layout_and_step_of_fields_give_the_same_positions(block, summed, data):
+    basis, fields = block
     is_single = summed is np.float32
-    together = np.ascontiguousarray(fields.T).T
+    together = np.ascontiguousarray(fields.T)
     step = data.draw(st.floats(1e-3, 1e3))
-    result = packed_fields(together, step=step, is_single=is_single)
-    expected = packed_fields(fields * step, is_single=is_single)
-    np.testing.assert_array_equal(result.data, expected.data)
+    result = JointFrames(basis, together, step, is_single=is_single)
+    expected = JointFrames(basis, fields.T * step, is_single=is_single)
+    np.testing.assert_array_equal(result(slice(None)), expected(slice(None)))
 
 
 @given(st.integers(1, 40), st.integers(1, 4), st.integers(0, 2**32), st.booleans())
