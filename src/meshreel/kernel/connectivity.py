@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.errors import CorruptStreamError
 from meshreel.kernel.library import call
 
 Faces = npt.NDArray[np.int32]
@@ -74,30 +73,3 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> EncodedFaces:
     )
     order = internal_to_given.astype(np.int64)
     return EncodedFaces(out[:size].tobytes(), order, internal_faces, twins)
-
-
-def decode_faces(data: bytes, n_verts: int, n_faces: int) -> Faces:
-    """Decode the internal faces, of shape (M, 3), that `encode_faces` wrote.
-
-    The caller must bound both counts.
-
-    Raises
-    ------
-    CorruptStreamError
-        If the bytes do not encode these numbers of faces and vertices.
-    """
-    if max(n_verts, n_faces) > MAX_ITEMS:
-        raise CorruptStreamError(f"a mesh has at most {MAX_ITEMS} vertices and faces")
-    faces = np.empty((n_faces, 3), np.int32)
-    call(
-        "reel_connectivity_decode",
-        data,
-        len(data),
-        n_verts,
-        n_faces,
-        faces,
-        None,
-        what="faces",
-        memory_of=("reel_connectivity_decode_memory", n_verts, n_faces),
-    )
-    return faces

@@ -83,37 +83,6 @@ def encode_order(
     return out[:size].tobytes()
 
 
-def decode_order(
-    data: bytes, faces: AnyIntegers, twins: AnyIntegers | None, n_verts: int
-) -> tuple[Integers | None, Integers]:
-    """Decode the `corners` and the `sequence` of `encode_order`.
-
-    Raises
-    ------
-    CorruptStreamError
-        If the bytes do not encode an order of this mesh.
-    """
-    n_faces = len(faces)
-    _check_count(n_faces)
-    corners = None if twins is None else np.zeros(n_faces, np.int32)
-    sequence = np.zeros(n_verts, np.int32)
-    call(
-        "reel_order_decode",
-        data,
-        len(data),
-        _contiguous(faces),
-        None if twins is None else _contiguous(twins),
-        n_verts,
-        n_faces,
-        int(corners is not None),
-        corners,
-        sequence,
-        what="orders",
-        memory_of=("reel_order_memory", n_verts, n_faces),
-    )
-    return corners, sequence
-
-
 def _contiguous(values: AnyIntegers) -> Integers:
     return np.ascontiguousarray(values, np.int32)
 

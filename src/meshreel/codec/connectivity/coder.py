@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.order import decode_given_order, encode_order
+from meshreel.codec.connectivity.order import encode_order
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.connectivity import decode_faces, encode_faces
+from meshreel.kernel.connectivity import encode_faces
 from meshreel.model.sequence import Faces
 
 ORDERS = ("keep", "vertices", "drop")
@@ -35,7 +35,7 @@ class CodedConnectivity:
     internal_to_given : int64 array of shape (V,)
         Vertex i of the internal order is vertex ``internal_to_given[i]`` of the input.
     internal_faces : int32 array of shape (M, 3)
-        The faces that `decode_connectivity` returns.
+        The faces that a reader decodes.
     internal_twins : int32 array of shape (3 M,)
         The other side at the edge of each internal side, or the side itself.
     """
@@ -77,46 +77,6 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
         return walked
     listed = _code(faces, n_verts, order, listed=True)
     return min(walked, listed, key=lambda coded: coded.size_bytes)
-
-
-def decode_connectivity(payload: bytes, n_verts: int, n_faces: int) -> Faces:
-    """Decode the internal faces, int32 of shape (M, 3).
-
-    Parameters
-    ----------
-    payload : bytes
-        From `encode_connectivity`, or untrusted: every byte is checked.
-    n_verts, n_faces : int
-        V and M, which the caller has bounded.
-
-    Raises
-    ------
-    CorruptStreamError
-        If the payload is damaged or disagrees with `n_verts` or `n_faces`.
-    """
-    return decode_faces(payload, n_verts, n_faces)
-
-
-def decode_order(
-    order_payload: bytes, internal_faces: Faces, n_verts: int
-) -> tuple[Integers, Faces]:
-    """Decode `internal_to_given` and the faces in the given order.
-
-    Parameters
-    ----------
-    order_payload : bytes
-        From `encode_connectivity`; empty if only the internal order is known.
-    internal_faces : int32 array of shape (M, 3)
-        From `decode_connectivity`.
-
-    Raises
-    ------
-    CorruptStreamError
-        If the payload is damaged or belongs to another mesh.
-    """
-    if not order_payload:
-        return np.arange(n_verts), internal_faces
-    return decode_given_order(order_payload, internal_faces, n_verts)
 
 
 def _code(faces: Faces, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:

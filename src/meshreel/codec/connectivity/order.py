@@ -10,7 +10,6 @@ from meshreel.codec.connectivity.triangles import (
     sorted_order,
     twin_sides,
 )
-from meshreel.errors import CorruptStreamError
 from meshreel.kernel import order
 from meshreel.model.sequence import Faces
 
@@ -48,41 +47,6 @@ def encode_order(
     twins = twin_sides(internal_faces, n_verts)
     coded = order.encode_order(internal_faces, twins, corners, sequence)
     return bytes([VERTICES_AND_FACES]) + coded
-
-
-def decode_given_order(
-    order_payload: bytes, internal_faces: AnyFaces, n_verts: int
-) -> tuple[Integers, Faces]:
-    """Decode the given number of each internal vertex, and the faces in given numbers.
-
-    Raises
-    ------
-    CorruptStreamError
-        If the bytes are not those of an order of this mesh.
-    """
-    if not order_payload or order_payload[0] not in (VERTICES_ONLY, VERTICES_AND_FACES):
-        raise CorruptStreamError("the order is of an unknown kind")
-    if len(order_payload) > 1 and not order_payload[-1]:
-        raise CorruptStreamError("the order ends before its section does")
-    with_faces = order_payload[0] == VERTICES_AND_FACES
-    twins = twin_sides(internal_faces, n_verts) if with_faces else None
-    corners, sequence = order.decode_order(order_payload[1:], internal_faces, twins, n_verts)
-    internal_to_given = inverse_permutation(sequence)
-    faces = internal_to_given.astype(np.int32).take(internal_faces)
-    return internal_to_given, faces if corners is None else list_faces(faces, corners)
-
-
-def list_faces(known: Faces, corners: npt.NDArray[np.integer]) -> Faces:
-    """Return the known faces in the order, and with the first corners, that `corners` selects.
-
-    Corner k of known face i has the number ``3 i + k``.
-    """
-    listed, turn = known.reshape(-1), corners % 3
-    faces = np.empty((len(corners), 3), known.dtype)
-    faces[:, 0] = listed.take(corners)
-    faces[:, 1] = listed.take(corners + 1 - 3 * (turn > 1))
-    faces[:, 2] = listed.take(corners + 2 - 3 * (turn > 0))
-    return faces
 
 
 def matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:

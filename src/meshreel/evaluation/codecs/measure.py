@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from meshreel.codec.connectivity.coder import decode_connectivity, decode_order, encode_connectivity
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.open_stream import whole_file
 from meshreel.evaluation.codecs.peers.protocol import Peer, ReordersVertices, package_version
 from meshreel.evaluation.folder import file_name
 from meshreel.evaluation.runs.store import Outcome, Run, finite
@@ -125,12 +126,8 @@ def arrange(sequence: MeshSequence, order: str) -> Arrangement:
     faces, n_verts = sequence.faces, sequence.n_verts
     stored = "drop" if order == "coded" else "vertices"
     coded, encode_s = timed(lambda: encode_connectivity(faces, n_verts, order=stored), REPEATS)
-
-    def decode_faces() -> None:
-        internal = decode_connectivity(coded.payload, n_verts, len(faces))
-        decode_order(coded.order_payload, internal, n_verts)
-
-    _, decode_s = timed(decode_faces, REPEATS)
+    stream = encode(MeshSequence(sequence.vertices[:1], faces), "lossless", order=stored)
+    _, decode_s = timed(lambda: whole_file(stream).read_mesh(), REPEATS)
     if order == "coded":
         vertices: Vertices = sequence.vertices[:, coded.internal_to_given]
         sequence = MeshSequence(vertices.copy(), coded.internal_faces)

@@ -6,14 +6,11 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from meshreel.codec.connectivity.coder import (
-    decode_connectivity,
-    decode_order,
-    encode_connectivity,
-)
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.errors import CorruptStreamError, InvalidInputError, MeshReelError
 from meshreel.kernel.connectivity import encode_faces
+from samples.coded_meshes import decode_connectivity, decode_order
 
 
 def coded_and_decoded(mesh, order):

@@ -1,0 +1,41 @@
+"""Connectivity and order of meshes as the core decodes them from a stream."""
+
+import numpy as np
+
+from meshreel.codec.bitstream.container import Header, write_block_counts
+from meshreel.codec.bitstream.layout import Laplacian, Order, Section, VertexType
+from meshreel.codec.methods import METHOD_CODES
+from meshreel.kernel.connectivity import encode_faces
+from meshreel.kernel.files import OpenFile
+from samples.streams import raw_stream
+
+ORDERS = {b"": Order.DROP, b"\1": Order.VERTICES}
+
+
+def decode_connectivity(payload, n_verts, n_faces):
+    """Return the internal faces."""
+    return _file(payload, b"", n_verts, n_faces).stored_mesh[0]
+
+
+def decode_order(order_payload, internal_faces, n_verts):
+    """Return the given number of each internal vertex, and the faces in given numbers."""
+    faces = np.ascontiguousarray(internal_faces, np.int32)
+    payload = encode_faces(faces, n_verts, listed=True).data
+    file = _file(payload, order_payload, n_verts, len(faces))
+    return np.argsort(file.stored_mesh[1]), file.faces
+
+
+def _file(payload, order_payload, n_verts, n_faces):
+    order = ORDERS.get(order_payload[:1], Order.KEEP)
+    number_type, method = VertexType.FLOAT32, METHOD_CODES["lossless"]
+    header = Header(
+        1, n_verts, n_faces, 0.0, number_type, method, Laplacian.NORMALIZED, order, (0.0,) * 3, 1.0,
+        "",
+    )  # fmt: skip
+    sections = [
+        (Section.CONNECTIVITY, payload),
+        *([] if order is Order.DROP else [(Section.ORDER, order_payload)]),
+        (Section.BLOCK, write_block_counts(1, 0)),
+        (Section.VALUES, b""),
+    ]
+    return OpenFile(raw_stream(header, sections), float("inf"))
