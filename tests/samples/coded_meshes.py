@@ -1,7 +1,8 @@
-"""Connectivity and order of meshes as the core decodes them from a stream."""
+"""Meshes as the core decodes them from a stream, and tables as the plain reader does."""
 
 import numpy as np
 
+from conformance.surface_integers import read_surface_integers
 from meshreel.codec.bitstream.container import Header, write_block_counts
 from meshreel.codec.bitstream.layout import Laplacian, Order, Section, VertexType
 from meshreel.codec.methods import METHOD_CODES
@@ -23,6 +24,12 @@ def decode_order(order_payload, internal_faces, n_verts):
     payload = encode_faces(faces, n_verts, listed=True).data
     file = _file(payload, order_payload, n_verts, len(faces))
     return np.argsort(file.stored_mesh[1]), file.faces
+
+
+def decode_on_surface(data, shape, faces, twins):
+    """Return a table of integers that the plain reader decodes."""
+    rows = read_surface_integers(data, *shape, np.asarray(faces).tolist(), twins.tolist())
+    return np.array(rows, np.int32).reshape(shape)
 
 
 def _file(payload, order_payload, n_verts, n_faces):

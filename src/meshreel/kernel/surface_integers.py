@@ -49,29 +49,3 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
         memory_of=("reel_surface_integers_memory", n_rows, len(faces), n_columns),
     )
     return out[:size].tobytes()
-
-
-def decode_on_surface(
-    data: bytes, shape: tuple[int, int], faces: Integers, twins: Integers
-) -> Table:
-    """Decode a table that `encode_on_surface` wrote; the caller must bound the shape.
-
-    Raises
-    ------
-    CorruptStreamError
-        If bytes are missing or left over.
-    """
-    table = np.empty(shape, np.int32)
-    call(
-        "reel_surface_integers_decode",
-        data,
-        len(data),
-        *shape,
-        np.ascontiguousarray(faces, np.int32),
-        np.ascontiguousarray(twins, np.int32),
-        len(faces),
-        table,
-        what="integers on a surface",
-        memory_of=("reel_surface_integers_memory", shape[0], len(faces), shape[1]),
-    )
-    return table

@@ -23,7 +23,7 @@ from meshreel.codec.entropy.tables import (
     encode_table,
 )
 from meshreel.kernel.patterns import expected_along
-from meshreel.kernel.surface_integers import decode_on_surface
+from samples.coded_meshes import decode_on_surface
 from samples.meshes import grid_faces
 
 CODES = (*range(UNORM16 + 1), *range(GRID, GRID + MAX_GRID_BITS + 1))
