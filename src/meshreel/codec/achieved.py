@@ -84,10 +84,10 @@ def measure_stream(
         (segment,) = segments
         original = segment.read(0, segment.n_frames)
         measured_sted = sted(original, np.concatenate(runs), segment.faces).sted
-    found = sums.errors
+    of_positions = sums.errors
     return Achieved(
-        found.kg_error_percent,
-        found.max_error_percent,
+        of_positions.kg_error_percent,
+        of_positions.max_error_percent,
         measured_sted,
         {name: joined_errors(several) for name, several in tracks.items()},
     )

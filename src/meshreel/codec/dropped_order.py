@@ -48,7 +48,7 @@ def match_order(
         return original, decoded, False
     pairs = list(zip(segments, segments_hat, strict=True))
     matched = [_in_order_of(*pair) for pair in pairs]
-    if all(one is segment for one, (_, segment) in zip(matched, pairs, strict=True)):
+    if all(reordered is segment for reordered, (_, segment) in zip(matched, pairs, strict=True)):
         return original, decoded, False
     whole = MeshSequence.of_segments(matched, decoded.name, decoded.start_s)
     return original, whole, True

@@ -150,12 +150,12 @@ def encode_segments(
     _check_names(sequence, attributes, tracks or {})
     ranges: dict[str, float] = {}
     sources = []
-    surfaces = [select(one.surface, attributes, ignore_missing=True) for one in sequence.segments]
+    surfaces = [select(part.surface, attributes, ignore_missing=True) for part in sequence.segments]
     if config.uv_bits is not None:
         for surface in list(filter(has_uvs, surfaces)) or surfaces:
             check_uvs(surface, config.uv_bits)
     for segment, surface in zip(sequence.segments, surfaces, strict=True):
-        targets = {name: one for name, one in (tracks or {}).items() if name in segment.tracks}
+        targets = {name: bound for name, bound in (tracks or {}).items() if name in segment.tracks}
         bounds = kept_bounds(config, segment.tracks, targets)
         for name, bound in bounds.items():
             if bound.measure is Measure.SHARE and name not in ranges:

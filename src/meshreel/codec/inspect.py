@@ -181,7 +181,8 @@ class StreamInfo:
     @property
     def rate_bpvf(self) -> float:
         """Bits of the whole stream per vertex and frame."""
-        return 8 * self.size_bytes / sum(one.n_verts * one.n_frames for one in self.segments)
+        n_positions = sum(segment.n_verts * segment.n_frames for segment in self.segments)
+        return 8 * self.size_bytes / n_positions
 
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
@@ -239,26 +240,27 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
     """Combine the descriptions of all segments of a file."""
 
     def largest(name: str) -> Any:
-        return max(getattr(one, name) for one in segments)
+        return max(getattr(segment, name) for segment in segments)
 
     def joined(name: str) -> Any:
-        return tuple(item for one in segments for item in getattr(one, name))
+        return tuple(item for segment in segments for item in getattr(segment, name))
 
     def distinct(name: str) -> Any:
         return tuple(dict.fromkeys(joined(name)))
 
     def named(name: str) -> Any:
-        return ", ".join(dict.fromkeys(getattr(one, name) for one in segments))
+        return ", ".join(dict.fromkeys(getattr(segment, name) for segment in segments))
 
     budget, parts = Counter[str](), Counter[str]()
-    for one in segments:
-        budget.update(one.budget_bytes)
-        parts.update(one.part_bytes)
+    for segment in segments:
+        budget.update(segment.budget_bytes)
+        parts.update(segment.part_bytes)
     size_bytes = file.info.size_bytes
-    ending = size_bytes - sum(one.size_bytes for one in segments)  # index and end marker
+    ending = size_bytes - sum(segment.size_bytes for segment in segments)  # index and end marker
     budget["framing"] += ending
     parts["container"] += ending
-    bounds = [one.error_bound_percent for one in segments if one.error_bound_percent is not None]
+    bounds = [segment.error_bound_percent for segment in segments]
+    known_bounds = [bound for bound in bounds if bound is not None]
     return replace(
         segments[0],
         n_frames=file.info.n_frames,
@@ -268,11 +270,11 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
         **{name: distinct(name) for name in ("attributes", "parts", "materials", "images")},
         tracks=_combined_tracks(joined("tracks")),
         size_bytes=size_bytes,
-        raw_size_bytes=sum(one.raw_size_bytes for one in segments),
+        raw_size_bytes=sum(segment.raw_size_bytes for segment in segments),
         budget_bytes=dict(budget),
         part_bytes=dict(parts),
-        error_bound_percent=max(bounds) if len(bounds) == len(segments) else None,
-        is_lossless=all(one.is_lossless for one in segments),
+        error_bound_percent=max(known_bounds) if len(known_bounds) == len(bounds) else None,
+        is_lossless=all(segment.is_lossless for segment in segments),
         is_whole=file.info.is_whole,
         segments=joined("segments"),
     )
@@ -281,16 +283,16 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
 def _combined_tracks(tracks: Iterable[TrackInfo]) -> tuple[TrackInfo, ...]:
     """Combine the descriptions of tracks that differ only in accuracy and bytes."""
     alike: dict[TrackInfo, list[TrackInfo]] = {}
-    for one in tracks:
-        key = replace(one, is_exact=False, bound=0.0, size_bytes=0, raw_size_bytes=0)
-        alike.setdefault(key, []).append(one)
+    for track in tracks:
+        key = replace(track, is_exact=False, bound=0.0, size_bytes=0, raw_size_bytes=0)
+        alike.setdefault(key, []).append(track)
     return tuple(
         replace(
             key,
-            is_exact=all(one.is_exact for one in several),
-            bound=max(one.bound for one in several),
-            size_bytes=sum(one.size_bytes for one in several),
-            raw_size_bytes=sum(one.raw_size_bytes for one in several),
+            is_exact=all(track.is_exact for track in several),
+            bound=max(track.bound for track in several),
+            size_bytes=sum(track.size_bytes for track in several),
+            raw_size_bytes=sum(track.raw_size_bytes for track in several),
         )
         for key, several in alike.items()
     )
@@ -433,19 +435,19 @@ class _Sizes:
 def _sizes(file: OpenFile, *, is_checked: bool) -> _Sizes:
     """Sum up the sizes of sections; `is_checked` verifies their checksums."""
     sizes = _Sizes(file.info.size_bytes - file.offset, Counter(), [], [])
-    position_ends = [place.offset + place.size_bytes for place in file.blocks]
-    for one in file.sections(is_checked=is_checked):
-        sizes.header = min(sizes.header, one.offset - file.offset)
-        if one.is_known:
-            section = Section(one.id)
-            sizes.of_sections[section] += one.size_bytes
+    position_ends = [block.offset + block.size_bytes for block in file.blocks]
+    for place in file.sections(is_checked=is_checked):
+        sizes.header = min(sizes.header, place.offset - file.offset)
+        if place.is_known:
+            section = Section(place.id)
+            sizes.of_sections[section] += place.size_bytes
             if section is Section.TRACK:
-                sizes.of_tracks.append(one.size_bytes)
+                sizes.of_tracks.append(place.size_bytes)
             elif section is Section.BLOCK:
                 sizes.block_bytes.append(0)
             number = len(sizes.block_bytes) - 1
-            if number >= 0 and one.offset < position_ends[number]:
-                sizes.block_bytes[number] += one.payload_bytes
+            if number >= 0 and place.offset < position_ends[number]:
+                sizes.block_bytes[number] += place.payload_bytes
     return sizes
 
 
@@ -464,9 +466,9 @@ def _parts(opened: OpenStream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> di
     """Return the bytes of the parts of a stream; the rest is the container."""
     blocks = sum(place.size_bytes for place in opened.file.blocks)
     parts = {
-        "positions": blocks + sum(sizes.of_sections[one] for one in POSITIONS),
-        "connectivity": sum(sizes.of_sections[one] for one in CONNECTIVITY),
-        "surface": sum(sizes.of_sections[one] for one in SURFACE_SECTIONS),
+        "positions": blocks + sum(sizes.of_sections[section] for section in POSITIONS),
+        "connectivity": sum(sizes.of_sections[section] for section in CONNECTIVITY),
+        "surface": sum(sizes.of_sections[section] for section in SURFACE_SECTIONS),
         **{f"track {track.name}": track.size_bytes for track in tracks},
     }
     parts["container"] = opened.size_bytes - sum(parts.values())

@@ -36,7 +36,7 @@ def join_streams(
     if not streams:
         raise InvalidInputError("there are no streams to join; give at least one")
     first, *further = map(whole_stream, streams)
-    rates = {first.fps, *(one.fps for one in further)}
+    rates = {first.fps, *(stream.fps for stream in further)}
     if len(rates) > 1:
         raise InvalidInputError(
             f"streams of {' and '.join(f'{rate:g}' for rate in sorted(rates))} frames per second "
@@ -44,7 +44,7 @@ def join_streams(
         )
     header = replace(
         header_of(first),
-        n_frames=sum(one.n_frames for one in (first, *further)),
+        n_frames=sum(stream.n_frames for stream in (first, *further)),
         name=first.name if name is None else name,
     )
     leading = list(leading_of(first))
@@ -55,9 +55,9 @@ def join_streams(
     file = BytesIO()
     writer = StreamWriter(file, header, leading)
     _write_blocks(writer, first)
-    for one in further:
-        writer.begin_segment(header_of(one), _without_start(one))
-        _write_blocks(writer, one)
+    for stream in further:
+        writer.begin_segment(header_of(stream), _without_start(stream))
+        _write_blocks(writer, stream)
     writer.finish()
     return file.getvalue()
 
@@ -105,12 +105,12 @@ def header_of(opened: OpenStream) -> Header:
 
 def leading_of(opened: OpenStream) -> Iterator[tuple[Section, bytes]]:
     """Yield the known sections before the first block, except SEGMENT and REFERENCE."""
-    return ((Section(one.id), opened.payload(one)) for one in opened.leading)
+    return ((Section(section.id), opened.payload(section)) for section in opened.leading)
 
 
 def blocks_of(opened: OpenStream) -> Iterator[tuple[int, list[tuple[Section, bytes]]]]:
     """Yield the number of frames and the sections of each block."""
     for number in range(opened.n_blocks):
         groups = (opened.group(number, track) for track in range(opened.file.info.n_tracks))
-        sections = [one for group in groups for one in group]
+        sections = [part for group in groups for part in group]
         yield opened.file.block(number).n_frames, sections

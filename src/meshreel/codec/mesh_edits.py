@@ -116,17 +116,17 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
     """
     if base.n_verts > MAX_VERTS or not 0 < len(faces) <= 2 * len(base.faces):
         return None
-    found = []
+    candidates = []
     if _has_many_of(base.index, faces, base.n_verts - n_verts):
         edit = _edit_with(base, faces, _split_vertices(base.index, faces, n_verts))
         if edit is not None and len(edit.payload) <= SMALL_BYTES_PER_FACE * len(faces):
             return edit
-        found.append(edit)
+        candidates.append(edit)
     verts = match_vertices(base.index, faces, n_verts)
     if verts is not None:
-        found.append(_edit_with(base, faces, verts))
-    edits = [one for one in found if one is not None]
-    smallest = min(edits, key=lambda one: len(one.payload), default=None)
+        candidates.append(_edit_with(base, faces, verts))
+    edits = [edit for edit in candidates if edit is not None]
+    smallest = min(edits, key=lambda edit: len(edit.payload), default=None)
     if smallest is None or not _is_worthwhile(smallest, faces, n_verts):
         return None
     return smallest
@@ -192,12 +192,12 @@ def _matched_faces(index: FaceIndex, faces: Integers) -> Integers:
     """Return the number of each face in the base, ascending, or -1."""
     keys = index.keys(faces)
     at = np.searchsorted(index.sorted_keys, keys) + n_equal_before(keys)
-    found = at < len(index.faces)
+    is_listed = at < len(index.faces)
     at = np.minimum(at, len(index.faces) - 1)
-    found &= (index.sorted_keys[at] == keys) & (faces.min(axis=1) >= 0)
-    listed = np.where(found, index.by_key[at], -1)
-    ascending = longest_ascending(listed[found])
-    listed[np.flatnonzero(found)[~ascending]] = -1
+    is_listed &= (index.sorted_keys[at] == keys) & (faces.min(axis=1) >= 0)
+    listed = np.where(is_listed, index.by_key[at], -1)
+    ascending = longest_ascending(listed[is_listed])
+    listed[np.flatnonzero(is_listed)[~ascending]] = -1
     return listed
 
 

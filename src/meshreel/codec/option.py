@@ -145,7 +145,7 @@ class Option:
     def types(self) -> tuple[Any, ...]:
         """Types of a value, except None."""
         allowed = get_args(self.annotation) if self.has_several_types else (self.annotation,)
-        return tuple(one for one in allowed if one is not type(None))
+        return tuple(kind for kind in allowed if kind is not type(None))
 
     @property
     def has_several_types(self) -> bool:
@@ -182,7 +182,7 @@ class Option:
             )
 
     def _is_parsed_later(self, value: Any) -> bool:
-        others = [get_origin(one) or one for one in self.types if one not in (int, float)]
+        others = [get_origin(kind) or kind for kind in self.types if kind not in (int, float)]
         return any(isinstance(value, other) for other in others)
 
 
@@ -242,7 +242,9 @@ def takes_fields(
         first, _ = inspect.signature(function, eval_str=True).parameters.values()
         hints = get_type_hints(record)
         fields_of_record = inspect.signature(record).parameters.values()
-        parameters = [one.replace(annotation=hints[one.name]) for one in fields_of_record]
+        parameters = [
+            parameter.replace(annotation=hints[parameter.name]) for parameter in fields_of_record
+        ]
         with_fields.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
             [first.replace(kind=first.POSITIONAL_OR_KEYWORD), *parameters],
             return_annotation=get_type_hints(function)["return"],

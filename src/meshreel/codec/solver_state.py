@@ -33,7 +33,9 @@ def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -
     str or None
         None without such tracks.
     """
-    state = [one for one in tracks if one.name in SOLVER_STATE and one.name not in requested]
+    state = [
+        track for track in tracks if track.name in SOLVER_STATE and track.name not in requested
+    ]
     if not state:
         return None
     sizes = ", ".join(f"{track.name} ({track.size_bytes} bytes)" for track in state)

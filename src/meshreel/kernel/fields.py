@@ -84,9 +84,9 @@ def order_of(passes: Sequence[Pass], n_columns: int) -> CodingOrder:
         If the number of columns or neighbors does not match.
     """
     none = np.zeros(0, np.int64)
-    columns = np.concatenate([none, *(one.columns for one in passes)])
-    n_near = np.concatenate([none, *(np.diff(one.indptr) for one in passes)])
-    near = np.concatenate([none, *(one.indices for one in passes)])
+    columns = np.concatenate([none, *(part.columns for part in passes)])
+    n_near = np.concatenate([none, *(np.diff(part.indptr) for part in passes)])
+    near = np.concatenate([none, *(part.indices for part in passes)])
     if len(columns) != n_columns or len(n_near) != n_columns or n_near.sum() != len(near):
         raise InvalidInputError(
             f"the passes have {len(columns)} columns and {len(near)} context neighbors; the "
@@ -95,7 +95,7 @@ def order_of(passes: Sequence[Pass], n_columns: int) -> CodingOrder:
     return CodingOrder(
         n_columns,
         columns.astype(np.int32),
-        np.cumsum([0, *(len(one.columns) for one in passes)], dtype=np.int64),
+        np.cumsum([0, *(len(part.columns) for part in passes)], dtype=np.int64),
         len(passes),
         np.concatenate([[0], np.cumsum(n_near)]).astype(np.int64),
         near.astype(np.int32),

@@ -62,14 +62,15 @@ def decode_together(segments: Sequence[SegmentFrames]) -> None:
         As `OpenFile` and `FrameDecoder`, for the first segment that fails.
     """
     parts = (_Part * len(segments))()
-    for part, one in zip(parts, segments, strict=True):
-        assert all(values.flags.c_contiguous for values in one.values)
-        addresses = (ctypes.c_void_p * len(one.values))(
-            *(values.ctypes.data for values in one.values)
+    for part, frames in zip(parts, segments, strict=True):
+        assert all(values.flags.c_contiguous for values in frames.values)
+        addresses = (ctypes.c_void_p * len(frames.values))(
+            *(values.ctypes.data for values in frames.values)
         )
-        part.file, part.first, part.count = one.file.handle, one.first, len(one.values[0])
-        part.n_modes, part.with_surface, part.values = one.n_modes, one.with_surface, addresses
+        part.file, part.first, part.count = frames.file.handle, frames.first, len(frames.values[0])
+        part.n_modes, part.with_surface = frames.n_modes, frames.with_surface
+        part.values = addresses
     library().reel_decode_parts(parts, ctypes.c_uint32(len(parts)))
-    for part, one in zip(parts, segments, strict=True):
+    for part, frames in zip(parts, segments, strict=True):
         if part.error.code != OK:
-            raise one.file.failure(part.error)
+            raise frames.file.failure(part.error)

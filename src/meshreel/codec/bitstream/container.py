@@ -223,7 +223,7 @@ class StoredMeshes:
             The sections before its first block.
         """
         listed = list(leading)
-        mesh = [one for one in listed if one[0] in MESH_SECTIONS]
+        mesh = [section for section in listed if section[0] in MESH_SECTIONS]
         own, ranges = mesh, b""
         digests = _digests(_coded_counts(header, mesh), mesh[:MAX_SHARED])
         n_shared = sum(digest in self._prefixes for digest in digests)
@@ -245,7 +245,7 @@ class StoredMeshes:
             self._looks.setdefault(_digest_of(look), (number, n_before))
         if not ranges:
             return listed
-        others = (one for one in listed if one[0] not in MESH_SECTIONS)
+        others = (section for section in listed if section[0] not in MESH_SECTIONS)
         return [(Section.REFERENCE, ranges), *own, *others]
 
 
@@ -353,7 +353,7 @@ def write_index(places: Sequence[BlockPlace], further: Sequence[SegmentPlace] = 
 
 def _numbers_of(places: Sequence[BlockPlace]) -> list[int]:
     """Return the number of blocks, then the frames of each block and the bytes of each track."""
-    return [len(places), *(number for one in places for number in (one.n_frames, *one.sizes))]
+    return [len(places), *(number for place in places for number in (place.n_frames, *place.sizes))]
 
 
 class StreamWriter:

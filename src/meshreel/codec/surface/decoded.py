@@ -105,8 +105,8 @@ def decoded_surface(file: OpenFile) -> Surface:
         tuple(_attribute(stored.attributes[i]) for i in range(stored.n_attributes)),
         tuple(_groups(stored.groups[i], info.n_faces) for i in range(stored.n_groups)),
         tuple(
-            Part(str(one.name), one.n_verts, one.n_faces)
-            for one in (stored.parts[i] for i in range(stored.n_parts))
+            Part(str(part.name), part.n_verts, part.n_faces)
+            for part in (stored.parts[i] for i in range(stored.n_parts))
         ),
         tuple(_material(stored.materials[i]) for i in range(stored.n_materials)),
         tuple(_image(stored.images[i], file) for i in range(stored.n_images)),
@@ -134,9 +134,9 @@ def _groups(stored: _Groups, n_faces: int) -> FaceGroups:
 
 def _material(stored: _Material) -> Material:
     textures = {
-        slot: _texture(one)
-        for slot, one in zip(SLOTS, stored.textures, strict=True)
-        if one.image != NO_IMAGE
+        slot: _texture(texture)
+        for slot, texture in zip(SLOTS, stored.textures, strict=True)
+        if texture.image != NO_IMAGE
     }
     return Material(
         str(stored.name),

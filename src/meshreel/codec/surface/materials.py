@@ -44,7 +44,8 @@ def _write_texture(texture: Texture) -> bytes:
     channels = sum(1 << CHANNELS.index(channel) for channel in texture.channels)
     wraps = WRAPS.index(texture.wrap_u) | WRAPS.index(texture.wrap_v) << 4
     magnified, shrunk = (
-        0 if one is None else 1 + FILTERS.index(one) for one in (texture.magnified, texture.shrunk)
+        0 if filter_ is None else 1 + FILTERS.index(filter_)
+        for filter_ in (texture.magnified, texture.shrunk)
     )
     codes = bytes([channels, wraps, magnified | shrunk << 4])
     numbers = _write_numbers(texture, Texture(0), TEXTURE_NUMBERS)

@@ -112,8 +112,8 @@ def surface_in_order(
     return replace(
         surface,
         face_sizes=None,
-        attributes=tuple(_reordered(one, numbers[one.domain]) for one in surface.attributes),
-        groups=tuple(replace(one, numbers=one.numbers[polygons]) for one in surface.groups),
+        attributes=tuple(_reordered(row, numbers[row.domain]) for row in surface.attributes),
+        groups=tuple(replace(row, numbers=row.numbers[polygons]) for row in surface.groups),
         parts=(),
         hard_edges=hard_edges,
     )

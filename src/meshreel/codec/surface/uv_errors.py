@@ -46,7 +46,7 @@ def measure_uvs(sequence: MeshSequence, data: bytes) -> UvErrors | None:
         _errors_of_segment(segment, whole_stream(data, segment=number))
         for number, segment in enumerate(sequence.segments)
     )
-    errors = [error for one in several for error in one]
+    errors = [error for errors_of_segment in several for error in errors_of_segment]
     return UvErrors(max(errors)) if errors else None
 
 
@@ -60,7 +60,7 @@ def _errors_of_segment(sequence: FrameSource, opened: OpenStream) -> list[float]
     if not any(map(is_quantized, kept)):
         return []
     pairs = zip(kept, opened.surface.attributes, strict=True)
-    return [_largest(one, one_hat) for one, one_hat in pairs if is_quantized(one)]
+    return [_largest(uv, uv_hat) for uv, uv_hat in pairs if is_quantized(uv)]
 
 
 def _largest(given: Attribute, decoded: Attribute) -> float:

@@ -33,8 +33,8 @@ def check_uvs(surface: Surface, bits: int) -> None:
     """
     if not has_uvs(surface):
         raise InvalidInputError("there are no texture coordinates to quantize; omit uv_bits=")
-    for one in filter(is_quantized, surface.attributes):
-        uv_integers(one, bits)
+    for attribute in filter(is_quantized, surface.attributes):
+        uv_integers(attribute, bits)
 
 
 def uv_integers(attribute: Attribute, bits: int) -> Integers:

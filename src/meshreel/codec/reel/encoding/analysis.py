@@ -185,7 +185,7 @@ def analyze_fields(
     without_reuse = _encode_fields(frames, basis, vectors, layout, mesh, choices, key, prepared)
     if reused is None:
         return without_reuse
-    return min(without_reuse, reused, key=lambda one: one.cost)
+    return min(without_reuse, reused, key=lambda analyzed: analyzed.cost)
 
 
 def _encode_fields(

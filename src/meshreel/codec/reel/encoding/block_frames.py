@@ -97,13 +97,13 @@ class BlockFrames:
     def _all(self) -> Floats:
         if self.subtracted is None:
             return self._rows(slice(0, self.n_verts))
-        found = np.empty((self._n_rows, self.n_verts))
+        columns = np.empty((self._n_rows, self.n_verts))
 
         def fill(piece: slice) -> None:
-            found[:, piece] = self._rows(piece)
+            columns[:, piece] = self._rows(piece)
 
         in_threads(fill, chunks(self.n_verts, CHUNK_VERTICES))
-        return found
+        return columns
 
     @property
     def _n_sketched(self) -> int:
@@ -117,20 +117,20 @@ class BlockFrames:
         Each is the sum of some vertices with signs drawn at random (a "count sketch": Charikar,
         Chen and Farach-Colton, 2002; of matrices Clarkson and Woodruff, 2013). All vertices count.
         """
-        found = np.zeros((self._n_rows, piece.stop - piece.start))
+        columns = np.zeros((self._n_rows, piece.stop - piece.start))
         placement = self.frame.placement
         for start in range(piece.start, self.n_verts, self._n_sketched):
-            part = slice(start, min(start + found.shape[1], self.n_verts))
+            part = slice(start, min(start + columns.shape[1], self.n_verts))
             count = part.stop - start
             signs = np.random.default_rng(start).integers(0, 2, count) * 2.0 - 1.0
-            sums = found if count == found.shape[1] else np.zeros((len(found), count))
+            sums = columns if count == columns.shape[1] else np.zeros((len(columns), count))
             add_coordinate_rows(self.vertices, self.order, part, placement, signs, sums)
             if self.subtracted is not None:
                 vectors, fields = self.subtracted
                 sums -= vectors.reshape(len(sums), -1) @ (fields[part].T * signs)
-            if sums is not found:
-                found[:, :count] += sums
-        return found
+            if sums is not columns:
+                columns[:, :count] += sums
+        return columns
 
     @property
     def _representative_columns(self) -> tuple[Callable[[slice], Floats], int]:
@@ -184,12 +184,12 @@ class BlockFrames:
         With means, the means over time are separate modes: their vectors are constant in one column
         and 0 in the others, and the fields of all other modes are 0 at vertices that never move.
         """
-        found = self._found.get(with_means)
-        if found is None or found[0] > least:
+        known = self._found.get(with_means)
+        if known is None or known[0] > least:
             find = self._trajectories_and_means if with_means else self._trajectories
-            self._found[with_means] = found = (least, *find(least))
+            self._found[with_means] = known = (least, *find(least))
             self.is_analyzed = True
-        _, strengths, vectors = found
+        _, strengths, vectors = known
         n_kept = max(1, int(np.sum(strengths > least)))
         return strengths[:n_kept], vectors[:, :n_kept]
 

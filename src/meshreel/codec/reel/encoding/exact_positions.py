@@ -141,7 +141,7 @@ def stream_of(
     """
     blocks: Iterator[CodedBlock]
     if engine is not None:
-        blocks = iter(engine.map_in_order(coder.code_piece, ((one,) for one in source.pieces())))
+        blocks = engine.map_in_order(coder.code_piece, ((piece,) for piece in source.pieces()))
     else:
         n_together = 1 if source.config.memory is not None else min(n_cores(), MAX_PARALLEL_BLOCKS)
         blocks = _coded(coder, source.pieces(), n_together)

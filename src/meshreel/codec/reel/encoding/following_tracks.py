@@ -67,8 +67,8 @@ class FollowingTracks:
         if tracks != source.tracks:
             source = replace(source, tracks=tracks)
             opened = whole_stream(data, UNLIMITED)
-            bounds = (one for one in opened.leading if one.id == Section.ERROR_BOUND)
-            leading = [(Section.ERROR_BOUND, opened.payload(one)) for one in bounds]
+            bounds = (section for section in opened.leading if section.id == Section.ERROR_BOUND)
+            leading = [(Section.ERROR_BOUND, opened.payload(section)) for section in bounds]
             blocks = (
                 (opened.file.block(number).n_frames, opened.group(number))
                 for number in range(opened.n_blocks)
@@ -89,7 +89,7 @@ class FollowingTracks:
         """
         tracks = self._source.tracks
         positions = len(data) - _size_bytes(tracks)
-        others = _size_bytes(one for one in tracks if one.prediction is None)
+        others = _size_bytes(track for track in tracks if track.prediction is None)
         return size_bytes - positions - others > MIN_TRACK_SHARE * positions
 
     def _encoded(self, data: bytes, n_trials: int) -> list[CodedTrack]:
@@ -102,7 +102,7 @@ class FollowingTracks:
                     predicted = self._predicted(
                         name, coded.values, coded, coded.prediction, reel, n_trials
                     )
-                    smaller = min(coded, predicted, key=lambda one: one.size_bytes)
+                    smaller = min(coded, predicted, key=lambda track: track.size_bytes)
                 results.append(replace(smaller, prediction=None, values=None))
         return results
 
@@ -135,11 +135,11 @@ class FollowingTracks:
         if first_bytes < CLEAR_RATIO * coded.size_bytes:
             self._steps[name], best = search.best(n_trials, start)
             results.append(best)
-        return min(results, key=lambda one: one.size_bytes)
+        return min(results, key=lambda track: track.size_bytes)
 
 
 def _size_bytes(tracks: Iterable[CodedTrack]) -> int:
-    return sum(one.size_bytes for one in tracks)
+    return sum(track.size_bytes for track in tracks)
 
 
 def _check_bounds(source: Source, data: bytes) -> None:

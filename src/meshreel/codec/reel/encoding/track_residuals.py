@@ -93,7 +93,7 @@ class DifferenceFit:
         }
         if not shares or not min(shares.values()) < MAX_RESIDUAL_SHARE:
             return None
-        coding = min(shares, key=lambda one: shares[one])
+        coding = min(shares, key=lambda candidate: shares[candidate])
         energy, product, squares = self._sums[coding]
         at_fps = 1.0 - float(2.0 * fps * (product / energy) - fps**2 * (squares / energy))
         if at_fps <= max(FPS_TOLERANCE * shares[coding], NEGLIGIBLE_SHARE):

@@ -75,8 +75,8 @@ def _with_shared_values(
 ) -> TrackSource:
     """Return the track of the values that corners share, if it takes fewer bytes than the track."""
 
-    def values_bytes(one: TrackSource) -> int:
-        return encode_track(name, one, bound, source.mesh, block_ranges(source), 1).size_bytes
+    def values_bytes(candidate: TrackSource) -> int:
+        return encode_track(name, candidate, bound, source.mesh, block_ranges(source), 1).size_bytes
 
     shared = shared_track(track, source.mesh)
     if shared is None or shared.sharing is Sharing.VERTICES:
@@ -120,7 +120,7 @@ def encode_track(
     if lossy.size_bytes * RAW_RATIO < math.prod(track.shape) * track.dtype.itemsize:
         return lossy
     exact = encode_losslessly(coder.as_exact, track, pieces)
-    return min(lossy, exact, key=lambda one: one.size_bytes)
+    return min(lossy, exact, key=lambda coded: coded.size_bytes)
 
 
 def _prediction(
@@ -253,7 +253,7 @@ class StepSearch:
     def _size_bytes(self, step: float) -> float:
         if step not in self._sizes:
             coder = self._coder.with_step(step)
-            blocks = [coder.code_prepared(one) for one in self._blocks()]
+            blocks = [coder.code_prepared(prepared) for prepared in self._blocks()]
             size = float(sum(len(payload) for block in blocks for _, payload in block))
             if size < min(self._sizes.values(), default=math.inf):
                 self._smallest = blocks

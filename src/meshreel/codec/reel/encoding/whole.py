@@ -282,11 +282,11 @@ class RateSearch:
         while others:
             items = ((piece, key, number) for number, piece in enumerate(others, start=1))
             n_coded = 0
-            for found in engine.map_in_order(coder.code_piece, items):
-                yield found.n_frames, found.sections
+            for coded_piece in engine.map_in_order(coder.code_piece, items):
+                yield coded_piece.n_frames, coded_piece.sections
                 n_coded += 1
-                if found.key is not None:
-                    key = found.key
+                if coded_piece.key is not None:
+                    key = coded_piece.key
                     break
             others = others[n_coded:]
 

@@ -62,8 +62,8 @@ def row_graph(rows: CornerRows, faces: Faces, surface: Surface, n_verts: int) ->
     sizes, twins = surface.sizes(len(faces)), twin_sides(faces, n_verts)
     sides = np.flatnonzero(twins > np.arange(len(twins)))
     corners, *across = _corners_across(faces, sizes, sides, twins[sides])
-    pairs = [(rows.of_corners[one], rows.of_corners[other]) for one, other in across]
-    at_seams = [(one[one != other], other[one != other]) for one, other in pairs]
+    pairs = [(rows.of_corners[item], rows.of_corners[other]) for item, other in across]
+    at_seams = [(item[item != other], other[item != other]) for item, other in pairs]
     triangles = rows.of_corners[corners].reshape(-1, 3)
     joined = np.concatenate([triangles, _graph(at_seams, rows.n_rows).faces])
     return ItemGraph(np.ascontiguousarray(joined, np.int32), rows.n_rows)
@@ -91,5 +91,5 @@ def _corners_across(
 
 
 def _graph(pairs: Sequence[Pair], n_items: int) -> ItemGraph:
-    ends = np.concatenate([np.stack([one, other, other], axis=1) for one, other in pairs])
+    ends = np.concatenate([np.stack([item, other, other], axis=1) for item, other in pairs])
     return ItemGraph(np.ascontiguousarray(ends, np.int32), n_items)
