@@ -26,7 +26,7 @@ import meshreel.codec.reel.encoding.effort as effort
 from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.evaluation.rate_distortion import bd_rate
-from meshreel.kernel.fields import CodingOrder, order_of, single_pass
+from meshreel.kernel.fields import CodingOrder, coding_order
 from meshreel.kernel.mesh import Hierarchy
 
 QUALITIES = (30, 45, 60, 75)
@@ -62,7 +62,8 @@ def no_smooth_fields(mesh: FieldMesh) -> Hierarchy:
 
 def one_pass(mesh: FieldMesh) -> CodingOrder:
     """All vertices in coding order, in one pass, without context neighbors."""
-    return order_of(single_pass(mesh.n_verts), mesh.n_verts)
+    none = np.empty((mesh.n_verts, 0), np.int32)
+    return coding_order(none, np.array([0, mesh.n_verts]))
 
 
 VARIANTS: dict[str, list[Any]] = {

@@ -13,7 +13,7 @@ import meshreel
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding import basis_coding
-from meshreel.codec.reel.normative.payloads import write_basis
+from meshreel.codec.reel.normative.blocks import write_basis
 from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.codec.subspace.pca import eigen_trajectories
 from meshreel.evaluation.rate_distortion import bd_rate

@@ -47,7 +47,6 @@ from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.entropy import tables
-from meshreel.codec.reel.normative import payloads
 from meshreel.codec.reel.normative.blocks import write_field_block, write_track_block
 from meshreel.codec.reel.normative.expected import MovingSurface
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
@@ -999,7 +998,7 @@ def with_rests(payload):
     rests = Rests(((1, 2),))
     layout = Layout(np.float32(0.5), 1, 0, rests=rests)
     basis = np.array([[[3, 0], [0, -1], [0, 0]]])
-    with patch.object(payloads, "_write_rests", lambda _: bytes(payload)):
+    with patch("meshreel.codec.reel.normative.blocks._write_rests", lambda _: bytes(payload)):
         return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 
 

@@ -13,7 +13,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.reel.normative.payloads import write_layout
+from meshreel.codec.reel.normative.blocks import write_layout
 from meshreel.errors import CorruptStreamError, MeshReelError, TruncatedStreamError
 from meshreel.formats.reel import open as open_reel
 from samples.costs import draws

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.fields import MAX_MAGNITUDE, decode_fields, encode_fields
 from samples.costs import draws
-from samples.passes import as_pass
+from samples.passes import as_order
 
 integers = st.one_of(
     st.just(0),
@@ -37,8 +37,8 @@ def passes_of(draw, n_columns):
             draw(st.lists(st.sampled_from(order[:i]), max_size=4)) if i else []
             for i in range(start, end)
         ]
-        passes.append(as_pass(order[start:end], near))
-    return passes
+        passes.append((order[start:end], near))
+    return as_order(*passes)
 
 
 @settings(max_examples=draws(300))

@@ -28,7 +28,7 @@ def decode_order(order_payload, internal_faces, n_verts):
 
 def decode_on_surface(data, shape, faces, twins):
     """Return a table of integers that the plain reader decodes."""
-    rows = read_surface_integers(data, *shape, np.asarray(faces).tolist(), twins.tolist())
+    rows = read_surface_integers(data, shape[0], shape[1], faces.tolist(), twins.tolist())
     return np.array(rows, np.int32).reshape(shape)
 
 

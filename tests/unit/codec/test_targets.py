@@ -16,7 +16,7 @@ from meshreel.codec.reel.encoding.effort import (
     quality_step,
     tune_named,
 )
-from meshreel.codec.reel.normative.payloads import MAX_LEARNED
+from meshreel.codec.reel.normative.blocks import MAX_LEARNED
 from meshreel.codec.reel_options import Tune
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind, target_of
 from meshreel.errors import InvalidInputError

@@ -5,7 +5,7 @@ import pytest
 
 from conformance.fields import FieldReader
 from meshreel.kernel.fields import encode_fields
-from samples.passes import as_pass
+from samples.passes import as_order
 
 
 def grid_passes(side):
@@ -39,8 +39,8 @@ def lively_fields(scale, n_rows, n_columns=169):
 
 
 def assert_read_alike(fields, passes):
-    arrays = [as_pass(list(near), list(near.values())) for near in passes]
-    reader = FieldReader(encode_fields(fields, arrays), passes)
+    order = as_order(*((list(near), list(near.values())) for near in passes))
+    reader = FieldReader(encode_fields(fields, order), passes)
     for row, expected in enumerate(fields.tolist()):
         decoded = reader.read_row(row)
         assert [decoded[i] for i in range(len(expected))] == expected

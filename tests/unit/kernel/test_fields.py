@@ -7,13 +7,11 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.fields import (
     MAX_MAGNITUDE,
     MAX_NEAR,
-    Pass,
     decode_fields,
     encode_fields,
-    single_pass,
 )
 from meshreel.kernel.integers import encode_integers
-from samples.passes import as_pass, line_passes
+from samples.passes import as_order, line_passes, passes_of
 
 
 def active_places(n_rows=20, n_columns=3000):
@@ -110,10 +108,8 @@ def test_separate_passes_for_different_magnitudes_take_fewer_bytes():
     rng = np.random.default_rng(12)
     large = rng.permutation(3000) < 300
     fields = np.rint(rng.laplace(scale=np.where(large, 60.0, 0.2))).astype(int)[None]
-    apart = [
-        as_pass(columns, [[]] * len(columns))
-        for columns in (np.flatnonzero(large), np.flatnonzero(~large))
-    ]
+    groups = np.flatnonzero(large), np.flatnonzero(~large)
+    apart = as_order(*((columns, [[]] * len(columns)) for columns in groups))
     assert len(encode_fields(fields, apart)) < 0.65 * len(encode_fields(fields))
 
 
@@ -123,16 +119,18 @@ def test_neighbors_that_predict_activity_save_bytes():
     scale = np.where(np.arange(1500) < 500, 3.0, 0.01)
     fields = np.rint(rng.laplace(scale=np.tile(scale, 2))).astype(int)[None]
     first, second = rng.permutation(1500), 1500 + rng.permutation(1500)
-    alone = [as_pass(columns, [[]] * 1500) for columns in (first, second)]
-    passes = [alone[0], as_pass(second, [[column - 1500] for column in second])]
+    alone = as_order(*((columns, [[]] * 1500) for columns in (first, second)))
+    near = [[column - 1500] for column in second]
+    passes = as_order((first, [[]] * 1500), (second, near))
     assert len(encode_fields(fields, passes)) < 0.93 * len(encode_fields(fields, alone))
 
 
 def test_empty_passes_do_not_change_the_bytes():
     fields = active_places(6, 500)
-    passes = line_passes(500)
-    nothing = as_pass([], [])
-    assert encode_fields(fields, [nothing, *passes, nothing]) == encode_fields(fields, passes)
+    order = line_passes(500)
+    nothing = [], []
+    with_empty = as_order(nothing, *passes_of(order), nothing)
+    assert encode_fields(fields, with_empty) == encode_fields(fields, order)
 
 
 def test_zeros_take_few_bytes():
@@ -165,18 +163,16 @@ def test_decoding_raises_for_trailing_bytes():
 @pytest.mark.parametrize(
     "passes",
     [
-        [],
-        single_pass(7),
-        [*single_pass(8), as_pass([3], [[]])],
-        [as_pass(range(7), [[]] * 7), as_pass([3], [[]])],
-        [as_pass(range(7), [[]] * 7), as_pass([8], [[]])],
-        [as_pass(range(7), [[]] * 7), as_pass([-1], [[]])],
-        [as_pass(range(8), [[0], *[[]] * 7])],
-        [as_pass(range(8), [[1], *[[]] * 7])],
-        [as_pass(range(8), [*[[]] * 7, [-1]])],
-        [as_pass(range(8), [*[[]] * 7, [8]])],
-        [as_pass(range(8), [*[[]] * 7, [0] * (MAX_NEAR + 1)])],
-        [Pass(np.arange(8), np.array([0, 2, 1, 3, 3, 3, 3, 3, 3]), np.zeros(3, np.int64))],
+        as_order(),
+        as_order((range(7), [[]] * 7)),
+        as_order((range(8), [[]] * 8), ([3], [[]])),
+        as_order((range(7), [[]] * 7), ([3], [[]])),
+        as_order((range(7), [[]] * 7), ([8], [[]])),
+        as_order((range(7), [[]] * 7), ([-1], [[]])),
+        as_order((range(8), [[0], *[[]] * 7])),
+        as_order((range(8), [[1], *[[]] * 7])),
+        as_order((range(8), [*[[]] * 7, [8]])),
+        as_order((range(8), [*[[]] * 7, [0] * (MAX_NEAR + 1)])),
     ],
 )
 def test_passes_are_rejected_unless_they_permute_the_columns(passes):
@@ -189,7 +185,7 @@ def test_passes_are_rejected_unless_they_permute_the_columns(passes):
 def test_maximum_number_of_neighbors_in_the_same_pass_round_trips():
     fields = active_places(20, 60)
     near = [list(range(max(0, i - MAX_NEAR), i)) for i in range(60)]
-    passes = [as_pass(range(60), near)]
+    passes = as_order((range(60), near))
     np.testing.assert_array_equal(
         decode_fields(encode_fields(fields, passes), 20, 60, passes), fields
     )

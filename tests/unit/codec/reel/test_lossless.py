@@ -225,7 +225,7 @@ def test_blocks_are_short_enough_for_random_access():
         ({"uv_bits": 12}, "uv_bits="),
         (
             {"effort": 3, "n_modes": 4},
-            "effort= and n_modes= have no effect with lossless=; omit them",
+            "n_modes= and effort= have no effect with lossless=; omit them",
         ),
         ({"tune": "visual"}, "tune="),
     ],

@@ -1,24 +1,44 @@
-"""Sections of a block."""
+"""Sections of a block of `reel`, `lossless` and `grid`, laid out as in `docs/format.md`."""
 
+import struct
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import write_block_counts, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.reel.normative import payloads
-from meshreel.codec.reel.normative.fields import FieldBlock
+from meshreel.codec.reel.normative.fields import FieldBlock, Layout
 from meshreel.codec.reel.normative.grid import write_step
 from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.timeline import time_order
+from meshreel.kernel.basis import NO_REST, Rests
 from meshreel.kernel.exact import encode_exact
+from meshreel.kernel.fields import encode_fields
+from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.mesh import Neighbors
 from meshreel.kernel.surface_integers import encode_on_surface
 from meshreel.model.sequence import Faces
 
 Numbers = npt.NDArray[Any]
+
+SINGLE, DOUBLE = 4, 8
+"""Layout codes, named after the precision in which frames are summed."""
+
+WITH_RESTS = 16
+"""Flag of the layout: the block has resting times."""
+
+WITH_COSINES = 32
+"""Flag of the layout: the basis is coded as coefficients of cosines over time."""
+
+ADAPTIVE = 64
+"""Flag of the layout: the basis is coded by adaptive times."""
+
+MAX_LEARNED = 255
+"""Maximum number of modes that prediction weights adapt to."""
 
 
 def write_field_block(
@@ -27,7 +47,7 @@ def write_field_block(
     """Yield the sections of positions coded as fields; they begin a block."""
     n_modes, _, n_frames = block.basis.shape
     opening = Section.BLOCK, write_block_counts(n_frames, n_modes)
-    yield from [opening, *payloads.field_sections(block, mesh, corrections)]
+    yield from [opening, *_field_sections(block, mesh, corrections)]
 
 
 def write_track_block(
@@ -35,7 +55,7 @@ def write_track_block(
 ) -> Iterator[tuple[Section, bytes]]:
     """Yield the sections of a block of a track coded as fields."""
     opening = Section.TRACK_BLOCK, write_varint(block.n_modes)
-    yield from [opening, *payloads.field_sections(block, mesh, corrections)]
+    yield from [opening, *_field_sections(block, mesh, corrections)]
 
 
 def write_exact_positions(vertices: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
@@ -97,3 +117,90 @@ def write_exact_block(values: Numbers, graph: Neighbors) -> list[tuple[Section, 
 def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbors) -> tuple[Section, bytes]:
     """Return the section with the mask, of shape (T_b, N, C), of missing values in a block."""
     return Section.MISSING, encode_exact(is_missing, graph)
+
+
+def _field_sections(
+    block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None
+) -> list[tuple[Section, bytes]]:
+    """Return the sections of a track coded as fields, which follow the opening of the block."""
+    layout = block.layout
+    basis = write_basis(block.basis, layout.rests, has_cosines=layout.has_cosines)
+    sections = [(Section.FIELDS, write_layout(layout)), (Section.BASIS, basis)]
+    if corrections is not None:
+        sections.append((Section.CORRECTIONS, write_corrections(corrections)))
+    return [*sections, (Section.COEFFICIENTS, encode_fields(block.fields, mesh.coding_order))]
+
+
+def write_layout(layout: Layout) -> bytes:
+    """Encode the layout of a block, starting with its code."""
+    number = SINGLE if layout.is_single else DOUBLE
+    number |= WITH_RESTS if layout.rests.runs else 0
+    number |= WITH_COSINES if layout.has_cosines else 0
+    number |= ADAPTIVE if layout.is_adaptive else 0
+    parts = [
+        bytes([number]),
+        write_varint(layout.reference),
+        struct.pack("<f", layout.step),
+        write_varint(layout.stencil_size),
+        write_varint(layout.n_learned),
+        _write_rests(layout.rests),
+    ]
+    if layout.n_reused:
+        parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
+    return b"".join(parts)
+
+
+def _write_rests(rests: Rests) -> bytes:
+    """Encode the resting times of a block; empty without any."""
+    if not rests.runs:
+        return b""
+    parts, previous_end = [bytes([rests.bits]), write_varint(len(rests.runs))], 0
+    for start, end in rests.runs:
+        parts += [write_varint(start - previous_end), write_varint(end - start)]
+        previous_end = end
+    return b"".join(parts)
+
+
+def write_basis(
+    coded: npt.NDArray[np.integer], rests: Rests = NO_REST, *, has_cosines: bool = False
+) -> bytes:
+    """Encode the integers of the temporal basis, of shape (K, C, T)."""
+    n_modes, n_columns, n_frames = coded.shape
+    rows = coded.reshape(n_modes, n_columns * n_frames)
+    return encode_fields(rows, time_order(n_columns, n_frames, rests, has_cosines=has_cosines))
+
+
+def write_corrections(corrections: Corrections) -> bytes:
+    """Encode the corrections of a block: vertices, their numbers of frames, frames, offsets."""
+    vertices, counts = np.unique(corrections.vertices, return_counts=True)
+    firsts = np.cumsum(counts) - counts
+    frame_steps = _first_or_difference(corrections.frames, firsts)
+    follows = _follows(frame_steps, firsts)
+    # In a run of frames, an offset resembles the previous one.
+    offsets = corrections.offsets.copy()
+    offsets[follows] -= corrections.offsets[np.flatnonzero(follows) - 1]
+    columns = [np.diff(vertices, prepend=0), counts - 1, frame_steps, *offsets.T]
+    tables = [0, 1, 2, *[3] * len(offsets.T)]
+    rows = [np.asarray(column, np.int64) for column in columns]
+    return b"".join(
+        [
+            struct.pack("<f", corrections.step),
+            write_varint(len(vertices)),
+            write_varint(len(corrections.vertices)),
+            encode_integers(rows, tables),
+        ]
+    )
+
+
+def _first_or_difference(values: Integers, firsts: Integers) -> Integers:
+    """Differences to the previous value; at the first of each run, the value."""
+    steps = np.diff(values, prepend=0)
+    steps[firsts] = values[firsts]
+    return steps
+
+
+def _follows(frame_steps: Integers, firsts: Integers) -> npt.NDArray[np.bool_]:
+    """Whether each correction has the vertex and the next frame of the previous one."""
+    follows = np.asarray(frame_steps == 1)
+    follows[firsts] = False
+    return follows

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.kernel.fields import CodingOrder, order_of_rows
+from meshreel.kernel.fields import CodingOrder, coding_order
 from meshreel.kernel.mesh import Hierarchy, Neighbors, hierarchy, neighbors
 from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.model.sequence import Faces
@@ -84,7 +84,7 @@ class FieldMesh:
         levels = self.hierarchy
         is_last = np.diff(levels.level_resolutions, append=-1) != 0
         ends = levels.level_starts[1:][is_last]
-        return order_of_rows(levels.contexts, np.concatenate([[0], ends]).astype(np.int64))
+        return coding_order(levels.contexts, np.concatenate([[0], ends]).astype(np.int64))
 
 
 @lru_cache(maxsize=2)

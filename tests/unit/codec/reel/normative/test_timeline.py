@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.reel.normative.timeline import frequency_pass, time_passes
+from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.kernel.basis import Rests
+from samples.passes import passes_of
 
 every_width = pytest.mark.parametrize("n_columns", [1, 2, 3, 6])
 every_length = pytest.mark.parametrize("n_frames", [1, 2, 3, 7, 8, 9, 16, 17, 31, 100])
@@ -10,28 +11,21 @@ every_length = pytest.mark.parametrize("n_frames", [1, 2, 3, 7, 8, 9, 16, 17, 31
 
 @every_width
 @every_length
-def test_passes_contain_every_time_of_every_column_once(n_columns, n_frames):
-    columns = np.concatenate([step.columns for step in time_passes(n_columns, n_frames)])
-    assert sorted(columns) == list(range(n_columns * n_frames))
-
-
-@every_width
-@every_length
 def test_contexts_of_a_time_are_adjacent_and_previous_times_and_other_columns(n_columns, n_frames):
     known = set()
-    for level, step in enumerate(time_passes(n_columns, n_frames)):
-        near = np.split(step.indices, step.indptr[1:-1]) if len(step.columns) else []
+    for level, (columns, near) in enumerate(passes_of(time_order(n_columns, n_frames))):
         distance = (2, 2, 1)[level]
         offsets = (-4, -2) if level == 0 else (-4, -2, -1, 1)
-        assert len(step.indptr) == len(step.columns) + 1
-        for column, contexts in zip(step.columns.tolist(), near, strict=True):
+        for column, contexts in zip(columns.tolist(), near, strict=True):
             own, time = divmod(column, n_frames)
             around = {time + distance * offset for offset in offsets} & set(range(n_frames))
             expected = {own * n_frames + other for other in around}
             expected |= {other * n_frames + time for other in range(max(0, own - 2), own)}
             assert len(contexts) == len(expected)
-            assert set(contexts.tolist()) == expected <= known
+            assert set(contexts) == expected <= known
+            assert column not in known
             known.add(column)
+    assert known == set(range(n_columns * n_frames))
 
 
 RESTS = Rests(((1, 3), (6, 7), (9, 12)))
@@ -39,31 +33,32 @@ RESTS = Rests(((1, 3), (6, 7), (9, 12)))
 
 def test_moving_times_are_coded_independently_of_resting_ones():
     moving = np.array([0, 3, 4, 5, 7, 8])
-    of_all, of_moving = time_passes(2, 12, RESTS)[:3], time_passes(2, 6)
-    for found, expected in zip(of_all, of_moving, strict=True):
-        for name in ("columns", "indices"):
-            columns, times = np.divmod(getattr(expected, name), 6)
-            np.testing.assert_array_equal(getattr(found, name), 12 * columns + moving[times])
-        np.testing.assert_array_equal(found.indptr, expected.indptr)
+
+    def renumbered(numbers):
+        columns, times = np.divmod(np.array(numbers, int), 6)
+        return (12 * columns + moving[times]).tolist()
+
+    of_all, of_moving = passes_of(time_order(2, 12, RESTS))[:3], passes_of(time_order(2, 6))
+    for (columns, near), (own_columns, own_near) in zip(of_all, of_moving, strict=True):
+        assert columns.tolist() == renumbered(own_columns)
+        assert near == list(map(renumbered, own_near))
 
 
 def test_resting_times_come_last_with_previous_resting_times_as_contexts():
-    *_, last = time_passes(2, 12, RESTS)
-    np.testing.assert_array_equal(last.columns, [1, 2, 6, 9, 10, 11, 13, 14, 18, 21, 22, 23])
-    near = np.split(last.indices, last.indptr[1:-1])
-    assert [one.tolist() for one in near[:6]] == [[], [1], [], [], [9], [10, 9]]
-    assert [one.tolist() for one in near[6:]] == [[1], [13, 2], [6], [9], [21, 10], [22, 21, 11]]
+    *_, (columns, near) = passes_of(time_order(2, 12, RESTS))
+    assert columns.tolist() == [1, 2, 6, 9, 10, 11, 13, 14, 18, 21, 22, 23]
+    assert near[:6] == [[], [1], [], [], [9], [10, 9]]
+    assert near[6:] == [[1], [13, 2], [6], [9], [21, 10], [22, 21, 11]]
 
 
 @every_width
 @every_length
 def test_contexts_of_a_frequency_are_lower_ones_and_other_columns(n_columns, n_frames):
-    found = frequency_pass(n_columns, n_frames)
-    np.testing.assert_array_equal(found.columns, np.arange(n_columns * n_frames))
-    near = np.split(found.indices, found.indptr[1:-1])
+    ((columns, near),) = passes_of(time_order(n_columns, n_frames, has_cosines=True))
+    np.testing.assert_array_equal(columns, np.arange(n_columns * n_frames))
     for place, contexts in enumerate(near):
         column, k = divmod(place, n_frames)
         expected = {column * n_frames + lower for lower in range(max(0, k - 4), k)}
         expected |= {other * n_frames + k for other in range(max(0, column - 2), column)}
         assert len(contexts) == len(expected)
-        assert set(contexts.tolist()) == expected
+        assert set(contexts) == expected

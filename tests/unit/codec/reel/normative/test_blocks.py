@@ -11,7 +11,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.reel.normative import payloads
+from meshreel.codec.reel.normative import blocks
 from meshreel.codec.reel.normative.fields import Layout
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.basis import Rests
@@ -45,7 +45,7 @@ REUSED = Layout(np.float32(0.1), 16, 32, 300, False, 2, np.float32(2.5), RESTS)
     ],
 )
 def test_layout_round_trips_through_the_plain_reader(layout):
-    sections = {Section.BLOCK: b"\x09\x02", Section.FIELDS: payloads.write_layout(layout)}
+    sections = {Section.BLOCK: b"\x09\x02", Section.FIELDS: blocks.write_layout(layout)}
     assert layout_of(sections, 9) == layout
 
 
@@ -55,7 +55,7 @@ def test_layout_round_trips_through_the_plain_reader(layout):
         *({"step": np.float32(step)} for step in (0.0, -1.0, np.nan, np.inf, 1e6)),
         {"stencil_size": 0},
         {"stencil_size": MAX_STENCIL + 1},
-        {"n_learned": payloads.MAX_LEARNED + 1},
+        {"n_learned": blocks.MAX_LEARNED + 1},
         {"rests": Rests(((0, 1),))},
         {"rests": Rests(((1, 1),))},
         {"rests": Rests(((1, 2),), 9)},
@@ -67,7 +67,7 @@ def test_layout_round_trips_through_the_plain_reader(layout):
 def test_invalid_layout_is_refused(changes):
     layout = replace(LAYOUT, has_cosines=False, is_adaptive=False, rests=Rests())
     with pytest.raises(CorruptStreamError):
-        read(payloads.write_layout(replace(layout, **changes)))
+        read(blocks.write_layout(replace(layout, **changes)))
 
 
 @pytest.mark.parametrize(
@@ -76,11 +76,11 @@ def test_invalid_layout_is_refused(changes):
 def test_layout_without_reusable_fields_is_refused(changes):
     layout = replace(LAYOUT, n_reused=1, finer=np.float32(4.0))
     with pytest.raises(CorruptStreamError):
-        read(payloads.write_layout(replace(layout, **changes)))
+        read(blocks.write_layout(replace(layout, **changes)))
 
 
 def test_layout_with_missing_or_trailing_bytes_is_refused():
-    payload = payloads.write_layout(LAYOUT)
+    payload = blocks.write_layout(LAYOUT)
     for damaged in (*(payload[:size] for size in range(len(payload))), payload + b"\0"):
         with pytest.raises(CorruptStreamError):
             read(damaged)
@@ -109,7 +109,7 @@ def written_raw(step, n_corrected, columns):
 @pytest.mark.parametrize("step", [0.0, -1.0, np.nan, np.inf, 1e6])
 def test_corrections_with_an_invalid_step_are_refused(step):
     with pytest.raises(CorruptStreamError):
-        read(payloads.write_corrections(corrections(step)), Section.CORRECTIONS, CORRECTED)
+        read(blocks.write_corrections(corrections(step)), Section.CORRECTIONS, CORRECTED)
 
 
 NONE = [0, 0, 0]
@@ -139,7 +139,7 @@ def test_contradictory_corrections_are_refused(n_corrected, columns):
 def test_valid_corrections_in_place_of_others_decode():
     """Otherwise the tests above would prove nothing."""
     assert Section.CORRECTIONS in CORRECTED.block(0)
-    read(payloads.write_corrections(corrections()), Section.CORRECTIONS, CORRECTED)
+    read(blocks.write_corrections(corrections()), Section.CORRECTIONS, CORRECTED)
 
 
 def test_runs_of_equal_offsets_take_few_bytes():
@@ -152,5 +152,5 @@ def test_runs_of_equal_offsets_take_few_bytes():
             np.random.default_rng(0).integers(-700, 701, (500, 3)),
         )
     )
-    sizes = [len(payloads.write_corrections(one)) for one in (run, scattered)]
+    sizes = [len(blocks.write_corrections(one)) for one in (run, scattered)]
     assert sizes[0] < 60 < 1000 < sizes[1]
