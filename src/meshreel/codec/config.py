@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 
 from meshreel.codec.bitstream.layout import Laplacian, Order
 from meshreel.codec.memory import bytes_of
-from meshreel.codec.methods import LOSSLESS, METHOD_NAMES, Method, method_named, own_name
+from meshreel.codec.methods import LOSSLESS, METHOD_NAMES, Method, method_named
 from meshreel.codec.option import COUNT, Option, Range, options_of_fields
 from meshreel.codec.targets import ABOVE_ZERO
 from meshreel.errors import InvalidInputError
@@ -118,28 +118,18 @@ class EncoderConfig:
     ] = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "method", own_name(self.method))
         for option in options_of_fields(type(self)):
-            option.check(getattr(self, option.name))
-        self._parse_texts()
-        for option in self.chosen:
-            option.check_method(self.method)
-        self._complete()
-        self.method_row.check(self)
-
-    def _parse_texts(self) -> None:
-        """Replace sizes such as "100kB" by bytes."""
+            value = getattr(self, option.name)
+            option.check(value)
+            if value != option.default:
+                option.check_method(self.method)
         if self.memory is not None:
             object.__setattr__(self, "memory", bytes_of(self.memory, "memory"))
+        self._complete()
+        method_named(self.method).check(self)
 
     def _complete(self) -> None:
-        """Set options that follow from others."""
-
-    @classmethod
-    def of(cls, config: "EncoderConfig") -> Self:
-        """Return options of this class; those of another method must not arrive here."""
-        assert isinstance(config, cls)
-        return config
+        """Replace text by numbers, and set options that follow from others."""
 
     @property
     def chosen(self) -> list[Option]:
@@ -155,11 +145,6 @@ class EncoderConfig:
     def method_row(self) -> Method:
         """The method object."""
         return method_named(self.method)
-
-    @property
-    def is_lossless(self) -> bool:
-        """Whether positions, and tracks by default, are lossless."""
-        return self.method == LOSSLESS
 
     @property
     def laplacian_choice(self) -> Laplacian:

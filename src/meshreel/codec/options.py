@@ -6,13 +6,14 @@ from functools import cache
 from typing import Any
 
 from meshreel.codec.config import DEFAULT_METHOD, EncoderConfig
-from meshreel.codec.methods import own_name
+from meshreel.codec.methods import METHOD_NAMES, own_name
 from meshreel.codec.option import Option, options_of_fields
 from meshreel.codec.paper_options import PAPER, PaperOptions
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.errors import InvalidInputError
 
 FAMILIES = (ReelOptions, PaperOptions)
+_NAMES = {row: frozenset(option.name for option in options_of_fields(row)) for row in FAMILIES}
 
 
 @cache
@@ -54,11 +55,12 @@ def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:
         If an option is unknown, out of range or of another method, or two exclude each other.
     """
     check_names(options, (option.name for option in all_options()))
-    family = PaperOptions if own_name(method) in PAPER else ReelOptions
-    own = {option.name for option in options_of_fields(family)}
-    for name in options.keys() - own:
-        option = option_named(name)
-        option.check(options[name])
-        if options[name] != option.default:
-            option.check_method(own_name(method))
+    method = method if method in METHOD_NAMES else own_name(method)
+    family = PaperOptions if method in PAPER else ReelOptions
+    own = _NAMES[family]
+    for option in all_options():
+        name = option.name
+        if name not in own and options.get(name, option.default) != option.default:
+            option.check(options[name])
+            option.check_method(method)
     return family(method, **{name: options[name] for name in options if name in own})

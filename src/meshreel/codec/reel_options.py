@@ -164,8 +164,7 @@ class ReelOptions(EncoderConfig):
         ),
     ] = None
 
-    def _parse_texts(self) -> None:
-        super()._parse_texts()
+    def _complete(self) -> None:
         if self.size is not None:
             object.__setattr__(self, "size", bytes_of(self.size, "size"))
         if self.max_error is not None:
@@ -173,11 +172,9 @@ class ReelOptions(EncoderConfig):
             object.__setattr__(self, "unit", None)
         elif self.unit is not None:
             raise InvalidInputError("unit= applies to a length in max_error=; give both")
-
-    def _complete(self) -> None:
         if self.lossless:
             self._make_lossless()
-        object.__setattr__(self, "lossless", self.is_lossless)
+        object.__setattr__(self, "lossless", self.method == LOSSLESS)
 
     def _make_lossless(self) -> None:
         """Set the method to lossless; raise if another option excludes it."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from meshreel.codec.config import EncoderConfig
+from meshreel.codec.methods import LOSSLESS
 from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import TrackKind, TrackSource, track_by_name
 
@@ -136,7 +137,7 @@ def kept_bounds(
     InvalidInputError
         If a bound does not suit its track, or the method does not support tracks.
     """
-    default = EXACT if config.is_lossless else None
+    default = EXACT if config.method == LOSSLESS else None
     bounds = track_bounds(tracks, targets, default)
     kept = {name: bound for name, bound in bounds.items() if bound != DROP}
     if kept and config.method_row.positions_only:

@@ -8,7 +8,7 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from io import BytesIO
-from typing import Annotated, Any, BinaryIO
+from typing import Annotated, Any, BinaryIO, TypeVar, get_type_hints
 from weakref import finalize
 
 import numpy as np
@@ -31,12 +31,9 @@ from meshreel.kernel.structures import (
     Flag,
     Host,
     Modes,
-    Record,
     Source,
     Text,
     Vector,
-    record_of,
-    structure_of,
 )
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.threads import POOL, fork_safe_lock, n_cores, pool
@@ -46,8 +43,10 @@ Integers = npt.NDArray[np.int32]
 _U32, _U64, _POINTER = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_void_p
 
 
+Record = TypeVar("Record")
 String = Annotated[str, Text]
 Damage = Annotated[Exception | None, Error]
+NumberType = Annotated[np.dtype[Any], _U32]
 
 
 @dataclass(frozen=True)
@@ -171,18 +170,13 @@ class FileTrack:
     unit: String
     kind: U32
     domain: U32
-    type: U32
+    dtype: NumberType
     n_columns: U32
     n_items: U32
     coding: U32
     is_exact: Flag
     reserved: U32
     bound: Double
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Number type."""
-        return NUMBER_TYPES[self.type]
 
     @property
     def frame_bytes(self) -> int:
@@ -625,6 +619,47 @@ def _file_modes(modes: Modes, n_values: int) -> FileModes:
         array_at(modes.corrected, n_corrections, np.int32),
         corrections.reshape(-1, n_columns) * modes.scale,
     )
+
+
+def structure_of(record: type) -> type[ctypes.Structure]:
+    """Return the structure of C whose members are the fields of a dataclass, in order."""
+    return _described(record)[0]
+
+
+def record_of(record: type[Record], structure: ctypes.Structure) -> Record:
+    """Return a dataclass with copies of the members of its structure."""
+    members = _described(record)[1].items()
+    return record(**{name: _plain(getattr(structure, name), kind) for name, kind in members})
+
+
+def _described(record: Any) -> tuple[type[ctypes.Structure], dict[str, Any]]:
+    """Return the structure of a dataclass, and its types in Python by name, cached."""
+    if record not in _DESCRIBED:
+        hints = get_type_hints(record, include_extras=True)
+        members = [(name, annotated.__metadata__[0]) for name, annotated in hints.items()]
+        structure = type(record.__name__, (ctypes.Structure,), {"_fields_": members})
+        _DESCRIBED[record] = structure, get_type_hints(record)
+    return _DESCRIBED[record]
+
+
+_DESCRIBED: dict[type, tuple[type[ctypes.Structure], dict[str, Any]]] = {}
+
+
+def _plain(member: Any, kind: Any) -> Any:
+    if isinstance(member, Text):
+        return text_of(member)
+    if isinstance(member, Error):
+        return member.exception if member.code else None
+    if isinstance(member, ctypes.Array):
+        return tuple(member)
+    if kind == np.dtype[Any]:
+        return NUMBER_TYPES[member]
+    return bool(member) if kind is bool else member
+
+
+def text_of(text: Text) -> str:
+    """Return the string of a text of the core."""
+    return ctypes.string_at(text.bytes, text.size).decode() if text.size else ""
 
 
 def array_at(address: int | None, count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:

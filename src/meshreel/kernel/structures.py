@@ -1,7 +1,7 @@
 """Structures and codes of `core/include/meshreel.h`, for `ctypes`."""
 
 import ctypes
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -49,42 +49,6 @@ Double = Annotated[float, _DOUBLE]
 Vector = Annotated[tuple[float, float, float], _DOUBLE * 3]
 """Fields of dataclasses, with their types in C."""
 
-Record = TypeVar("Record")
-
-
-def structure_of(record: type) -> type[ctypes.Structure]:
-    """Return the structure of C whose members are the fields of a dataclass, in order."""
-    return _described(record)[0]
-
-
-def record_of(record: type[Record], structure: ctypes.Structure) -> Record:
-    """Return a dataclass with copies of the members of its structure."""
-    members = _described(record)[1].items()
-    return record(**{name: _plain(getattr(structure, name), kind) for name, kind in members})
-
-
-def _described(record: Any) -> tuple[type[ctypes.Structure], dict[str, Any]]:
-    """Return the structure of a dataclass, and its types in Python by name, cached."""
-    if record not in _DESCRIBED:
-        hints = get_type_hints(record, include_extras=True)
-        members = [(name, annotated.__metadata__[0]) for name, annotated in hints.items()]
-        structure = type(record.__name__, (ctypes.Structure,), {"_fields_": members})
-        _DESCRIBED[record] = structure, get_type_hints(record)
-    return _DESCRIBED[record]
-
-
-_DESCRIBED: dict[type, tuple[type[ctypes.Structure], dict[str, Any]]] = {}
-
-
-def _plain(member: Any, kind: Any) -> Any:
-    if isinstance(member, Text):
-        return str(member)
-    if isinstance(member, Error):
-        return member.exception if member.code else None
-    if isinstance(member, ctypes.Array):
-        return tuple(member)
-    return bool(member) if kind is bool else member
-
 
 def fields_of(kind: Any, names: str) -> list[tuple[str, Any]]:
     """Fields of a structure that are of one type, for `ctypes`."""
@@ -95,9 +59,6 @@ class Text(ctypes.Structure):
     """`meshreel_text`."""
 
     _fields_ = [("bytes", _POINTER), ("size", _SIZE)]
-
-    def __str__(self) -> str:
-        return ctypes.string_at(self.bytes, self.size).decode() if self.size else ""
 
 
 class Error(ctypes.Structure):

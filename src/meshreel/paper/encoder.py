@@ -69,7 +69,8 @@ class PaperBlockCoder:
         progress: Progress = silent,
     ) -> None:
         self._frame = frame
-        config = PaperOptions.of(mesh.config)
+        config = mesh.config
+        assert isinstance(config, PaperOptions)  # those of these methods
         self._variant = variant_named(config.method)
         is_optimized = choices(config).anchor_set == "optimized"
         # Only optimized anchors read blocks twice, for which `tee` may keep them in memory.

@@ -47,7 +47,8 @@ class PaperMethod:
 
     def check(self, config: EncoderConfig) -> None:
         """Check that the options are compatible; raises as `settings.check`."""
-        settings.check(PaperOptions.of(config))
+        assert isinstance(config, PaperOptions)
+        settings.check(config)
 
     def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
         """Default frames per block, if memory suffices; tracked blocks are of equal length."""

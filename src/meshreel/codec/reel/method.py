@@ -57,7 +57,8 @@ class ReelMethod:
 
     def check(self, config: EncoderConfig) -> None:
         """Raise InvalidInputError if there are several targets."""
-        _ = ReelOptions.of(config).target
+        assert isinstance(config, ReelOptions)
+        _ = config.target
 
     def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
         """Return the number of frames per block without an option or a memory limit.
@@ -195,7 +196,8 @@ class GridMethod(LosslessMethod):
 
     def check(self, config: EncoderConfig) -> None:
         """Raise InvalidInputError without `max_error` or `step`."""
-        if ReelOptions.of(config).target.kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
+        assert isinstance(config, ReelOptions)
+        if config.target.kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
             raise InvalidInputError(
                 f"method {self.name} rounds positions to a grid; set max_error= or step="
             )

@@ -6,7 +6,7 @@ import numpy as np
 
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, KINDS, WRAPS
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.files import OpenFile, array_at
+from meshreel.kernel.files import OpenFile, array_at, text_of
 from meshreel.kernel.structures import NUMBER_TYPES, Text, fields_of
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 from meshreel.model.surface import Attribute, FaceGroups, Part, Surface
@@ -105,7 +105,7 @@ def decoded_surface(file: OpenFile) -> Surface:
         tuple(_attribute(stored.attributes[i]) for i in range(stored.n_attributes)),
         tuple(_groups(stored.groups[i], info.n_faces) for i in range(stored.n_groups)),
         tuple(
-            Part(str(part.name), part.n_verts, part.n_faces)
+            Part(text_of(part.name), part.n_verts, part.n_faces)
             for part in (stored.parts[i] for i in range(stored.n_parts))
         ),
         tuple(_material(stored.materials[i]) for i in range(stored.n_materials)),
@@ -124,12 +124,12 @@ def _attribute(stored: _Attribute) -> Attribute:
     rows = array_at(stored.rows, stored.n_items, np.int32) if stored.rows else None
     if rows is not None and not stored.is_indexed:
         values, rows = values[rows], None
-    return Attribute(str(stored.name), KINDS[stored.kind], DOMAINS[stored.domain], values, rows)
+    return Attribute(text_of(stored.name), KINDS[stored.kind], DOMAINS[stored.domain], values, rows)
 
 
 def _groups(stored: _Groups, n_faces: int) -> FaceGroups:
-    labels = tuple(str(stored.labels[i]) for i in range(stored.n_labels))
-    return FaceGroups(str(stored.name), labels, array_at(stored.of_faces, n_faces, np.int32))
+    labels = tuple(text_of(stored.labels[i]) for i in range(stored.n_labels))
+    return FaceGroups(text_of(stored.name), labels, array_at(stored.of_faces, n_faces, np.int32))
 
 
 def _material(stored: _Material) -> Material:
@@ -139,7 +139,7 @@ def _material(stored: _Material) -> Material:
         if texture.image != NO_IMAGE
     }
     return Material(
-        str(stored.name),
+        text_of(stored.name),
         tuple(stored.base_color),
         stored.metallic,
         stored.roughness,
@@ -156,7 +156,7 @@ def _material(stored: _Material) -> Material:
 def _texture(stored: _Texture) -> Texture:
     return Texture(
         stored.image,
-        str(stored.uv),
+        text_of(stored.uv),
         "".join(letter for bit, letter in enumerate(CHANNELS) if stored.channels >> bit & 1),
         WRAPS[stored.wrap_u],
         WRAPS[stored.wrap_v],
@@ -170,5 +170,5 @@ def _texture(stored: _Texture) -> Texture:
 
 def _image(stored: _Image, file: OpenFile) -> Image:
     return Image(
-        str(stored.name), str(stored.media_type), file.bytes_at(stored.offset, stored.size)
+        text_of(stored.name), text_of(stored.media_type), file.bytes_at(stored.offset, stored.size)
     )

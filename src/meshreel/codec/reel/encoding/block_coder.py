@@ -300,7 +300,8 @@ class KeyedBlocks:
 
 def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
     """Return the coder of a mesh with its options; its step is still to be set."""
-    choices = choices_of(ReelOptions.of(mesh.config))
+    assert isinstance(mesh.config, ReelOptions)  # those of this method
+    choices = choices_of(mesh.config)
     field_mesh = FieldMesh(mesh.faces, mesh.n_verts, choices.stencil_size)
     return FieldBlockCoder(field_mesh, frame, choices)
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_coder import largest_rounding, write_error_bound
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
 from meshreel.codec.reel.encoding.target_step import checked_bound
@@ -108,7 +109,9 @@ def grid_coder(
     InvalidInputError
         If the number type is too coarse for the bound.
     """
-    target = ReelOptions.of(mesh.config).target
+    config = mesh.config
+    assert isinstance(config, ReelOptions)  # those of this method
+    target = config.target
     if target.kind is TargetKind.STEP:
         return step_coder(mesh, frame, target.value)
     rounding = largest_rounding(extent.low.min(), extent.high.max(), dtype, frame)
@@ -141,7 +144,7 @@ def suits_one_frame(source: Source) -> bool:
     A hierarchy takes up to a quarter fewer bytes, but decodes too slowly for real time. A file of a
     single frame has the time.
     """
-    return source.n_frames == 1 and _takes_grid(ReelOptions.of(source.config))
+    return source.n_frames == 1 and _takes_grid(source.config)
 
 
 def encode_frame(source: Source, progress: Progress, step: float | None) -> bytes:
@@ -180,14 +183,15 @@ def may_use_grid(source: Source, size_bytes: int) -> bool:
     A grid stores a number for each position, so it cannot compress many times. Options of the
     search for modes exclude it.
     """
-    if not _takes_grid(ReelOptions.of(source.config)):
+    if not _takes_grid(source.config):
         return False
     raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
     return size_bytes * RAW_RATIO > raw_bytes
 
 
-def _takes_grid(config: ReelOptions) -> bool:
+def _takes_grid(config: EncoderConfig) -> bool:
     """Whether no option requires modes."""
+    assert isinstance(config, ReelOptions)  # those of this method
     return config.effort is None and config.tune is None and config.n_modes is None
 
 

@@ -124,7 +124,8 @@ class LiveCoder:
     ) -> None:
         self._mesh = mesh
         coder = coder_of(mesh, frame)
-        config = ReelOptions.of(mesh.config)
+        config = mesh.config
+        assert isinstance(config, ReelOptions)  # those of this method
         self._coder = coder.with_step(*step_for_target(config, FirstBlock(coder, first)))
         self._blocks = KeyedBlocks(self._coder)
 

@@ -53,7 +53,8 @@ def encode_segments(
     InvalidInputError
         If the target cannot be met, or is a STED error, which compares consecutive frames.
     """
-    config = ReelOptions.of(sources[0].config)
+    config = sources[0].config
+    assert isinstance(config, ReelOptions)  # those of this method
     kind = config.target.kind
     if kind is TargetKind.STED:
         raise InvalidInputError(
@@ -92,7 +93,8 @@ def _after(progress: Progress, n_done: int, total: int) -> Progress:
 
 def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     """Return the step, in diagonals, with which all segments together meet the target."""
-    config = ReelOptions.of(sources[0].config)
+    config = sources[0].config
+    assert isinstance(config, ReelOptions)  # those of this method
     kind, numbers = config.target.kind, count(1)
     needed = whole.CACHED_POSITION_BYTES * sum(map(_n_positions, sources))
     fits = config.memory_bytes is None or needed <= config.memory_bytes / 2

@@ -281,8 +281,9 @@ def track_coder(
             f"track {name!r}: an error of {allowed:.3g} cannot be guaranteed, since its numbers of "
             f"type {track.dtype} are rounded by up to {least:.2g}; allow more, or use exact"
         ) from None
-    chosen = ReelOptions.of(mesh.config).effort
-    effort = DEFAULT_EFFORT if chosen is None else chosen
+    config = mesh.config
+    assert isinstance(config, ReelOptions)  # those of this method
+    effort = DEFAULT_EFFORT if config.effort is None else config.effort
     choices = choices_for(effort, Tune.GEOMETRY, None)
     header = TrackHeader(
         name,

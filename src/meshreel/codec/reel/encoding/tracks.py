@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.methods import LOSSLESS
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND
 from meshreel.codec.reel.encoding.rate_control import least_cost
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack, shared_track
@@ -134,7 +135,7 @@ def _prediction(
         return Coding.ROTATIONS, 0.0
     if not _is_velocity(track):
         return None
-    if bound == EXACT and not (source.config.is_lossless and track.dtype.kind == "f"):
+    if bound == EXACT and not (source.config.method == LOSSLESS and track.dtype.kind == "f"):
         return None
     fit = DifferenceFit()
     for piece in block_ranges(source):

@@ -66,7 +66,8 @@ def encode(
     InvalidInputError
         If no stream meets the target.
     """
-    config = ReelOptions.of(source.config)
+    config = source.config
+    assert isinstance(config, ReelOptions)  # those of this method
     if source.whole_extent is not None and suits_one_frame(source):
         if step is None and config.target.kind is not TargetKind.MAX_ERROR:
             step, _ = step_for_target(config, RateSearch(source, progress, None))
@@ -123,7 +124,9 @@ class RateSearch:
         self._source = source
         self._n_frames = source.n_frames
         self.dtype: np.dtype[np.floating] = source.dtype
-        self._target = ReelOptions.of(source.config).target
+        config = source.config
+        assert isinstance(config, ReelOptions)  # those of this method
+        self._target = config.target
         self._progress = progress
         self._engine = engine
         self._streams: dict[float, bytes] = {}
