@@ -43,7 +43,8 @@ class ReadmeHook(MetadataHookInterface):
     def update(self, metadata: dict[str, Any]) -> None:
         """Add the description to the metadata."""
         root = Path(self.root)
-        [version] = VERSION.findall((root / "src/meshreel/__init__.py").read_text(encoding="utf-8"))
+        source = root / "src/meshreel/runtime/version.py"
+        [version] = VERSION.findall(source.read_text(encoding="utf-8"))
         text = (root / "README.md").read_text(encoding="utf-8")
         text = with_absolute_links(text, metadata["urls"]["Repository"], f"v{version}")
         metadata["readme"] = {"content-type": "text/markdown", "text": text}

@@ -25,9 +25,9 @@ import meshreel.codec.reel.encoding.basis_coding as basis_coding
 import meshreel.codec.reel.encoding.effort as effort
 from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.kernel.fields import CodingOrder, coding_order
 from meshreel.kernel.mesh import Hierarchy
+from meshreel.studies.rate_distortion import bd_rate
 
 QUALITIES = (30, 45, 60, 75)
 CODE = FieldBlockCoder.code

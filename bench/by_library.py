@@ -14,27 +14,29 @@ import re
 import resource
 import signal
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from importlib import import_module, metadata
+from importlib.util import find_spec
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
 
 import meshreel
+from measuring import medians, print_table, rounds
 from meshreel.formats.meshes.obj import parse_obj
 from meshreel.formats.vtk.xml_file import parse_vtk_xml
 from meshreel.formats.vtk.xml_tree import parse_xml
 from meshreel.formats.vtk.xml_writing import vtu_encoder
+from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.camera import Camera, fit_camera
 from meshreel.rendering.documents import Heading, Paragraph, Part, Table, to_html
 from meshreel.rendering.film_files import save_mp4
 from meshreel.rendering.rasterizer import CLAY, PAPER, render
-from speed_tables import table
 
 SIZE = (1280, 720)
 N_PICTURES = 24
@@ -72,37 +74,26 @@ class Film:
         return iter(self.images[::stride])
 
 
-def processor_seconds(work: Callable[[], Any]) -> float:
-    """Processor time of a call and its child processes."""
-    before = _used_seconds()
-    work()
-    return _used_seconds() - before
-
-
-def _used_seconds() -> float:
+def used_seconds() -> float:
+    """Processor time of this process and its children so far."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in used)
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)
 
 
 def measure(tasks: Tasks, repeats: int) -> dict[str, float]:
     """Median processor seconds of each task, in alternating rounds after one warm-up."""
-    rounds = [
-        {name: processor_seconds(work) for name, work in tasks.items()} for _ in range(repeats + 1)
-    ]
-    return {name: median(one[name] for one in rounds[1:]) for name in tasks}
+    return medians(rounds(tasks, repeats, clock=used_seconds))
 
 
-def available(tasks: Mapping[str, tuple[str, Callable[[], Callable[..., Any]]]]) -> Tasks:
-    """Tasks whose library is installed, each prepared by its function."""
-    found: Tasks = {}
-    for name, (library, prepare) in tasks.items():
-        try:
-            import_module(library)
-        except ImportError:
+def available(tasks: Mapping[str, tuple[str, Callable[..., Any]]]) -> Tasks:
+    """The tasks whose library is installed."""
+    kept: Tasks = {}
+    for name, (library, work) in tasks.items():
+        if find_spec(library) is None:
             print(f"{name} is not installed")
-            continue
-        found[name] = prepare()
-    return found
+        else:
+            kept[name] = work
+    return kept
 
 
 def outcome(work: Callable[[], Any]) -> str:
@@ -144,15 +135,17 @@ def counts_of(read: Callable[[bytes], Any], copies: list[bytes]) -> str:
     """How often each outcome occurs; the first copy is undamaged and must be read."""
     if outcome(partial(read, copies[0])) != "reads":
         raise RuntimeError("the reader fails on the undamaged file, or under the memory limit")
-    found = [outcome(partial(read, data)) for data in copies[1:]]
-    return ", ".join(f"{found.count(name)} {name}" for name in dict.fromkeys(sorted(found)))
+    counts = Counter(outcome(partial(read, data)) for data in copies[1:])
+    return ", ".join(f"{counts[name]} {name}" for name in sorted(counts))
 
 
 def vtk_pictures(frames: Any, faces: Any, camera: Camera) -> Callable[[], list[Any]]:
     """Return a function that draws frames by VTK, with the same camera and four samples."""
-    vtk, arrays = import_module("vtkmodules.all"), import_module("vtkmodules.util.numpy_support")
 
     def draw() -> list[Any]:
+        vtk, arrays = (
+            import_module(f"vtkmodules.{name}") for name in ("all", "util.numpy_support")
+        )
         cells = vtk.vtkCellArray()
         corners = np.ascontiguousarray(faces, np.int64)
         cells.SetData(3, arrays.numpy_to_vtkIdTypeArray(corners.ravel(), deep=True))
@@ -214,10 +207,9 @@ void main() { result = vec4(color * (0.3 + 0.7 * abs(normalize(direction).z)), 1
 
 def moderngl_pictures(frames: Any, faces: Any, camera: Camera) -> Callable[[], list[Any]]:
     """Return a function that draws frames by OpenGL, with the same camera and four samples."""
-    gl = import_module("moderngl")
-    from meshreel.model.geometry.normals import vertex_normals
 
     def draw() -> list[Any]:
+        gl = import_module("moderngl")
         context = gl.create_standalone_context(backend="egl")
         size = (camera.width, camera.height)
         several = context.simple_framebuffer(size, components=3, samples=4)
@@ -265,8 +257,8 @@ def bench_render(sequence: MeshSequence, repeats: int) -> None:
     faces = np.asarray(sequence.faces)
     camera = fit_camera(frames, width=SIZE[0], height=SIZE[1])
     prepared = {
-        "vtk": ("vtkmodules.all", partial(vtk_pictures, frames, faces, camera)),
-        "moderngl": ("moderngl", partial(moderngl_pictures, frames, faces, camera)),
+        "vtk": ("vtkmodules", vtk_pictures(frames, faces, camera)),
+        "moderngl": ("moderngl", moderngl_pictures(frames, faces, camera)),
     }
     tasks: Tasks = {"own": lambda: [render(frame, faces, camera) for frame in frames]}
     tasks |= available(prepared)
@@ -282,7 +274,7 @@ def bench_render(sequence: MeshSequence, repeats: int) -> None:
         rows.append(
             [name, f"{seconds[name] / len(frames):.3f}", f"{100 * outline:.3f} %", str(same)]
         )
-    print(table(["render", "CPU s a picture", "pixels of other coverage", "repeatable"], rows))
+    print_table("", ["render", "CPU s a picture", "pixels of other coverage", "repeatable"], rows)
 
 
 def obj_text(sequence: MeshSequence) -> bytes:
@@ -337,7 +329,7 @@ def compare_readers(title: str, readers: Tasks, data: bytes, wanted: Any, repeat
         points = np.asarray(read(data), np.float32)
         same = np.array_equal(points, wanted.astype(np.float32))
         rows.append([name, f"{1000 * seconds[name]:.1f}", str(same), outcomes[name]])
-    print(table([title, "CPU ms", "equal positions", f"{N_DAMAGED} damaged copies"], rows))
+    print_table("", [title, "CPU ms", "equal positions", f"{N_DAMAGED} damaged copies"], rows)
 
 
 def read_by_meshio(path: str) -> Any:
@@ -348,21 +340,15 @@ def read_by_meshio(path: str) -> Any:
 def bench_obj(sequence: MeshSequence, repeats: int) -> None:
     """Parse a frame as OBJ."""
     data = obj_text(sequence)
-    readers: Tasks = {"own": lambda data: parse_obj(data).vertices}
-    readers |= available(
-        {
-            "trimesh": ("trimesh", lambda: partial(with_file, read_by_trimesh, ".obj")),
-            "meshio": ("meshio", lambda: partial(with_file, read_by_meshio, ".obj")),
-            "tinyobjloader": ("tinyobjloader", lambda: partial(with_file, read_by_tiny, ".obj")),
-            "vtk": (
-                "vtkmodules.all",
-                lambda: partial(with_file, partial(read_by_vtk, "vtkOBJReader"), ".obj"),
-            ),
-        }
-    )
-    compare_readers(
-        f"read OBJ, {len(data):,} bytes", readers, data, parse_obj(data).vertices, repeats
-    )
+    libraries = {
+        "trimesh": ("trimesh", partial(with_file, read_by_trimesh, ".obj")),
+        "meshio": ("meshio", partial(with_file, read_by_meshio, ".obj")),
+        "tinyobjloader": ("tinyobjloader", partial(with_file, read_by_tiny, ".obj")),
+        "vtk": ("vtkmodules", partial(with_file, partial(read_by_vtk, "vtkOBJReader"), ".obj")),
+    }
+    readers: Tasks = {"own": lambda data: parse_obj(data).vertices, **available(libraries)}
+    title = f"read OBJ, {len(data):,} bytes"
+    compare_readers(title, readers, data, parse_obj(data).vertices, repeats)
 
 
 def vtu_writers(sequence: MeshSequence) -> Tasks:
@@ -395,7 +381,7 @@ def vtu_writers(sequence: MeshSequence) -> Tasks:
             return path.read_bytes()
 
     return {"own": lambda: vtu_encoder(faces)(vertices)} | available(
-        {"meshio": ("meshio", lambda: by_meshio), "vtk": ("vtkmodules.all", lambda: by_vtk)}
+        {"meshio": ("meshio", by_meshio), "vtk": ("vtkmodules", by_vtk)}
     )
 
 
@@ -407,20 +393,14 @@ def bench_vtu(sequence: MeshSequence, repeats: int) -> None:
         [name, f"{1000 * seconds[name]:.1f}", f"{len(write()):,}"]
         for name, write in writers.items()
     ]
-    print(table(["write VTU", "CPU ms", "bytes"], rows))
+    print_table("", ["write VTU", "CPU ms", "bytes"], rows)
     data = writers["own"]()
-    readers: Tasks = {"own": lambda data: parse_vtk_xml(data).vertices}
-    readers |= available(
-        {
-            "meshio": ("meshio", lambda: partial(with_file, read_by_meshio, ".vtu")),
-            "vtk": (
-                "vtkmodules.all",
-                lambda: partial(
-                    with_file, partial(read_by_vtk, "vtkXMLUnstructuredGridReader"), ".vtu"
-                ),
-            ),
-        }
-    )
+    by_vtk = partial(read_by_vtk, "vtkXMLUnstructuredGridReader")
+    libraries = {
+        "meshio": ("meshio", partial(with_file, read_by_meshio, ".vtu")),
+        "vtk": ("vtkmodules", partial(with_file, by_vtk, ".vtu")),
+    }
+    readers: Tasks = {"own": lambda data: parse_vtk_xml(data).vertices, **available(libraries)}
     wanted = np.asarray(sequence.vertices[0], np.float32)
     compare_readers("read VTU", readers, data, wanted, repeats)
 
@@ -430,12 +410,10 @@ def bench_xml(sequence: MeshSequence, repeats: int) -> None:
     row = '<Grid Name="frame {0}"><Time Value="{0}"/><DataItem>a.h5:/{0}</DataItem></Grid>\n'
     data = f"<Xdmf>{''.join(row.format(number) for number in range(20_000))}</Xdmf>".encode()
     tasks: Tasks = {"own (expat)": partial(parse_xml, data)}
-    tasks |= available(
-        {"lxml": ("lxml", lambda: partial(import_module("lxml.etree").fromstring, data))}
-    )
+    tasks |= available({"lxml": ("lxml", lambda: import_module("lxml.etree").fromstring(data))})
     seconds = measure(tasks, repeats)
     rows = [[name, f"{value:.3f}"] for name, value in seconds.items()]
-    print(table([f"parse XML, {len(data):,} bytes", "CPU s"], rows))
+    print_table("", [f"parse XML, {len(data):,} bytes", "CPU s"], rows)
 
 
 def bench_film(sequence: MeshSequence, repeats: int) -> None:
@@ -444,7 +422,7 @@ def bench_film(sequence: MeshSequence, repeats: int) -> None:
 
     frames = np.asarray(sequence.vertices[:N_PICTURES], np.float64)
     camera = fit_camera(frames, width=SIZE[0], height=SIZE[1])
-    film = Film([Image.fromarray(render(one, sequence.faces, camera)) for one in frames])
+    film = Film([Image.fromarray(render(frame, sequence.faces, camera)) for frame in frames])
     folder = Path(tempfile.mkdtemp())
 
     def own() -> Path:
@@ -483,8 +461,8 @@ def bench_film(sequence: MeshSequence, repeats: int) -> None:
     tasks: Tasks = {"own": own}
     tasks |= available(
         {
-            "imageio-ffmpeg": ("imageio_ffmpeg", lambda: by_imageio),
-            "av": ("av", lambda: by_av),
+            "imageio-ffmpeg": ("imageio_ffmpeg", by_imageio),
+            "av": ("av", by_av),
         }
     )
     seconds = measure(tasks, repeats)
@@ -498,7 +476,7 @@ def bench_film(sequence: MeshSequence, repeats: int) -> None:
         ]
         for name, write in tasks.items()
     ]
-    print(table([f"film of {N_PICTURES} pictures", "CPU s", "bytes", "same bytes"], rows))
+    print_table("", [f"film of {N_PICTURES} pictures", "CPU s", "bytes", "same bytes"], rows)
 
 
 TEMPLATE = """
@@ -512,6 +490,19 @@ TEMPLATE = """
 {%- else -%}<p>{{ inline(part.text) }}</p>{%- endif %}
 {% endfor -%}
 """
+
+
+@cache
+def template_of_reports() -> Any:
+    """Return a template of Jinja2 for the parts of a report."""
+    environment = import_module("jinja2").Environment()
+
+    def marked(text: str) -> str:
+        text = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(text))
+        return re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", text)
+
+    environment.filters["marked"] = marked
+    return environment.from_string(TEMPLATE)
 
 
 def bench_html(sequence: MeshSequence, repeats: int) -> None:
@@ -531,50 +522,39 @@ def bench_html(sequence: MeshSequence, repeats: int) -> None:
         page = to_html(parts, "Report")
         return page.partition("<body>\n")[2].partition("\n</body>")[0]
 
-    def prepare() -> Callable[[], str]:
-        environment = import_module("jinja2").Environment()
+    def by_jinja() -> str:
+        return str(template_of_reports().render(parts=parts)).strip()
 
-        def marked(text: str) -> str:
-            text = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(text))
-            return re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", text)
-
-        environment.filters["marked"] = marked
-        template = environment.from_string(TEMPLATE)
-        return lambda: str(template.render(parts=parts)).strip()
-
-    tasks: Tasks = {"own": own} | available({"Jinja2": ("jinja2", prepare)})
+    tasks: Tasks = {"own": own} | available({"Jinja2": ("jinja2", by_jinja)})
     seconds = measure(tasks, repeats)
     wanted = own()
     rows = [[name, f"{seconds[name]:.3f}", str(work() == wanted)] for name, work in tasks.items()]
-    print(table([f"HTML of {len(wanted):,} characters", "CPU s", "same text"], rows))
+    print_table("", [f"HTML of {len(wanted):,} characters", "CPU s", "same text"], rows)
 
 
 def installed_with(name: str) -> set[str]:
     """Names of a library and of the libraries that it requires, without extras."""
-    found: set[str] = set()
+    libraries: set[str] = set()
     missing = [name]
     while missing:
-        one = missing.pop().lower().replace("_", "-")
-        if one in found | BASE:
+        library = missing.pop().lower().replace("_", "-")
+        if library in libraries | BASE:
             continue
         try:
-            requirements = metadata.requires(one) or []
+            requirements = metadata.requires(library) or []
         except metadata.PackageNotFoundError:  # a requirement of another platform
             continue
-        found.add(one)
+        libraries.add(library)
         missing += [
             re.split(r"[^\w.-]", text)[0] for text in requirements if "extra ==" not in text
         ]
-    return found
+    return libraries
 
 
 def size_mb(name: str) -> float:
     """Megabytes of the installed files of a library."""
-    files = metadata.files(name) or []
-    return (
-        sum(path.stat().st_size for one in files if (path := Path(str(one.locate()))).exists())
-        / 1e6
-    )
+    paths = [Path(str(file.locate())) for file in metadata.files(name) or []]
+    return sum(path.stat().st_size for path in paths if path.exists()) / 1e6
 
 
 def list_sizes(sequence: MeshSequence, repeats: int) -> None:
@@ -587,7 +567,7 @@ def list_sizes(sequence: MeshSequence, repeats: int) -> None:
             rows.append(
                 [f"{name} {metadata.version(name)}", f"{total:.1f}", ", ".join(others) or "-"]
             )
-    print(table(["library", "MB", "requires, besides NumPy and Pillow"], rows))
+    print_table("", ["library", "MB", "requires, besides NumPy and Pillow"], rows)
 
 
 BENCHES = {

@@ -10,25 +10,22 @@ evicted from the page cache first if the system allows it; all others are cached
 """
 
 import argparse
-import json
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.runs.timing import machine_facts, machine_line
+from inputs import waving_sphere
+from measuring import is_unsteady, machine_text, medians, print_table, store
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, is_written
-from speed_inputs import waving_sphere
-from speed_tables import table
-from speed_timing import is_unsteady, seconds
 
 SPHERE = (5, 20)
 """Subdivisions (10,242 vertices) and frames."""
@@ -90,6 +87,13 @@ def case_of(
     return Case(file_format.extension, paths, partial(meshreel.load, source), write)
 
 
+def seconds_of(work: Callable[[], Any]) -> float:
+    """Wall time of one call."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
 def read_bytes(paths: list[Path]) -> None:
     """Read files without parsing them."""
     for path in paths:
@@ -115,16 +119,16 @@ def one_round(case: Case) -> Seconds:
     contents = [np.fromfile(path, np.uint8) for path in case.paths]
     plain = partial(read_bytes, case.paths)
     times = {
-        "write_bytes": seconds(partial(write_bytes, contents, case.paths[0].parent)),
-        "write": seconds(case.write),
-        "read_bytes": seconds(plain),
-        "read": seconds(case.read),
+        "write_bytes": seconds_of(partial(write_bytes, contents, case.paths[0].parent)),
+        "write": seconds_of(case.write),
+        "read_bytes": seconds_of(plain),
+        "read": seconds_of(case.read),
     }
     if CAN_EVICT:
         evict(case.paths)
-        times["read_bytes_disk"] = seconds(plain)
+        times["read_bytes_disk"] = seconds_of(plain)
         evict(case.paths)
-        times["read_disk"] = seconds(case.read)
+        times["read_disk"] = seconds_of(case.read)
     return times
 
 
@@ -134,13 +138,13 @@ def measure(cases: list[Case], n_rounds: int) -> list[dict[str, Any]]:
     results = []
     for index, case in enumerate(cases):
         runs = {name: [turn[index][name] for turn in rounds] for name in rounds[0][index]}
-        medians = {name: median(times) for name, times in runs.items()}
+        seconds = medians(runs)
         results.append(
             {
                 "format": case.extension,
                 "size_bytes": case.size_bytes,
-                "seconds": medians,
-                "ratios": {a: medians[a] / medians[b] for a, b in RATIOS.items() if a in medians},
+                "seconds": seconds,
+                "ratios": {a: seconds[a] / seconds[b] for a, b in RATIOS.items() if a in seconds},
                 "unsteady": [name for name, times in runs.items() if is_unsteady(times)],
             }
         )
@@ -173,17 +177,13 @@ def main() -> None:
             if not reasons[file_format.extension]
         ]
         results = measure(cases, options.repeats)
-    machine = machine_facts()
-    print(f"# Speed of formats\n\n{machine_line(machine)}. {sequence!r}. ", end="")
+    print(f"# Speed of formats\n\n{machine_text()} {sequence!r}. ", end="")
     print(f"Medians of {options.repeats} alternating rounds; ?: runs differ too much.\n")
-    print(table(HEADER, map(row, results)))
+    print_table("", HEADER, map(row, results))
     for extension, reason in reasons.items():
         if reason:
             print(f"\n{extension} is not measured: {reason}.")
-    if options.out:
-        options.out.write_text(
-            json.dumps({"machine": machine, "results": results}, indent=2) + "\n"
-        )
+    store(options.out, results=results)
 
 
 if __name__ == "__main__":

@@ -20,14 +20,13 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from meshreel.evaluation.runs.timing import machine_facts, machine_line
+from measuring import machine_text, print_table, store
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.gltf.buffer_writer import BufferWriter
 from meshreel.formats.gltf.quantized import place_frames
 from meshreel.formats.gltf.write import write_glb
 from meshreel.formats.options import WriteOptions
-from speed_tables import table
 
 HEADER = [
     "name",
@@ -155,11 +154,9 @@ def main() -> None:
         sizes = list(measure(sequence, [float(text) for text in options.errors.split(",")]))
         results.append({"sequence": sequence.name, "sizes": [asdict(size) for size in sizes]})
         print(f"**{sequence.name}**: {sequence.n_frames} frames of {sequence.n_verts} vertices. "
-              f"{machine_line(machine_facts())}.\n")  # fmt: skip
-        print(table(HEADER, (row(size, sizes[0].size_bytes) for size in sizes)) + "\n", flush=True)
-    if options.out:
-        about = {"machine": machine_facts()}
-        options.out.write_text(json.dumps({**about, "results": results}, indent=2) + "\n")
+              f"{machine_text()}\n")  # fmt: skip
+        print_table("", HEADER, (row(size, sizes[0].size_bytes) for size in sizes))
+    store(options.out, results=results)
 
 
 if __name__ == "__main__":

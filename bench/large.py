@@ -25,8 +25,8 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
-from speed_inputs import quartered
-from speed_tables import table
+from inputs import quartered
+from measuring import print_table
 
 Floats = npt.NDArray[np.float32]
 
@@ -194,7 +194,7 @@ def main() -> None:
             print(rows[-1], flush=True)
     heads = ["vertices x frames", "modes", "bytes", "encode, decode: s", "processor s",
              "million positions per second", "peak MB", "first frame of 8 modes, s"]  # fmt: skip
-    print(table(heads, rows))
+    print_table("", heads, rows)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
@@ -38,6 +39,9 @@ import numpy.typing as npt
 import meshreel
 
 Vertices = npt.NDArray[np.float32]
+Read = Callable[[int, int], Vertices]
+"""Returns a range of frames."""
+
 MIN_FRAMES = 48
 MAX_ERROR = 0.02
 """Of the largest error of a window of a `.reel` file, in diagonals."""
@@ -51,7 +55,7 @@ class Format:
     suffix: str
     module: str
     write: Callable[[Path, meshreel.MeshSequence, int], None]
-    open: Callable[[Path], Callable[[int, int], Vertices]]
+    open: Callable[[Path], Read]
 
     def folder(self, work: Path) -> Path:
         """Return the folder of its files."""
@@ -65,23 +69,23 @@ class Format:
 def write_reel(**options: Any) -> Callable[[Path, meshreel.MeshSequence, int], None]:
     """Return a function that encodes with these options."""
 
-    def write(path: Path, one: meshreel.MeshSequence, _: int) -> None:
-        path.write_bytes(meshreel.encode(one, **options))
+    def write(path: Path, sequence: meshreel.MeshSequence, _: int) -> None:
+        path.write_bytes(meshreel.encode(sequence, **options))
 
     return write
 
 
-def open_reel(path: Path) -> Callable[[int, int], Vertices]:
+def open_reel(path: Path) -> Read:
     """Open a `.reel` file."""
     return meshreel.open(path).read
 
 
-def write_npz(path: Path, one: meshreel.MeshSequence, _: int) -> None:
+def write_npz(path: Path, sequence: meshreel.MeshSequence, _: int) -> None:
     """Write compressed NPZ."""
-    np.savez_compressed(path, vertices=one.vertices, faces=one.faces)
+    np.savez_compressed(path, vertices=sequence.vertices, faces=sequence.faces)
 
 
-def open_npz(path: Path) -> Callable[[int, int], Vertices]:
+def open_npz(path: Path) -> Read:
     """Read and decompress the whole array for each window."""
 
     def read(start: int, stop: int) -> Vertices:
@@ -91,12 +95,7 @@ def open_npz(path: Path) -> Callable[[int, int], Vertices]:
     return read
 
 
-def write_npy(path: Path, one: meshreel.MeshSequence, _: int) -> None:
-    """Write plain NPY."""
-    np.save(path, one.vertices)
-
-
-def open_npy(path: Path) -> Callable[[int, int], Vertices]:
+def open_npy(path: Path) -> Read:
     """Map a file to memory."""
     mapped = np.load(path, mmap_mode="r")
     return lambda start, stop: np.array(mapped[start:stop])
@@ -105,68 +104,67 @@ def open_npy(path: Path) -> Callable[[int, int], Vertices]:
 def write_hdf5(**options: Any) -> Callable[[Path, meshreel.MeshSequence, int], None]:
     """Return a function that writes chunks of a window with these filters."""
 
-    def write(path: Path, one: meshreel.MeshSequence, window: int) -> None:
-        import h5py
-
-        chunks = (min(window, len(one)), *one.vertices.shape[1:])
-        with h5py.File(path, "w") as file:
-            file.create_dataset("vertices", data=one.vertices, chunks=chunks, **options)
-            file.create_dataset("faces", data=one.faces, compression="gzip")
+    def write(path: Path, sequence: meshreel.MeshSequence, window: int) -> None:
+        with import_module("h5py").File(path, "w") as file:
+            chunks = chunks_of(sequence, window)
+            file.create_dataset("vertices", data=sequence.vertices, chunks=chunks, **options)
+            file.create_dataset("faces", data=sequence.faces, compression="gzip")
 
     return write
 
 
-def open_hdf5(path: Path) -> Callable[[int, int], Vertices]:
-    """Open an HDF5 file."""
-    import h5py
+def chunks_of(sequence: meshreel.MeshSequence, window: int) -> tuple[int, ...]:
+    """Return the shape of chunks of a window."""
+    return (min(window, len(sequence)), *sequence.vertices.shape[1:])
 
-    values = h5py.File(path)["vertices"]
+
+def open_hdf5(path: Path) -> Read:
+    """Open an HDF5 file."""
+    values = import_module("h5py").File(path)["vertices"]
     return lambda start, stop: values[start:stop]
 
 
-def write_zarr(path: Path, one: meshreel.MeshSequence, window: int) -> None:
+def write_zarr(path: Path, sequence: meshreel.MeshSequence, window: int) -> None:
     """Write chunks of a window with Zarr's default compression."""
-    import zarr
-
-    group = zarr.create_group(path)
-    chunks = (min(window, len(one)), *one.vertices.shape[1:])
-    group.create_array("vertices", data=one.vertices, chunks=chunks)
-    group.create_array("faces", data=one.faces)
+    group = import_module("zarr").create_group(path)
+    group.create_array("vertices", data=sequence.vertices, chunks=chunks_of(sequence, window))
+    group.create_array("faces", data=sequence.faces)
 
 
-def open_zarr(path: Path) -> Callable[[int, int], Vertices]:
+def open_zarr(path: Path) -> Read:
     """Open a Zarr group."""
-    import zarr
-
-    values: Any = zarr.open_group(path, mode="r")["vertices"]
+    values = import_module("zarr").open_group(path, mode="r")["vertices"]
     return lambda start, stop: np.asarray(values[start:stop])
 
 
 FORMATS = (
     Format("reel", ".reel", "meshreel", write_reel(), open_reel),
-    Format("reel 0.1 %", ".reel", "meshreel", write_reel(max_error=0.1), open_reel),
+    Format(
+        "reel 0.1 %",
+        ".reel",
+        "meshreel",
+        write_reel(max_error=0.1),
+        lambda path: meshreel.open(path).read,
+    ),
     Format("npz", ".npz", "numpy", write_npz, open_npz),
     Format("hdf5 gzip", ".h5", "h5py", write_hdf5(compression="gzip"), open_hdf5),
     Format(
         "hdf5 gzip shuffle", ".h5", "h5py", write_hdf5(compression="gzip", shuffle=True), open_hdf5
     ),
     Format("zarr zstd", ".zarr", "zarr", write_zarr, open_zarr),
-    Format("npy", ".npy", "numpy", write_npy, open_npy),
+    Format("npy", ".npy", "numpy", lambda path, given, _: np.save(path, given.vertices), open_npy),
 )
 
 
 def cut_sequences(inputs: Sequence[Path], count: int) -> Iterator[meshreel.MeshSequence]:
     """Yield ranges of frames of the inputs, of random position and length; deterministic."""
     rng = np.random.default_rng(1)
-    sources: list[Any] = list(inputs)
+    sources = [meshreel.load(path) for path in inputs]
     if not sources:
         sizes = ((52, 52), (40, 70), (80, 60), (30, 30))
         sources = [
             meshreel.simulate_flag(150, n_rows=rows, n_columns=columns) for rows, columns in sizes
         ]
-    sources = [
-        one if isinstance(one, meshreel.MeshSequence) else meshreel.load(one) for one in sources
-    ]
     for number in range(count):
         source = sources[number % len(sources)]
         n_frames = int(rng.integers(min(MIN_FRAMES, len(source)), len(source) + 1))
@@ -177,15 +175,15 @@ def cut_sequences(inputs: Sequence[Path], count: int) -> Iterator[meshreel.MeshS
 
 def store(formats: Sequence[Format], inputs: Sequence[Path], count: int, options: Any) -> None:
     """Write all sequences in all formats, unless that was done."""
-    if all(len(one.files(options.work)) == count for one in formats):
+    if all(len(layout.files(options.work)) == count for layout in formats):
         return
-    for one in formats:
-        one.folder(options.work).mkdir(parents=True, exist_ok=True)
+    for layout in formats:
+        layout.folder(options.work).mkdir(parents=True, exist_ok=True)
     for number, sequence in enumerate(cut_sequences(inputs, count)):
-        for one in formats:
-            path = one.folder(options.work) / f"{number:03d}{one.suffix}"
+        for layout in formats:
+            path = layout.folder(options.work) / f"{number:03d}{layout.suffix}"
             if not path.exists():
-                one.write(path, sequence, options.window)
+                layout.write(path, sequence, options.window)
 
 
 def size_of(path: Path) -> int:
@@ -196,11 +194,11 @@ def size_of(path: Path) -> int:
 class Windows:
     """Windows of the files of a format by number; the dataset of a `DataLoader`."""
 
-    def __init__(self, one: Format, options: Any, lengths: Sequence[int]) -> None:
-        self._format, self._files = FORMATS.index(one), one.files(options.work)
+    def __init__(self, layout: Format, options: Any, lengths: Sequence[int]) -> None:
+        self._format, self._files = FORMATS.index(layout), layout.files(options.work)
         self._window = options.window
         self._ends = np.cumsum([length - options.window + 1 for length in lengths])
-        self._open: dict[int, Callable[[int, int], Vertices]] = {}
+        self._open: dict[int, Read] = {}
 
     def __len__(self) -> int:
         return int(self._ends[-1])
@@ -213,36 +211,36 @@ class Windows:
         return self._open[number](start, start + self._window)
 
 
-def check(one: Format, windows: Windows, truth: Windows, rng: np.random.Generator) -> None:
+def check(layout: Format, windows: Windows, truth: Windows, rng: np.random.Generator) -> None:
     """Raise an error if windows differ from those of the plain arrays."""
     for index in rng.integers(len(windows), size=20).tolist():
         expected = truth[index]
         error = np.abs(windows[index] - expected).max()
         diagonal = np.linalg.norm(np.ptp(expected.reshape(-1, 3), axis=0))
-        if error > (MAX_ERROR * diagonal if one.suffix == ".reel" else 0):
-            raise SystemExit(f"{one.name}: window {index} is off by {error}")
+        if error > (MAX_ERROR * diagonal if layout.suffix == ".reel" else 0):
+            raise SystemExit(f"{layout.name}: window {index} is off by {error}")
 
 
 def lengths_of(options: Any) -> list[int]:
     """Return the number of frames of each sequence."""
-    plain = next(one for one in FORMATS if one.name == "npy")
+    plain = next(layout for layout in FORMATS if layout.name == "npy")
     return [len(np.load(path, mmap_mode="r")) for path in plain.files(options.work)]
 
 
-def first_batch(one: Format, options: Any) -> float:
+def first_batch(layout: Format, options: Any) -> float:
     """Return the milliseconds from opening a folder to the first batch."""
     lengths = lengths_of(options)
     rng = np.random.default_rng(2)
     started = time.perf_counter()
-    windows = Windows(one, options, lengths)
+    windows = Windows(layout, options, lengths)
     for index in rng.integers(len(windows), size=options.batch).tolist():
         _ = windows[index]
     return 1e3 * (time.perf_counter() - started)
 
 
-def first_batch_in_process(one: Format, options: Any) -> float:
+def first_batch_in_process(layout: Format, options: Any) -> float:
     """Return the median of `first_batch` in several new processes."""
-    command = [sys.executable, __file__, "--work", str(options.work), "--first", one.name]
+    command = [sys.executable, __file__, "--work", str(options.work), "--first", layout.name]
     command += ["--window", str(options.window), "--batch", str(options.batch)]
     runs = (subprocess.run(command, check=True, stdout=subprocess.PIPE) for _ in range(3))
     return float(median(json.loads(run.stdout) for run in runs))
@@ -266,25 +264,25 @@ def text_of(speeds: Sequence[float]) -> str:
 def compare(formats: Sequence[Format], options: Any) -> None:
     """Print bytes, latency and speed in one process."""
     lengths = lengths_of(options)
-    datasets = {one.name: Windows(one, options, lengths) for one in formats}
+    datasets = {layout.name: Windows(layout, options, lengths) for layout in formats}
     truth = datasets["npy"]
-    speeds: dict[str, list[tuple[float, float]]] = {one.name: [] for one in formats}
-    for one in formats:
-        check(one, datasets[one.name], truth, np.random.default_rng(3))
+    speeds: dict[str, list[tuple[float, float]]] = {layout.name: [] for layout in formats}
+    for layout in formats:
+        check(layout, datasets[layout.name], truth, np.random.default_rng(3))
         first_of_each = np.concatenate(([0], truth._ends[:-1]))
-        for index in first_of_each.tolist() if one.name != "npz" else ():
-            _ = datasets[one.name][index]
+        for index in first_of_each.tolist() if layout.name != "npz" else ():
+            _ = datasets[layout.name][index]
     for _ in range(options.rounds):
         for name, windows in datasets.items():
             speeds[name].append(per_second(windows, options))
-    sizes = {one.name: sum(map(size_of, one.files(options.work))) for one in formats}
+    sizes = {layout.name: sum(map(size_of, layout.files(options.work))) for layout in formats}
     print(f"{len(lengths)} sequences, {sum(lengths)} frames, {len(truth)} windows")
     print(f"{'format':18} {'MB':>8} {'npz/it':>7} {'first batch, ms':>16}", end=" ")
     print("windows per second       per processor second")
-    for one in formats:
-        size, latency = sizes[one.name], first_batch_in_process(one, options)
-        print(f"{one.name:18} {size / 1e6:8.2f} {sizes['npz'] / size:7.1f}", end=" ")
-        wall, processor = zip(*speeds[one.name], strict=True)
+    for layout in formats:
+        size, latency = sizes[layout.name], first_batch_in_process(layout, options)
+        print(f"{layout.name:18} {size / 1e6:8.2f} {sizes['npz'] / size:7.1f}", end=" ")
+        wall, processor = zip(*speeds[layout.name], strict=True)
         print(f"{latency:16.1f} {text_of(wall):>24} {text_of(processor):>24}", flush=True)
 
 
@@ -325,10 +323,10 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
     lengths = lengths_of(options)
 
     def stacked(windows: Sequence[Vertices]) -> tuple[Any, ...]:
-        n_verts = max(one.shape[1] for one in windows)
+        n_verts = max(window.shape[1] for window in windows)
         result = torch.zeros((len(windows), options.window, n_verts, 3))
-        for row, one in zip(result, windows, strict=True):
-            row[:, : one.shape[1]] = torch.from_numpy(one)
+        for row, window in zip(result, windows, strict=True):
+            row[:, : window.shape[1]] = torch.from_numpy(window)
         return (result,)
 
     def place(batch: Any) -> tuple[Any, ...]:
@@ -365,21 +363,23 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
 
     pin = device is not None and device.startswith("cuda")
     print(f"DataLoader, batches of {options.batch}, to {device or 'memory'}")
-    reels = [one for one in formats if one.suffix == ".reel"]
+    reels = [layout for layout in formats if layout.suffix == ".reel"]
     report_first()
     for n_workers in options.workers:
-        for one in reels:
-            dataset = ReelDataset(one.folder(options.work), options.window, memory=options.memory)
-            report(one.name, dataset, n_workers, collate, pin=pin)
+        for layout in reels:
+            dataset = ReelDataset(
+                layout.folder(options.work), options.window, memory=options.memory
+            )
+            report(layout.name, dataset, n_workers, collate, pin=pin)
         dataset = ReelDataset(reels[0].folder(options.work), options.window, memory=options.memory)
         report("reel, stream", ReelStream(dataset), n_workers, collate, pin=pin)
         half = ReelDataset(
             reels[0].folder(options.work), options.window, dtype=torch.float16, normalize=True
         )
         report("reel, float16", half, n_workers, collate, pin=pin)
-        for one in formats:
-            if one.suffix != ".reel" and (one.name != "npz" or n_workers):
-                report(one.name, Windows(one, options, lengths), n_workers, stacked, pin=pin)
+        for layout in formats:
+            if layout.suffix != ".reel" and (layout.name != "npz" or n_workers):
+                report(layout.name, Windows(layout, options, lengths), n_workers, stacked, pin=pin)
     if device is None:
         return
     report_first(device=device)
@@ -418,13 +418,13 @@ def main() -> None:
     parser.add_argument("--first", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.first:
-        one = next(one for one in FORMATS if one.name == options.first)
-        __import__(one.module)
-        print(json.dumps(first_batch(one, options)))
+        layout = next(layout for layout in FORMATS if layout.name == options.first)
+        __import__(layout.module)
+        print(json.dumps(first_batch(layout, options)))
         return
-    formats = [one for one in FORMATS if find_spec(one.module)]
-    for one in set(FORMATS) - set(formats):
-        print(f"{one.name} is left out: {one.module} is not installed")
+    formats = [layout for layout in FORMATS if find_spec(layout.module)]
+    for layout in set(FORMATS) - set(formats):
+        print(f"{layout.name} is left out: {layout.module} is not installed")
     store(formats, options.inputs, options.sequences, options)
     compare(formats, options)
     if options.workers or options.device:

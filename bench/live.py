@@ -8,7 +8,6 @@ latency is measured for `reel` and for the paper's tracked basis.
 """
 
 import argparse
-import json
 import time
 from io import BytesIO
 from pathlib import Path
@@ -16,9 +15,8 @@ from statistics import median
 from typing import Any
 
 import meshreel
-from meshreel.evaluation.runs.timing import machine_facts, machine_line
-from speed_inputs import add_inputs, sources
-from speed_tables import table
+from inputs import add_inputs, sources
+from measuring import machine_text, print_table, store
 
 HEADER = ["requested latency s", "method", "frames per block", "x real time",
           "longest push s", "latency at real time s", "bits per vertex and frame",
@@ -105,11 +103,9 @@ def main() -> None:
         results.append({"sequence": sequence.name, "n_frames": n_frames, "settings": rows})
         print(f"**{sequence.name}**: {n_frames} frames of {sequence.n_verts} vertices pushed one "
               f"by one, {options.fps:g} frames per second. Medians of {options.repeats} runs. "
-              f"{machine_line(machine_facts())}.\n")  # fmt: skip
-        print(table(HEADER, map(row, rows)) + "\n", flush=True)
-    if options.out:
-        about = {"machine": machine_facts(), "fps": options.fps}
-        options.out.write_text(json.dumps({**about, "results": results}, indent=2) + "\n")
+              f"{machine_text()}\n")  # fmt: skip
+        print_table("", HEADER, map(row, rows))
+    store(options.out, fps=options.fps, results=results)
 
 
 if __name__ == "__main__":

@@ -20,9 +20,9 @@ from typing import Any
 
 import meshreel
 from long_sources import KINDS, LongSequence
+from measuring import print_table
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.reel_file import ReelFile
-from speed_tables import table
 
 QUALITIES = (80.0, 87.0)
 
@@ -135,12 +135,13 @@ def main() -> None:
     if arguments.blocks:
         lengths = [int(text) for text in arguments.blocks.split(",")]
         rows = [row for sequence in sequences for row in length_rows(sequence, lengths)]
-        print(table(["sequence", "block", "KG %", "bytes", "processor ms per frame"], rows))
+        header = ["sequence", "block", "KG %", "bytes", "processor ms per frame"]
+        print_table("", header, rows)
         return
     header = ["sequence", "blocks", "modes", "frames/s", "processor ms per frame", "peak MB",
               "ms to the first frame; another block: mean, largest",
               "bytes", "KG %"]  # fmt: skip
-    print(table(header, map(default_row, sequences)))
+    print_table("", header, map(default_row, sequences))
 
 
 if __name__ == "__main__":

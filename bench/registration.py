@@ -49,6 +49,13 @@ def as_segments(frames: Sequence[MeshFrame]) -> MeshSequence:
     )
 
 
+def frames_of(source: str, numbers: slice) -> list[MeshFrame]:
+    """Return frames of a raw capture, or of a sequence, without attributes."""
+    given = load_any(source, ReadOptions(attributes="none", matches_frames=False))
+    sequence = MeshSequence.of_segments(given.segments)
+    return [sequence[number] for number in range(sequence.n_frames)[numbers]]
+
+
 def chosen(sequence: MeshSequence, numbers: Iterable[int]) -> MeshSequence:
     """Return the frames of these numbers, one segment per frame."""
     return as_segments([sequence[number] for number in numbers])
@@ -161,11 +168,8 @@ def main() -> None:
     parser.add_argument("--remesh", action="store_true")
     parser.add_argument("--decimate", type=float, nargs="*", default=[], help="shares of the faces")
     arguments = parser.parse_args()
-    options = ReadOptions(attributes="none", matches_frames=False)
-    given = load_any(arguments.source, options)
-    sequence = MeshSequence.of_segments(given.segments)
-    n_frames = arguments.frames or sequence.n_frames
-    frames = [sequence[number] for number in range(n_frames)]
+    frames = frames_of(arguments.source, slice(arguments.frames))
+    n_frames = len(frames)
     raw = as_segments(remeshed(frames) if arguments.remesh else frames)
     measured, extent = range(0, n_frames, arguments.every), raw.extent
 

@@ -19,11 +19,9 @@ import meshreel
 from meshreel import MeshFrame, MeshSequence
 from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
-from meshreel.formats.load import load_any
-from meshreel.formats.options import ReadOptions
 from meshreel.registration.register import Registration, register
 from meshreel.registration.triangle_mesh import Closest, TriangleMesh
-from registration import as_segments, remeshed
+from registration import as_segments, frames_of, remeshed
 
 
 def mesh_of(frame: MeshFrame) -> TriangleMesh:
@@ -114,10 +112,8 @@ def main() -> None:
     parser.add_argument("--cut", action="store_true")
     parser.add_argument("--remesh", action="store_true")
     arguments = parser.parse_args()
-    options = ReadOptions(attributes="none", matches_frames=False)
-    sequence = load_any(arguments.source, options)
-    numbers = range(arguments.first, arguments.first + arguments.frames)
-    frames = [sequence[number] for number in numbers]
+    numbers = slice(arguments.first, arguments.first + arguments.frames)
+    frames = frames_of(arguments.source, numbers)
     raw = as_segments(remeshed(frames) if arguments.remesh else frames)
     diagonal = float(np.linalg.norm(raw.extent.high - raw.extent.low))
     parts = [raw]

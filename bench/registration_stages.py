@@ -17,15 +17,12 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
-from meshreel import MeshSequence
 from meshreel.codec.error_bounds import bound_of
-from meshreel.formats.load import load_any
-from meshreel.formats.options import ReadOptions
 from meshreel.registration import fitting, folds, growing, tracking, triangle_mesh
 from meshreel.registration.fitting import Rows
 from meshreel.registration.register import register
 from meshreel.registration.tracking import ATTEMPTS
-from registration import as_segments, chosen, psnr, remeshed
+from registration import as_segments, chosen, frames_of, psnr, remeshed
 
 
 def rows_of_nothing(*_: Any) -> Rows:
@@ -54,7 +51,7 @@ VARIANTS: dict[str, list[Change]] = {
     ],
     "correspondences by position alone": [(triangle_mesh, "BEND", 0.0)],
     "no constant velocity": [
-        (growing, "ATTEMPTS", tuple(one._replace(predicts=False) for one in ATTEMPTS))
+        (growing, "ATTEMPTS", tuple(attempt._replace(predicts=False) for attempt in ATTEMPTS))
     ],
     "stiff stages in every frame": [(growing, "ATTEMPTS", ATTEMPTS[2:])],
     "first attempt only": [(growing, "ATTEMPTS", ATTEMPTS[:1])],
@@ -93,10 +90,8 @@ def main() -> None:
     parser.add_argument("--remesh", action="store_true")
     arguments = parser.parse_args()
     for source in arguments.sources:
-        given = load_any(source, ReadOptions(attributes="none", matches_frames=False))
-        sequence = MeshSequence.of_segments(given.segments)
-        n_frames = min(arguments.frames, sequence.n_frames)
-        frames = [sequence[number] for number in range(n_frames)]
+        frames = frames_of(source, slice(arguments.frames))
+        n_frames = len(frames)
         raw = as_segments(remeshed(frames) if arguments.remesh else frames)
         print(f"\n{source}, {n_frames} frames\n\n| | segments | dB | folded faces | kbit/frame | "
               "dB, coded | s/frame |\n|---|---|---|---|---|---|---|", flush=True)  # fmt: skip

@@ -6,39 +6,45 @@
     python bench/stored_results.py questions samba.npz cow.npz --flag 300 --work runs
     python bench/stored_results.py checks
 
-Writes docs/results/paper.json and others, with the run_study commit; `checks` measures the small
+Writes docs/results/paper.json and others, with the commit; `checks` measures the small
 flag that tests re-encode. `python docs/result_tables.py --write` then updates the pages. Results
 in the folder `--work` are reused, so use a new folder for each commit. Set OPENBLAS_NUM_THREADS=1
 for processor seconds on one core.
 """
 
 import argparse
-import json
-import statistics
 import subprocess
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import measuring
 import meshreel
-from meshreel.evaluation.codecs.results import CodecResults, read_recorded
-from meshreel.evaluation.codecs.study import CodecStudy
-from meshreel.evaluation.folder import file_name
-from meshreel.evaluation.pipeline import Study, Subject, measure
-from meshreel.evaluation.rate_distortion import bd_rate
-from meshreel.evaluation.runs.store import Result, Store, done, result_of, without_identities
-from meshreel.evaluation.runs.timing import machine_facts
+from meshreel.evaluation.comparison import CodecResults
+from meshreel.evaluation.positions import KIND, compare_positions, own_sweeps
+from meshreel.evaluation.recorded import read_recorded
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.study.claims import decompositions_run, full_decomposition_run
 from meshreel.paper.study.findings import findings
 from meshreel.paper.study.results import PaperResults, extrapolated_basis, summary
 from meshreel.paper.study.study import PaperStudy
 from meshreel.paper.study.tables import SHAPES
-from meshreel.paper.sweeps import COEFFICIENTS, PRESETS
+from meshreel.paper.sweeps import COEFFICIENTS, PRESETS, option_sweeps
+from meshreel.studies.rate_distortion import bd_rate
+from meshreel.studies.runs import (
+    Result,
+    Store,
+    done,
+    file_name,
+    result_of,
+    without_identities,
+)
+from meshreel.studies.study import Study, Subject, measure
 from questions.answers import search_answers
 from questions.plot import draw_rows
 from questions.search import search_runs
@@ -81,8 +87,7 @@ def git(*words: str) -> str:
 
 def store(name: str, figures: dict[str, Any]) -> None:
     """Write a file of results with the commit and the machine."""
-    text = json.dumps({"commit": commit(), "machine": machine_facts(), **figures}, indent=1)
-    (RESULTS / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+    measuring.store(RESULTS / f"{name}.json", commit=commit(), **figures)
 
 
 def run_study(study: Study[Any], sequence: MeshSequence, folder: Path) -> Any:
@@ -95,7 +100,7 @@ def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
     """Tables, verdicts and curves of a sequence."""
     results: PaperResults = run_study(PaperStudy(), sequence, folder)
     figures = results.as_dict()
-    figures["findings"] = [asdict(finding) for finding in findings(results)]
+    figures["findings"] = [finding.as_dict() for finding in findings(results)]
     figures["decompositions"] = None
     figures["full_decomposition"] = None
     if results.decompositions is not None:
@@ -109,21 +114,21 @@ def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
 
 def question_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
     """Answers to the open questions of the paper; draws the search over rows of samba."""
-    subject, found = Store.for_sequence(folder, sequence), dict[str, Result]()
+    subject, results = Store.for_sequence(folder, sequence), dict[str, Result]()
     for question, run in search_runs(sequence).items():
         print(f"  {run.name}", flush=True)
-        found[question] = result_of(run, subject)
+        results[question] = result_of(run, subject)
     if sequence.name == "samba":
-        draw_rows(found["rows"], ROOT / "docs" / "images" / "samba-rows.png")
+        draw_rows(results["rows"], ROOT / "docs" / "images" / "samba-rows.png")
     shape = {name: subject.sequence[name] for name in ("name", "n_frames", "n_verts")}
-    return {**shape, **search_answers(found)}
+    return {**shape, **search_answers(results)}
 
 
 def printed_preset(sequence: MeshSequence, folder: Path) -> list[dict[str, Any]]:
     """Rows of Table I with modes and bits close to the printed rates."""
     study = PaperStudy(("pca", "pca-q", "v2v", "pca-qp", "blocks"), True, PRESETS["printed"])
     results = run_study(study, sequence, folder)
-    return [summary(one) for one in results.variants]
+    return [summary(result) for result in results.variants]
 
 
 def anchor_rows(sequences: Sequence[MeshSequence]) -> list[dict[str, Any]]:
@@ -134,6 +139,7 @@ def anchor_rows(sequences: Sequence[MeshSequence]) -> list[dict[str, Any]]:
         if name not in by_name:
             continue
         sequence = by_name[name].replace(vertices=by_name[name].vertices[:n_frames])
+        size = sequence.n_verts * sequence.n_frames
         for n_modes in mode_counts:
             row: dict[str, Any] = {
                 "sequence": name,
@@ -141,17 +147,11 @@ def anchor_rows(sequences: Sequence[MeshSequence]) -> list[dict[str, Any]]:
                 "method": method,
                 "n_modes": n_modes,
             }
-            for kind, choices in (("coefficients", COEFFICIENTS), ("positions", None)):
+            for kind, choices in KINDS_OF_ANCHORS.items():
                 data = meshreel.encode(sequence, method, n_modes=n_modes, bits=8, choices=choices)
-                quality = meshreel.compare(sequence, meshreel.decode(data))
                 budget = meshreel.info(data).budget_bytes
                 n_bytes = budget["anchors"] + budget.get("anchor residuals", 0)
-                size = sequence.n_verts * sequence.n_frames
-                row[kind] = {
-                    "kg_error_percent": quality.kg_error_percent,
-                    "q_a": 8 * n_bytes / 3 / size,
-                    "rate_bpvf": 8 * len(data) / size,
-                }
+                row[kind] = {**figures_of(sequence, data), "q_a": 8 * n_bytes / 3 / size}
             rows.append(row)
     return rows
 
@@ -185,26 +185,17 @@ def full_bases(folder: Path) -> dict[str, Any]:
         sequence = meshreel.simulate_flag(3, n_rows=side, n_columns=side)
         run = full_decomposition_run(sequence)
         measured += done([result_of(run, Store.for_sequence(folder, sequence))])
-    n_verts, seconds = ([one[name] for one in measured] for name in ("n_verts", "seconds"))
+    n_verts, seconds = ([basis[name] for basis in measured] for name in ("n_verts", "seconds"))
     exponent = np.polyfit(np.log(n_verts), np.log(seconds), 1)[0]
     extrapolated = [extrapolated_basis(measured[-1], *SHAPES[name]) for name in LARGE_MESHES]
     return {
         "measured": without_identities(measured),
         "exponent": float(exponent),
         "extrapolated": [
-            {**asdict(one), "seconds": one.seconds, "text": one.text} for one in extrapolated
+            {**asdict(basis), "seconds": basis.seconds, "text": basis.text}
+            for basis in extrapolated
         ],
     }
-
-
-def processor_seconds(work: Callable[[], Any]) -> float:
-    """Median processor seconds of repeated calls."""
-    found = []
-    for _ in range(N_TIMES):
-        start = time.process_time()
-        work()
-        found.append(time.process_time() - start)
-    return statistics.median(found)
 
 
 def default_figures(sequence: MeshSequence) -> dict[str, Any]:
@@ -212,6 +203,8 @@ def default_figures(sequence: MeshSequence) -> dict[str, Any]:
     data = meshreel.encode(sequence)
     quality = meshreel.compare(sequence, meshreel.decode(data))
     info = meshreel.info(data)
+    tasks = {"encode": lambda: meshreel.encode(sequence), "decode": lambda: meshreel.decode(data)}
+    seconds = measuring.medians(measuring.rounds(tasks, N_TIMES, clock=time.process_time))
     return {
         "ratio": info.ratio,
         "rate_bpvf": info.rate_bpvf,
@@ -219,17 +212,18 @@ def default_figures(sequence: MeshSequence) -> dict[str, Any]:
         "kg_error_percent": quality.kg_error_percent,
         "sted": quality.sted,
         "max_error_percent": quality.max_error_percent,
-        "encode_processor_s": processor_seconds(lambda: meshreel.encode(sequence)),
-        "decode_processor_s": processor_seconds(lambda: meshreel.decode(data)),
+        "encode_processor_s": seconds["encode"],
+        "decode_processor_s": seconds["decode"],
     }
 
 
 def codec_figures(sequence: MeshSequence, folder: Path, reference: Path | None) -> dict[str, Any]:
     """Results with default options, and BD-rates of `reel` relative to `pca-qp` and FAMC."""
     recorded = read_recorded(reference) if reference else []
-    study = CodecStudy(("reel", "pca-qp"), (), recorded)
+    sweeps = {**own_sweeps(quick=False), **option_sweeps(quick=False)}
+    study = compare_positions({name: sweeps[name] for name in ("reel", "pca-qp")}, (), recorded)
     results: CodecResults = run_study(study, sequence, folder)
-    kg, sted = results.curves("kg_error_percent"), results.curves("sted")
+    kg, sted = (results.curves(error) for error in KIND.errors[:2])
     more_anchors = [
         point(sequence, "pca-qp", n_modes=n_modes, bits=bits, anchors=share)
         for share in MORE_ANCHORS
@@ -237,7 +231,7 @@ def codec_figures(sequence: MeshSequence, folder: Path, reference: Path | None) 
         for bits in (6, 8, 10)
     ]
     more = {
-        error: [(one["rate_bpvf"], one[error]) for one in more_anchors]
+        error: [(each["rate_bpvf"], each[error]) for each in more_anchors]
         for error in ("kg_error_percent", "sted")
     }
     pairs = {
@@ -267,7 +261,7 @@ def choice_figures(sequence: MeshSequence) -> dict[str, Any]:
             point(sequence, "pca-qp", n_modes=MODES, bits=8, anchors=share, choices=choices)
             for share in ANCHOR_SHARES
         ]
-        for kind, choices in (("positions", None), ("coefficients", COEFFICIENTS))
+        for kind, choices in KINDS_OF_ANCHORS.items()
     }
     vertex_bits = {
         str(bits): [
@@ -277,9 +271,12 @@ def choice_figures(sequence: MeshSequence) -> dict[str, Any]:
         ]
         for bits in VERTEX_BITS
     }
-    name = sequence.name
-    print(name, flush=True)
-    return {"name": name, "laplacians": curves, "anchors": shares, "vertex_bits": vertex_bits}
+    return {
+        "name": sequence.name,
+        "laplacians": curves,
+        "anchors": shares,
+        "vertex_bits": vertex_bits,
+    }
 
 
 MODES = 20
@@ -288,11 +285,20 @@ ANCHOR_SHARES = (0.0, 0.005, 0.01, 0.03, 0.1)
 VERTEX_BITS = (9, 10, 11, 12, 13)
 
 
+KINDS_OF_ANCHORS = {"positions": None, "coefficients": COEFFICIENTS}
+"""Choices of the paper's methods by the coded values of anchors."""
+
+
 def point(sequence: MeshSequence, method: str, **options: Any) -> dict[str, float]:
     """Rate of a stream without vertex order, and its errors."""
-    data = meshreel.encode(sequence, method, order="drop", **options)
-    kept = meshreel.decode(meshreel.encode(sequence, method, **options))
-    quality = meshreel.compare(sequence, kept)
+    smallest = meshreel.info(meshreel.encode(sequence, method, order="drop", **options))
+    figures = figures_of(sequence, meshreel.encode(sequence, method, **options))
+    return {**figures, "rate_bpvf": smallest.rate_bpvf}
+
+
+def figures_of(sequence: MeshSequence, data: bytes) -> dict[str, float]:
+    """Rate and errors of a stream."""
+    quality = meshreel.compare(sequence, meshreel.decode(data))
     return {
         "rate_bpvf": meshreel.info(data).rate_bpvf,
         "kg_error_percent": quality.kg_error_percent,
@@ -306,17 +312,12 @@ MORE_ANCHORS = (0.03, 0.1)
 
 def check_figures() -> dict[str, Any]:
     """Rates and errors of the small flag, by method."""
-    flag, found = meshreel.simulate_flag(CHECK_FRAMES), {}
-    for method, options in CHECKED.items():
-        data = meshreel.encode(flag, method, **options)
-        quality = meshreel.compare(flag, meshreel.decode(data))
-        found[method] = {
-            "options": options,
-            "rate_bpvf": meshreel.info(data).rate_bpvf,
-            "kg_error_percent": quality.kg_error_percent,
-            "sted": quality.sted,
-        }
-    return {"n_frames": CHECK_FRAMES, "methods": found}
+    flag = meshreel.simulate_flag(CHECK_FRAMES)
+    methods = {
+        method: {"options": options, **figures_of(flag, meshreel.encode(flag, method, **options))}
+        for method, options in CHECKED.items()
+    }
+    return {"n_frames": CHECK_FRAMES, "methods": methods}
 
 
 CHECKED: dict[str, dict[str, Any]] = {
@@ -343,33 +344,26 @@ def main() -> None:
     if arguments.what == "checks":
         store("checks", check_figures())
         return
-    sequences = [meshreel.load(given) for given in arguments.inputs]
-    sequences = [sequence.replace(tracks={}) for sequence in sequences]
+    sequences = [meshreel.load(path).replace(tracks={}) for path in arguments.inputs]
     if arguments.flag:
         sequences.append(meshreel.simulate_flag(arguments.flag))
-    if arguments.what == "codecs":
-        found = []
-        for sequence in sequences:
-            print(sequence.name, flush=True)
-            found.append(codec_figures(sequence, arguments.work, arguments.reference))
-        store("codecs", {"sequences": found})
-        return
-    if arguments.what == "questions":
-        answers = [question_figures(sequence, arguments.work) for sequence in sequences]
-        store("questions", {"sequences": answers})
-        return
-    if arguments.what == "choices":
-        store("choices", {"sequences": [choice_figures(sequence) for sequence in sequences]})
-        return
+    measures: dict[str, Callable[[MeshSequence], dict[str, Any]]] = {
+        "paper": partial(paper_figures, folder=arguments.work),
+        "codecs": partial(codec_figures, folder=arguments.work, reference=arguments.reference),
+        "questions": partial(question_figures, folder=arguments.work),
+        "choices": choice_figures,
+    }
     figures: dict[str, Any] = {"sequences": []}
     for sequence in sequences:
         print(sequence.name, flush=True)
-        figures["sequences"].append(paper_figures(sequence, arguments.work))
-        if sequence.name == "samba":
-            figures["printed_preset"] = printed_preset(sequence, arguments.work)
-    figures["anchors"] = anchor_rows(sequences)
-    figures["large_mesh"] = large_mesh(arguments.work)
-    store("paper", figures)
+        figures["sequences"].append(measures[arguments.what](sequence))
+    if arguments.what == "paper":
+        for sequence in sequences:
+            if sequence.name == "samba":
+                figures["printed_preset"] = printed_preset(sequence, arguments.work)
+        figures["anchors"] = anchor_rows(sequences)
+        figures["large_mesh"] = large_mesh(arguments.work)
+    store(arguments.what, figures)
 
 
 if __name__ == "__main__":

@@ -16,10 +16,8 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.codecs.peers.protocol import is_available
-from meshreel.evaluation.tracks.measure import TrackInput, level_of
-from meshreel.evaluation.tracks.peers import TRACK_PEERS
-from meshreel.evaluation.tracks.study import TrackStudy, with_track_alone
+from meshreel.evaluation.track_peers import TRACK_PEERS
+from meshreel.evaluation.tracks import TrackInput, level_of, track_runs, with_track_alone
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.runtime.progress import silent
 
@@ -44,11 +42,10 @@ def rows(sequence: meshreel.MeshSequence) -> list[list[Any]]:
     """For each track, bytes of our codec and the others at the same bound, and our seconds."""
     cells = []
     for name in sequence.tracks:
-        study = TrackStudy(name)
-        track_input = TrackInput(with_track_alone(sequence, name), name)
-        track = track_input.track
+        source = TrackInput(with_track_alone(sequence, name), name)
+        track = source.track
         level = level_of("0.5deg" if track.kind == "normal" else "0.1%", track)
-        runs = study.runs(track_input, [level])
+        runs = track_runs(source, [level], TRACK_PEERS)
         figures = [run.measure(silent).figures for run in runs]
         ours, *others = figures
         sizes = [other["size_bytes"] for other in others]
@@ -69,7 +66,7 @@ def main() -> None:
     if not sequences:
         simulate = runpy.run_path(str(SIMULATION))["simulate"]
         sequences = {"sphere": simulate(arguments.vertices, arguments.frames)}
-    others = [peer.name for peer in TRACK_PEERS if is_available(peer)]
+    others = [peer.name for peer in TRACK_PEERS if peer.package.is_available]
     head = ["track", "positions", "bytes", *others, "of the best", "encoding, s", "decoding, s"]
     print("| " + " | ".join(head) + " |")
     print("|" + len(head) * "---|")

@@ -23,12 +23,11 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.runs.timing import machine_facts, machine_line
+from measuring import machine_text, print_table, store
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.folder import write_vat
 from meshreel.formats.vat.textures import TexelType, read_texture, texel_type_of
-from speed_tables import table
 
 COPIES = 100
 """Copies in the crowd."""
@@ -207,7 +206,7 @@ def main() -> None:
     )  # fmt: skip
     parser.add_argument("--out", type=Path, help="a JSON file for the figures")
     options = parser.parse_args()
-    print(f"{machine_line(machine_facts())}\n")
+    print(f"{machine_text()}\n")
     figures = {}
     for path in options.files:
         sequence = meshreel.load(path)
@@ -215,11 +214,9 @@ def main() -> None:
             sequence = sequence.replace(fps=25.0)
         measured = list(costs(sequence, options.max_error))
         print(f"{path.name}: {sequence.n_verts} vertices, {sequence.n_frames} frames\n")
-        print(table(HEADER, map(row, measured)), end="\n\n")
+        print_table("", HEADER, map(row, measured))
         figures[path.name] = list(map(asdict, measured))
-    if options.out:
-        about = {"machine": machine_facts(), "max_error": options.max_error, "figures": figures}
-        options.out.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    store(options.out, max_error=options.max_error, figures=figures)
 
 
 if __name__ == "__main__":

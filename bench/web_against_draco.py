@@ -17,7 +17,6 @@ that of a `.reel` with default quality; the second `.reel` has the largest error
 """
 
 import argparse
-import json
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,8 +28,7 @@ import DracoPy
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.runs.timing import machine_facts, machine_line
-from speed_tables import table
+from measuring import machine_text, print_table, store
 from web_browser import bundled, opened, page_files, served
 
 UVOL_BITS = 11
@@ -190,17 +188,15 @@ def main() -> None:
                 rounds[way.name].append(measure(url, way, sequence))
                 print(way.name, rounds[way.name][-1], flush=True)
     medians = {
-        name: {key: median(one[key] for one in runs) for key in runs[0]}
+        name: {key: median(run[key] for run in runs) for key in runs[0]}
         for name, runs in rounds.items()
     }
     print(f"\n**{options.file.stem}**: {sequence.n_frames} frames of {sequence.n_verts} vertices, "
           f"{options.fps:g} a second. Medians of {options.rounds} rounds. A still picture takes "
           f"{still:.2f} ms of the main thread in the time of a frame. "
-          f"{machine_line(machine_facts())}.\n")  # fmt: skip
-    print(table(["", *(way.name for way in columns)], rows(columns, medians)))
-    if options.out:
-        facts = {"machine": machine_facts(), "still_ms": still, "rounds": rounds}
-        options.out.write_text(json.dumps(facts, indent=2) + "\n")
+          f"{machine_text()}\n")  # fmt: skip
+    print_table("", ["", *(way.name for way in columns)], rows(columns, medians))
+    store(options.out, still_ms=still, rounds=rounds)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ quiet. Build the package first: `npm run build` in npm/.
 """
 
 import argparse
-import json
 import shutil
 import threading
 import time
@@ -22,8 +21,7 @@ from statistics import median, quantiles
 from typing import Any
 
 import meshreel
-from meshreel.evaluation.runs.timing import machine_facts, machine_line
-from speed_tables import table
+from measuring import machine_text, print_table, store
 
 ROOT = Path(__file__).parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -157,12 +155,10 @@ def main() -> None:
     info = meshreel.info(stream)
     print(
         f"**{info.name}**: {info.n_frames} frames of {info.n_verts} vertices, {len(stream)} bytes. "
-        f"Medians of {options.pages} cold pages. {machine_line(machine_facts())}.\n"
+        f"Medians of {options.pages} cold pages. {machine_text()}\n"
     )
-    print(table(HEADER, rows))
-    if options.out:
-        about = {"machine": machine_facts(), "stream_bytes": len(stream)}
-        options.out.write_text(json.dumps({**about, "results": results}, indent=2) + "\n")
+    print_table("", HEADER, rows)
+    store(options.out, stream_bytes=len(stream), results=results)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ static picture. Build the package first (`npm run build` in `npm/`), and install
 """
 
 import argparse
-import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,8 +16,7 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from meshreel.evaluation.runs.timing import machine_facts, machine_line
-from speed_tables import table
+from measuring import machine_text, print_table, store
 from web_browser import MeasuredPage, bundled, opened, page_files, served
 
 DURATION_S = 10
@@ -98,18 +96,16 @@ def main() -> None:
     n_blocks = len(meshreel.info(data).block_frames)
     print(f"\n**{options.file.stem}**: {sequence.n_frames} frames of {sequence.n_verts} vertices, "
           f"{n_blocks} blocks, {len(data) / 1e6:.3f} MB; fields of a block {fields_mb:.2f} MB. "
-          f"{machine_line(machine_facts())}.\n")  # fmt: skip
+          f"{machine_text()}\n")  # fmt: skip
     lines = [
-        [one["after"], f"{one['process_mb'] - before['process_mb']:.1f}", f"{one['gl_mb']:.2f}"]
-        for one in played
+        [peak["after"], f"{peak['process_mb'] - before['process_mb']:.1f}", f"{peak['gl_mb']:.2f}"]
+        for peak in played
     ]
-    print(table(["after", "MB more than without", "MB of WebGL"], lines) + "\n")
+    print_table("", ["after", "MB more than without", "MB of WebGL"], lines)
     titles = ["", *(key.replace("_", " ") for key in smooth["plays"])]
-    lines = [[how, *(f"{one:.4g}" for one in found.values())] for how, found in smooth.items()]
-    print(table(titles, lines))
-    if options.out:
-        facts = {"machine": machine_facts(), "fields_mb": fields_mb, "before": before}
-        options.out.write_text(json.dumps({**facts, "memory": played, **smooth}, indent=2) + "\n")
+    rows = ([how, *(f"{figure:.4g}" for figure in each.values())] for how, each in smooth.items())
+    print_table("", titles, rows)
+    store(options.out, fields_mb=fields_mb, before=before, memory=played, **smooth)
 
 
 if __name__ == "__main__":

@@ -12,8 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from meshreel.paper.study.figures.panels import save_for_print
-from meshreel.rendering.plots import blank_figure
+from meshreel.rendering.plots import blank_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -167,7 +166,7 @@ def draw_pipeline(path: Path) -> None:
         _draw_step(axes, step)
     _draw_encoder_arrows(axes)
     _draw_decoder_arrows(axes)
-    save_for_print(figure, path)
+    save_figure(figure, path, overwrite=True, dpi=240)
 
 
 def equations_text(equations: tuple[str, ...]) -> str:

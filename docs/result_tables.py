@@ -16,10 +16,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from meshreel.evaluation.rate_distortion import bd_rate
 from meshreel.paper.study.findings import CLAIMS
 from meshreel.paper.study.tables import printed_rates, printed_seconds
 from meshreel.rendering.documents import Table, number, significant
+from meshreel.studies.rate_distortion import bd_rate
 
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "bench"))

@@ -5,8 +5,8 @@
     python release/version.py --set 1.0.0   # writes all copies
     python release/version.py --notes       # prints the changes of this version
 
-The version is that of `src/meshreel/__init__.py`; the address is `Repository` in `[project.urls]`
-of `pyproject.toml`. A test compares them.
+The version is that of `src/meshreel/runtime/version.py`; the address is `Repository` in
+`[project.urls]` of `pyproject.toml`. A test compares them.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-SOURCE = "src/meshreel/__init__.py"
+SOURCE = "src/meshreel/runtime/version.py"
 VERSION = r"\d+\.\d+\.\d+"
 COPIES = {
     SOURCE: rf'^__version__ = "({VERSION})"$',

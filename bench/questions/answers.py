@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.evaluation.rate_distortion import Point, bd_rate, lower_envelope, rate_at_error
-from meshreel.evaluation.runs.store import Result
 from meshreel.paper.sweeps import BITS, MODES
+from meshreel.studies.rate_distortion import Point, bd_rate, lower_envelope, rate_at_error
+from meshreel.studies.runs import Result
 from questions.search import ERRORS, SEARCHES
 
 RATES = (0.25, 0.5, 1.0, 2.0)

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from meshreel.evaluation.plots import plain_ticks, tidy
-from meshreel.evaluation.runs.store import Result
-from meshreel.paper.study.figures.panels import save_for_print
 from meshreel.paper.sweeps import BITS, MODES
-from meshreel.rendering.plots import blank_figure
+from meshreel.rendering.plots import blank_figure, save_figure
+from meshreel.studies.plots import plain_ticks, tidy
+from meshreel.studies.runs import Result
 from questions.answers import envelope, rows_answer, shown_knee
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ def draw_rows(figures: Result, path: Path) -> None:
     axes_of[-1].set_xlabel("bits per vertex and frame, order dropped")
     handles, labels = axes_of[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right center", frameon=False)
-    save_for_print(figure, path)
+    save_figure(figure, path, overwrite=True, dpi=240)
 
 
 def _pairs(points: Sequence[dict[str, Any]], error: str) -> list[tuple[float, float]]:

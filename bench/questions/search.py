@@ -9,7 +9,6 @@ import numpy as np
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.evaluation.runs.store import Outcome, Run, finite
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.sted import sted
@@ -18,6 +17,7 @@ from meshreel.paper.stream import read
 from meshreel.paper.sweeps import ANCHORS, BITS, MODES
 from meshreel.paper.variants import TRACKED_BLOCK_FRAMES
 from meshreel.runtime.progress import Progress
+from meshreel.studies.runs import Outcome, Run, finite
 from questions.anchor_choices import ANCHOR_CHOICES, table_stream
 
 ROWS = (2, 3, 5, 8, 12, 20, 30, 50, 80)

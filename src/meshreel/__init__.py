@@ -31,6 +31,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from meshreel import methods as _methods  # noqa: F401  registers the coding methods
+from meshreel.runtime.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from meshreel import paper as paper
@@ -63,7 +64,6 @@ if TYPE_CHECKING:
     from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
     from meshreel.model.tracks import Track, TrackKind
 
-__version__ = "0.1.0"
 
 __all__ = [
     "AlphaMode",

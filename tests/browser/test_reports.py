@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import meshreel
-from meshreel.evaluation.surfaces import measure
+from meshreel.evaluation import surfaces
 from samples.commands import run
 from samples.figures import coarse_figures
 from samples.meshes import waving_grid
@@ -54,7 +54,7 @@ def inputs(tmp_path_factory):
 
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_reports_fit_a_phone(kind, inputs, new_page, monkeypatch, few_grid_lines):
-    monkeypatch.setattr(measure, "N_SAMPLES", 300)
+    monkeypatch.setattr(surfaces, "N_SAMPLES", 300)
     with coarse_figures():
         done = run(*COMMANDS[kind], cwd=inputs)
     assert done.returncode == (kind == "batch"), done.stderr  # one of its inputs is broken

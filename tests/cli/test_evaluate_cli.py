@@ -6,8 +6,8 @@ import sys
 import pytest
 
 import meshreel
-from meshreel.evaluation.codecs.results import COLUMNS
-from meshreel.evaluation.surfaces import measure
+from meshreel.evaluation import surfaces
+from meshreel.evaluation.recorded import COLUMNS
 from meshreel.model.flag import simulate_flag
 from samples import commands
 from samples.commands import assert_fails
@@ -32,7 +32,7 @@ def test_evaluate_writes_a_report(grid, tmp_path):
     assert done.returncode == 0, done.stderr
     (sequence,) = json.loads(done.stdout)["sequences"]
     assert {result["codec"] for result in sequence["measured"]} == {"v2v", "draco", "npz"}
-    assert [point["codec"] for point in sequence["recorded"]] == ["famc"]
+    assert [point["codec"] for point in sequence["recorded"]] == ["famc (recorded)"]
     command = (
         "meshreel evaluate grid.npz --out codecs --methods v2v --peers draco,npz "
         "--reference rd.csv --quick"
@@ -128,7 +128,7 @@ def test_evaluate_fails_with_one_line_when_a_track_cannot_be_measured(
 
 
 def test_evaluate_measures_surfaces_if_faces_change(tmp_path, monkeypatch, few_grid_lines):
-    monkeypatch.setattr(measure, "N_SAMPLES", 300)
+    monkeypatch.setattr(surfaces, "N_SAMPLES", 300)
     for name, rows in (("a", 6), ("b", 5)):
         flag = simulate_flag(2, n_rows=rows, n_columns=7)
         meshreel.save(flag, tmp_path / "frames" / f"{name}_%d.ply")

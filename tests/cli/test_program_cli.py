@@ -69,7 +69,8 @@ REGISTRY = {"meshreel.methods", "meshreel.codec", "meshreel.codec.methods"}
 def test_version_imports_no_heavy_modules():
     modules = imported("--version")
     ours = {name for name in modules if name.startswith("meshreel.")}
-    light = {"meshreel.errors", "meshreel.app", *REGISTRY}
+    version = {"meshreel.runtime", "meshreel.runtime.version"}
+    light = {"meshreel.errors", "meshreel.app", *version, *REGISTRY}
     assert {name for name in ours if not name.startswith("meshreel.app.cli")} == light
     assert not HEAVY & modules
 
@@ -132,16 +133,17 @@ def test_completion_offers_files_extensions_and_names(offered, line, expected):
 
 
 def test_names_in_help_equal_those_of_the_evaluation():
-    from meshreel.evaluation.codecs.measure import CODED_METHODS, DEFAULT_METHODS
-    from meshreel.evaluation.codecs.peers.protocol import PEER_NAMES
-    from meshreel.evaluation.tracks.peers import TRACK_PEER_NAMES
-    from meshreel.paper.sweeps import METHOD_NAMES, PRESETS
+    from meshreel.codec.methods import METHOD_NAMES
+    from meshreel.evaluation.positions import DEFAULT_METHODS, PEERS
+    from meshreel.evaluation.track_peers import TRACK_PEERS
+    from meshreel.paper import sweeps
+    from meshreel.paper.sweeps import PRESETS
 
-    assert evaluate.METHODS.split(", ") == [*CODED_METHODS]
+    assert evaluate.METHODS.split(", ") == [*METHOD_NAMES]
     assert evaluate.DEFAULT.split(",") == [*DEFAULT_METHODS]
-    assert evaluate.PEERS.split(",") == [*PEER_NAMES]
-    assert evaluate.TRACK_PEERS.split(",") == [*TRACK_PEER_NAMES]
-    assert paper.METHODS.split(",") == [*METHOD_NAMES]
+    assert evaluate.PEERS.split(",") == [peer.name for peer in PEERS]
+    assert evaluate.TRACK_PEERS.split(",") == [peer.name for peer in TRACK_PEERS]
+    assert paper.METHODS.split(",") == [*sweeps.METHOD_NAMES]
     assert tuple(PRESETS) == paper.PRESET_NAMES
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 import meshreel
-from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.formats.load import load
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.study.measure import variant_run
 from meshreel.paper.study.results import PaperResults
 from meshreel.paper.study.tables import rate_table
 from meshreel.paper.sweeps import PRESETS, variants
+from meshreel.studies.runs import Store, result_of
 
 pytestmark = [
     pytest.mark.real,

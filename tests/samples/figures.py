@@ -12,7 +12,7 @@ COARSE_PANEL_PX = 100
 def coarse_figures():
     """Draw figures at low resolution; at print resolution they dominate a report's time."""
     matplotlib = pytest.importorskip("matplotlib.figure", reason="needs matplotlib")
-    from meshreel.paper.study.figures import panels
+    from meshreel.paper.study.figures import meshes
 
     save = matplotlib.Figure.savefig
     with pytest.MonkeyPatch.context() as patch:
@@ -21,5 +21,5 @@ def coarse_figures():
             "savefig",
             lambda figure, *args, **options: save(figure, *args, **{**options, "dpi": COARSE_DPI}),
         )
-        patch.setattr(panels, "MAX_PANEL_PX", COARSE_PANEL_PX)
+        patch.setattr(meshes, "PANEL_PX", COARSE_PANEL_PX)
         yield

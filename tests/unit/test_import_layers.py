@@ -78,6 +78,14 @@ def forbidden(unit, source):
     }
 
 
+def imports_the_root(source):
+    """Whether a source imports names from the package, which imports everything."""
+    return any(
+        isinstance(node, ast.ImportFrom) and node.module == "meshreel"
+        for node in statements(ast.parse(source))
+    )
+
+
 def name_of(path):
     return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
 
@@ -87,7 +95,16 @@ FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__in
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_module_imports_point_downward(path):
-    assert forbidden(unit_of(name_of(path)), path.read_text(encoding="utf-8")) == set()
+    source = path.read_text(encoding="utf-8")
+    assert forbidden(unit_of(name_of(path)), source) == set()
+    assert not imports_the_root(source)
+
+
+@pytest.mark.parametrize(("unit", "other"), [("paper", "evaluation"), ("evaluation", "paper")])
+def test_evaluation_and_paper_do_not_import_each_other(unit, other):
+    names = [path for path in FILES if name_of(path).startswith(unit)]
+    units = [imported_units(path.read_text(encoding="utf-8")) for path in names]
+    assert not {found.partition(".")[0] for found in set().union(*units)} & {other}
 
 
 def test_every_module_is_in_the_tables():

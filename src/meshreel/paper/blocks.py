@@ -9,7 +9,6 @@ from meshreel.codec.bitstream.container import read_varint, write_block_counts, 
 from meshreel.codec.bitstream.layout import Section
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.kernel.integers import decode_integers, encode_integers
-from meshreel.paper import blocks
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Anchors, CodedBlock, Quantized
 from meshreel.paper.quantization import Steps
@@ -147,15 +146,15 @@ def write_coded_block(
             basis = Quantized(basis.integers - reference.integers, basis.steps)
         is_tracked = method.basis is Basis.TRACKED
         kind = bytes([reference is not None]) if is_tracked else b""
-        yield Section.BASIS, kind + blocks.write_curves(basis)
+        yield Section.BASIS, kind + write_curves(basis)
     if block.anchors is not None and block.anchors.coefficients is not None:
         has_residuals = bytes([block.anchors.residuals is not None])
-        yield Section.ANCHORS, has_residuals + blocks.write_rows(block.anchors.coefficients)
+        yield Section.ANCHORS, has_residuals + write_rows(block.anchors.coefficients)
     if block.anchors is not None and block.anchors.residuals is not None:
-        yield Section.ANCHOR_RESIDUALS, blocks.write_curves(block.anchors.residuals)
+        yield Section.ANCHOR_RESIDUALS, write_curves(block.anchors.residuals)
     if exact:
         yield Section.EXACT, exact
-    yield Section.COEFFICIENTS, blocks.write_rows(block.coefficients)
+    yield Section.COEFFICIENTS, write_rows(block.coefficients)
 
 
 class Dictionaries:
@@ -197,7 +196,7 @@ class Dictionaries:
 
 
 def _read_dictionary(stored: StoredBlock, payload: bytes) -> Quantized:
-    return blocks.read_curves(payload, stored.n_modes, stored.n_frames)
+    return read_curves(payload, stored.n_modes, stored.n_frames)
 
 
 def _read_tracked_dictionary(stored: StoredBlock, before: Quantized | None) -> Quantized:
@@ -232,7 +231,7 @@ def read_coded_block(
     """Read the integers of a block of the paper's variants, given its dictionary."""
     n_modes, on_graph = stored.n_modes, method.basis is Basis.GRAPH
     row_length = stored.n_frames if on_graph else mesh.n_verts
-    coefficients = blocks.read_rows(stored.payload(Section.COEFFICIENTS), n_modes, row_length)
+    coefficients = read_rows(stored.payload(Section.COEFFICIENTS), n_modes, row_length)
     anchors = _read_anchors(stored, len(mesh.anchors), method) if method.has_anchors else None
     return CodedBlock(basis, anchors, coefficients)
 
@@ -244,11 +243,11 @@ def _read_anchors(stored: StoredBlock, n_anchors: int, method: Variant) -> Ancho
         payload = stored.payload(Section.ANCHORS)
         if payload[:1] not in (b"\0", b"\1"):
             raise CorruptStreamError("anchors begin with neither 0 nor 1, which residuals follow")
-        coefficients = blocks.read_rows(payload[1:], stored.n_modes, n_anchors)
+        coefficients = read_rows(payload[1:], stored.n_modes, n_anchors)
         has_residuals = payload[0] == 1
     if has_residuals:
         if method.decoding is not Decoding.ANCHORED:
             raise CorruptStreamError(f"a block of {method.name} has residuals of anchors")
         payload = stored.payload(Section.ANCHOR_RESIDUALS)
-        residuals = blocks.read_curves(payload, n_anchors, stored.n_frames)
+        residuals = read_curves(payload, n_anchors, stored.n_frames)
     return Anchors(coefficients, residuals)

@@ -2,15 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
-from meshreel.kernel.frames import JointFrames
-from meshreel.paper.subspace.basis import expand
 from meshreel.runtime.threads import chunks, in_threads
 
 Vertices = npt.NDArray[np.floating]
@@ -20,35 +17,6 @@ CHUNK_BYTES = 1 << 22
 
 FramesOf = Callable[[slice], Floats]
 """Returns coordinate matrices of shape (3, frames, V) for a slice of the frames of a block."""
-
-
-@dataclass(frozen=True)
-class ProductFrames:
-    """Frames as the product of a basis and coefficients, a `FramesOf`.
-
-    Attributes
-    ----------
-    basis : float64 array of shape (3, T, K)
-    coefficients : float64 array of shape (3, K, V), or (1, K, V) for all axes
-    """
-
-    basis: Floats
-    coefficients: Floats
-
-    def __call__(self, frames: slice) -> Floats:
-        """Return coordinate matrices of shape (3, frames, V) of a range of frames."""
-        if len(self.coefficients) == 1:
-            return self._joint(frames)
-        return expand(self.basis[:, frames], self.coefficients)
-
-    @cached_property
-    def _joint(self) -> JointFrames:
-        return JointFrames(self.basis, self.coefficients[0].T)
-
-
-def product_frames(basis: Floats, coefficients: Floats) -> ProductFrames:
-    """Return the product of a basis and coefficients, which are copied if not contiguous."""
-    return ProductFrames(basis, np.ascontiguousarray(coefficients))
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,6 @@ from meshreel.arrays import Floats, Integers
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces
-from meshreel.runtime.threads import chunks, in_threads
-
-RELATIVE_RIDGE = 1e-3
-"""Ridge of reproducing weights, as a fraction of the neighbors' mean squared distance."""
-
-CHUNK_VERTICES = 1024
-"""Number of vertices whose weights are computed at once."""
 
 MIN_COTANGENT_WEIGHT, MAX_COTANGENT_WEIGHT = 0.05, 20.0
 """Bounds of a cotangent weight: obtuse triangles make it negative, and slivers huge."""
@@ -154,71 +147,3 @@ def delta_coordinates(laplacian: csr_array, columns: npt.NDArray[np.floating]) -
             f"the Laplacian has {laplacian.shape[1]} vertices; got {columns.shape[0]} rows"
         )
     return np.asarray(laplacian @ np.asarray(columns, np.float64))
-
-
-def reproducing_laplacian(adjacency: csr_array, fields: Floats, noise: float) -> csr_array:
-    """Laplacian ``I - W`` whose weights reproduce known fields on the mesh.
-
-    The weights of a vertex sum to 1 and approximate its value in every field by the weighted mean
-    of its neighbors' values, in the least-squares sense. Fields that vary over the mesh like the
-    known ones then have small deltas for any sampling of the mesh: deltas of uniform weights
-    contain the sampling, and those of cotangent weights, which come from one frame, contain the
-    bending.
-
-    Weights that fit noise in the fields would propagate it; a ridge keeps them nearly equal where
-    the fields do not determine them.
-
-    Parameters
-    ----------
-    adjacency : csr_array of shape (V, V)
-        Binary, symmetric, with an empty diagonal.
-    fields : float64 array of shape (V, K)
-        Without columns, all weights of a vertex are equal: the normalized uniform Laplacian.
-    noise : float
-        Variance of the noise in each field, times the strength of the ridge.
-
-    Returns
-    -------
-    csr_array of shape (V, V); rows sum to zero, and are empty for isolated vertices.
-
-    References
-    ----------
-    S. T. Roweis, L. K. Saul, "Nonlinear dimensionality reduction by locally linear embedding",
-    Science 290, 2000: the weights of its first step.
-    """
-    degrees = np.diff(adjacency.indptr)
-    weights = np.zeros(len(adjacency.indices))
-
-    def fill(vertices: npt.NDArray[np.int64]) -> None:
-        entries = adjacency.indptr[vertices][:, None] + np.arange(degrees[vertices[0]])
-        offsets = fields[adjacency.indices[entries]] - fields[vertices][:, None, :]
-        weights[entries] = _reproducing_weights(offsets, noise)
-
-    in_threads(fill, _by_degree(degrees))
-    mean = csr_array((weights, adjacency.indices, adjacency.indptr), shape=adjacency.shape)
-    return csr_array(diags_array((degrees > 0).astype(np.float64)) - mean)
-
-
-def _by_degree(degrees: npt.NDArray[np.integer]) -> list[npt.NDArray[np.int64]]:
-    """Vertices with neighbors, in groups of equal degree."""
-    pieces = []
-    for degree in np.unique(degrees[degrees > 0]):
-        vertices = np.flatnonzero(degrees == degree)
-        pieces += [vertices[piece] for piece in chunks(len(vertices), CHUNK_VERTICES)]
-    return pieces
-
-
-def _reproducing_weights(offsets: Floats, noise: float) -> Floats:
-    """Weights of shape (N, d) for offsets of d neighbors, of shape (N, d, K).
-
-    They are (Z Z^T + r I)^-1 1 up to a factor, computed from a K by K system (Woodbury), because a
-    vertex can have any number of neighbors.
-    """
-    n_neighbors, n_fields = offsets.shape[1:]
-    spread = np.einsum("ijk,ijk->i", offsets, offsets) / n_neighbors
-    ridge = RELATIVE_RIDGE * spread + noise * n_fields
-    ridge = np.where(ridge > 0, ridge, 1.0)
-    inner = np.swapaxes(offsets, 1, 2) @ offsets + ridge[:, None, None] * np.eye(n_fields)
-    solved = np.linalg.solve(inner, offsets.sum(axis=1)[:, :, None])
-    weights = 1.0 - (offsets @ solved)[:, :, 0]
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True))

@@ -10,7 +10,7 @@ from meshreel.arrays import Floats, Integers
 from meshreel.codec.paper_options import FINE_BITS, Allocation, PaperOptions
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
-from meshreel.paper.decoded_block import FramesOf, product_frames
+from meshreel.paper.decoded_block import FramesOf
 from meshreel.paper.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization import (
@@ -252,11 +252,11 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
         # Anchors keep the modes that a truncated block drops.
         fields = np.pad(fields, ((0, 0), (0, values.shape[1] - fields.shape[1]), (0, 0)))
         fields = _solve(mesh, fields, values)
-    product = product_frames(basis[:, :, : fields.shape[1]], fields[:, :, order])
+    basis, fields = basis[:, :, : fields.shape[1]], np.ascontiguousarray(fields[:, :, order])
     if block.anchor_residuals is None:
-        return product
+        return lambda frames: expand(basis[:, frames], fields)
     residual_frames = _residual_frames(mesh, block.anchor_residuals, order)
-    return lambda frames: product(frames) + residual_frames(frames)
+    return lambda frames: expand(basis[:, frames], fields) + residual_frames(frames)
 
 
 def modes_needed(

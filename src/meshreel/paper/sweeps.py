@@ -1,7 +1,9 @@
 """Settings of the streams in the paper's evaluation: variants, alternatives and rate sweeps."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 from meshreel.codec.options import config_of
@@ -10,6 +12,9 @@ from meshreel.errors import InvalidInputError
 from meshreel.paper.choices import choices_of
 from meshreel.paper.settings import ineffective_choices
 from meshreel.paper.variants import TRACKED_BLOCK_FRAMES, equal_blocks
+
+METHOD_NAMES = ("pca", "pca-q", "v2v", "pca-qs", "pca-qp", "blocks", "gft")
+WITHOUT_ANCHORS = METHOD_NAMES[:3]
 
 MODES, BITS, ANCHORS = 20, 8, 0.01
 FEW_ANCHORS = 0.005
@@ -49,6 +54,7 @@ CHOICE_NAMES = {
 
 
 _DEFAULTS = {"choices": "", "laplacian": "normalized", "allocation": Allocation.ENERGY.value}
+_USUAL = tuple(_DEFAULTS.values())
 
 
 @dataclass(frozen=True)
@@ -86,11 +92,9 @@ class Setting:
         """The stem of its files."""
         modes = "default" if self.n_modes is None else self.n_modes
         frames = "all" if self.block_frames is None else self.block_frames
-        suffix = "".join(
-            f"_{text.replace('=', '-').replace(',', '_')}"
-            for text in (self._all_choices, self.laplacian, self.allocation)
-            if text and text not in (_DEFAULTS["laplacian"], _DEFAULTS["allocation"])
-        )
+        others = [self._all_choices]
+        others += [value for value in (self.laplacian, self.allocation) if value not in _USUAL]
+        suffix = "".join(f"_{re.sub('[=,]', '-', text)}" for text in others if text)
         return (
             f"{self.method}_modes-{modes}_bits-{self.bits}_anchors-{self.anchors:g}"
             f"_frames-{frames}{suffix}"
@@ -110,6 +114,8 @@ class Setting:
         """Keyword arguments of `meshreel.encode`."""
         options = {name: value for name, value in asdict(self).items() if value is not None}
         del options["shared"]
+        if self.method in WITHOUT_ANCHORS:
+            del options["anchors"]
         options["choices"] = self._all_choices
         return {name: value for name, value in options.items() if value != _DEFAULTS.get(name)}
 
@@ -152,7 +158,7 @@ class TableSettings:
 
     def setting(self, method: str) -> Setting:
         """The setting of a variant for a long sequence."""
-        has_anchors = method not in ("pca", "pca-q", "v2v")
+        has_anchors = method not in WITHOUT_ANCHORS
         setting = Setting(
             method=method,
             n_modes={"blocks": self.block_modes, "gft": None}.get(method, self.modes),
@@ -161,7 +167,7 @@ class TableSettings:
             block_frames=TRACKED_BLOCK_FRAMES if method == "blocks" else None,
             allocation=Allocation.ENERGY.value if method == "gft" else self.allocation,
         )
-        return _with(setting, shared=_effective(self.choices, method))
+        return replace(setting, shared=_effective(self.choices, method))
 
 
 AS_PRINTED = TableSettings(
@@ -177,8 +183,6 @@ each block of 25 frames, take .7314, .1829, .4571 and .32 if every row uses all 
 
 DEFAULTS = TableSettings()
 PRESETS = {"usual": DEFAULTS, "printed": AS_PRINTED}
-
-METHOD_NAMES = ("pca", "pca-q", "v2v", "pca-qs", "pca-qp", "blocks", "gft")
 
 _ALTERNATIVES = (
     ("pca-q", QUANTIZED_DELTAS),
@@ -218,7 +222,7 @@ def variants(
     for method in METHOD_NAMES:
         setting = table.setting(method)
         if method == "pca-qp" and table.anchors == ANCHORS:
-            settings.append(_with(setting, anchors=FEW_ANCHORS))
+            settings.append(replace(setting, anchors=FEW_ANCHORS))
         settings.append(setting)
     return [_fit(setting, n_frames) for setting in settings if setting.method in methods]
 
@@ -230,13 +234,13 @@ def alternatives(
     settings = []
     for method, choices in _ALTERNATIVES:
         if method in methods:
-            setting = _with(table.setting(method), choices=choices)
+            setting = replace(table.setting(method), choices=choices)
             if choices == QUANTIZED_DELTAS:  # deltas of all frames have one step
-                setting = _with(setting, allocation=_DEFAULTS["allocation"])
+                setting = replace(setting, allocation=_DEFAULTS["allocation"])
             settings.append(_fit(setting, n_frames))
     if "pca-qp" in methods:
         settings += [
-            _fit(_with(table.setting("pca-qp"), laplacian=laplacian), n_frames)
+            _fit(replace(table.setting("pca-qp"), laplacian=laplacian), n_frames)
             for laplacian in ("combinatorial", "cotangent")
         ]
     existing = {setting.key for setting in variants(n_frames, methods, table)}
@@ -258,7 +262,7 @@ def sweep(
     rates = _QUICK_SWEEP if quick else _SWEEP
     defaults = {method: DEFAULTS.setting(method) for method in rates}
     points = [
-        _with(defaults[method], n_modes=modes, bits=bits, choices=choices)
+        replace(defaults[method], n_modes=modes, bits=bits, choices=choices)
         for method, (mode_counts, bit_counts) in rates.items()
         if method in methods
         for choices in (("", COEFFICIENTS) if defaults[method].anchors else ("",))
@@ -269,6 +273,17 @@ def sweep(
         counts = [max(1, round(share * n_verts)) for share in LOW_FREQUENCIES]
         points += [Setting("gft", count, anchors=ANCHORS) for count in counts]
     return _distinct(_fit(setting, n_frames) for setting in points)
+
+
+def option_sweeps(*, quick: bool) -> dict[str, Callable[[int, int], list[dict[str, Any]]]]:
+    """Options of `meshreel.encode` to measure, by method, given numbers of frames and vertices."""
+
+    def options(method: str, n_frames: int, n_verts: int) -> list[dict[str, Any]]:
+        settings = sweep(n_frames, n_verts, (method,), quick=quick) or variants(n_frames, (method,))
+        all_options = [setting.options() for setting in settings]
+        return [{name: each[name] for name in each if name != "method"} for each in all_options]
+
+    return {method: partial(options, method) for method in METHOD_NAMES}
 
 
 def check_table(table: TableSettings, methods: Sequence[str]) -> None:
@@ -300,17 +315,13 @@ def _effective(choices: str, method: str) -> str:
     )
 
 
-def _with(setting: Setting, **changes: Any) -> Setting:
-    return Setting(**{**asdict(setting), **changes})
-
-
 def _fit(setting: Setting, n_frames: int) -> Setting:
     """Limit the modes of a setting to the number of frames in a block."""
     frames = setting.block_frames and equal_blocks(n_frames)
     modes = setting.n_modes
     if modes is not None and setting.method != "gft":
         modes = min(modes, frames or n_frames)
-    return _with(setting, n_modes=modes, block_frames=frames)
+    return replace(setting, n_modes=modes, block_frames=frames)
 
 
 def _distinct(settings: Iterable[Setting]) -> list[Setting]:

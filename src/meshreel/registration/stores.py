@@ -15,12 +15,12 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel import __version__
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import Vertices
 from meshreel.registration.tracking import State
 from meshreel.registration.verification import FrameErrors
 from meshreel.runtime.threads import fork_safe_lock
+from meshreel.runtime.version import __version__
 
 IDENTITY = "registration.json"
 """The file that states what a folder belongs to."""

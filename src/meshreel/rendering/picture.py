@@ -68,7 +68,9 @@ def contact_sheet(
     return _compose(images, list(column_titles), list(row_titles), caption)
 
 
-def save_png(image: Panel, path: Path, *, overwrite: bool = False) -> None:
+def save_png(
+    image: Panel, path: Path, *, overwrite: bool = False, dpi: float | None = None
+) -> None:
     """Write a picture as a PNG file, atomically.
 
     Parameters
@@ -76,6 +78,8 @@ def save_png(image: Panel, path: Path, *, overwrite: bool = False) -> None:
     image : Pillow image, or uint8 array of shape (H, W, 3)
     overwrite : bool
         Whether an existing file may be replaced.
+    dpi : float, optional
+        Resolution, for the size of printed text. Default: not stored.
 
     Raises
     ------
@@ -84,7 +88,8 @@ def save_png(image: Panel, path: Path, *, overwrite: bool = False) -> None:
     """
     picture = _as_image(image)
     with replace_when_done(Path(path), overwrite=overwrite) as temporary:
-        picture.save(temporary, format="PNG", optimize=True)
+        resolution = {} if dpi is None else {"dpi": (dpi, dpi)}
+        picture.save(temporary, format="PNG", optimize=True, **resolution)
 
 
 def _as_image(panel: Panel) -> PillowImage.Image:

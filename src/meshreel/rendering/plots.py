@@ -98,8 +98,10 @@ def blank_figure(width_in: float, height_in: float) -> "Figure":
     return figure
 
 
-def save_figure(figure: "Figure", path: Path, *, overwrite: bool = False) -> None:
-    """Write a figure as a PNG file, atomically.
+def save_figure(
+    figure: "Figure", path: Path, *, overwrite: bool = False, dpi: float | None = None
+) -> None:
+    """Write a figure as a PNG file, atomically, at its own resolution or another.
 
     Raises
     ------
@@ -107,4 +109,4 @@ def save_figure(figure: "Figure", path: Path, *, overwrite: bool = False) -> Non
         If the path cannot or must not be written.
     """
     with replace_when_done(path, overwrite=overwrite) as temporary:
-        figure.savefig(temporary, format="png")
+        figure.savefig(temporary, format="png", dpi=dpi or figure.dpi)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.laplacian import component_labels
 from meshreel.runtime.progress import silent
+from meshreel.studies.runs import Store, result_of
 from questions import search
 from questions.anchor_choices import ANCHOR_CHOICES
 from questions.search import grid_points, measured, search_runs

@@ -9,7 +9,6 @@ from meshreel.paper.laplacian import (
     component_labels,
     cotangent_laplacian,
     delta_coordinates,
-    reproducing_laplacian,
     uniform_laplacian,
 )
 from samples.meshes import grid_faces, irregular_sequence
@@ -73,54 +72,6 @@ def test_cotangent_weights_are_clamped_cotangents_of_angles():
     expected = np.diag(sums > 0) - weights / np.maximum(sums, 1e-300)[:, None]
     laplacian = cotangent_laplacian(faces, shape).toarray()
     np.testing.assert_allclose(laplacian, expected, atol=1e-12)
-
-
-def rippled_fields(n_verts, n_fields):
-    return np.random.default_rng(4).normal(size=(n_verts, n_fields)).cumsum(axis=0)
-
-
-def test_reproducing_weights_annihilate_the_fields_with_enough_neighbors():
-    """Inside a grid, six neighbors can reproduce three fields and a constant."""
-    adjacency = adjacency_matrix(grid_faces(8, 9), 72)
-    fields = rippled_fields(72, 3)
-    deltas = reproducing_laplacian(adjacency, fields, 0.0) @ fields
-    inside = np.diff(adjacency.indptr) == 6
-    uniform = uniform_laplacian(grid_faces(8, 9), 72, normalized=True) @ fields
-    assert np.abs(deltas[inside]).max() < 0.05 * np.abs(uniform[inside]).max()
-
-
-def test_reproducing_rows_sum_to_zero_when_the_mesh_is_irregular():
-    sequence = irregular_sequence()
-    adjacency = adjacency_matrix(sequence.faces, sequence.n_verts)
-    laplacian = reproducing_laplacian(adjacency, sequence.vertices[0], 1e-6)
-    assert np.abs(laplacian.sum(axis=1)).max() < 1e-12
-
-
-@pytest.mark.parametrize("fields", [np.zeros((72, 0)), np.ones((72, 2))])
-def test_reproducing_weights_are_uniform_without_information(fields):
-    adjacency = adjacency_matrix(grid_faces(8, 9), 72)
-    expected = uniform_laplacian(grid_faces(8, 9), 72, normalized=True)
-    laplacian = reproducing_laplacian(adjacency, fields, 0.0)
-    np.testing.assert_allclose(laplacian.toarray(), expected.toarray(), atol=1e-12)
-
-
-def test_reproducing_weights_approach_uniform_ones_with_noise():
-    adjacency = adjacency_matrix(grid_faces(8, 9), 72)
-    laplacian = reproducing_laplacian(adjacency, rippled_fields(72, 3), 1e9)
-    expected = uniform_laplacian(grid_faces(8, 9), 72, normalized=True)
-    np.testing.assert_allclose(laplacian.toarray(), expected.toarray(), atol=1e-5)
-
-
-def test_reproducing_weights_support_a_hub_of_twenty_thousand_neighbors():
-    """A system as large as this neighborhood would take gigabytes and hours."""
-    rim = np.arange(20_000)
-    faces = np.stack([np.full_like(rim, 20_000), rim, (rim + 1) % 20_000], axis=1)
-    angle = 2 * np.pi * np.arange(20_001) / 20_000
-    fields = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    fields[-1] = 0  # the hub, in the center of its rim
-    laplacian = reproducing_laplacian(adjacency_matrix(faces, 20_001), fields, 1e-6)
-    assert np.abs(laplacian.sum(axis=1)).max() < 1e-9
-    assert np.abs(laplacian[[20_000]] @ fields).max() < 1e-6
 
 
 def test_adjacency_is_binary_when_faces_are_duplicated():

@@ -3,7 +3,6 @@ import pytest
 from meshreel.codec.methods import METHOD_NAMES as CODED
 from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError
-from meshreel.evaluation.plots import METHOD_COLORS
 from meshreel.paper.sweeps import (
     COEFFICIENTS,
     METHOD_NAMES,
@@ -17,6 +16,7 @@ from meshreel.paper.sweeps import (
     variants,
 )
 from meshreel.paper.variants import equal_blocks
+from meshreel.studies.plots import METHOD_COLORS
 
 
 def test_variants_cover_every_method_of_the_paper():

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from meshreel import __version__
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.decoder import decode
@@ -30,6 +29,7 @@ from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_o
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.runtime.counting import counted
 from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.version import __version__
 
 if TYPE_CHECKING:
     from meshreel.registration.register import Registration

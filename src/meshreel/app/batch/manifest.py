@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from meshreel import __version__
 from meshreel.app.batch.out_folder import OutFolder, out_folder
 from meshreel.errors import InvalidInputError
+from meshreel.runtime.version import __version__
 
 MANIFEST_NAME = "manifest.json"
 MADE_BY = "meshreel batch"

@@ -11,7 +11,6 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from meshreel import __version__
 from meshreel.app.batch.discovery import BatchInput
 from meshreel.app.batch.encode_input import Encoded, EncodeOptions, encode_input
 from meshreel.app.batch.manifest import DONE, FAILED, Record
@@ -20,6 +19,7 @@ from meshreel.app.batch.report import write_report
 from meshreel.errors import MeshReelError, StoreError
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress, silent
+from meshreel.runtime.version import __version__
 
 MANIFEST_SHARE, QUICK_S = 0.1, 0.02
 """Share of the time for writing the manifest, unless that is quick: stores are slow, and with many

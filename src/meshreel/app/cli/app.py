@@ -6,10 +6,10 @@ from typing import Any
 import click
 from click.shell_completion import get_completion_class
 
-from meshreel import __version__
 from meshreel.app.cli.commands import Program
 from meshreel.app.cli.messages import print_error
 from meshreel.errors import MeshReelError
+from meshreel.runtime.version import __version__
 
 NAME = "meshreel"
 COMPLETION_VARIABLE = "_MESHREEL_COMPLETE"

@@ -90,49 +90,45 @@ def evaluate_command(
 
     - `meshreel evaluate crash.vtkhdf --track stress --quick`
     """
-    from meshreel.app.cli.reports import check_before_work, portable_path, split_names, write_report
-    from meshreel.codec.methods import own_name
+    from meshreel.app.cli.reports import check_before_work, split_names, write_report
+    from meshreel.codec.methods import METHOD_NAMES, own_name
     from meshreel.codec.paper_options import PAPER as PAPER_METHODS
-    from meshreel.evaluation.choices import checked_names
-    from meshreel.evaluation.codecs.measure import CODED_METHODS, DEFAULT_METHODS
-    from meshreel.evaluation.codecs.peers.protocol import peers_named
-    from meshreel.evaluation.codecs.results import read_recorded
-    from meshreel.evaluation.codecs.study import CodecStudy
-    from meshreel.evaluation.surfaces.study import SurfaceStudy
-    from meshreel.evaluation.tracks.peers import track_peers_named
-    from meshreel.evaluation.tracks.study import TrackStudy
+    from meshreel.evaluation.peers import peers_named
+    from meshreel.evaluation.positions import (
+        DEFAULT_METHODS,
+        PEERS,
+        compare_positions,
+        own_sweeps,
+    )
+    from meshreel.evaluation.recorded import read_recorded
+    from meshreel.evaluation.surfaces import compare_surface_codecs
+    from meshreel.evaluation.track_peers import TRACK_PEERS
+    from meshreel.evaluation.tracks import compare_track
+    from meshreel.paper.sweeps import option_sweeps
     from meshreel.runtime.extras import PAPER
+    from meshreel.studies.study import checked_names
 
     if track is not None and (methods is not None or reference is not None):
         option_name = "--methods" if methods is not None else "--reference"
         raise click.UsageError(f"{option_name} applies to positions; omit it with --track")
+    names = None if peers is None else split_names(peers)
+    if track is not None:
+        study = compare_track(track, peers_named(names, TRACK_PEERS), quick=quick)
+        check_before_work(inputs, out)
+        write_report(study, inputs, out, track=track, as_json=as_json)
+        return
     chosen: tuple[str, ...] = DEFAULT_METHODS
     if methods is not None:
-        chosen = checked_names(map(own_name, split_names(methods)), CODED_METHODS, "method")
-    options: dict[str, str | None] = {
-        "--track": track,
-        "--methods": methods,
-        "--peers": peers,
-        "--reference": portable_path(str(reference)) if reference else None,
-    }
-    options = {name: value for name, value in options.items() if value is not None}
-    if quick:
-        options["--quick"] = None
-    if track is not None:
-        arrays = track_peers_named(split_names(peers)) if peers is not None else track_peers_named()
-        check_before_work(inputs, out)
-        study = TrackStudy(track, arrays, quick)
-        write_report(study, inputs, out, options, track=track, as_json=as_json)
-        return
-    others = peers_named(split_names(peers)) if peers is not None else peers_named()
+        chosen = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
+    others = peers_named(names, PEERS)
     extras = [] if set(chosen).isdisjoint(PAPER_METHODS) else [PAPER]
     check_before_work(inputs, out, [reference] if reference else [], extras)
     recorded = read_recorded(reference) if reference else []
+    sweeps = {**option_sweeps(quick=quick), **own_sweeps(quick=quick)}
     write_report(
-        CodecStudy(chosen, others, recorded, quick),
+        compare_positions({name: sweeps[name] for name in chosen}, others, recorded, quick=quick),
         inputs,
         out,
-        options,
-        of_surfaces=None if recorded else SurfaceStudy(chosen, others, quick),
+        of_surfaces=None if recorded else compare_surface_codecs(chosen, others, quick=quick),
         as_json=as_json,
     )

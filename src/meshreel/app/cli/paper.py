@@ -114,44 +114,26 @@ def paper_command(
 
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.codec.methods import own_name
-    from meshreel.evaluation.choices import checked_names
     from meshreel.paper.study.study import PaperStudy
     from meshreel.paper.sweeps import METHOD_NAMES, PRESETS, check_table
+    from meshreel.studies.study import checked_names
 
     chosen = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
     (preset,) = checked_names([preset], PRESET_NAMES, "preset")
     if allocation is not None:
         (allocation,) = checked_names([allocation], ALLOCATIONS, "allocation")
-    flags = {
-        "--modes": modes,
-        "--block-modes": block_modes,
-        "--bits": bits,
-        "--allocation": allocation,
-        "--anchors": anchors,
-    }
     changes: dict[str, Any] = {
-        flag.removeprefix("--").replace("-", "_"): value
-        for flag, value in flags.items()
-        if value is not None
+        "modes": modes,
+        "block_modes": block_modes,
+        "bits": bits,
+        "vertex_bits": bits,
+        "allocation": allocation,
+        "anchors": anchors,
+        "choices": choices or None,
     }
-    if bits is not None:
-        changes["vertex_bits"] = bits
-    if choices:
-        changes["choices"] = choices
+    changes = {name: value for name, value in changes.items() if value is not None}
     table = replace(PRESETS[preset], **changes)
     check_table(table, chosen)
     check_before_work(inputs or [], out)
-    options: dict[str, str | None] = {}
-    if not inputs:
-        options["--frames"] = str(frames)
-    if chosen != METHOD_NAMES:
-        options["--methods"] = ",".join(chosen)
-    if quick:
-        options["--quick"] = None
-    if preset != "usual":
-        options["--preset"] = preset
-    options |= {flag: str(value) for flag, value in flags.items() if value is not None}
-    if choices:
-        options["--choices"] = choices
     study = PaperStudy(chosen, quick, table)
-    write_report(study, inputs or [], out, options, flag_frames=frames, as_json=as_json)
+    write_report(study, inputs or [], out, flag_frames=frames, as_json=as_json)

@@ -1,14 +1,15 @@
 """Reports of studies on input sequences."""
 
 import shlex
-from collections.abc import Mapping, Sequence
-from itertools import chain
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import click
+from click.core import ParameterSource
+
 from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
-from meshreel.evaluation.pipeline import R, Study, evaluate
-from meshreel.evaluation.tracks.study import with_track_alone
+from meshreel.evaluation.tracks import with_track_alone
 from meshreel.formats.load import load_any
 from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.notes import listed, note_left_out
@@ -18,6 +19,7 @@ from meshreel.model.flag import simulate_flag
 from meshreel.model.sequence import MeshSequence, single_segment
 from meshreel.runtime.extras import PEERS, PLOT, Extra, require
 from meshreel.runtime.outputs.checks import check_output_folder
+from meshreel.studies.study import R, Study, evaluate
 
 
 def check_before_work(
@@ -53,7 +55,6 @@ def write_report(
     study: Study[R],
     inputs: Sequence[str],
     out: Path,
-    options: Mapping[str, str | None],
     *,
     flag_frames: int = 0,
     track: str | None = None,
@@ -66,8 +67,6 @@ def write_report(
     ----------
     inputs : sequence of str
         Sources of sequences; the flag if empty.
-    options : mapping of str to str or None
-        Options besides `--out` that reproduce the report; None for a switch.
     flag_frames : int
         Number of frames of the flag.
     track : str, optional
@@ -85,14 +84,14 @@ def write_report(
             for sequence, source in zip(sequences, inputs, strict=True):
                 single_segment(sequence, f"{study.program} of {source}")
         chosen: Study[Any] = study
-        if of_surfaces is not None and any(one.n_segments > 1 for one in sequences):
+        if of_surfaces and any(given.n_segments > 1 for given in sequences):
             chosen = of_surfaces
         else:
-            sequences = [_with_only(track, one, notes) for one in sequences]
+            sequences = [_with_only(track, sequence, notes) for sequence in sequences]
         sequences = sequences or [simulate_flag(flag_frames, progress=progress)]
-        command = command_line(chosen.program, inputs, out, options)
+        command = command_line(chosen.program)
         evaluation = evaluate(chosen, sequences, out, command=command, progress=progress)
-    print_notes([*notes, *chain.from_iterable(evaluation.notes.values())])
+    print_notes([*notes, *evaluation.notes])
     if as_json:
         print_json({**evaluation.as_dict(), "notes": notes})
         return
@@ -111,14 +110,18 @@ def _with_only(track: str | None, sequence: MeshSequence, notes: list[str]) -> M
     return sequence.replace(tracks={})
 
 
-def command_line(
-    program: str, inputs: Sequence[str], out: Path, options: Mapping[str, str | None]
-) -> str:
-    """The command that reproduces the report."""
-    args = [*program.split(), *map(portable_path, inputs), "--out", portable_path(str(out))]
-    for name, value in options.items():
-        args += [name] if value is None else [name, value]
-    return shlex.join(args)
+def command_line(program: str) -> str:
+    """The command that reproduces the report: that of the user, with the folder."""
+    context = click.get_current_context()
+    words = [*program.split(), *map(portable_path, context.params["inputs"] or ())]
+    words += ["--out", portable_path(str(context.params["out"]))]
+    for option in context.command.params:
+        name, value = str(option.name), context.params.get(str(option.name))
+        is_given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if is_given and name not in ("inputs", "out", "as_json"):
+            text = portable_path(str(value)) if isinstance(value, Path) else str(value)
+            words += [option.opts[0], *([] if value is True else [text])]
+    return shlex.join(words)
 
 
 def portable_path(path: str) -> str:

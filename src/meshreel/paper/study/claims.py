@@ -1,8 +1,7 @@
 """Measurements for single claims of the paper: dictionaries, decompositions, long sequences."""
 
-import statistics
-import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -14,13 +13,6 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError
-from meshreel.evaluation.runs.store import Outcome, Run
-from meshreel.evaluation.runs.timing import (
-    REPEATS,
-    machine_facts,
-    processor_seconds_of,
-    timed_on_both_clocks,
-)
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.blocks import write_curves, write_rows
 from meshreel.paper.decoder import coded_blocks
@@ -37,6 +29,8 @@ from meshreel.paper.sweeps import BITS, BLOCK_MODES, TableSettings
 from meshreel.paper.variants import equal_blocks
 from meshreel.runtime.counting import duration_text
 from meshreel.runtime.progress import Progress
+from meshreel.studies.runs import Outcome, Run
+from meshreel.studies.timing import machine_facts, seconds_of, timed
 
 LONG_FRAMES = 1200
 """The paper's claim about blocks concerns sequences of more than 1,000 frames."""
@@ -98,8 +92,7 @@ def dictionaries_run(sequence: MeshSequence) -> Run:
         figures: dict[str, Any] = {}
         for name, n_modes in n_columns.items():
             progress(f"dictionaries of {n_modes} columns", 0.0)
-            data = encode(sequence, "blocks", n_modes=n_modes, bits=BITS, block_frames=frames)
-            bases = [block.basis for block in coded_blocks(data) if block.basis is not None]
+            bases = dictionaries(sequence, frames, n_modes)
             for extension, write in (("", write_curves), ("_plain", write_rows)):
                 whole, difference = bits_per_entry(bases, write) or (None, None)
                 figures |= {
@@ -111,15 +104,21 @@ def dictionaries_run(sequence: MeshSequence) -> Run:
     return Run("dictionaries", "claim_dictionaries", setting, measure)
 
 
+def dictionaries(sequence: MeshSequence, block_frames: int, n_modes: int) -> list[Quantized]:
+    """The dictionaries of the whole blocks of a stream of `blocks` with this many columns."""
+    data = encode(sequence, "blocks", n_modes=n_modes, bits=BITS, block_frames=block_frames)
+    bases = [block.basis for block in coded_blocks(data) if block.basis is not None]
+    return [basis for basis in bases if basis.integers.shape[2] == block_frames]
+
+
 def bits_per_entry(
-    dictionaries: Sequence[Quantized], write: Callable[[Quantized], bytes]
+    bases: Sequence[Quantized], write: Callable[[Quantized], bytes]
 ) -> tuple[float, float] | None:
     """Mean bits per entry of all dictionaries but the first, whole and as differences.
 
     Parameters
     ----------
-    dictionaries : sequence of Quantized of shape (3, K, T)
-        Those of another shape than the one before, which have no difference, are left out.
+    bases : sequence of Quantized of shape (3, K, T)
     write : callable
         Returns the payload of a matrix; steps and tables count.
 
@@ -128,13 +127,11 @@ def bits_per_entry(
     tuple of two floats; None if there is no difference
     """
     sizes, n_entries = [0, 0], 0
-    for previous, dictionary in pairwise(dictionaries):
-        if previous.integers.shape != dictionary.integers.shape:
-            continue
-        difference = Quantized(dictionary.integers - previous.integers, dictionary.steps)
-        sizes[0] += 8 * len(write(dictionary))
+    for previous, basis in pairwise(bases):
+        difference = Quantized(basis.integers - previous.integers, basis.steps)
+        sizes[0] += 8 * len(write(basis))
         sizes[1] += 8 * len(write(difference))
-        n_entries += dictionary.integers.size
+        n_entries += basis.integers.size
     return (sizes[0] / n_entries, sizes[1] / n_entries) if n_entries else None
 
 
@@ -203,41 +200,30 @@ def long_run(sequence: MeshSequence, table: TableSettings) -> Run:
         figures: dict[str, Any] = {"n_frames": len(vertices)}
         for number, (name, setting) in enumerate(settings.items()):
             progress(f"{name}, {len(vertices)} frames", number / 2)
-            figures[name] = _seconds(repeated, setting.options())
+            options = setting.options()
+            data, encode_s = timed(partial(encode, repeated, **options))
+            _, decode_s = timed(partial(decode, data))
+            figures[name] = seconds_of(encode_s, decode_s)
         return Outcome(figures)
 
     return Run("long sequence", "claim_long_sequence", {"times": n_repeats, **keys}, measure)
 
 
-def _seconds(sequence: MeshSequence, options: dict[str, Any]) -> dict[str, Any]:
-    data, *encode_s = timed_on_both_clocks(lambda: encode(sequence, **options), REPEATS)
-    _, *decode_s = timed_on_both_clocks(lambda: decode(data), REPEATS)
-    return processor_seconds_of(encode_s, decode_s)
-
-
 def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
     """A run that times two decompositions with this many graph frequencies.
 
-    Its figures are "n_modes", "seconds" (of each), "seconds_each" (their mean) and
-    "processor_seconds_each".
+    Its figures are "n_modes", and the means "seconds_each" and "processor_seconds_each".
     """
 
     def measure(progress: Progress) -> Outcome:
         laplacian = uniform_laplacian(sequence.faces, sequence.n_verts)
-        seconds, processor = [], time.process_time()
+        runs = []
         for number in range(N_DECOMPOSITIONS):
             progress("decomposition", number / N_DECOMPOSITIONS)
-            start = time.perf_counter()
-            graph_fourier_basis(laplacian, n_modes)
-            seconds.append(time.perf_counter() - start)
-        spent = (time.process_time() - processor) / N_DECOMPOSITIONS
+            runs += timed(lambda: graph_fourier_basis(laplacian, n_modes), 1)[1].tolist()
+        wall, processor = np.mean(runs, axis=0).tolist()
         return Outcome(
-            {
-                "n_modes": n_modes,
-                "seconds": seconds,
-                "seconds_each": statistics.mean(seconds),
-                "processor_seconds_each": spent,
-            }
+            {"n_modes": n_modes, "seconds_each": wall, "processor_seconds_each": processor}
         )
 
     setting = {"n_modes": n_modes, "n_decompositions": N_DECOMPOSITIONS}
@@ -261,9 +247,8 @@ def full_decomposition_run(sequence: MeshSequence) -> Run:
                 f"estimate); the study spends up to {duration_text(MAX_FULL_SECONDS)}"
             )
         progress(f"about {duration_text(estimate)} (an estimate)", 0.0)
-        _, (seconds,), (processor,) = timed_on_both_clocks(
-            lambda: graph_fourier_basis(laplacian, n_verts), 1
-        )
+        _, runs = timed(lambda: graph_fourier_basis(laplacian, n_verts), 1)
+        seconds, processor = runs[0].tolist()
         return Outcome(
             {
                 "n_verts": n_verts,

@@ -1,12 +1,10 @@
-"""The report of the paper's evaluation, and our choices where the paper leaves them open."""
+"""The section of a sequence, and our choices where the paper leaves them open."""
 
 from collections.abc import Sequence
 
-from meshreel.evaluation.pipeline import Measured
-from meshreel.evaluation.report import report_opening, sequence_opening
-from meshreel.evaluation.runs.store import done
 from meshreel.paper.study.claims import N_DECOMPOSITIONS
 from meshreel.paper.study.findings import findings
+from meshreel.paper.study.measure import MEASURED
 from meshreel.paper.study.results import PaperResults, extrapolated_basis, setting_of_result
 from meshreel.paper.study.tables import (
     REMARKS,
@@ -19,14 +17,13 @@ from meshreel.paper.study.tables import (
     seconds_table,
     settings_line,
 )
-from meshreel.rendering.documents import Bullets, Document, Heading, Paragraph, Part, Picture
+from meshreel.rendering.documents import Bullets, Heading, Paragraph, Part, Picture
+from meshreel.studies.runs import done
 
 ALTERNATIVES_NOTE = (
     "Each row changes one choice that the paper leaves open (`choices=`); all other settings are "
     "those of the tables."
 )
-TITLE = "Fast Spatio-temporal Compression of Dynamic 3D Meshes: the evaluation reproduced"
-
 LEDGER = "`docs/equations.md`"
 
 CHOICES = (
@@ -70,43 +67,17 @@ CHOICES = (
 )
 
 
-def paper_document(measured: Measured[PaperResults], command: str) -> Document:
-    """Build the report of sequences and their figures; it quotes the command line."""
-    finished = (result for results, _ in measured for result in done(results.variants))
-    parts: list[Part] = [
-        *report_opening(
-            TITLE,
-            "The evaluation of G. Arvanitis, A. S. Lalos, K. Moustakas, reproduced with meshreel. "
-            "All results are from streams that were encoded to bytes and decoded. Created by",
-            command,
-            finished,
-        ),
-        Heading(2, "Variants"),
-        Bullets(_variant_lines(measured)),
-    ]
-    for results, pictures in measured:
-        parts += _sequence_parts(results, pictures)
-    parts += [Heading(2, "Choices that the paper leaves open"), Bullets(CHOICES)]
-    return Document(TITLE, tuple(parts))
-
-
-def _variant_lines(measured: Measured[PaperResults]) -> tuple[str, ...]:
+def variant_lines(measured: Sequence[PaperResults]) -> tuple[str, ...]:
     """The distinct settings as text."""
-    lines: list[str] = []
-    for results, _ in measured:
-        for result in results.variants:
-            setting = setting_of_result(result)
-            line = f"`{setting.label}`: {settings_line(setting)}"
-            if line not in lines:
-                lines.append(line)
-    return tuple(lines)
+    settings = (setting_of_result(result) for each in measured for result in each.variants)
+    lines = (f"`{setting.label}`: {settings_line(setting)}" for setting in settings)
+    return tuple(dict.fromkeys(lines))
 
 
-def _sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[Part]:
-    parts = sequence_opening(results.name, results.sequence)
+def sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[Part]:
+    """Findings, tables and figures of a sequence."""
     remark = REMARKS.get(results.name.lower())
-    if remark:
-        parts.append(Paragraph(remark))
+    parts: list[Part] = [Paragraph(remark)] if remark else []
     texts = tuple(finding.text for finding in findings(results))
     parts += [Heading(3, "Findings"), Bullets(texts or ("None to compare.",))]
     parts += [Heading(3, "Rates and errors"), rate_table(results), Paragraph(_rate_note(results))]
@@ -130,8 +101,7 @@ def _rate_note(results: PaperResults) -> str:
 
 
 def _seconds_note(results: PaperResults) -> str:
-    finished = done(results.variants)
-    text = f"Measured: {finished[0]['seconds']['measured']}. " if finished else ""
+    text = f"Measured: {MEASURED}. " if done(results.variants) else ""
     text += "The median of three runs if one takes less than two seconds, else one run."
     if results.decompositions is not None:
         each = results.decompositions["seconds_each"]
@@ -141,10 +111,10 @@ def _seconds_note(results: PaperResults) -> str:
             "the first, both to encoding and to reconstruction. All other values are measured in "
             "full."
         )
-    full = results.full_decomposition
+    full, shape = results.full_decomposition, results.sequence
     if full is None:
         return text
     if "refused" in full:
         return f"{text} Not measured: {full['refused']}."
-    basis = extrapolated_basis(full, results.sequence["n_verts"], results.sequence["n_frames"])
+    basis = extrapolated_basis(full, shape["n_verts"], shape["n_frames"])
     return f"{text} All frequencies: {basis.text} The row contains the decompositions alone."

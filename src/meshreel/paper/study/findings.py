@@ -4,11 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
-from meshreel.evaluation.rate_distortion import Overlap
-from meshreel.evaluation.runs.store import Result, done
 from meshreel.paper.study.results import (
     ENTROPY_RATE,
     RATE,
@@ -26,9 +25,12 @@ from meshreel.paper.sweeps import (
     RANDOM_COEFFICIENTS,
 )
 from meshreel.runtime.counting import duration_text
+from meshreel.studies.rate_distortion import error_at_equal_rate
+from meshreel.studies.runs import Result, done
 
-FIGURES = {"kg_error_percent": "KG", "sted": "STED", "nmsve_mean": "NMSVE"}
-"""Names of the compared errors."""
+KG, STED, NMSVE = "quality.kg_error_percent", "quality.sted", "quality.nmsve_mean"
+ERRORS = {"KG": KG, "STED": STED, "NMSVE": NMSVE}
+"""The compared errors, by name."""
 
 PER_MESH_VERTICES = 20000
 """Vertices beyond which the paper considers the per-mesh solve infeasible."""
@@ -105,137 +107,145 @@ class Claim:
 
 @dataclass(frozen=True)
 class Finding:
-    """A claim judged by the results of a sequence.
+    """A claim judged by the results of a sequence."""
 
-    Attributes
-    ----------
-    verdict : str
-        "yes", "weakly", "no" or "not judged".
-    """
+    claim: Claim
+    evidence: Evidence
 
-    claim: str
-    measure: str
-    threshold: str
-    value: float | None
-    verdict: str
-    evidence: str
-    figure: str
+    @property
+    def verdict(self) -> str:
+        """Return "yes", "weakly", "no" or "not judged"."""
+        return self.claim.verdict(self.evidence.value)
 
     @property
     def text(self) -> str:
         """Claim, verdict, evidence and thresholds as Markdown."""
         return (
-            f"**{self.claim}: {self.verdict}.** {self.evidence} (Measure: {self.measure}; "
-            f"{self.threshold}.)"
+            f"**{self.claim.text}: {self.verdict}.** {self.evidence.text} (Measure: "
+            f"{self.claim.measure}; {self.claim.threshold}.)"
         )
+
+    def as_dict(self) -> dict[str, Any]:
+        """The finding in plain types."""
+        return {
+            "claim": self.claim.text,
+            "measure": self.claim.measure,
+            "threshold": self.claim.threshold,
+            "value": self.evidence.value,
+            "verdict": self.verdict,
+            "evidence": self.evidence.text,
+            "figure": self.evidence.figure,
+        }
 
 
 def findings(results: PaperResults) -> list[Finding]:
     """Return a finding for each claim that the results of a sequence cover."""
     return [
-        Finding(
-            claim.text,
-            claim.measure,
-            claim.threshold,
-            evidence.value,
-            claim.verdict(evidence.value),
-            evidence.text,
-            evidence.figure,
-        )
+        Finding(claim, evidence)
         for claim in CLAIMS
         if (evidence := claim.evidence(results)) is not None
     ]
 
 
-def _error(result: Result, key: str) -> float:
-    value = result["quality"][key]
+def _value(result: Result, keys: str) -> float:
+    """A figure of a result, given its keys separated by dots; infinite if it is not finite."""
+    value: Any = result
+    for key in keys.split("."):
+        value = value[key]
     return float("inf") if value is None else float(value)
 
 
-def _rate(result: Result) -> float:
-    return float(result[RATE])
-
-
-def _pair(results: PaperResults, first: str, second: str) -> tuple[Result, Result] | None:
-    """The results of two labels; None unless both exist."""
-    found = results.variant(first), results.variant(second)
-    return None if found[0] is None or found[1] is None else (found[0], found[1])
-
-
 def _at_equal_rate(
-    results: PaperResults, first: str, second: str, *, rate: str = RATE
+    results: PaperResults,
+    first: str,
+    second: str,
+    *,
+    errors: Sequence[str] = tuple(ERRORS),
+    rate: str = RATE,
 ) -> Evidence | None:
     """The errors of a variant relative to another at equal rate; the largest ratio decides."""
-    overlaps: dict[str, Overlap] = {}
-    for key, name in FIGURES.items():
-        overlap = results.at_equal_rate(key, first, second, rate)
-        if overlap is not None:
-            overlaps[name] = overlap
-    if not overlaps:
+    ratios, listed = {}, []
+    for name in errors:
+        points = results.points(ERRORS[name].removeprefix("quality."), rate)
+        change = error_at_equal_rate(points.get(first, []), points.get(second, []))
+        if change.percent is not None:
+            ratios[name] = 1 + change.percent / 100
+            rates = f"{change.low_error:.2g} to {change.high_error:.2g} bpvf"
+            listed.append(f"{name} {ratios[name]:.2f} ({rates})")
+    if not ratios:
         return None
-    listed = ", ".join(
-        f"{name} {overlap.error_ratio:.2f} ({overlap.low_bpvf:.2g} to {overlap.high_bpvf:.2g} bpvf)"
-        for name, overlap in overlaps.items()
-    )
-    figure = ", ".join(f"{name} {overlap.error_ratio:.2f}" for name, overlap in overlaps.items())
-    ratio = max(overlap.error_ratio for overlap in overlaps.values())
-    return Evidence(ratio, f"Errors of `{first}` relative to `{second}`: {listed}.", figure)
-
-
-def _kg_at_equal_rate(results: PaperResults, first: str, second: str) -> Evidence | None:
-    """The KG error of a variant relative to another at equal rate."""
-    overlap = results.at_equal_rate("kg_error_percent", first, second)
-    if overlap is None:
-        return None
-    text = f"`{first}` has {overlap.error_ratio:.2f} times the KG error of `{second}`"
-    if pair := _pair(results, first, second):
-        errors = [f"{_error(one, 'kg_error_percent'):.3g} % at {_rate(one):.3g}" for one in pair]
-        text += f"; at the settings of the tables, {errors[0]} bpvf against {errors[1]}"
-    return Evidence(overlap.error_ratio, f"{text}.", f"KG {overlap.error_ratio:.2f}")
-
-
-def _lower_errors(results: PaperResults, first: str, second: str) -> Evidence | None:
-    """All errors of a variant over those of another at the settings of the tables."""
-    pair = _pair(results, first, second)
-    if pair is None:
-        return None
-    values = {name: [_error(one, key) for one in pair] for key, name in FIGURES.items()}
-    listed = ", ".join(
-        f"{name} {low:.3g} against {high:.3g}" for name, (low, high) in values.items()
-    )
-    ratio = max(low / (high or 1.0) for low, high in values.values())
-    low, high = values["KG"]
     return Evidence(
-        None if all(low == high for low, high in values.values()) else ratio,
-        f"`{first}` against `{second}`: {listed}, at {_rate(pair[0]):.3g} and "
-        f"{_rate(pair[1]):.3g} bpvf.",
-        f"KG {low:.3g} against {high:.3g} %",
+        max(ratios.values()),
+        f"Errors of `{first}` relative to `{second}`: {', '.join(listed)}.",
+        ", ".join(f"{name} {ratio:.2f}" for name, ratio in ratios.items()),
     )
 
 
-def _anchor_bits(results: PaperResults) -> Evidence | None:
-    pair = _pair(results, "pca-qp", f"pca-qp ({CHOICE_NAMES[FINE_ANCHORS]})")
-    if pair is None:
+Pair = Sequence[float]
+"""A figure of a variant and of another."""
+
+
+def _ratio(pairs: Sequence[Pair]) -> float:
+    """The largest ratio."""
+    return max(first / (second or 1.0) for first, second in pairs)
+
+
+def _difference(pairs: Sequence[Pair]) -> float:
+    """The largest relative difference, in percent."""
+    return max(100 * abs(first - second) / (second or 1.0) for first, second in pairs)
+
+
+def _increase(pairs: Sequence[Pair]) -> float:
+    """The increase of the first figure, in percent."""
+    first, second = pairs[0]
+    return 100 * (first / (second or 1.0) - 1)
+
+
+def _compared(
+    results: PaperResults,
+    first: str,
+    second: str,
+    *,
+    figures: dict[str, str] = ERRORS,
+    measure: Callable[[Sequence[Pair]], float] = _ratio,
+    run: str = "",
+) -> Evidence | None:
+    """Figures of a variant against those of another, at the settings of the tables.
+
+    Parameters
+    ----------
+    figures : dict of str to str
+        Keys of the figures by name, as for `_value`.
+    measure : callable
+        Returns the number that decides, given the pairs of all figures.
+    run : str
+        The run of `results.claims` that contains both; empty for the settings of the tables.
+    """
+    labels, long = (first, second), results.claims.get(run)
+    pair = [
+        long and {"seconds": long[label]} if run else results.variant(label) for label in labels
+    ]
+    compared = [result for result in pair if result is not None]
+    if len(compared) < 2:
         return None
-    errors = [_error(result, "kg_error_percent") for result in pair]
-    default, fine = (result["rates"]["stored"]["q_a"] for result in pair)
-    increase = 100 * (errors[0] / (errors[1] or 1.0) - 1)
+    values = {name: [_value(result, keys) for result in compared] for name, keys in figures.items()}
+    listed = [f"{name} {low:.3g} against {high:.3g}" for name, (low, high) in values.items()]
+    rates = "" if long else " and ".join(f"{_value(result, RATE):.3g}" for result in compared)
+    setting = f"{long['n_frames']} frames" if long else f"{rates} bpvf"
     return Evidence(
-        increase,
-        f"With 16 bits KG is {errors[1]:.3g} % and q_a in the stream {fine:.4f}; with 4 bits more "
-        f"than the deltas, {errors[0]:.3g} % and {default:.4f}.",
-        f"KG {increase:+.1f} %, q_a {fine:.3f} to {default:.3f}",
+        measure(list(values.values())),
+        f"`{first}` against `{second}`, {setting}: {', '.join(listed)}.",
+        listed[0],
     )
 
 
 def _anchor_choice(results: PaperResults) -> Evidence | None:
     changes = _random_changes(results, "pca-qp", RANDOM_ANCHORS)
+    others = _random_changes(results, _QP_COEFFICIENTS, RANDOM_COEFFICIENTS)
     if not changes:
         return None
-    coefficients = f"pca-qp ({CHOICE_NAMES[COEFFICIENTS]})"
-    others = _random_changes(results, coefficients, RANDOM_COEFFICIENTS)
     listed, of_coefficients = (
-        ", ".join(f"{change:+.1f} %" for change in found) for found in (changes, others)
+        ", ".join(f"{change:+.1f} %" for change in each) for each in (changes, others)
     )
     return Evidence(
         max(map(abs, changes)),
@@ -249,41 +259,22 @@ def _random_changes(results: PaperResults, label: str, choices: Sequence[str]) -
     """Change of the KG error with random anchors in percent, by seed."""
     default = results.variant(label)
     others = [results.variant(f"pca-qp ({CHOICE_NAMES[text]})") for text in choices]
-    if default is None:
-        return []
-    reference = _error(default, "kg_error_percent") or 1.0
     return [
-        100 * (_error(other, "kg_error_percent") / reference - 1)
+        _increase([(_value(other, KG), _value(default, KG))])
         for other in others
-        if other is not None
+        if default is not None and other is not None
     ]
 
 
-def _quantized_deltas(results: PaperResults) -> Evidence | None:
-    pair = _pair(results, f"pca-q ({CHOICE_NAMES[QUANTIZED_DELTAS]})", "pca-q")
-    if pair is None:
-        return None
-    rates = [result["rates"]["stored"]["q"] for result in pair]
-    errors = [[_error(result, key) for result in pair] for key in ("kg_error_percent", "sted")]
-    ratios = [first / (second or 1.0) for first, second in (rates, *errors)]
-    return Evidence(
-        max(ratios),
-        f"Deltas of all frames quantized, then projected: q {rates[0]:.4f}, KG {errors[0][0]:.3g} "
-        f"%, STED {errors[1][0]:.3g}. Quantized after the projection with as many bits (Eq. 10): q "
-        f"{rates[1]:.4f}, KG {errors[0][1]:.3g} %, STED {errors[1][1]:.3g}.",
-        f"q {rates[1]:.2f} to {rates[0]:.2f}, KG {errors[0][1]:.3g} to {errors[0][0]:.3g} %",
-    )
-
-
 def _lowest_error(results: PaperResults) -> Evidence | None:
-    finished = sorted(done(results.variants), key=lambda result: _error(result, "nmsve_mean"))
+    finished = sorted(done(results.variants), key=lambda result: _value(result, NMSVE))
     best: dict[bool, float] = {}
     for result in reversed(finished):
-        best[method_of_result(result) in ("pca-qs", "pca-qp")] = _error(result, "nmsve_mean")
+        best[method_of_result(result) in ("pca-qs", "pca-qp")] = _value(result, NMSVE)
     if len(best) < 2:
         return None
     listed = ", ".join(
-        f"`{label_of_result(result)}` {_error(result, 'nmsve_mean'):.2e} at {_rate(result):.2g}"
+        f"`{label_of_result(result)}` {_value(result, NMSVE):.2e} at {_value(result, RATE):.2g}"
         for result in finished
     )
     ratio = best[True] / (best[False] or 1.0)
@@ -302,14 +293,9 @@ def _similar_pattern(results: PaperResults) -> Evidence | None:
     varying = [curve for curve in curves if np.ptp(curve) > 0]
     if len(varying) < 2:
         return None
-    correlations = [_correlation(*pair) for pair in combinations(varying, 2)]
-    low, high = min(correlations), max(correlations)
-    mean = np.mean(correlations)
-    return Evidence(
-        low,
-        f"Correlations of pairs: {low:.2f} to {high:.2f}, mean {mean:.2f}.",
-        f"{low:.2f} to {high:.2f}",
-    )
+    pairs = [float(np.corrcoef(*pair)[0, 1]) for pair in combinations(varying, 2)]
+    span = f"{min(pairs):.2f} to {max(pairs):.2f}"
+    return Evidence(min(pairs), f"Correlations of pairs: {span}, mean {np.mean(pairs):.2f}.", span)
 
 
 def _rows_enough(results: PaperResults) -> Evidence | None:
@@ -317,89 +303,36 @@ def _rows_enough(results: PaperResults) -> Evidence | None:
     if 20 not in rows or 30 not in rows:
         return None
     listed = ", ".join(
-        f"{n_modes}: {_error(result, 'kg_error_percent'):.3g} % and {_error(result, 'sted'):.3g}"
+        f"{n_modes}: {_value(result, KG):.3g} % and {_value(result, STED):.3g}"
         for n_modes, result in sorted(rows.items())
     )
-    fall = 100 * (1 - _error(rows[30], "sted") / (_error(rows[20], "sted") or 1.0))
+    fall = -_increase([(_value(rows[30], STED), _value(rows[20], STED))])
     return Evidence(fall, f"KG and STED by k_l, 8 bits: {listed}.", f"STED {-fall:+.0f} %")
-
-
-def _equal_quality(results: PaperResults) -> Evidence | None:
-    pair = _pair(results, "pca-qs", "pca-qp")
-    if pair is None:
-        return None
-    values = {name: [_error(one, key) for one in pair] for key, name in FIGURES.items()}
-    differences = {name: 100 * abs(a - b) / (b or 1.0) for name, (a, b) in values.items()}
-    listed = ", ".join(f"{name} {value:.1g} %" for name, value in differences.items())
-    largest = max(differences.values())
-    return Evidence(largest, f"Relative differences: {listed}.", f"differ by {largest:.1g} %")
-
-
-def _temporal_artifacts(results: PaperResults) -> Evidence | None:
-    pair = _pair(results, "pca-qp", "pca-qs")
-    if pair is None:
-        return None
-    parallel, serial = (_error(result, "sted_temporal") for result in pair)
-    return Evidence(
-        parallel / (serial or 1.0),
-        f"The temporal part of STED is {serial:.4g} with `pca-qs` and {parallel:.4g} with "
-        "`pca-qp`: the same stream, solved frame by frame, gives the same frames.",
-        f"T {serial:.4g} against {parallel:.4g}",
-    )
-
-
-def _faster(
-    results: PaperResults, first: str, second: str, phase: str, run: str = ""
-) -> Evidence | None:
-    """Processor seconds of a phase of one method over those of another.
-
-    Parameters
-    ----------
-    run : str
-        The run of `results.claims` that contains both; empty for the settings of the tables.
-    """
-    if run:
-        result = results.claims.get(run)
-        if result is None or "refused" in result:
-            return None
-        seconds, n_frames = [result[name] for name in (first, second)], result["n_frames"]
-    else:
-        pair = _pair(results, first, second)
-        if pair is None:
-            return None
-        seconds, n_frames = [one["seconds"] for one in pair], results.sequence["n_frames"]
-    fast, slow = (one[f"{phase}_processor"] for one in seconds)
-    ratio = fast / slow
-    factor = f"{ratio:.2f}" if ratio > 0.1 else f"1/{1 / ratio:.0f}"
-    return Evidence(
-        ratio,
-        f"{n_frames} frames: {fast:.3g} s of processor time with `{first}`, {slow:.3g} s with "
-        f"`{second}`.",
-        factor,
-    )
 
 
 def _differences(results: PaperResults) -> Evidence | None:
     bits = results.claims.get("dictionaries")
-    if bits is None or "refused" in bits or bits["kept_whole"] is None:
+    if bits is None or bits["kept_whole"] is None:
         return None
     low, high = PRINTED_DICTIONARY_BITS
+    plain, curves = (
+        [f"{bits[f'{name}{coding}']:.1f}"
+         for name in ("kept_whole", "kept_difference", "all_whole", "all_difference")]
+        for coding in ("_plain", "")
+    )  # fmt: skip
     return Evidence(
         bits["kept_difference_plain"] / bits["kept_whole_plain"],
-        f"Coded entry by entry, {bits['kept_difference_plain']:.1f} bits against "
-        f"{bits['kept_whole_plain']:.1f} with the columns in the stream, "
-        f"{bits['all_difference_plain']:.1f} against {bits['all_whole_plain']:.1f} with all. "
-        f"Coded as curves over time, as in streams, {bits['kept_difference']:.1f} against "
-        f"{bits['kept_whole']:.1f} and {bits['all_difference']:.1f} against "
-        f"{bits['all_whole']:.1f}. The paper's q_d implies {low} to {high}.",
-        f"{bits['kept_whole_plain']:.1f} to {bits['kept_difference_plain']:.1f} bits (as curves "
-        f"{bits['kept_whole']:.1f} to {bits['kept_difference']:.1f})",
+        f"Coded entry by entry, {plain[1]} bits against {plain[0]} with the columns in the stream, "
+        f"{plain[3]} against {plain[2]} with all. Coded as curves over time, as in streams, "
+        f"{curves[1]} against {curves[0]} and {curves[3]} against {curves[2]}. The paper's q_d "
+        f"implies {low} to {high}.",
+        f"{plain[0]} to {plain[1]} bits (as curves {curves[0]} to {curves[1]})",
     )
 
 
 def _quiet_blocks(results: PaperResults) -> Evidence | None:
     result = results.claims.get("quiet blocks")
-    if result is None or "refused" in result or len(result["bits"]) < 3:
+    if result is None or len(result["bits"]) < 3:
         return None
     motion, bits = np.array(result["motion_percent"]), np.array(result["bits"])
     order = np.argsort(motion, kind="stable")
@@ -415,10 +348,10 @@ def _quiet_blocks(results: PaperResults) -> Evidence | None:
 
 
 def _steadiness(results: PaperResults) -> Evidence | None:
-    pair = _pair(results, "gft", "pca-qp")
-    if pair is None:
+    pair = results.variant("gft"), results.variant("pca-qp")
+    curves = [np.array(result["quality"]["nmsve"], float) for result in pair if result is not None]
+    if len(curves) < 2:
         return None
-    curves = [np.array(result["quality"]["nmsve"], float) for result in pair]
     spread, other = (100 * float(np.std(curve) / np.mean(curve)) for curve in curves)
     return Evidence(
         spread,
@@ -429,8 +362,8 @@ def _steadiness(results: PaperResults) -> Evidence | None:
 
 
 def _per_mesh_size(results: PaperResults) -> Evidence | None:
-    full = results.full_decomposition
-    if full is None or "refused" in full:
+    full = results.full_basis
+    if full is None:
         return None
     basis = extrapolated_basis(full, PER_MESH_VERTICES, results.sequence["n_frames"])
     is_judged = full["n_verts"] >= MIN_EXTRAPOLATED_VERTS
@@ -446,7 +379,7 @@ def _per_mesh_size(results: PaperResults) -> Evidence | None:
 
 def _sparsity(results: PaperResults) -> Evidence | None:
     result = results.claims.get("sparsity")
-    if result is None or "refused" in result:
+    if result is None:
         return None
     share, tiny = result["below_percent"], result["below_permille"]
     return Evidence(
@@ -461,143 +394,95 @@ def _visible_error(results: PaperResults) -> Evidence | None:
     result = results.variant("pca-qp")
     if result is None:
         return None
-    angle, sted = _error(result, "normal_angle_mean_deg"), _error(result, "sted")
+    angle = _value(result, "quality.normal_angle_mean_deg")
     return Evidence(
         angle,
-        f"At the settings of the tables ({_rate(result):.3g} bpvf) the normals of faces differ by "
-        f"{angle:.2f} degrees on average; STED is {sted:.3g}.",
+        f"At the settings of the tables ({_value(result, RATE):.3g} bpvf) the normals of faces "
+        f"differ by {angle:.2f} degrees on average; STED is {_value(result, STED):.3g}.",
         f"{angle:.1f} degrees",
     )
-
-
-def _correlation(first: np.ndarray, second: np.ndarray) -> float:
-    return float(np.corrcoef(np.stack([first, second]))[0, 1])
 
 
 _QP_COEFFICIENTS, _BLOCKS_COEFFICIENTS = (
     f"{method} ({CHOICE_NAMES[COEFFICIENTS]})" for method in ("pca-qp", "blocks")
 )
-_KG_RATIO = "KG error over that of the other, at equal rate"
-_ALL_RATIOS = "largest of KG, STED and NMSVE over those of the other, at equal rate"
+_RATES = "largest of KG, STED and NMSVE over those of the other, at equal rate"
+_KG_RATE = "KG error over that of the other, at equal rate"
 _SECONDS = "processor seconds over those of the other"
-_LONG = "long sequence"
+_ENCODE, _DECODE = (
+    {f"processor seconds to {verb}": f"seconds.{phase}_processor"}
+    for verb, phase in (("encode", "encode"), ("reconstruct", "decode"))
+)
+_equal_kg = partial(_at_equal_rate, errors=("KG",))
+_long = partial(_compared, first="blocks", second="pca-qp", run="long sequence")
 
-CLAIMS = (
-    Claim(
-        "Deltas on eigen-trajectories beat spatial coding of each mesh (PCA+qp, per mesh)",
-        _ALL_RATIOS, *RATIO, partial(_at_equal_rate, first="pca-qp", second="gft"),
-    ),
-    Claim(
-        "Deltas on eigen-trajectories beat vertices (PCA+qp, v2v)",
-        _ALL_RATIOS, *RATIO, partial(_at_equal_rate, first="pca-qp", second="v2v"),
-    ),
-    Claim(
-        "Deltas on eigen-trajectories beat vertices at the zero-order entropy of coefficients",
-        _ALL_RATIOS, *RATIO,
-        partial(_at_equal_rate, first="pca-qp", second="v2v", rate=ENTROPY_RATE),
-    ),
-    Claim(
-        "The quality is not noticeably affected (PCA+qp, settings of the tables)",
-        "mean angle between original and decoded normals, degrees", 2.0, 5.0, _visible_error,
-    ),
-    Claim(
-        "The projected deltas are very sparse",
-        "share of the entries of at most 1 % of the largest, percent", 95.0, 80.0, _sparsity,
-    ),
-    Claim(
-        "More than 20 rows improve little",
-        "fall of STED from 20 to 30 rows, percent", 10.0, 20.0, _rows_enough,
-    ),
-    Claim(
-        "Anchors raise the level of detail (PCA+qp, PCA+q)",
-        "largest of KG, STED and NMSVE over those without, at the settings of the tables",
-        *RATIO, partial(_lower_errors, first="pca-qp", second="pca-q"),
-    ),
-    Claim(
-        "1 % of the vertices as anchors are better than 0.5 %",
-        "largest of KG, STED and NMSVE over those with 0.5 %, at the settings of the tables",
-        *RATIO, partial(_lower_errors, first="pca-qp", second="pca-qp (0.5 %)"),
-    ),
-    Claim(
-        "The choice of anchors hardly affects the results",
-        "largest change of KG with three random sets, percent", 5.0, 15.0, _anchor_choice,
-    ),
-    Claim(
-        "Positions of anchors in all frames (Eq. 12) beat their coefficients, PCA+qp",
-        _KG_RATIO, *RATIO,
-        partial(_kg_at_equal_rate, first="pca-qp", second=_QP_COEFFICIENTS),
-    ),
-    Claim(
-        "Positions of anchors in all frames (Eq. 12) beat their coefficients, blocks",
-        _KG_RATIO, *RATIO,
-        partial(_kg_at_equal_rate, first="blocks", second=_BLOCKS_COEFFICIENTS),
-    ),
-    Claim(
-        "Anchors need 16 bits for each position",
-        "increase of KG with 12 bits, percent", 10.0, 2.0, _anchor_bits,
-    ),
-    Claim(
-        "Variant (ii) read as the projection of quantized deltas is better than Eq. 10",
-        "largest of q, KG and STED over those of Eq. 10", *RATIO, _quantized_deltas,
-    ),
-    Claim(
-        "PCA+qs and PCA+qp have the lowest NMSVE at the settings of the tables",
-        "their mean NMSVE over the lowest of the others", *RATIO, _lowest_error,
-    ),
-    Claim(
-        "NMSVE per frame follows a similar pattern in all temporal methods",
-        "smallest correlation of two methods", 0.8, 0.5, _similar_pattern,
-    ),
-    Claim(
-        "Per mesh has nearly the same NMSVE in every frame",
-        "standard deviation over the mean, percent", 10.0, 20.0, _steadiness,
-    ),
-    Claim(
-        "PCA+qs and PCA+qp have equal quality",
-        "largest difference of KG, STED and NMSVE, percent", 0.1, 1.0, _equal_quality,
-    ),
-    Claim(
-        "PCA+qs has temporal artifacts that PCA+qp does not have",
-        "temporal part of STED of PCA+qp over that of PCA+qs", *RATIO, _temporal_artifacts,
-    ),
-    Claim(
-        "PCA+qp is much faster to reconstruct than PCA+qs",
-        _SECONDS, 0.5, 1.0, partial(_faster, first="pca-qp", second="pca-qs", phase="decode"),
-    ),
-    Claim(
-        "Blocks are faster to encode than PCA+qp",
-        _SECONDS, *RATIO, partial(_faster, first="blocks", second="pca-qp", phase="encode"),
-    ),
-    Claim(
-        "Blocks are faster to reconstruct than PCA+qp",
-        _SECONDS, *RATIO, partial(_faster, first="blocks", second="pca-qp", phase="decode"),
-    ),
-    Claim(
-        "Blocks are faster to encode than PCA+qp beyond 1,000 frames",
-        _SECONDS, *RATIO,
-        partial(_faster, first="blocks", second="pca-qp", phase="encode", run=_LONG),
-    ),
-    Claim(
-        "Blocks are faster to reconstruct than PCA+qp beyond 1,000 frames",
-        _SECONDS, *RATIO,
-        partial(_faster, first="blocks", second="pca-qp", phase="decode", run=_LONG),
-    ),
-    Claim(
-        "PCA+qp is better than blocks",
-        _KG_RATIO, *RATIO, partial(_kg_at_equal_rate, first="pca-qp", second="blocks"),
-    ),
-    Claim(
-        "Differences U[i+1] - U[i] need fewer bits than dictionaries",
-        "bits per entry over those of whole dictionaries, entry by entry", *RATIO, _differences,
-    ),
-    Claim(
-        "Blocks with little motion need fewer bits for the same error",
-        "bits of the quietest third over those of the third with the most motion",
-        *RATIO, _quiet_blocks,
-    ),
-    Claim(
-        f"Per mesh is infeasible beyond {PER_MESH_VERTICES:,} vertices",
-        "days for one decomposition per frame, extrapolated", 1.0, 0.1, _per_mesh_size,
-    ),
+CLAIMS = tuple(
+    Claim(*row)
+    for row in (
+        ("Deltas on eigen-trajectories beat spatial coding of each mesh (PCA+qp, per mesh)",
+         _RATES, *RATIO, partial(_at_equal_rate, first="pca-qp", second="gft")),
+        ("Deltas on eigen-trajectories beat vertices (PCA+qp, v2v)",
+         _RATES, *RATIO, partial(_at_equal_rate, first="pca-qp", second="v2v")),
+        ("Deltas on eigen-trajectories beat vertices at the zero-order entropy of coefficients",
+         _RATES, *RATIO, partial(_at_equal_rate, first="pca-qp", second="v2v", rate=ENTROPY_RATE)),
+        ("The quality is not noticeably affected (PCA+qp, settings of the tables)",
+         "mean angle between original and decoded normals, degrees", 2.0, 5.0, _visible_error),
+        ("The projected deltas are very sparse",
+         "share of the entries of at most 1 % of the largest, percent", 95.0, 80.0, _sparsity),
+        ("More than 20 rows improve little",
+         "fall of STED from 20 to 30 rows, percent", 10.0, 20.0, _rows_enough),
+        ("Anchors raise the level of detail (PCA+qp, PCA+q)",
+         "largest of KG, STED and NMSVE over those without, at the settings of the tables",
+         *RATIO, partial(_compared, first="pca-qp", second="pca-q")),
+        ("1 % of the vertices as anchors are better than 0.5 %",
+         "largest of KG, STED and NMSVE over those with 0.5 %, at the settings of the tables",
+         *RATIO, partial(_compared, first="pca-qp", second="pca-qp (0.5 %)")),
+        ("The choice of anchors hardly affects the results",
+         "largest change of KG with three random sets, percent", 5.0, 15.0, _anchor_choice),
+        ("Positions of anchors in all frames (Eq. 12) beat their coefficients, PCA+qp",
+         _KG_RATE, *RATIO, partial(_equal_kg, first="pca-qp", second=_QP_COEFFICIENTS)),
+        ("Positions of anchors in all frames (Eq. 12) beat their coefficients, blocks",
+         _KG_RATE, *RATIO, partial(_equal_kg, first="blocks", second=_BLOCKS_COEFFICIENTS)),
+        ("Anchors need 16 bits for each position",
+         "increase of KG with 12 bits, percent", 10.0, 2.0,
+         partial(_compared, first="pca-qp", second=f"pca-qp ({CHOICE_NAMES[FINE_ANCHORS]})",
+                 figures={"KG": KG, "q_a": "rates.stored.q_a"}, measure=_increase)),
+        ("Variant (ii) read as the projection of quantized deltas is better than Eq. 10",
+         "largest of q, KG and STED over those of Eq. 10", *RATIO,
+         partial(_compared, first=f"pca-q ({CHOICE_NAMES[QUANTIZED_DELTAS]})", second="pca-q",
+                 figures={"q": "rates.stored.q", "KG": KG, "STED": STED})),
+        ("PCA+qs and PCA+qp have the lowest NMSVE at the settings of the tables",
+         "their mean NMSVE over the lowest of the others", *RATIO, _lowest_error),
+        ("NMSVE per frame follows a similar pattern in all temporal methods",
+         "smallest correlation of two methods", 0.8, 0.5, _similar_pattern),
+        ("Per mesh has nearly the same NMSVE in every frame",
+         "standard deviation over the mean, percent", 10.0, 20.0, _steadiness),
+        ("PCA+qs and PCA+qp have equal quality",
+         "largest difference of KG, STED and NMSVE, percent", 0.1, 1.0,
+         partial(_compared, first="pca-qs", second="pca-qp", measure=_difference)),
+        ("PCA+qs has temporal artifacts that PCA+qp does not have",
+         "temporal part of STED of PCA+qp over that of PCA+qs", *RATIO,
+         partial(_compared, first="pca-qp", second="pca-qs",
+                 figures={"temporal part of STED": "quality.sted_temporal"})),
+        ("PCA+qp is much faster to reconstruct than PCA+qs", _SECONDS, 0.5, 1.0,
+         partial(_compared, first="pca-qp", second="pca-qs", figures=_DECODE)),
+        ("Blocks are faster to encode than PCA+qp", _SECONDS, *RATIO,
+         partial(_compared, first="blocks", second="pca-qp", figures=_ENCODE)),
+        ("Blocks are faster to reconstruct than PCA+qp", _SECONDS, *RATIO,
+         partial(_compared, first="blocks", second="pca-qp", figures=_DECODE)),
+        ("Blocks are faster to encode than PCA+qp beyond 1,000 frames", _SECONDS, *RATIO,
+         partial(_long, figures=_ENCODE)),
+        ("Blocks are faster to reconstruct than PCA+qp beyond 1,000 frames", _SECONDS, *RATIO,
+         partial(_long, figures=_DECODE)),
+        ("PCA+qp is better than blocks", _KG_RATE, *RATIO,
+         partial(_equal_kg, first="pca-qp", second="blocks")),
+        ("Differences U[i+1] - U[i] need fewer bits than dictionaries",
+         "bits per entry over those of whole dictionaries, entry by entry", *RATIO, _differences),
+        ("Blocks with little motion need fewer bits for the same error",
+         "bits of the quietest third over those of the third with the most motion",
+         *RATIO, _quiet_blocks),
+        (f"Per mesh is infeasible beyond {PER_MESH_VERTICES:,} vertices",
+         "days for one decomposition per frame, extrapolated", 1.0, 0.1, _per_mesh_size),
+    )
 )  # fmt: skip
 """In the order of the report: the central claims, rows, anchors, variants, blocks, per mesh."""

@@ -3,10 +3,10 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from meshreel.evaluation.rate_distortion import Overlap, Point, compare_at_equal_rate
-from meshreel.evaluation.runs.store import Result, done
 from meshreel.paper.sweeps import ANCHORS, COEFFICIENTS, Setting
 from meshreel.runtime.counting import duration_text, size_text
+from meshreel.studies.rate_distortion import Point
+from meshreel.studies.runs import Result, done
 
 RATE, ENTROPY_RATE = "rate_order_dropped_bpvf", "rate_order_dropped_entropy_bpvf"
 """Figures of a result: the rate of the file without order, and the same if coefficients took their
@@ -28,8 +28,7 @@ class PaperResults:
     alternatives : list of results
         Variants that change one choice that the paper leaves open.
     claims : dict of str to result
-        Results of the runs in `claims`: "sparsity", "dictionaries", "quiet blocks", "long
-        sequence".
+        Finished runs in `claims`: "sparsity", "dictionaries", "quiet blocks", "long sequence".
     decompositions : result or None
         Seconds of an eigen-decomposition with the frequencies of `gft`, if it was run.
     full_decomposition : result or None
@@ -50,6 +49,17 @@ class PaperResults:
     def name(self) -> str:
         """The name of the sequence in tables and figures."""
         return str(self.sequence["name"]) or self.slug
+
+    @property
+    def measured(self) -> list[Result]:
+        """The variants, which record their machine."""
+        return self.variants
+
+    @property
+    def full_basis(self) -> Result | None:
+        """The full decomposition, unless it was refused or not run."""
+        full = self.full_decomposition
+        return None if full is None or "refused" in full else full
 
     def as_dict(self) -> dict[str, Any]:
         """The sequence and the values of its tables, in plain types."""
@@ -75,16 +85,8 @@ class PaperResults:
             setting, error = setting_of_result(result), result["quality"][figure]
             is_default = setting.anchors in (0, ANCHORS) and setting.choices in ("", COEFFICIENTS)
             if error is not None and is_default and setting.method != "pca-qs":
-                points = curves.setdefault(setting.label, set())
-                points.add((result[rate], error))
+                curves.setdefault(setting.label, set()).add((result[rate], error))
         return {label: sorted(points) for label, points in curves.items()}
-
-    def at_equal_rate(
-        self, figure: str, label: str, other: str, rate: str = RATE
-    ) -> Overlap | None:
-        """Errors of a variant relative to another at equal rate; None without common rates."""
-        points = self.points(figure, rate)
-        return compare_at_equal_rate(points.get(label, []), points.get(other, []))
 
 
 @dataclass(frozen=True)
@@ -167,14 +169,10 @@ def summary(result: Result) -> dict[str, Any]:
     setting = {"label": label_of_result(result), **asdict(setting_of_result(result))}
     if "refused" in result:
         return {**setting, "refused": result["refused"]}
-    return {
-        **setting,
-        "rates": result["rates"],
-        "rate_bpvf": result["rate_bpvf"],
-        "rate_order_dropped_bpvf": result["rate_order_dropped_bpvf"],
-        "encode_s": result["seconds"]["encode"],
-        "decode_s": result["seconds"]["decode"],
-        "encode_processor_s": result["seconds"]["encode_processor"],
-        "decode_processor_s": result["seconds"]["decode_processor"],
-        **{name: value for name, value in result["quality"].items() if name != "nmsve"},
+    seconds = {
+        f"{part}_s": result["seconds"][part]
+        for part in ("encode", "decode", "encode_processor", "decode_processor")
     }
+    quality = {name: value for name, value in result["quality"].items() if name != "nmsve"}
+    rates = {name: result[name] for name in ("rates", "rate_bpvf", RATE)}
+    return {**setting, **rates, **seconds, **quality}

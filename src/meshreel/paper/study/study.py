@@ -5,10 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from meshreel.evaluation.pipeline import Measured, Subject
-from meshreel.evaluation.runs.store import Result, Run, done, result_of
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.decoder import coded_blocks
 from meshreel.paper.study.claims import (
     decompositions_run,
     dictionaries_run,
@@ -17,10 +14,10 @@ from meshreel.paper.study.claims import (
     quiet_blocks_run,
     sparsity_run,
 )
-from meshreel.paper.study.document import paper_document
+from meshreel.paper.study.document import CHOICES, sequence_parts, variant_lines
 from meshreel.paper.study.figures import diagrams, matrices, meshes
 from meshreel.paper.study.measure import variant_run
-from meshreel.paper.study.results import PaperResults, method_of_result, setting_of_result
+from meshreel.paper.study.results import PaperResults, setting_of_result
 from meshreel.paper.sweeps import (
     DEFAULTS,
     METHOD_NAMES,
@@ -30,8 +27,10 @@ from meshreel.paper.sweeps import (
     sweep,
     variants,
 )
-from meshreel.rendering.documents import Document, Picture
+from meshreel.rendering.documents import Bullets, Heading, Part, Picture
 from meshreel.runtime.progress import Progress
+from meshreel.studies.runs import Result, Run, done, result_of
+from meshreel.studies.study import Subject
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,11 @@ class PaperStudy:
     quick: bool = False
     table: TableSettings = DEFAULTS
     program: str = "meshreel paper"
+    title: str = "Fast Spatio-temporal Compression of Dynamic 3D Meshes: the evaluation reproduced"
+    introduction: str = (
+        "The evaluation of G. Arvanitis, A. S. Lalos, K. Moustakas, reproduced with meshreel. All "
+        "results are from streams that were encoded to bytes and decoded. Created by"
+    )
 
     def plan(self, sequence: MeshSequence) -> dict[str, list[Run]]:
         """The runs for tables, alternatives, Fig. 3, rate-distortion plots and claims."""
@@ -88,26 +92,29 @@ class PaperStudy:
 
         A quick study omits the full decomposition.
         """
-        names = [run.name for run in self._claims(subject.sequence)]
+        sequence, store = subject.sequence, subject.store
+        names = [run.name for run in self._claims(sequence)]
+        claims = zip(names, groups["claims"], strict=True)
         results = PaperResults(
             subject.slug,
-            subject.store.sequence,
+            store.sequence,
             variants=groups["variants"],
             rows=groups["rows"],
             sweep=groups["sweep"],
             alternatives=groups["alternatives"],
-            claims=dict(zip(names, groups["claims"], strict=True)),
+            claims={name: result for name, result in claims if "refused" not in result},
         )
         graph = results.variant("gft")
         if graph is None:
             return results
-        run = decompositions_run(subject.sequence, max(graph["stream"]["n_modes"]))
-        decompositions = done([result_of(run, subject.store, progress)])
-        results = replace(results, decompositions=next(iter(decompositions), None))
-        if self.quick:
-            return results
-        full = result_of(full_decomposition_run(subject.sequence), subject.store, progress)
-        return replace(results, full_decomposition=full)
+        run = decompositions_run(sequence, max(graph["stream"]["n_modes"]))
+        decompositions = done([result_of(run, store, progress)])
+        full = None if self.quick else result_of(full_decomposition_run(sequence), store, progress)
+        return replace(
+            results,
+            decompositions=next(iter(decompositions), None),
+            full_decomposition=full,
+        )
 
     def drawings(
         self, subject: Subject, results: PaperResults, folder: Path
@@ -121,17 +128,26 @@ class PaperStudy:
             return
         yield partial(diagrams.draw_error_per_frame, results, folder)
         yield partial(diagrams.draw_bits_per_row, results, folder)
-        blocks = next((r for r in done(results.variants) if method_of_result(r) == "blocks"), None)
+        blocks = results.variant("blocks")
         if blocks is not None:
-            data = store.path(setting_of_result(blocks).key, "reel").read_bytes()
-            yield partial(matrices.draw_dictionaries, sequence, coded_blocks(data), slug, folder)
+            block_frames = setting_of_result(blocks).block_frames or sequence.n_frames
+            shape = block_frames, max(blocks["stream"]["n_modes"])
+            yield partial(matrices.draw_dictionaries, sequence, *shape, slug, folder)
         yield partial(meshes.draw_variants, sequence, results.variants, store, slug, folder)
         yield partial(diagrams.draw_rate_distortion, results, folder)
 
-    def notes(self, measured: Measured[PaperResults]) -> dict[str, list[str]]:
+    def notes(self, measured: Sequence[PaperResults]) -> list[str]:
         """Empty: no variant needs an optional package."""
-        return {}
+        return []
 
-    def document(self, measured: Measured[PaperResults], command: str) -> Document:
-        """The report: tables, findings and figures of each sequence."""
-        return paper_document(measured, command)
+    def preface(self, measured: Sequence[PaperResults]) -> list[Part]:
+        """The settings of the variants."""
+        return [Heading(2, "Variants"), Bullets(variant_lines(measured))]
+
+    def section(self, results: PaperResults, pictures: Sequence[Picture]) -> list[Part]:
+        """Findings, tables and figures of a sequence."""
+        return sequence_parts(results, pictures)
+
+    def appendix(self) -> list[Part]:
+        """Our choices where the paper leaves them open."""
+        return [Heading(2, "Choices that the paper leaves open"), Bullets(CHOICES)]

@@ -1,11 +1,10 @@
 """Tables of results, with the paper's values: Table I (rates), Table II (seconds), and errors."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
-from meshreel.evaluation.runs.store import Result
 from meshreel.paper.study.results import (
+    RATE,
     PaperResults,
     extrapolated_basis,
     label_of_result,
@@ -13,14 +12,14 @@ from meshreel.paper.study.results import (
 )
 from meshreel.paper.sweeps import ANCHORS, Setting
 from meshreel.rendering.documents import NONE, Table, number, scientific, significant
+from meshreel.studies.runs import Result
 
 Printed = TypeVar("Printed")
 
 RATES = ("q", "q_a", "q_d", "q_s")
 
 
-@dataclass(frozen=True)
-class PrintedRates:
+class PrintedRates(NamedTuple):
     """A column of Table I, in bits per vertex and frame; None is a dash in the paper."""
 
     q: float
@@ -34,8 +33,7 @@ class PrintedRates:
         return self.q + (self.q_a or 0.0) + self.q_d
 
 
-@dataclass(frozen=True)
-class PrintedSeconds:
+class PrintedSeconds(NamedTuple):
     """A column of Table II: processing and encoding, and reconstruction."""
 
     encode: float
@@ -157,17 +155,41 @@ def printed_seconds(sequence_name: str, n_verts: int) -> dict[str, PrintedSecond
 def rate_table(results: PaperResults) -> Table:
     """Table I: rates by Eq. 13 with the printed values, rates as stored, and true rates."""
     printed = printed_rates(results.name)
-    header = ["variant"]
+    header = []
     for name in RATES:
         header += [name, f"{name}, paper"] if printed else [name]
     header += [f"{name} as stored" for name in RATES]
     header += ["q, zero-order entropy", "bpvf of the file", "bpvf, order dropped"]
-    rows = []
-    for result in results.variants:
-        row = [label_of_result(result)]
-        row += _rate_cells(result, _printed_for(result, printed), bool(printed))
-        rows.append(_pad(row, result, len(header)))
-    return Table(f"Table I, {results.name}: bits per vertex and frame", tuple(header), tuple(rows))
+
+    def cells(result: Result) -> list[str]:
+        rates, beside = result["rates"], _printed_for(result, printed)
+        values = []
+        for name in RATES:
+            values.append(rates["eq13"][name])
+            values += [getattr(beside, name, None)] if printed else []
+        values += [rates["stored"][name] for name in RATES]
+        return [number(rate) for rate in (*values, rates["q_entropy"], result["rate_bpvf"],
+                                          result[RATE])]  # fmt: skip
+
+    title = f"Table I, {results.name}: bits per vertex and frame"
+    return _table(title, header, results.variants, cells)
+
+
+def _table(
+    title: str,
+    header: Sequence[str],
+    results: Sequence[Result],
+    cells: Callable[[Result], list[str]],
+) -> Table:
+    """A table with a row for each variant; failed ones have no values."""
+    rows = [
+        (
+            label_of_result(result),
+            *(["refused"] * len(header) if "refused" in result else cells(result)),
+        )
+        for result in results
+    ]
+    return Table(title, ("variant", *header), tuple(rows))
 
 
 def _printed_for(result: Result, printed: Mapping[str, Printed]) -> Printed | None:
@@ -177,66 +199,49 @@ def _printed_for(result: Result, printed: Mapping[str, Printed]) -> Printed | No
     return printed.get(method_of_result(result)) if is_default else None
 
 
-def _rate_cells(
-    result: Result, printed: PrintedRates | None, has_printed_columns: bool
-) -> list[str]:
-    if "refused" in result:
-        return []
-    rates, cells = result["rates"], list[str]()
-    for name in RATES:
-        cells.append(number(rates["eq13"][name]))
-        if has_printed_columns:
-            cells.append(number(getattr(printed, name, None)))
-    cells += [number(rates["stored"][name]) for name in RATES]
-    whole = rates["q_entropy"], result["rate_bpvf"], result["rate_order_dropped_bpvf"]
-    return cells + [number(rate) for rate in whole]
-
-
 def quality_table(results: PaperResults) -> Table:
     """The settings of the variants and the errors of their streams."""
-    header = ("variant", "modes", "bits", "bpvf, order dropped", "KG error %", "STED",
-              "NMSVE, mean", "largest error %", "normals, mean °")  # fmt: skip
-    rows = []
-    for result in results.variants:
-        row = [label_of_result(result)]
-        if "refused" not in result:
-            quality = result["quality"]
-            row += [
-                _modes(result),
-                str(result["identity"]["setting"]["bits"]),
-                number(result["rate_order_dropped_bpvf"]),
-                significant(quality["kg_error_percent"]),
-                significant(quality["sted"]),
-                scientific(quality["nmsve_mean"]),
-                significant(quality["max_error_percent"]),
-                significant(quality["normal_angle_mean_deg"]),
-            ]
-        rows.append(_pad(row, result, len(header)))
-    return Table(f"Errors of the same streams, {results.name}", header, tuple(rows))
+    header = ("modes", "bits", "bpvf, order dropped", "KG error %", "STED", "NMSVE, mean",
+              "largest error %", "normals, mean °")  # fmt: skip
+
+    def cells(result: Result) -> list[str]:
+        quality = result["quality"]
+        return [
+            _modes(result),
+            str(result["identity"]["setting"]["bits"]),
+            *_rate_and_errors(result),
+            significant(quality["max_error_percent"]),
+            significant(quality["normal_angle_mean_deg"]),
+        ]
+
+    title = f"Errors of the same streams, {results.name}"
+    return _table(title, header, results.variants, cells)
+
+
+def _rate_and_errors(result: Result) -> list[str]:
+    """Rate without order, KG error, STED and NMSVE."""
+    quality = result["quality"]
+    return [
+        number(result[RATE]),
+        significant(quality["kg_error_percent"]),
+        significant(quality["sted"]),
+        scientific(quality["nmsve_mean"]),
+    ]
 
 
 def alternatives_table(results: PaperResults) -> Table:
     """Rates and errors of variants with one changed choice, each below its default."""
-    header = ("variant", "q as stored", "q_a as stored", "bpvf, order dropped", "KG error %",
-              "STED", "NMSVE, mean")  # fmt: skip
-    rows = []
+    header = ("q as stored", "q_a as stored", "bpvf, order dropped", "KG error %", "STED",
+              "NMSVE, mean")  # fmt: skip
+
+    def cells(result: Result) -> list[str]:
+        stored = result["rates"]["stored"]
+        return [number(stored["q"]), number(stored["q_a"]), *_rate_and_errors(result)]
+
     compared = {method_of_result(result) for result in results.alternatives}
     defaults = [result for result in results.variants if label_of_result(result) in compared]
-    for result in (*defaults, *results.alternatives):
-        row = [label_of_result(result)]
-        if "refused" not in result:
-            quality, stored = result["quality"], result["rates"]["stored"]
-            row += [
-                number(stored["q"]),
-                number(stored["q_a"]),
-                number(result["rate_order_dropped_bpvf"]),
-                significant(quality["kg_error_percent"]),
-                significant(quality["sted"]),
-                scientific(quality["nmsve_mean"]),
-            ]
-        rows.append(_pad(row, result, len(header)))
-    rows.sort(key=lambda row: row[0].split(" ")[0])
-    return Table(f"What the paper leaves open, {results.name}", header, tuple(rows))
+    shown = sorted((*defaults, *results.alternatives), key=method_of_result)
+    return _table(f"What the paper leaves open, {results.name}", header, shown, cells)
 
 
 def seconds_table(results: PaperResults) -> Table:
@@ -246,81 +251,57 @@ def seconds_table(results: PaperResults) -> Table:
               "reconstruction, s", "reconstruction, processor s"]  # fmt: skip
     if printed:
         header += ["paper: processing and encoding, s", "paper: reconstruction, s"]
-    rows = []
+    rows: list[list[str]] = []
     for result in results.variants:
-        method = method_of_result(result)
-        label = label_of_result(result)
-        if method == "gft" and "refused" not in result:
-            label = f"gft, {_modes(result)} frequencies"
-        row = [f"{label}, decomposed once" if method == "gft" else label, *_seconds_cells(result)]
-        if printed and "refused" not in result:
-            # The paper's values belong to the row with all frequencies.
-            row += _printed_seconds(_printed_for(result, printed) if method != "gft" else None)
-        rows.append(_pad(row, result, len(header)))
-        extrapolated = _decomposed_each(result, results)
-        if extrapolated:
-            row = [f"{label}, decomposed for each frame *", *extrapolated]
-            rows.append(_pad(row, result, len(header)))
-        if method == "gft":
-            rows += _all_frequencies(results, printed.get("gft"), len(header))
-    return Table(f"Table II, {results.name}", tuple(header), tuple(rows))
+        is_graph, label = method_of_result(result) == "gft", label_of_result(result)
+        if "refused" in result:
+            rows.append([label, *["refused"] * (len(header) - 1)])
+        else:
+            if is_graph:
+                label = f"gft, {_modes(result)} frequencies"
+            seconds = [result["seconds"][part] for part in PHASES]
+            name = f"{label}, decomposed once" if is_graph else label
+            # The paper's values of `gft` belong to the row with all frequencies.
+            beside = None if is_graph else _printed_for(result, printed)
+            rows.append([name, *map(significant, seconds), *_printed_seconds(beside)])
+            if is_graph and results.decompositions is not None:
+                each, n_more = results.decompositions, results.sequence["n_frames"] - 1
+                extra = 2 * [each["seconds_each"], each["processor_seconds_each"]]
+                pairs = zip(seconds, extra, strict=True)
+                cells = (f"{once + n_more * more:.0f}" for once, more in pairs)
+                rows.append([f"{label}, decomposed for each frame *", *cells])
+        if is_graph:
+            rows += _all_frequencies(results, printed.get("gft"))
+    padded = ((*row, *[NONE] * len(header))[: len(header)] for row in rows)
+    return Table(f"Table II, {results.name}", tuple(header), tuple(padded))
 
 
-def _seconds_cells(result: Result) -> list[str]:
-    if "refused" in result:
-        return []
-    parts = ("encode", "encode_processor", "decode", "decode_processor")
-    return [significant(result["seconds"][part]) for part in parts]
+PHASES = ("encode", "encode_processor", "decode", "decode_processor")
 
 
-def _decomposed_each(result: Result, results: PaperResults) -> list[str]:
-    """Extrapolated seconds with a decomposition for each frame; empty if not available."""
-    if method_of_result(result) != "gft" or "refused" in result or results.decompositions is None:
-        return []
-    n_extra, timing = results.sequence["n_frames"] - 1, results.decompositions
-    extra = n_extra * timing["seconds_each"], n_extra * timing["processor_seconds_each"]
-    return [
-        f"{result['seconds'][part + clock] + seconds:.0f}"
-        for part in ("encode", "decode")
-        for clock, seconds in zip(("", "_processor"), extra, strict=True)
-    ]
-
-
-def _all_frequencies(
-    results: PaperResults, printed: PrintedSeconds | None, n_columns: int
-) -> list[tuple[str, ...]]:
+def _all_frequencies(results: PaperResults, printed: PrintedSeconds | None) -> list[list[str]]:
     """The row that compares with the paper, without values if they were not measured.
 
     Both phases compute as many decompositions.
     """
-    row, full = ["gft, all frequencies, decomposed for each frame *"], results.full_decomposition
-    if full is not None and "refused" not in full:
+    cells = [NONE] * 4
+    if results.full_basis is not None:
         shape = results.sequence["n_verts"], results.sequence["n_frames"]
-        basis = extrapolated_basis(full, *shape)
-        row += 2 * [f"{basis.seconds:.0f}", f"{basis.processor_seconds:.0f}"]
+        basis = extrapolated_basis(results.full_basis, *shape)
+        cells = 2 * [f"{basis.seconds:.0f}", f"{basis.processor_seconds:.0f}"]
     elif printed is None:
         return []
-    else:
-        row += [NONE] * 4
-    row += [] if printed is None else _printed_seconds(printed)
-    return [(*row, *[NONE] * (n_columns - len(row)))]
+    name = "gft, all frequencies, decomposed for each frame *"
+    return [[name, *cells, *_printed_seconds(printed)]]
 
 
 def _printed_seconds(printed: PrintedSeconds | None) -> list[str]:
-    if printed is None:
-        return [NONE, NONE]
-    return [f"{printed.encode:.2f}", f"{printed.decode:.2f}"]
+    return [NONE, NONE] if printed is None else [f"{seconds:.2f}" for seconds in printed]
 
 
 def _modes(result: Result) -> str:
     counts = sorted(set(result["stream"]["n_modes"]))
     return str(counts[0]) if len(counts) == 1 else f"{counts[0]}..{counts[-1]}"
-
-
-def _pad(row: Sequence[str], result: Result, length: int) -> tuple[str, ...]:
-    """Extend a row to its full length; a failed variant has no values."""
-    mark = "refused" if "refused" in result else NONE
-    return (*row, *[mark] * (length - len(row)))
 
 
 def refusals(results: PaperResults) -> list[str]:

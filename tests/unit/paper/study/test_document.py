@@ -2,9 +2,9 @@ import re
 
 import pytest
 
-from meshreel.evaluation.pipeline import publish
-from meshreel.paper.study.document import paper_document
+from meshreel.paper.study.study import PaperStudy
 from meshreel.rendering.documents import Paragraph
+from meshreel.studies.study import document, publish
 
 
 @pytest.mark.slow
@@ -46,7 +46,7 @@ def test_report_contains_the_required_statements(evaluation):
 def test_report_contains_refusals(made_sequence, made_result, tmp_path):
     refused = {**made_result("gft"), "refused": "too <many> vertices"}
     results = made_sequence("samba", [made_result("pca"), refused])
-    markdown, html = publish(paper_document([(results, [])], "meshreel paper"), tmp_path)
+    markdown, html = publish(document(PaperStudy(), [(results, [])], "meshreel paper"), tmp_path)
     assert "`gft` refused samba: too <many> vertices" in markdown.read_text(encoding="utf-8")
     assert "<code>gft</code> refused samba: too &lt;many&gt; vertices" in html.read_text(
         encoding="utf-8"
@@ -55,7 +55,7 @@ def test_report_contains_refusals(made_sequence, made_result, tmp_path):
 
 def test_report_distinguishes_jumping_from_handstand(made_sequence, made_result):
     results = made_sequence("jumping", [made_result("pca")])
-    parts = paper_document([(results, [])], "x").parts
+    parts = document(PaperStudy(), [(results, [])], "x").parts
     texts = [part.text for part in parts if isinstance(part, Paragraph)]
     assert any("another sequence" in text for text in texts)
 
@@ -72,5 +72,5 @@ def test_report_distinguishes_jumping_from_handstand(made_sequence, made_result)
 )
 def test_note_below_the_seconds_explains_all_frequencies(made_sequence, made_result, full, words):
     results = made_sequence("samba", [made_result("gft")], full_decomposition=full)
-    parts = paper_document([(results, [])], "x").parts
+    parts = document(PaperStudy(), [(results, [])], "x").parts
     assert any(words in part.text for part in parts if isinstance(part, Paragraph))

@@ -1,16 +1,13 @@
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 
 import meshreel
-from meshreel.errors import InvalidInputError
-from meshreel.evaluation.pipeline import evaluate
-from meshreel.evaluation.runs.store import Store, result_of
 from meshreel.model.flag import simulate_flag
 from meshreel.paper.study import measure
 from meshreel.paper.study.study import PaperStudy
 from meshreel.paper.sweeps import Setting
+from meshreel.studies.runs import Store, result_of
+from meshreel.studies.study import evaluate
 from samples.figures import coarse_figures
 from samples.meshes import waving_grid
 
@@ -56,37 +53,6 @@ def test_second_evaluation_encodes_nothing(tmp_path, calls):
     assert texts[0] == texts[1]
 
 
-def test_changed_content_is_encoded_again(tmp_path, calls):
-    sequence = waving_grid()
-    moved = meshreel.MeshSequence(sequence.vertices + 1, sequence.faces, 25.0, "grid")
-    for each in (sequence, moved):
-        result_of(measure.variant_run(each, SETTING), Store.for_sequence(tmp_path, each))
-    assert len(calls) == 4
-
-
-def test_changed_version_is_encoded_again(store, calls, monkeypatch):
-    result_of(measure.variant_run(waving_grid(), SETTING), store)
-    monkeypatch.setattr("meshreel.evaluation.runs.store.__version__", "99")
-    result_of(measure.variant_run(waving_grid(), SETTING), store)
-    assert len(calls) == 4
-
-
-@pytest.mark.parametrize("text", ["", "{", "[1]", '{"identity": {}}', "\udcff"])
-def test_damaged_result_is_encoded_again(store, calls, text):
-    first = result_of(measure.variant_run(waving_grid(), SETTING), store)
-    store.path(SETTING.key, "json").write_text(text, errors="surrogateescape")
-    again = result_of(measure.variant_run(waving_grid(), SETTING), store)
-    assert len(calls) == 4
-    assert again["quality"] == first["quality"]
-
-
-def test_missing_stream_is_encoded_again(store, calls):
-    result_of(measure.variant_run(waving_grid(), SETTING), store)
-    store.path(SETTING.key, "reel").unlink()
-    result_of(measure.variant_run(waving_grid(), SETTING), store)
-    assert len(calls) == 4
-
-
 def test_result_agrees_with_its_stored_stream(store):
     sequence = waving_grid()
     result = result_of(measure.variant_run(sequence, SETTING, shown_frame=3), store)
@@ -98,13 +64,3 @@ def test_result_agrees_with_its_stored_stream(store):
     assert result["quality"] == meshreel.compare(sequence, decoded).as_dict()
     np.testing.assert_array_equal(np.load(store.path(SETTING.key, "npy")), decoded.vertices[3])
     assert set(result["machine"]) >= {"cpu", "cores", "python", "numpy", "scipy"}
-
-
-def test_refusal_of_a_method_is_stored_as_the_result(store, monkeypatch):
-    def refuse(sequence, **options):
-        raise InvalidInputError("too many vertices")
-
-    monkeypatch.setattr(measure, "encode", refuse)
-    result = result_of(measure.variant_run(waving_grid(), SETTING), store)
-    assert result["refused"] == "too many vertices"
-    assert store.find(SETTING.key, asdict(SETTING)) == result

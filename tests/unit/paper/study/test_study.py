@@ -1,9 +1,9 @@
 import pytest
 
-from meshreel.evaluation.pipeline import Subject
-from meshreel.evaluation.runs.store import Result, Store
 from meshreel.paper.study import claims, study
 from meshreel.runtime.progress import silent
+from meshreel.studies.runs import Result, Store
+from meshreel.studies.study import Subject
 from samples.meshes import waving_grid
 
 

@@ -6,32 +6,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from meshreel.evaluation.plots import LineEnd, draw_envelopes, label_ends, line_style, tidy
-from meshreel.evaluation.runs.store import Result, done
-from meshreel.paper.study.figures.panels import save_for_print
 from meshreel.paper.study.results import PaperResults, label_of_result, method_of_result
 from meshreel.rendering.documents import Picture
-from meshreel.rendering.plots import blank_figure
+from meshreel.rendering.plots import blank_figure, save_figure
+from meshreel.studies.plots import draw_envelopes, line_style, list_lines, plain_ticks, tidy
+from meshreel.studies.runs import Result, done
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
+    from matplotlib.lines import Line2D
+
+DPI = 240
 
 MIN_LOG_RATIO = 8.0
 """Values are drawn on a log axis if the largest exceeds the smallest by this factor."""
 
 ROW_AXES = {
     "": ("all frames in one block", "row (eigen-trajectory)"),
-    "blocks": (
-        "blocks of {block_frames} frames",
-        "row (eigen-trajectory) of all blocks",
-    ),
+    "blocks": ("blocks of {block_frames} frames", "row (eigen-trajectory) of all blocks"),
     "gft": ("each frame separately", "row (graph frequency)"),
 }
 """Titles and horizontal axes of Fig. 5."""
-
-SCIENTIFIC_BELOW = 1e-3
-"""Axes that extend below this are labeled with powers of ten."""
 
 ERRORS = (
     ("kg_error_percent", "KG error (%)"),
@@ -42,44 +37,38 @@ ERRORS = (
 
 def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
     """Fig. 4: NMSVE of every frame for all variants."""
-    from matplotlib.ticker import MaxNLocator
-
     figure = blank_figure(8, 4.2)
     axes = figure.add_subplot()
-    ends: list[LineEnd] = []
-    values = []
-    for result in done(results.variants):
-        errors = np.array(result["quality"]["nmsve"], float)
-        label = label_of_result(result)
-        frames = np.arange(len(errors))
-        marker = "o" if len(errors) == 1 else None
-        axes.plot(frames, errors, marker=marker, **line_style(label))
-        ends.append((label, float(frames[-1]), float(errors[-1])))
-        values.append(errors)
-    _scale_axis(axes, np.concatenate(values))
+    finished = done(results.variants)
+    errors = [np.array(result["quality"]["nmsve"], float) for result in finished]
+    for result, values in zip(finished, errors, strict=True):
+        label, marker = label_of_result(result), "o" if len(values) == 1 else None
+        axes.plot(values, marker=marker, label=label, **line_style(label))
+    positive = np.concatenate(errors)
+    positive = positive[positive > 0]
+    if positive.size and positive.max() > MIN_LOG_RATIO * positive.min():
+        axes.set_yscale("log")
+        plain_ticks(axes.yaxis)
+    else:
+        axes.set_ylim(bottom=0)
     axes.set(xlabel="frame", ylabel="NMSVE")
     axes.margins(x=0.01)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-    if len(errors) == 1:
-        axes.set_xticks([0])
+    _whole_numbers(axes)
     tidy(axes)
-    label_ends(axes, ends)
+    list_lines(axes, axes.lines)
     path = folder / f"{results.slug}-fig4-nmsve.png"
-    save_for_print(figure, path)
+    save_figure(figure, path, overwrite=True, dpi=DPI)
     caption = (
         "NMSVE of every frame, all variants at the settings of the tables. Positions are divided "
         "by the diagonal of the first frame's bounding box. Rates differ: Table I has them."
     )
-    methods = {method_of_result(result) for result in done(results.variants)}
-    if {"pca-qs", "pca-qp"} <= methods:
+    if {"pca-qs", "pca-qp"} <= {method_of_result(result) for result in finished}:
         caption += " The wide line of `pca-qs` is drawn under that of `pca-qp`."
     return Picture(path, "Fig. 4", caption, 1)
 
 
 def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     """Fig. 5: bits of an entry in each row of coefficients, for all variants."""
-    from matplotlib.ticker import MaxNLocator
-
     groups: dict[str, list[Result]] = {}
     for result in done(results.variants):
         method = method_of_result(result)
@@ -87,22 +76,18 @@ def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     figure = blank_figure(8, 0.4 + 2.7 * len(groups))
     for number, (name, group) in enumerate(groups.items(), 1):
         axes = figure.add_subplot(len(groups), 1, number)
-        ends: list[LineEnd] = []
-        for labels, result in _group_equal_rows(group):
-            _draw_rows(axes, labels, result, ends)
+        lines = [_draw_rows(axes, labels, same) for labels, same in _group_equal_rows(group)]
         title, rows = ROW_AXES[name]
-        title = title.format(**group[0]["identity"]["setting"])
-        pad = 16 if name == "blocks" else 6  # above the numbers of the blocks
-        axes.set_title(title, loc="left", fontsize=10, pad=pad)
+        axes.set_title(title.format(**group[0]["identity"]["setting"]), loc="left", fontsize=10)
         unit = "frame" if name == "gft" else "vertex"  # a frequency has a coefficient per frame
         axes.set(xlabel=rows, ylabel=f"bits per {unit}")
         axes.margins(y=0.08)
         axes.set_ylim(bottom=0)
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+        _whole_numbers(axes)
         tidy(axes)
-        label_ends(axes, ends)
+        list_lines(axes, lines)
     path = folder / f"{results.slug}-fig5-bits-per-row.png"
-    save_for_print(figure, path)
+    save_figure(figure, path, overwrite=True, dpi=DPI)
     caption = (
         "Mean bits of an entry in each row of coefficients, entropy-coded separately; mean of x, y "
         "and z. With one quantization step for all rows, bits follow the energy of a row. Rows "
@@ -119,11 +104,9 @@ def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
     figure = blank_figure(8, 9)
     figure.set_layout_engine("constrained", hspace=0.05)
     for number, (key, name) in enumerate(ERRORS, 1):
-        axes = figure.add_subplot(len(ERRORS), 1, number)
-        draw_envelopes(axes, results.points(key), name)
-        _tick(axes.yaxis)
+        draw_envelopes(figure.add_subplot(len(ERRORS), 1, number), results.points(key), name)
     path = folder / f"{results.slug}-rate-distortion.png"
-    save_for_print(figure, path)
+    save_figure(figure, path, overwrite=True, dpi=DPI)
     caption = (
         "Three errors over the rate of the whole file, without the order of vertices and faces. "
         "Each point is a stream. A line connects the Pareto-optimal streams of a method; the "
@@ -146,53 +129,23 @@ def _group_equal_rows(group: Sequence[Result]) -> list[tuple[str, Result]]:
     return labeled
 
 
-def _draw_rows(axes: "Axes", labels: str, result: Result, ends: list[LineEnd]) -> None:
-    """Draw the rows of a variant, and append its label and the end of its line to `ends`."""
+def _draw_rows(axes: "Axes", labels: str, result: Result) -> "Line2D":
+    """Draw the rows of all blocks of a variant, and return the line of the last block."""
     style, position = line_style(label_of_result(result)), 0
-    n_blocks = len(result["bits_per_row"])
     for number, rows in enumerate(result["bits_per_row"], 1):
         bits = np.mean(rows, axis=0)
         xs = np.arange(position, position + len(bits)) + 1
-        axes.plot(xs, bits, marker="o" if len(bits) < 60 else None, markersize=3, **style)
+        marker = "o" if len(bits) < 60 else None
+        [line] = axes.plot(xs, bits, marker=marker, markersize=3, label=labels, **style)
         if number % 2 == 0:
             axes.axvspan(xs[0] - 0.5, xs[-1] + 0.5, color="#000000", alpha=0.06, lw=0)
-        if 1 < n_blocks <= 12:
-            axes.text(
-                float(xs.mean()), 1.01, f"block {number}",
-                transform=axes.get_xaxis_transform(), ha="center", fontsize=8, color="#666666",
-            )  # fmt: skip
         position += len(bits)
     axes.set_xlim(0.5, position + 0.5)
-    ends.append((labels, float(position), float(bits[-1])))
+    return line
 
 
-def _scale_axis(axes: "Axes", values: "np.typing.ArrayLike") -> None:
-    """Use a log axis if the values span a large enough range, else a linear one from zero."""
-    positive = np.asarray(values, float)
-    positive = positive[positive > 0]
-    if positive.size and positive.max() > MIN_LOG_RATIO * positive.min():
-        axes.set_yscale("log")
-        axes.set_ylim(positive.min() / 1.2, positive.max() * 1.2)
-        _tick(axes.yaxis)
-    else:
-        axes.set_ylim(bottom=0)
+def _whole_numbers(axes: "Axes") -> None:
+    """Tick the horizontal axis at whole numbers."""
+    from matplotlib.ticker import MaxNLocator
 
-
-def _tick(axis: "Axis") -> None:
-    """Label a log axis at 1, 2 and 5 of each decade, or more densely within one decade."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    low, high = axis.get_view_interval()
-    within_decade = high < 10 * low
-    subs = (1, 1.5, 2, 3, 4, 5, 6, 8) if within_decade else (1, 2, 5)
-    axis.set_major_locator(LogLocator(subs=subs))
-    axis.set_minor_formatter(NullFormatter())
-    scientific = low < SCIENTIFIC_BELOW
-
-    def label(value: float, _: object) -> str:
-        if not scientific:
-            return f"{value:g}"
-        mantissa, exponent = f"{value:.1e}".split("e")
-        return rf"${float(mantissa):g}\times10^{{{int(exponent)}}}$"
-
-    axis.set_major_formatter(FuncFormatter(label))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))

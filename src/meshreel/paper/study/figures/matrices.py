@@ -1,6 +1,5 @@
 """Images of matrices: Fig. 2 (projected deltas) and Fig. 6 (dictionaries of blocks)."""
 
-from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,24 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.codec.paper_options import DEFAULT_ITERATIONS
-from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
-from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.blocks import write_curves, write_rows
-from meshreel.paper.choices import PaperChoices
-from meshreel.paper.pipeline import CodedBlock, Quantized
-from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.study.claims import (
     NEAR_ZERO,
-    bits_per_entry,
+    dictionaries,
     near_zero_percent,
     projected_deltas,
 )
-from meshreel.paper.study.figures.panels import Box, axes_in, blank_sheet, save_for_print, write_in
-from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
+from meshreel.paper.study.figures.diagrams import DPI
 from meshreel.rendering.documents import Picture
-from meshreel.rendering.plots import blank_figure
+from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.counting import counted
 
 if TYPE_CHECKING:
@@ -34,16 +25,10 @@ if TYPE_CHECKING:
 
 
 CORNER_ROWS, CORNER_COLUMNS = 30, 300
-MAX_SHOWN = 500  # rows and columns of a panel of Fig. 2; larger matrices are averaged
 DECADES = 6  # range of the log scale of Fig. 2, below the largest entry
 N_SHADES = 9  # samples of the color map of Fig. 2
 MAX_BLOCKS = 5
 AXIS = 0  # x
-
-# Fig. 6, in pixels of a sheet.
-MATRIX_PX, MATRIX_GAP_PX = 270, 24
-TOP_PX, LEFT_PX, BETWEEN_PX, BOTTOM_PX = 60, 110, 100, 100
-BAR_GAP_PX, BAR_PX, BAR_LABELS_PX = 40, 28, 130
 
 
 def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Picture:
@@ -71,11 +56,11 @@ def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Pi
         for axes, (title, values) in zip(row, shown.items(), strict=True):
             n_rows, n_columns = values.shape
             image = axes.imshow(
-                np.maximum(averaged(values, MAX_SHOWN), smallest),
+                np.maximum(values, smallest),
                 norm=norm,
                 aspect="auto",
                 extent=(0.5, n_columns + 0.5, n_rows + 0.5, 0.5),
-                interpolation="nearest",
+                interpolation="nearest" if values is corner else "antialiased",
                 cmap=colors,
             )
             axes.set_title(f"{title}, {scale} scale", fontsize=10)
@@ -87,7 +72,7 @@ def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Pi
         extend = "min" if scale == "log" else "neither"
         figure.colorbar(image, ax=row, label="magnitude (diagonals)", extend=extend, pad=0.02)
     path = folder / f"{slug}-fig2-projected-deltas.png"
-    save_for_print(figure, path)
+    save_figure(figure, path, overwrite=True, dpi=DPI)
     return Picture(path, "Fig. 2", _deltas_caption(magnitudes, len(shown) > 1), panels.size)
 
 
@@ -98,9 +83,6 @@ def _deltas_caption(magnitudes: Floats, has_detail: bool) -> str:
         f"Magnitudes of the projected delta matrix of x ({n_rows} x {n_columns}){detail}, on a "
         f"linear scale and on a log scale of {DECADES} decades. "
     )
-    height, width = (-(-length // MAX_SHOWN) for length in magnitudes.shape)
-    if height * width > 1:
-        text += f"A pixel of the whole matrix is the mean of {height} x {width} entries. "
     small, tiny = (near_zero_percent(magnitudes, limit) for limit in NEAR_ZERO)
     energy = (magnitudes**2).sum(axis=1)
     share = 100 * energy[:20].sum() / (energy.sum() or 1.0)
@@ -111,60 +93,19 @@ def _deltas_caption(magnitudes: Floats, has_detail: bool) -> str:
     )
 
 
-def averaged(values: Floats, max_size: int) -> Floats:
-    """Average neighboring rows and columns, so that at most `max_size` of each remain."""
-    for axis, length in enumerate(values.shape):
-        starts = np.arange(0, length, -(-length // max_size))
-        sizes = np.diff(starts, append=length)
-        sums = np.add.reduceat(values, starts, axis=axis)
-        values = sums / (sizes[:, None] if axis == 0 else sizes)
-    return values
-
-
-def whole_dictionaries(sequence: MeshSequence, block_frames: int) -> list[Quantized]:
-    """Dictionaries of all blocks of equal length with all columns, tracked as in `blocks`.
-
-    Parameters
-    ----------
-    block_frames : int
-        The paper's k_f, at most the frames of the sequence.
-
-    Returns
-    -------
-    list of Quantized of shape (3, k_f, k_f), a row for each column of U
-    """
-    frame = bounding_frame(sequence.extent)
-    dictionaries: list[Quantized] = []
-    for start in range(0, sequence.n_frames - block_frames + 1, block_frames):
-        vertices = sequence.vertices[start : start + block_frames]
-        correlation = autocorrelation(to_matrices(vertices, frame))
-        if dictionaries:
-            previous = np.swapaxes(dictionaries[-1].values, 1, 2)
-            tracked = advance_basis(correlation, previous, DEFAULT_ITERATIONS)
-            basis = align_basis(ritz_vectors(correlation, tracked), previous)
-            steps = dictionaries[-1].steps
-        else:
-            _, basis = eigen_trajectories(correlation, block_frames)
-            steps = step_for_all_rows(basis, PaperChoices().dictionary_bits)
-        dictionaries.append(Quantized.of(np.swapaxes(basis, 1, 2), steps))
-    return dictionaries
-
-
 def draw_dictionaries(
-    sequence: MeshSequence, blocks: Sequence[CodedBlock], slug: str, folder: Path
+    sequence: MeshSequence, block_frames: int, n_kept: int, slug: str, folder: Path
 ) -> Picture:
     """Fig. 6: whole dictionaries of consecutive blocks, and the differences between them.
 
     Parameters
     ----------
-    blocks : sequence of CodedBlock
-        From a stream of `blocks`, which contains only the first columns.
+    block_frames : int
+        Frames of each block.
+    n_kept : int
+        Columns that streams of `blocks` contain.
     """
-    kept = [block.basis for block in blocks if block.basis is not None]
-    kept = [basis for basis in kept if basis.integers.shape == kept[0].integers.shape]
-    n_kept, block_frames = kept[0].integers.shape[1:]
-    whole = whole_dictionaries(sequence, block_frames)
-    shown = whole[:MAX_BLOCKS]
+    shown = dictionaries(sequence, block_frames, block_frames)[:MAX_BLOCKS]
     n_blocks = len(shown)
     rows = [[dictionary.values[AXIS].T for dictionary in shown]]
     titles = [[f"U[{number}]" for number in range(1, n_blocks + 1)]]
@@ -173,32 +114,38 @@ def draw_dictionaries(
         titles.append(
             [f"U[{number + 1}] \N{MINUS SIGN} U[{number}]" for number in range(1, n_blocks)]
         )
-    width = LEFT_PX + n_blocks * (MATRIX_PX + MATRIX_GAP_PX) - MATRIX_GAP_PX
-    height = TOP_PX + len(rows) * (MATRIX_PX + BETWEEN_PX) - BETWEEN_PX
-    figure = blank_sheet(width + BAR_GAP_PX + BAR_PX + BAR_LABELS_PX, height + BOTTOM_PX)
+    figure = blank_figure(1.3 * n_blocks + 1, 1.6 * len(rows) + 0.4)
+    # A dictionary covers two columns, so that differences are centered below their dictionaries.
+    grid = figure.add_gridspec(len(rows), 2 * n_blocks)
     largest = max(float(np.abs(values).max()) for values in rows[0]) or 1.0
     for number, (row, names) in enumerate(zip(rows, titles, strict=True)):
         for column, (values, name) in enumerate(zip(row, names, strict=True)):
-            # Differences are centered below their two dictionaries.
-            left = LEFT_PX + (column + number / 2) * (MATRIX_PX + MATRIX_GAP_PX)
-            top = TOP_PX + number * (MATRIX_PX + BETWEEN_PX)
-            axes = axes_in(figure, Box(left, top, MATRIX_PX, MATRIX_PX))
+            left = 2 * column + number
+            axes = figure.add_subplot(grid[number, left : left + 2])
             image = _draw_matrix(axes, values, largest, n_kept)
             axes.set_title(name, fontsize=8, pad=4)
             if column == 0:
                 axes.set_ylabel("frame of the block", fontsize=7, labelpad=2)
             else:
                 axes.set_yticklabels([])
-    middle = LEFT_PX + (width - LEFT_PX) / 2
-    write_in(figure, "column (eigen-trajectory)", middle, height + 0.7 * BOTTOM_PX, size=7)
-    bar = axes_in(figure, Box(width + BAR_GAP_PX, TOP_PX, BAR_PX, height - TOP_PX))
+    figure.supxlabel("column (eigen-trajectory)", fontsize=7)
     exceeds = any(np.abs(values).max() > largest for row in rows for values in row)
-    figure.colorbar(image, cax=bar, extend="both" if exceeds else "neither")
-    bar.set_ylabel("entry", fontsize=7)
-    bar.tick_params(labelsize=7)
+    bar = figure.colorbar(image, ax=figure.axes, extend="both" if exceeds else "neither")
+    bar.set_label("entry", fontsize=7)
+    bar.ax.tick_params(labelsize=7)
     path = folder / f"{slug}-fig6-dictionaries.png"
-    save_for_print(figure, path)
-    caption = _dictionary_caption(kept, whole, n_blocks)
+    save_figure(figure, path, overwrite=True, dpi=DPI)
+    line = f"The dashed line follows column {n_kept}: `blocks` keeps {n_kept} columns. "
+    caption = (
+        f"Whole dictionaries of x ({block_frames} x {block_frames}) of the first "
+        f"{counted(n_blocks, 'block')}"
+    )
+    if n_blocks > 1:
+        caption += (
+            ", and below them the differences between consecutive dictionaries, on the same color "
+            "scale; columns have the order and signs closest to those of the block before"
+        )
+    caption += f". {line if n_kept < block_frames else ''}Findings list the bits of an entry."
     return Picture(path, "Fig. 6", caption, sum(map(len, rows)))
 
 
@@ -227,43 +174,3 @@ def _number_from_1(axes: "Axes") -> None:
         axis.set_ticks(
             [1, *(tick for tick in ticks if 1 + 0.5 * step < tick < high and tick % 1 == 0)]
         )
-
-
-def _dictionary_caption(kept: Sequence[Quantized], whole: Sequence[Quantized], n_shown: int) -> str:
-    n_kept, n_columns = (bases[0].integers.shape[1] for bases in (kept, whole))
-    size = f"{n_columns} x {n_columns}"
-    line = f"The dashed line follows column {n_kept}: `blocks` keeps {n_kept} columns. "
-    if n_kept == n_columns:
-        line = ""
-    if n_shown == 1:
-        return (
-            f"The whole dictionary of x ({size}) of the only block of "
-            f"{counted(n_columns, 'frame')}. {line}There is no second block to compare it with."
-        )
-    text = (
-        f"Whole dictionaries of x ({size}) of the first {n_shown} blocks, and below them the "
-        "differences between consecutive dictionaries, on the same color scale; columns have the "
-        f"order and signs closest to those of the block before. {line}Root mean "
-        "squares of the entries, and their mean bits coded entry by entry (as curves over time, as "
-        f"in streams), over x, y and z of all {len(whole)} blocks of this length but the first: "
-    )
-    parts = [(f"all {n_columns} columns", whole)]
-    if n_kept < n_columns:
-        parts.insert(0, (f"the {n_kept} columns in the stream", kept))
-    costs = [f"{name}, {_cost_text(bases)}" for name, bases in parts]
-    return text + "; ".join(costs) + "."
-
-
-def _cost_text(dictionaries: Sequence[Quantized]) -> str:
-    """Sizes and bits of the entries of all dictionaries but the first, and of the differences."""
-    values = np.array([dictionary.values for dictionary in dictionaries])
-    rms, difference_rms = (
-        np.sqrt(np.mean(part**2)) for part in (values[1:], np.diff(values, axis=0))
-    )
-    plain, curves = (bits_per_entry(dictionaries, write) for write in (write_rows, write_curves))
-    assert plain is not None  # at least two dictionaries, of equal shape
-    assert curves is not None
-    return (
-        f"differences {difference_rms:.3f} and {plain[1]:.2f} ({curves[1]:.2f}) bits, "
-        f"dictionaries {rms:.3f} and {plain[0]:.2f} ({curves[0]:.2f}) bits"
-    )

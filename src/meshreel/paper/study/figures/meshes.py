@@ -3,45 +3,37 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.codec.decoder import decode
-from meshreel.evaluation.runs.store import Result, Store, done
 from meshreel.metrics.heat import vertex_normal_angle_deg
 from meshreel.model.sequence import Faces, MeshSequence
-from meshreel.paper.study.figures.panels import (
-    FONT_SIZE,
-    ROW_LABEL_PX,
-    Box,
-    Layout,
-    axes_in,
-    draw_sheet,
-    fit_layout,
-    save_for_print,
-    show_image,
-)
 from meshreel.paper.study.results import label_of_result, method_of_result, setting_of_result
 from meshreel.rendering.camera import Camera, fit_camera
-from meshreel.rendering.colormap import HEAT, colorize, round_up
+from meshreel.rendering.color_bars import draw_color_bar
+from meshreel.rendering.colormap import Image, colorize, round_up
 from meshreel.rendering.documents import Picture
+from meshreel.rendering.picture import contact_sheet, save_png
 from meshreel.rendering.rasterizer import render
 from meshreel.rendering.visibility import nearness, visible_faces
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from meshreel.studies.runs import Result, Store, done
 
 Frame = npt.NDArray[np.floating]
+
+PANEL_PX = 270
+"""Side of a square panel; other panels have this area."""
+
+SHEET_PX, SHEET_DPI = 1700, 170
+"""Width within which columns fit, and a resolution at which titles are as large as text."""
 
 MAX_ASPECT = 2.5  # of a panel, and its inverse
 ENLARGEMENT = 3
 """Magnification of the details in Fig. 7."""
 
-MARK_COLOR = "#D55E00"
+MARK_COLOR = (213, 94, 0)
 HEAT_PERCENTILE, HEAT_METHODS = 98.0, ("pca-qs", "pca-qp", "blocks")
 """The color scale ends at this percentile of the angles of these methods, if available."""
 
@@ -63,21 +55,18 @@ def draw_row_counts(
     """Fig. 3: one frame with growing numbers of rows, and the original."""
     frame = uncommon_frame(sequence)
     original = sequence.vertices[frame]
-    shown = [(_decoded_frame(result, store, frame), _row_title(result)) for result in done(results)]
-    shown.append((original, f"original\nframe {frame}"))
-    layout = fit_layout(len(shown), [_aspect(original)], 2, has_labels=False)
-    camera = _camera(original, layout)
-    figure = draw_sheet(layout, [title for _, title in shown])
-    for column, (vertices, _) in enumerate(shown):
-        show_image(figure, layout.cell(column, 0), render(vertices, sequence.faces, camera))
+    shown = [(_row_title(result), _decoded_frame(result, store, frame)) for result in done(results)]
+    shown.append((f"original\nframe {frame}", original))
+    camera = _camera(original)
+    columns = [(title, [render(vertices, sequence.faces, camera)]) for title, vertices in shown]
     path = folder / f"{slug}-fig3-rows.png"
-    save_for_print(figure, path)
+    save_sheet(columns, path)
     caption = (
         f"Frame {frame} of {sequence.n_frames}, which differs most from the mean shape, decoded "
         "from the first k_l rows of coefficients (`pca-qp`), and the original. KG is the error of "
         "the whole sequence."
     )
-    return Picture(path, "Fig. 3", caption, len(shown))
+    return Picture(path, "Fig. 3", caption, len(columns))
 
 
 def draw_variants(
@@ -89,31 +78,24 @@ def draw_variants(
     decoded = [_decoded_frame(result, store, frame) for result in shown]
     angles = [vertex_normal_angle_deg(original, vertices, faces) for vertices in decoded]
     top_deg = _heat_top_deg(shown, angles)
-    aspect = _aspect(original)
-    layout = fit_layout(1 + len(shown), [aspect, max(aspect, 1.0), aspect], n_title_lines=3)
-    camera = _camera(original, layout)
-    size = layout.width // ENLARGEMENT, layout.heights[1] // ENLARGEMENT
+    camera = _camera(original)
+    size = camera.width // ENLARGEMENT, camera.height // ENLARGEMENT
     corner = detail_corner(original, faces, np.minimum(angles, top_deg), camera, size)
-    titles = [f"original\nframe {frame}"]
-    titles += [_variant_title(*pair) for pair in zip(shown, angles, strict=True)]
-    figure = draw_sheet(
-        layout, titles, ["shaded", f"detail, {ENLARGEMENT} times", "error of normals"]
-    )
-    for column, vertices in enumerate([original, *decoded]):
-        shaded = show_image(figure, layout.cell(column, 0), render(vertices, faces, camera))
-        image = render_detail(vertices, faces, camera, corner, size)
-        detail = show_image(figure, layout.cell(column, 1), image)
-        detail.spines[:].set(visible=True, color=MARK_COLOR, linewidth=0.6)
-        if column == 0:
-            _mark(shaded, corner, size)
-            exceeds = any(angle.max() > top_deg for angle in angles)
-            _draw_heat_bar(figure, layout.cell(0, 2), top_deg, exceeds=exceeds)
+    titles = [f"original\nframe {frame}", *map(_variant_title, shown, angles)]
+    columns: list[tuple[str, list[Image]]] = []
+    for number, vertices in enumerate([original, *decoded]):
+        shaded = render(vertices, faces, camera)
+        detail = render_detail(vertices, faces, camera, corner, size)
+        if number == 0:
+            shaded = _outlined(shaded, corner, size)
+            heat = draw_color_bar(0.0, top_deg, unit="degrees", height=max(camera.height, 80))
         else:
-            colors = colorize(angles[column - 1], 0.0, top_deg)
+            colors = colorize(angles[number - 1], 0.0, top_deg)
             heat = render(vertices, faces, camera, colors=colors, glow=HEAT_GLOW)
-            show_image(figure, layout.cell(column, 2), heat)
+        detail = _outlined(detail, (0, 0), (detail.shape[1], detail.shape[0]))
+        columns.append((titles[number], [shaded, detail, heat]))
     path = folder / f"{slug}-fig7-variants.png"
-    save_for_print(figure, path)
+    save_sheet(columns, path, ("shaded", f"detail, {ENLARGEMENT} times", "error of normals"))
     caption = (
         f"Frame {frame} of {sequence.n_frames}, rendered with one camera. Below each panel: the "
         f"detail inside the rectangle of the picture, enlarged {ENLARGEMENT} times, where the "
@@ -123,6 +105,24 @@ def draw_variants(
         "mean over this frame."
     )
     return Picture(path, "Fig. 7", caption, 3 * len(shown) + 2)
+
+
+def save_sheet(
+    columns: Sequence[tuple[str, list[Image]]], path: Path, row_titles: Sequence[str] = ()
+) -> None:
+    """Write columns of panels with titles, wrapped into several bands if they are too wide."""
+    last = columns[-1][1]
+    n_bands = -(-len(columns) // max(1, SHEET_PX // last[0].shape[1]))
+    n_across = -(-len(columns) // n_bands)
+    blank = "", [np.full_like(panel, 255) for panel in last]
+    columns = [*columns, *[blank] * (-len(columns) % n_across)]
+    bands = []
+    for start in range(0, len(columns), n_across):
+        titles, panels = zip(*columns[start : start + n_across], strict=True)
+        rows = list(zip(*panels, strict=True))
+        bands.append(contact_sheet(rows, column_titles=titles, row_titles=row_titles))
+    sheet = contact_sheet([[band] for band in bands]) if len(bands) > 1 else bands[0]
+    save_png(sheet, path, overwrite=True, dpi=SHEET_DPI)
 
 
 def detail_corner(
@@ -174,13 +174,11 @@ def detail_corner(
 
 def render_detail(
     vertices: Frame, faces: Faces, camera: Camera, corner: tuple[int, int], size: tuple[int, int]
-) -> npt.NDArray[np.uint8]:
+) -> Image:
     """Render a part of a camera's picture at `ENLARGEMENT` times its resolution.
 
     Parameters
     ----------
-    vertices : float array of shape (V, 3)
-    faces : integer array of shape (M, 3)
     corner, size : tuples of int
         Left and top, width and height of the part, in pixels of the camera.
     """
@@ -190,15 +188,25 @@ def render_detail(
         width=ENLARGEMENT * camera.width,
         height=ENLARGEMENT * camera.height,
     )
-    (left, top), (width, height) = (
-        (ENLARGEMENT * pair[0], ENLARGEMENT * pair[1]) for pair in (corner, size)
-    )
+    (left, top), (width, height) = (ENLARGEMENT * np.array(pair) for pair in (corner, size))
     return render(vertices, faces, enlarged)[top : top + height, left : left + width]
+
+
+def _outlined(image: Image, corner: tuple[int, int], size: tuple[int, int]) -> Image:
+    """The image with a thin rectangle around a part of it."""
+    outlined = image.copy()
+    outlined[corner[1] : corner[1] + size[1], corner[0] : corner[0] + size[0]] = MARK_COLOR
+    inside = (
+        slice(corner[1] + 2, corner[1] + size[1] - 2),
+        slice(corner[0] + 2, corner[0] + size[0] - 2),
+    )
+    outlined[inside] = image[inside]
+    return outlined
 
 
 def _row_title(result: Result) -> str:
     modes, error = setting_of_result(result).n_modes, result["quality"]["kg_error_percent"]
-    return f"$k_l$ = {modes}\nKG {error:.3g} %"
+    return f"k_l = {modes}\nKG {error:.3g} %"
 
 
 def _variant_title(result: Result, angle: Floats) -> str:
@@ -206,43 +214,16 @@ def _variant_title(result: Result, angle: Floats) -> str:
     return f"{label_of_result(result)}\nSTED {sted:.4f}\nangle {angle.mean():.2f}°"
 
 
-def _aspect(vertices: Frame) -> float:
-    """Aspect ratio, width over height, of a panel for one frame."""
+def _camera(vertices: Frame) -> Camera:
+    """The camera that fits one frame into a panel of the frame's aspect ratio."""
     points, _ = fit_camera(vertices, width=400, height=400).project(vertices)
     width, height = np.ptp(points, axis=0)
-    return float(np.clip(width / max(height, 1e-9), 1 / MAX_ASPECT, MAX_ASPECT))
-
-
-def _camera(vertices: Frame, layout: Layout) -> Camera:
-    """The camera that fits one frame into the first panel of each column."""
-    return fit_camera(vertices, width=layout.width, height=layout.heights[0], margin=0.06)
-
-
-def _mark(axes: "Axes", corner: tuple[int, int], size: tuple[int, int]) -> None:
-    """Draw a thin rectangle around a part of an image."""
-    from matplotlib.patches import Rectangle
-
-    left, top = corner[0] - 0.5, corner[1] - 0.5
-    axes.add_patch(Rectangle((left, top), *size, fill=False, edgecolor=MARK_COLOR, linewidth=0.8))
-
-
-def _draw_heat_bar(figure: "Figure", cell: Box, top_deg: float, *, exceeds: bool) -> None:
-    """Draw the color bar of the heat maps inside an empty cell."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import LinearSegmentedColormap, Normalize
-
-    colormap = LinearSegmentedColormap.from_list("heat", HEAT / 255)
-    height = 0.8 * cell.height
-    width = min(0.08 * cell.width, 0.15 * height)
-    top = cell.top + (cell.height - height) / 2
-    axes = axes_in(figure, Box(cell.left + 0.35 * cell.width, top, width, height))
-    shades = ScalarMappable(Normalize(0.0, top_deg), colormap)
-    bar = figure.colorbar(shades, cax=axes, extend="max" if exceeds else "neither")
-    ticks = [top_deg * fifth / 5 for fifth in range(6)]
-    bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
-    size = FONT_SIZE * min(1.0, height / ROW_LABEL_PX)
-    bar.set_label("angle (degrees)", fontsize=size)
-    axes.tick_params(labelsize=size - 1)
+    aspect = np.clip(width / max(height, 1e-9), 1 / MAX_ASPECT, MAX_ASPECT) ** 0.5
+    # Multiples of the enlargement, so that details are as large as panels.
+    width, height = (
+        ENLARGEMENT * round(PANEL_PX * factor / ENLARGEMENT) for factor in (aspect, 1 / aspect)
+    )
+    return fit_camera(vertices, width=int(width), height=int(height), margin=0.06)
 
 
 def _heat_top_deg(results: Sequence[Result], angles: Sequence[Floats]) -> float:

@@ -1,1 +1,0 @@
-"""Comparison of our codec with others: `meshreel evaluate`."""

@@ -1,1 +1,0 @@
-"""Other codecs, each behind the same protocol."""

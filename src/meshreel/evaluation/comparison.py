@@ -1,0 +1,437 @@
+"""Comparison of codecs at equal error: results of a sequence, their tables, plots and report."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from meshreel.evaluation.peers import Peer, TrackPeer, why_missing
+from meshreel.rendering.documents import (
+    NONE,
+    Bullets,
+    Heading,
+    Paragraph,
+    Part,
+    Picture,
+    Table,
+    significant,
+)
+from meshreel.rendering.plots import blank_figure, save_figure
+from meshreel.runtime.progress import Progress
+from meshreel.studies.plots import codec_of, draw_envelopes
+from meshreel.studies.rate_distortion import Point, RateDifference, bd_rate, rate_at_error
+from meshreel.studies.runs import (
+    Outcome,
+    Result,
+    Run,
+    done,
+    file_name,
+    finite,
+    without_identities,
+)
+from meshreel.studies.study import Subject
+from meshreel.studies.timing import machine_facts
+
+RECORDED = " (recorded)"
+"""Suffix of codecs that were measured elsewhere."""
+
+Measure = Callable[[Progress], dict[str, Any]]
+"""Returns the figures of a run, without the machine."""
+
+METHOD, PEER = "method", "peer"
+"""Kinds of runs."""
+
+SECONDS = (
+    "**Seconds.** Wall clock in one process, from arrays in memory to bytes in memory and back, "
+    "with the default number of threads of each codec; the median of three runs if one takes less "
+    "than two seconds."
+)
+BD_RATE = (
+    "**BD-rate.** Mean difference of log rate over log error in the common range of both envelopes "
+    "(in parentheses), by piecewise cubic interpolation; -50 % is half the rate. Nothing is "
+    "extrapolated."
+)
+
+
+@dataclass(frozen=True)
+class Error:
+    """An error by which codecs are compared.
+
+    Attributes
+    ----------
+    key : str
+        Its key in the quality of a result.
+    name : str
+        Its name in sentences.
+    axis : str
+        Name and unit, for plots.
+    levels : tuple of float
+        Errors at which rates are listed.
+    unit : str
+        Follows a level.
+    """
+
+    key: str
+    name: str
+    axis: str
+    levels: tuple[float, ...] = ()
+    unit: str = " %"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is compared.
+
+    Attributes
+    ----------
+    rate : str
+        Key of the rate in a result.
+    rate_name : str
+        Name of the rate.
+    columns : mapping of str to str
+        Headings of the table of all runs, with the keys of a result separated by dots.
+    caption : str
+        The rate, in a sentence below plots.
+    """
+
+    title: str
+    rate: str
+    rate_name: str
+    errors: tuple[Error, ...]
+    columns: Mapping[str, str]
+    caption: str
+    methodology: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class CodecResults:
+    """All results of one sequence.
+
+    Attributes
+    ----------
+    slug : str
+        Prefix of the names of its plots.
+    sequence : dict
+        Name, shape and hash.
+    measured : list of results
+        Our methods, then peers.
+    recorded : list of results
+        Measured elsewhere, on a sequence with the same name and shape.
+    about : dict
+        More about what is coded, of a track.
+    """
+
+    kind: Kind
+    slug: str
+    sequence: dict[str, Any]
+    measured: list[Result] = field(default_factory=list)
+    recorded: list[Result] = field(default_factory=list)
+    about: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The name of the sequence, and of the track, in tables and plots."""
+        name = str(self.sequence["name"]) or self.slug
+        return f"{name}, {self.about['name']}" if self.about else name
+
+    @property
+    def methods(self) -> list[str]:
+        """Our methods with results."""
+        kinds = {r["codec"]: r["identity"]["setting"]["kind"] for r in done(self.measured)}
+        return [codec for codec, kind in kinds.items() if kind == METHOD]
+
+    @property
+    def points(self) -> list[Result]:
+        """Results with figures: methods, then peers, then recorded codecs."""
+        return [*done(self.measured), *self.recorded]
+
+    def curves(self, error: Error) -> dict[str, list[Point]]:
+        """Points (rate, error above 0) by codec."""
+        curves: dict[str, list[Point]] = {}
+        for result in self.points:
+            if value := result["quality"].get(error.key):
+                curves.setdefault(result["codec"], []).append((result[self.kind.rate], value))
+        return {codec: sorted(points) for codec, points in curves.items()}
+
+    def as_dict(self) -> dict[str, Any]:
+        """All results in plain types."""
+        track = {"track": self.about} if self.about else {}
+        measured = without_identities(self.measured)
+        return {**self.sequence, **track, "measured": measured, "recorded": self.recorded}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A study that compares codecs.
+
+    Attributes
+    ----------
+    kind : Kind
+    runs : callable
+        Returns the runs of a sequence, our methods first.
+    results : callable
+        Returns the results of a sequence, given the finished runs.
+    peers : sequence of Peer or TrackPeer
+        The report lists those whose package is missing.
+    tables : callable
+        Returns the tables that compare results.
+    remarks : callable
+        Returns more lines about missing results.
+    """
+
+    kind: Kind
+    runs: Callable[[Any], list[Run]]
+    results: Callable[[Subject, list[Result]], CodecResults]
+    peers: Sequence[Peer | TrackPeer]
+    tables: Callable[[CodecResults], list[Part]]
+    remarks: Callable[[Sequence[CodecResults]], list[str]] = lambda _: []
+    program: str = "meshreel evaluate"
+    introduction: str = "Created by"
+
+    @property
+    def title(self) -> str:
+        """Title of the report."""
+        return self.kind.title
+
+    def plan(self, sequence: Any) -> dict[str, list[Run]]:
+        """All runs, in one group."""
+        return {"measured": self.runs(sequence)}
+
+    def collect(
+        self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
+    ) -> CodecResults:
+        """The results of all runs."""
+        return self.results(subject, groups["measured"])
+
+    def drawings(
+        self, subject: Subject, results: CodecResults, folder: Path
+    ) -> Iterator[Callable[[], Picture]]:
+        """Functions that each draw a plot of rate and one error, if there are points."""
+        for error in results.kind.errors:
+            if curves := shown_curves(results.curves(error)):
+                yield partial(draw_curves, results, error, curves, folder)
+
+    def notes(self, measured: Sequence[CodecResults]) -> list[str]:
+        """Missing packages, and other missing results."""
+        return why_missing(self.peers) + self.remarks(measured)
+
+    def preface(self, measured: Sequence[CodecResults]) -> list[Part]:
+        """The notes."""
+        notes = self.notes(measured)
+        return [Heading(2, "Not measured"), Bullets(tuple(notes))] if notes else []
+
+    def section(self, results: CodecResults, pictures: Sequence[Picture]) -> list[Part]:
+        """Plots and tables of a sequence."""
+        parts: list[Part] = [Paragraph(results.about["text"])] if results.about else []
+        parts += [*pictures, *self.tables(results)]
+        refused = refusals_of(results)
+        parts += [Bullets(refused)] if refused else []
+        return [*parts, runs_table(results)]
+
+    def appendix(self) -> list[Part]:
+        """The methodology, and the codecs."""
+        available = [peer for peer in self.peers if peer.package.is_available]
+        lines = [f"`{peer.name}`: {peer.summary}" for peer in available]
+        parts: list[Part] = [
+            Heading(2, "How it was measured"),
+            Bullets((*self.kind.methodology, SECONDS)),
+        ]
+        return [*parts, Heading(2, "Other codecs"), Bullets(tuple(lines))] if lines else parts
+
+
+def draw_curves(
+    results: CodecResults, error: Error, curves: Mapping[str, Sequence[Point]], folder: Path
+) -> Picture:
+    """Draw the curves of rate and one error."""
+    figure = blank_figure(9.5, 5.6)
+    draw_envelopes(figure.add_subplot(), curves, error.axis, results.kind.rate_name)
+    plot_name = f"{results.about.get('name', '')} {error.name}"
+    path = folder / f"{results.slug}-{file_name(plot_name)}.png"
+    save_figure(figure, path, overwrite=True)
+    caption = (
+        f"{results.kind.caption} A point is a stream; a line connects the Pareto-optimal points of "
+        "a codec. Lossless streams do not appear on a log axis of errors."
+    )
+    if any(codec.endswith(RECORDED) for codec in curves):
+        caption += (
+            " Dashed: recorded elsewhere; recorded points of codecs that were measured here appear "
+            "only in the tables."
+        )
+    return Picture(path, f"Rate and {error.name}, {results.name}", caption, 1)
+
+
+def shown_curves(curves: Mapping[str, Sequence[Point]]) -> dict[str, Sequence[Point]]:
+    """The curves without recorded ones of codecs that were measured here."""
+    measured = {codec_of(codec) for codec in curves if not codec.endswith(RECORDED)}
+    return {
+        codec: points
+        for codec, points in curves.items()
+        if not codec.endswith(RECORDED) or codec_of(codec) not in measured
+    }
+
+
+def equal_error_tables(results: CodecResults) -> list[Part]:
+    """Tables of rates at equal error, BD-rates, lossless codecs, and seconds."""
+    parts: list[Part] = [
+        rate_table(results),
+        Paragraph("'-': the points of the codec do not enclose this error."),
+    ]
+    for error in results.kind.errors:
+        parts += bd_rate_parts(results, error)
+    lossless = lossless_table(results)
+    return [*parts, *([lossless] if lossless else []), seconds_table(results)]
+
+
+def rate_table(results: CodecResults) -> Table:
+    """Rates at fixed errors, interpolated on each lower envelope."""
+    columns = [(error, level) for error in results.kind.errors for level in error.levels]
+    curves = {error: results.curves(error) for error in results.kind.errors}
+    rows = []
+    for codec in dict.fromkeys(codec for group in curves.values() for codec in group):
+        rates = [rate_at_error(curves[error].get(codec, []), level) for error, level in columns]
+        if any(rate is not None for rate in rates):
+            rows.append((codec, *map(significant, rates)))
+    rate_name = results.kind.rate_name.capitalize()
+    headings = (f"{error.name} {level:g}{error.unit}" for error, level in columns)
+    return Table(f"{rate_name} at equal error, {results.name}", ("codec", *headings), tuple(rows))
+
+
+def bd_rate_parts(results: CodecResults, error: Error) -> list[Part]:
+    """BD-rates of our methods relative to all other codecs, and the codecs without one."""
+    curves = results.curves(error)
+    methods = [name for name in results.methods if name in curves]
+    rows: list[tuple[str, ...]] = []
+    excluded: dict[str, list[str]] = {}
+    for codec in curves:
+        others = [name for name in methods if name != codec]
+        differences = {name: bd_rate(curves[name], curves[codec]) for name in others}
+        if any(difference.percent is not None for difference in differences.values()):
+            rows.append((codec, *(bd_text(differences.get(name)) for name in methods)))
+        elif differences and codec not in methods:
+            excluded.setdefault(differences[others[0]].reason, []).append(codec)
+    title = f"BD-rate at equal {error.name}, {results.name}: each column relative to the row"
+    parts: list[Part] = [Table(title, ("codec", *methods), tuple(rows))] if rows else []
+    if excluded:
+        texts = (f"{', '.join(codecs)} ({reason})" for reason, codecs in excluded.items())
+        parts.append(Paragraph(f"Not compared at equal {error.name}: {'; '.join(texts)}."))
+    return parts
+
+
+def bd_text(difference: RateDifference | None) -> str:
+    """Text such as "-62.3 % (0.1 to 1.5)", or the reason for its absence; a dash for None."""
+    if difference is None:
+        return NONE
+    if difference.percent is None:
+        return difference.reason
+    low, high = significant(difference.low_error), significant(difference.high_error)
+    return f"{difference.percent:+.1f} % ({low} to {high})"
+
+
+def lossless_table(results: CodecResults) -> Table | None:
+    """Rates and seconds of lossless codecs; None without any."""
+    rows = [
+        (result["codec"], *map(significant, (result[results.kind.rate], *_seconds(result))))
+        for result in results.points
+        if result["quality"].get("max_error_percent") == 0
+    ]
+    header = ("codec", results.kind.rate_name, "encode, s", "decode, s")
+    return Table(f"Lossless, {results.name}", header, tuple(rows)) if rows else None
+
+
+def _seconds(result: Result) -> tuple[float, float]:
+    return result["seconds"]["encode"], result["seconds"]["decode"]
+
+
+def seconds_table(results: CodecResults) -> Table:
+    """Range of seconds over the settings of each codec, and the lowest frames per second."""
+    runs: dict[str, list[tuple[float, float]]] = {}
+    for result in done(results.measured):
+        runs.setdefault(result["codec"], []).append(_seconds(result))
+    rows = []
+    for codec, pairs in runs.items():
+        cells = [codec, str(len(pairs))]
+        for seconds in zip(*pairs, strict=True):
+            ends = dict.fromkeys(map(significant, (min(seconds), max(seconds))))
+            rate = results.sequence["n_frames"] / max(seconds)
+            cells += [" to ".join(ends), significant(rate)]
+        rows.append(tuple(cells))
+    header = ("codec", "settings", "encode, s", "frames/s, slowest", "decode, s",
+              "frames/s, slowest")  # fmt: skip
+    return Table(f"Seconds, {results.name}", header, tuple(rows))
+
+
+def runs_table(results: CodecResults) -> Table:
+    """Every measured point."""
+    columns = {**results.kind.columns, "encode, s": "seconds.encode", "decode, s": "seconds.decode"}
+    rows = [
+        (
+            f"{result['codec']} {result['params']}".strip(),
+            str(result["size_bytes"]),
+            *(_cell(result, keys) for keys in columns.values()),
+        )
+        for result in done(results.measured)
+    ]
+    header = ("codec and setting", "bytes", *columns)
+    return Table(f"All runs, {results.name}", header, tuple(rows))
+
+
+def _cell(result: Result, keys: str) -> str:
+    value: Any = result
+    for key in keys.split("."):
+        value = value.get(key)
+    return value if isinstance(value, str) else significant(value)
+
+
+def refusals_of(results: CodecResults) -> tuple[str, ...]:
+    """One line for each codec and reason of failed runs."""
+    settings_of: dict[tuple[str, str], list[str]] = {}
+    for result in results.measured:
+        if "refused" in result:
+            settings = settings_of.setdefault((result["codec"], result["refused"]), [])
+            settings.append(result["params"])
+    return tuple(
+        f"`{codec}` has no figures for {results.name} "
+        f"({', '.join(settings) or 'its one setting'}): {reason}"
+        for (codec, reason), settings in settings_of.items()
+    )
+
+
+def method_run(method: str, options: dict[str, Any], measure: Measure, **about: Any) -> Run:
+    """A run of one of our methods with options of `meshreel.encode`; each tune is a codec.
+
+    `about` is what its figures depend on besides the options.
+    """
+    tune = options.get("tune", "visual")
+    label = method if tune == "visual" else f"{method}-{tune}"
+    names = {"n_modes": "modes", "block_frames": "frames"}
+    params = " ".join(f"{names.get(name, name)} {value}" for name, value in options.items())
+    setting = {"kind": METHOD, "method": method, "options": options, **about}
+    return codec_run(label, params, setting, measure)
+
+
+def peer_run(peer: Peer | TrackPeer, params: str, measure: Measure, **about: Any) -> Run:
+    """A run of another codec; `about` is what its figures depend on."""
+    codec = {"codec": peer.name, "summary": peer.summary, "version": peer.package.version}
+    setting = {"kind": PEER, **codec, **about}
+    return codec_run(peer.name, params, setting, measure, is_foreign=True)
+
+
+def codec_run(
+    codec: str,
+    params: str,
+    setting: dict[str, Any],
+    measure: Measure,
+    *,
+    is_foreign: bool = False,
+) -> Run:
+    """A run of a codec; it records the machine."""
+    name = f"{codec} {params}".strip()
+    return Run(
+        name=name,
+        key=file_name(f"{setting['track']['name']} {name}" if "track" in setting else name),
+        setting=setting,
+        measure=lambda progress: Outcome(finite({**measure(progress), "machine": machine_facts()})),
+        facts={"codec": codec, "params": params},
+        is_foreign=is_foreign,
+    )

@@ -1,1 +1,0 @@
-"""Comparison of codecs on sequences whose faces change, by the distances between surfaces."""

@@ -1,1 +1,0 @@
-"""Comparison of a track in our codec with array compressors, at equal largest error."""

@@ -1,0 +1,176 @@
+"""Every installed peer meets the error bound of its settings."""
+
+import numpy as np
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.evaluation.draco import (
+    DRACO,
+    decode,
+    draco_order,
+    encode,
+    prepare,
+    restore,
+    separate_equal,
+)
+from meshreel.evaluation.peers import (
+    interleaved,
+    pack_frames,
+    peers_named,
+    planar,
+    positions_of_deltas,
+    quantized_deltas,
+    tolerance_of,
+    unpack_frames,
+    why_missing,
+)
+from meshreel.evaluation.positions import PEERS
+from meshreel.metrics.reference import bounding_box_reference
+from meshreel.model.flag import simulate_flag
+from meshreel.model.sequence import MeshSequence
+
+BOUND_BITS = {"draco", "meshopt", "pco"}
+LOSSLESS = {"blosc2", "npz"}
+
+
+NAMES = [peer.name for peer in PEERS]
+
+
+def test_only_draco_codes_faces():
+    assert [peer.name for peer in PEERS if peer.has_faces] == ["draco"]
+
+
+@pytest.fixture(scope="module")
+def small_flag():
+    return simulate_flag(8, n_rows=8, n_columns=9)
+
+
+def round_trip(peer, sequence, setting):
+    """Encode and decode; return vertices in the order of the sequence."""
+    source = peer.prepare(sequence) if peer.prepare else sequence
+    data = peer.encode(source, setting)
+    decoded = peer.decode(data, source.vertices.shape, source.vertices.dtype)
+    if peer.restore:
+        decoded = peer.restore(decoded, source, setting)
+    return decoded
+
+
+def error_bound(peer, sequence, setting):
+    """The largest error of a coordinate that a setting allows."""
+    if peer.name in LOSSLESS:
+        return 0.0
+    if peer.name in BOUND_BITS:
+        return 0.5001 * np.ptp(sequence.vertices, axis=(0, 1)).max() / (2**setting - 1)
+    return 1.0001 * setting * bounding_box_reference(sequence.vertices).diagonal
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("peer", PEERS, ids=NAMES)
+def test_round_trip_of_a_peer_is_within_its_error_bound(peer, small_flag, dtype):
+    if not peer.package.is_available:
+        pytest.skip(*why_missing([peer]))
+    sequence = MeshSequence(small_flag.vertices.astype(dtype), small_flag.faces)
+    for setting in {*peer.quick, *peer.settings}:
+        decoded = round_trip(peer, sequence, setting)
+        assert decoded.shape == sequence.vertices.shape
+        slack = 4 * np.finfo(np.float32).eps * np.abs(sequence.vertices).max()
+        worst = np.abs(decoded.astype(float) - sequence.vertices).max()
+        allowed = error_bound(peer, sequence, setting)
+        assert worst <= (allowed + slack if allowed else 0)
+
+
+@pytest.mark.parametrize("peer", PEERS, ids=NAMES)
+def test_peers_encode_a_single_frame(peer, small_flag):
+    if not peer.package.is_available:
+        pytest.skip(*why_missing([peer]))
+    sequence = MeshSequence(small_flag.vertices[:1], small_flag.faces)
+    setting = peer.quick[0]
+    worst = np.abs(round_trip(peer, sequence, setting).astype(float) - sequence.vertices).max()
+    assert worst <= error_bound(peer, sequence, setting) + 1e-5
+
+
+def test_draco_restores_every_coincident_vertex(small_flag):
+    vertices = small_flag.vertices.copy()
+    vertices[:, 1:30:2] = vertices[:, :1]
+    vertices[3] = 0
+    sequence = MeshSequence(vertices, small_flag.faces)
+    decoded = round_trip(DRACO, sequence, 12)
+    assert np.abs(decoded - vertices).max() <= np.ptp(vertices) / 2**12
+
+
+def test_error_counts_vertices_that_draco_drops(small_flag):
+    vertices = np.concatenate([small_flag.vertices, small_flag.vertices[:, :2] + 1], axis=1)
+    sequence = MeshSequence(vertices, small_flag.faces)
+    with pytest.raises(InvalidInputError, match="drops 2 of 74 vertices"):
+        round_trip(DRACO, sequence, 10)
+
+
+def test_positions_that_draco_cannot_match_are_an_error(small_flag):
+    source = prepare(small_flag)
+    decoded = decode(encode(source, 10), source.vertices.shape, np.float32)
+    with pytest.raises(InvalidInputError, match="cannot match positions"):
+        restore(decoded[:, ::-1], source, 10)
+
+
+def test_draco_order_is_a_permutation(small_flag):
+    assert sorted(draco_order(small_flag)) == list(range(small_flag.n_verts))
+
+
+def test_separate_equal_makes_all_positions_distinct():
+    frame = np.zeros((500, 3), np.float32)
+    frame[::3] = 1.5
+    apart = separate_equal(frame)
+    assert len({row.tobytes() for row in apart}) == 500
+    assert np.abs(apart - frame).max() < 1e-4
+
+
+def test_separate_equal_keeps_distinct_positions(small_flag):
+    frame = small_flag.vertices[0].astype(np.float32)
+    assert np.array_equal(separate_equal(frame), frame)
+
+
+def test_sums_of_quantized_deltas_are_within_half_a_step():
+    rng = np.random.default_rng(0)
+    vertices = 1e3 + rng.normal(size=(5, 7, 3))
+    head, deltas = quantized_deltas(vertices, 16)
+    step = np.ptp(vertices, axis=(0, 1)).max() / (2**16 - 1)
+    back = positions_of_deltas(head, deltas, np.float64)
+    assert np.abs(back - vertices).max() <= 0.5001 * step
+
+
+def test_quantized_deltas_of_a_point_are_zero():
+    head, deltas = quantized_deltas(np.full((3, 4, 3), 2.5), 8)
+    assert not deltas.any()
+    assert (positions_of_deltas(head, deltas, np.float32) == 2.5).all()
+
+
+def test_interleaved_inverts_planar():
+    vertices = np.arange(2 * 5 * 3, dtype=np.float32).reshape(2, 5, 3)
+    rows = planar(vertices)
+    assert rows[1].tolist() == [*vertices[1, :, 0], *vertices[1, :, 1], *vertices[1, :, 2]]
+    assert np.array_equal(interleaved(rows, (2, 5, 3)), vertices)
+
+
+def test_packed_frames_round_trip():
+    frames = [b"abc", b"", b"d"]
+    assert unpack_frames(pack_frames(frames)) == frames
+
+
+def test_peers_named_returns_peers_in_registry_order():
+    assert [peer.name for peer in peers_named(["npz", "draco", "npz"], PEERS)] == ["draco", "npz"]
+    assert peers_named(["none"], PEERS) == ()
+    assert peers_named(None, PEERS) == PEERS
+
+
+@pytest.mark.parametrize("names", [["draco", "zip"], [], ["none", "draco"]])
+def test_error_for_an_unknown_peer_lists_the_peers(names):
+    with pytest.raises(InvalidInputError, match="choose from draco, sz3, zfp"):
+        peers_named(names, PEERS)
+
+
+def test_tolerance_is_relative_to_the_diagonal(small_flag):
+    diagonal = bounding_box_reference(small_flag.vertices).diagonal
+    assert tolerance_of(small_flag, 0.01) == pytest.approx(0.01 * diagonal)
+    point = MeshSequence(np.zeros_like(small_flag.vertices), small_flag.faces)
+    with pytest.raises(InvalidInputError, match="no extent"):
+        tolerance_of(point, 0.01)

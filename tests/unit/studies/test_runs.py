@@ -1,0 +1,117 @@
+import json
+from typing import Any
+
+import pytest
+
+from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import MeshSequence
+from meshreel.studies.runs import (
+    Outcome,
+    Run,
+    Store,
+    finite,
+    result_of,
+    run_all,
+    sequence_identity,
+)
+from samples.meshes import waving_grid
+
+
+def test_identity_depends_on_every_position():
+    sequence = waving_grid()
+    vertices = sequence.vertices.copy()
+    vertices[3, 5, 1] += 1e-3
+    other = MeshSequence(vertices, sequence.faces, sequence.fps, sequence.name)
+    assert sequence_identity(other)["sha256"] != sequence_identity(sequence)["sha256"]
+    assert sequence_identity(sequence) == sequence_identity(waving_grid())
+
+
+def test_sequences_of_one_name_do_not_share_a_folder(tmp_path):
+    sequence = waving_grid()
+    other = MeshSequence(sequence.vertices * 2, sequence.faces, sequence.fps, sequence.name)
+    stores = [Store.for_sequence(tmp_path, each) for each in (sequence, other)]
+    assert stores[0].folder != stores[1].folder
+
+
+def test_non_finite_figures_are_stored_as_valid_json():
+    figures = finite({"a": [1.0, float("nan")], "b": {"c": float("inf")}, "d": "x"})
+    assert figures == {"a": [1.0, None], "b": {"c": None}, "d": "x"}
+    json.dumps(figures, allow_nan=False)
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store.for_sequence(tmp_path, waving_grid())
+
+
+def stub_run(key, measure=lambda progress: Outcome({"figure": 1}), **others):
+    return Run(key, key, {"of": key}, measure, **others)
+
+
+def raising(error):
+    def measure(progress):
+        raise error
+
+    return measure
+
+
+def test_run_in_two_groups_is_executed_once(store):
+    calls = []
+    runs = {
+        key: stub_run(key, lambda _, key=key: Outcome({"key": calls.append(key)})) for key in "ab"
+    }
+    found = run_all({"first": [runs["a"]], "rest": [runs["b"], runs["a"]]}, store)
+    assert calls == ["a", "b"]
+    assert found["rest"][1] == found["first"][0]
+
+
+def test_progress_counts_runs_and_names_stages(store):
+    reported = []
+    run = stub_run("a", lambda progress: Outcome({"figure": progress("encoding", 0.5)}))
+
+    def listen(stage: str, share: Any) -> None:
+        reported.append((stage, share.done))
+
+    run_all({"all": [run, run]}, store, listen)
+    assert reported == [("a", 0), ("a, encoding", 0), ("a", 1)]
+
+
+def test_error_of_the_library_is_stored_as_a_refusal(store):
+    run = stub_run("a", raising(InvalidInputError("too large")), facts={"codec": "x"})
+    result = result_of(run, store)
+    assert (result["codec"], result["refused"]) == ("x", "too large")
+    assert result_of(stub_run("a"), store) == result
+
+
+@pytest.mark.parametrize("error", [RuntimeError("odd"), MemoryError()])
+@pytest.mark.parametrize("is_foreign", [True, False])
+def test_other_errors_are_refusals_only_for_foreign_packages(store, error, is_foreign):
+    run = stub_run("a", raising(error), is_foreign=is_foreign)
+    if is_foreign and not isinstance(error, MemoryError):
+        assert result_of(run, store)["refused"] == "RuntimeError: odd"
+        return
+    with pytest.raises(type(error)):
+        result_of(run, store)
+
+
+def test_run_is_repeated_when_a_required_file_is_missing(store):
+    run = stub_run("a", lambda _: Outcome({"figure": 1}, {"bin": b"xyz"}), needs=("bin",))
+    result_of(run, store)
+    assert store.path("a", "bin").read_bytes() == b"xyz"
+    store.path("a", "bin").unlink()
+    result_of(run, store)
+    assert store.path("a", "bin").is_file()
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", '{"identity": {}}', "\udcff"])
+def test_damaged_result_is_computed_again(store, text):
+    first = result_of(stub_run("a"), store)
+    store.path("a", "json").write_text(text, errors="surrogateescape")
+    assert store.find(stub_run("a")) is None
+    assert result_of(stub_run("a"), store) == first
+
+
+def test_result_of_another_version_is_computed_again(store, monkeypatch):
+    result_of(stub_run("a"), store)
+    monkeypatch.setattr("meshreel.studies.runs.__version__", "99")
+    assert store.find(stub_run("a")) is None
