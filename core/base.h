@@ -7,40 +7,17 @@
 
 #include "reel.h"
 
-/* Functions that all builds inline, and functions that builds for small code may call. */
-#define REEL_WRAPPER static inline __attribute__((always_inline))
+/* Functions that are inlined, unless a build defines otherwise for small code. */
 #ifndef REEL_INLINE
-#define REEL_INLINE REEL_WRAPPER
+#define REEL_INLINE static inline __attribute__((always_inline))
 #endif
 
-/* Functions of headers that all builds inline, or of which small builds link one copy for all
-   files. */
-#ifndef REEL_SHARED
-#define REEL_SHARED REEL_INLINE
-#endif
-
-#ifndef REEL_CALLED
 #define REEL_CALLED static __attribute__((noinline))
-#endif
 
 #define REEL_ALIGNMENT 64
 
-/* 1: a build for pages that decodes what most files contain, and traps at everything else, even at
-   damage. The page then decodes the file with the whole build, which also reports the damage. */
-#ifndef REEL_SMALL
-#define REEL_SMALL 0
-#endif
-
-/* Begins code that small builds omit. */
-REEL_WRAPPER void reel_rare(void) {
-    if (REEL_SMALL) {
-        __builtin_trap();
-    }
-}
-
 /* Return the failure -(code + 256 place) that reel.h describes. */
-REEL_WRAPPER int64_t reel_failure(enum reel_code code, uint64_t place) {
-    reel_rare();
+REEL_INLINE int64_t reel_failure(enum reel_code code, uint64_t place) {
     return -(int64_t)((uint64_t)code + 256U * (place & 0x7FFFFFFFFFFFU));
 }
 
@@ -53,7 +30,7 @@ typedef struct {
     bool failed;
 } reel_arena;
 
-REEL_SHARED reel_arena reel_arena_of(void *memory, size_t size) {
+REEL_INLINE reel_arena reel_arena_of(void *memory, size_t size) {
     return (reel_arena){.base = memory, .size = size, .used = 0, .failed = false};
 }
 
@@ -72,14 +49,13 @@ REEL_SHARED reel_arena reel_arena_of(void *memory, size_t size) {
 
 /* Bytes that an array of `count` items of `item` bytes takes in an arena. The caller bounds the
    product. */
-REEL_SHARED size_t reel_array_bytes(size_t count, size_t item) {
+REEL_INLINE size_t reel_array_bytes(size_t count, size_t item) {
     return (count * item + REEL_GAP + REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
 }
 
-REEL_SHARED void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
+REEL_INLINE void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
     size_t size = reel_array_bytes(count, item);
     if (size > arena->size - arena->used) {
-        reel_rare();
         arena->failed = true;
         return NULL;
     }
@@ -89,13 +65,13 @@ REEL_SHARED void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
     return block;
 }
 
-REEL_SHARED void reel_zero(void *target, size_t size) { __builtin_memset(target, 0, size); }
+REEL_INLINE void reel_zero(void *target, size_t size) { __builtin_memset(target, 0, size); }
 
-REEL_SHARED void reel_copy(void *target, const void *source, size_t size) {
+REEL_INLINE void reel_copy(void *target, const void *source, size_t size) {
     __builtin_memcpy(target, source, size);
 }
 
-REEL_SHARED bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t size) {
+REEL_INLINE bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t size) {
     size_t i = 0;
     while (i < size && a[i] == b[i]) {
         i++;
@@ -104,6 +80,6 @@ REEL_SHARED bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t siz
 }
 
 /* Number of significant bits: 0 for 0, 1 for 1, 2 for 2 and 3. */
-REEL_SHARED int reel_bit_length(uint32_t value) { return value ? 32 - __builtin_clz(value) : 0; }
+REEL_INLINE int reel_bit_length(uint32_t value) { return value ? 32 - __builtin_clz(value) : 0; }
 
 #endif

@@ -31,7 +31,7 @@ REEL_INLINE bool reel_is_encoder(const reel_range_coder *coder) {
 #endif
 }
 
-REEL_SHARED uint32_t reel_read_word(reel_range_coder *coder) {
+REEL_INLINE uint32_t reel_read_word(reel_range_coder *coder) {
     uint32_t word = 0;
     size_t left = coder->position < coder->size ? coder->size - coder->position : 0;
     for (size_t i = 0; i < 4; i++) { /* bytes past the end read as 0 */
@@ -45,7 +45,7 @@ REEL_INLINE reel_range_coder reel_start_encoder(uint8_t *out, size_t capacity) {
     return (reel_range_coder){.range = UINT64_MAX, .out = out, .size = capacity, .writes = true};
 }
 
-REEL_SHARED reel_range_coder reel_start_decoder(const uint8_t *in, size_t size) {
+REEL_INLINE reel_range_coder reel_start_decoder(const uint8_t *in, size_t size) {
     reel_range_coder coder = {.range = UINT64_MAX, .in = in, .size = size};
     coder.low = (uint64_t)reel_read_word(&coder) << 32;
     coder.low |= reel_read_word(&coder);
@@ -114,7 +114,7 @@ REEL_INLINE int reel_code_bit(reel_range_coder *coder, uint32_t probability, int
 }
 
 /* Code the lowest `count` bits (0..28) of a value as equiprobable bits. */
-REEL_SHARED uint32_t reel_code_raw(reel_range_coder *coder, int count, uint32_t value) {
+REEL_INLINE uint32_t reel_code_raw(reel_range_coder *coder, int count, uint32_t value) {
     uint32_t max = (1U << count) - 1;
     coder->range >>= count; /* at least 2^4 */
     if (reel_is_encoder(coder)) {
@@ -166,7 +166,7 @@ REEL_INLINE int64_t reel_finish_encoder(reel_range_coder *coder) {
 }
 
 /* Finish decoding; returns the size of the stream, or a failure if bytes other than 0 follow. */
-REEL_SHARED int64_t reel_finish_decoder(const reel_range_coder *coder) {
+REEL_INLINE int64_t reel_finish_decoder(const reel_range_coder *coder) {
     for (size_t i = coder->position; i < coder->size; i++) {
         if (coder->in[i]) {
             return reel_failure(REEL_CORRUPT, i);
@@ -175,7 +175,7 @@ REEL_SHARED int64_t reel_finish_decoder(const reel_range_coder *coder) {
     return (int64_t)coder->size;
 }
 
-REEL_SHARED int64_t reel_finish(reel_range_coder *coder) {
+REEL_INLINE int64_t reel_finish(reel_range_coder *coder) {
     return reel_is_encoder(coder) ? reel_finish_encoder(coder) : reel_finish_decoder(coder);
 }
 
@@ -190,11 +190,7 @@ typedef struct {
 #define REEL_MAX_COUNT 256       /* the slow one by at least 1 / (REEL_MAX_COUNT + 1.5) */
 #define REEL_MIN_PROBABILITY 32U /* lower bound of the probability of either value, Q16 */
 
-/* Q16 adaptation rate after n bits: 131072 / (2 n + 3), rounded down. Dividing is as fast; without
-   the table the small build is 0.5 kB smaller after gzip. */
-#if REEL_SMALL
-REEL_INLINE uint32_t reel_adaptation_rate(uint32_t n) { return 131072U / (2U * n + 3U); }
-#else
+/* Q16 adaptation rate after n bits: 131072 / (2 n + 3), rounded down. */
 static const uint16_t reel_adaptation_rates[REEL_MAX_COUNT + 1] = {
     43690, 26214, 18724, 14563, 11915, 10082, 8738, 7710, 6898, 6241, 5698, 5242, 4854, 4519, 4228,
     3971,  3744,  3542,  3360,  3196,  3048,  2912, 2788, 2674, 2570, 2473, 2383, 2299, 2221, 2148,
@@ -216,9 +212,6 @@ static const uint16_t reel_adaptation_rates[REEL_MAX_COUNT + 1] = {
     255,   254,
 };
 
-REEL_INLINE uint32_t reel_adaptation_rate(uint32_t n) { return reel_adaptation_rates[n]; }
-#endif
-
 REEL_INLINE reel_model reel_model_of(uint32_t probability, int count) {
     return (reel_model){(uint16_t)probability, (uint16_t)probability, (uint16_t)count};
 }
@@ -231,7 +224,7 @@ REEL_INLINE uint32_t reel_probability(const reel_model *model) {
 }
 
 REEL_INLINE void reel_update_model(reel_model *model, int bit) {
-    uint32_t rate = reel_adaptation_rate(model->count);
+    uint32_t rate = reel_adaptation_rates[model->count];
     uint32_t fast = rate > 65536U >> REEL_FAST_SHIFT ? rate : 65536U >> REEL_FAST_SHIFT;
     uint32_t flip = bit ? 65535U : 0U; /* a 1 moves 65535 - p as a 0 moves p */
     uint32_t p = model->fast ^ flip, q = model->slow ^ flip;

@@ -116,16 +116,13 @@ WASM_HOT: Levels = dict.fromkeys(("predict.c", "smooth.c"), ("-Os",))
 SMALLEST = ("-Os", "-Xclang", "-Oz")
 WASM = (
     "-flto",
+    "-msimd128",
     "-mbulk-memory",
     "-fno-vectorize",
     "-fno-slp-vectorize",
     "-DREEL_DECODER_ONLY",
     "-DREEL_INLINE=static inline",  # a third smaller than forced inlining
-    "-DREEL_CALLED=static",
 )
-# The linker keeps one copy of a weak function: 4 % smaller after gzip and up to 1 % slower. Not for
-# the whole module, which would decode lossless files 11 % more slowly.
-SMALL = ("-DREEL_SMALL=1", "-DREEL_SHARED=__attribute__((weak))")
 # wasm-ld optimizes the whole program. `zig cc` does not forward the flags of its optimizer.
 WASM_LINKER = (
     "--no-entry",
@@ -144,23 +141,15 @@ WASM_LINKER = (
 )
 
 
-def wasm(library: str, *flags: str) -> Target:
-    """Return a WebAssembly target for web pages, optimized for size."""
-    return Target(
-        library,
-        (*flags, *WASM),
+TARGETS = {
+    "wasm": Target(  # for web pages, optimized for size
+        "reel.wasm",
+        WASM,
         "wasm32-freestanding",
         optimization=SMALLEST,
         hot=WASM_HOT,
         linker=WASM_LINKER,
-    )
-
-
-TARGETS = {
-    # What most files contain; a page loads the whole module only for others.
-    "wasm": wasm("reel.wasm", "-msimd128", *SMALL),
-    "wasm-whole": wasm("reel_whole.wasm", "-msimd128"),
-    "wasm-plain": wasm("reel_plain.wasm"),  # for engines without SIMD
+    ),
 }
 LIBRARY, SHARED = {"win32": ("reel.dll", PE), "darwin": ("libreel.dylib", MACH_O)}.get(
     sys.platform, ("libreel.so", ELF)

@@ -160,7 +160,6 @@ static void sum_tile(const frames_job *job, const void *tile, int64_t number,
 /* Add the corrections of a requested frame within a tile; corrections ascend by vertex. */
 static void add_corrections(const frames_job *job, int64_t number, int64_t first,
                             double (*sums)[TILE]) {
-    reel_rare();
     int64_t next = job->corrections[number], end = job->correction_starts[number + 1];
     for (; next < end && job->corrected[next] < first + TILE; next++) {
         int64_t lane = job->corrected[next] - first;
@@ -187,7 +186,6 @@ static bool write_values(const frames_job *job, int64_t number, int64_t first, i
 /* Write sums without scale and origin, each column separately. */
 static void write_columns(const frames_job *job, int64_t number, int64_t first, int count,
                           double (*sums)[TILE]) {
-    reel_rare();
     double *out = (double *)job->out + number * job->n_verts + first;
     for (int64_t column = 0; column < job->n_columns; column++) {
         reel_copy(out, sums[column], (size_t)count * sizeof *out);

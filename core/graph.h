@@ -13,12 +13,12 @@ typedef struct {
     const int32_t *near;
 } reel_graph;
 
-REEL_SHARED int32_t reel_degree(const reel_graph *graph, int32_t v) {
+REEL_INLINE int32_t reel_degree(const reel_graph *graph, int32_t v) {
     return graph->starts[v + 1] - graph->starts[v];
 }
 
 /* A bijective hash that ranks vertices and generates random signs. */
-REEL_SHARED uint64_t reel_hash(uint64_t number) {
+REEL_INLINE uint64_t reel_hash(uint64_t number) {
     uint64_t mixed = number * 0x9E3779B97F4A7C15U;
     mixed ^= mixed >> 31;
     return mixed * 0xBF58476D1CE4E5B9U;

@@ -19,7 +19,7 @@ typedef struct {
     reel_model negative[3]; /* by the sign of the previous integer: none, +, - */
 } reel_integer_model;
 
-REEL_SHARED void reel_reset_integer_model(reel_integer_model *model) {
+REEL_INLINE void reel_reset_integer_model(reel_integer_model *model) {
     for (int i = 0; i < REEL_MAX_MAGNITUDE_BITS; i++) {
         model->longer[i] = reel_model_of(32768, 0);
         model->second[i] = reel_model_of(32768, 0);
@@ -34,7 +34,7 @@ REEL_SHARED void reel_reset_integer_model(reel_integer_model *model) {
 
 /* Code a bit with the model `all` of all contexts and the model `context` of one: all zeros before
    its first bit, or NULL without a context. */
-REEL_SHARED int reel_bit_in_context(reel_range_coder *coder, reel_model *all, reel_model *context,
+REEL_INLINE int reel_bit_in_context(reel_range_coder *coder, reel_model *all, reel_model *context,
                                     int bit) {
     if (!context) {
         return reel_bit(coder, all, bit);
@@ -53,7 +53,7 @@ REEL_SHARED int reel_bit_in_context(reel_range_coder *coder, reel_model *all, re
 /* The model of one bit of a context, or NULL without a context. */
 #define REEL_CONTEXT_MODEL(context, bit) ((context) ? &(context)->bit : NULL)
 
-REEL_SHARED uint32_t reel_code_count_in_context(reel_range_coder *coder, reel_integer_model *all,
+REEL_INLINE uint32_t reel_code_count_in_context(reel_range_coder *coder, reel_integer_model *all,
                                                 reel_integer_model *context, uint32_t value) {
     int length = 0, target_length = reel_bit_length(value);
     while (length < REEL_MAX_MAGNITUDE_BITS &&
@@ -84,12 +84,12 @@ REEL_SHARED uint32_t reel_code_count_in_context(reel_range_coder *coder, reel_in
 }
 
 /* Code an integer of 0..2^31-1. */
-REEL_SHARED uint32_t reel_code_count(reel_range_coder *coder, reel_integer_model *model,
+REEL_INLINE uint32_t reel_code_count(reel_range_coder *coder, reel_integer_model *model,
                                      uint32_t value) {
     return reel_code_count_in_context(coder, model, NULL, value);
 }
 
-REEL_SHARED int32_t reel_code_integer_in_context(reel_range_coder *coder, reel_integer_model *all,
+REEL_INLINE int32_t reel_code_integer_in_context(reel_range_coder *coder, reel_integer_model *all,
                                                  reel_integer_model *context, int sign,
                                                  int32_t value) {
     uint32_t size = value < 0 ? 0U - (uint32_t)value : (uint32_t)value;
@@ -103,7 +103,7 @@ REEL_SHARED int32_t reel_code_integer_in_context(reel_range_coder *coder, reel_i
 }
 
 /* Code an integer of -(2^31-1)..2^31-1. */
-REEL_SHARED int32_t reel_code_integer(reel_range_coder *coder, reel_integer_model *model,
+REEL_INLINE int32_t reel_code_integer(reel_range_coder *coder, reel_integer_model *model,
                                       int32_t value) {
     return reel_code_integer_in_context(coder, model, NULL, 0, value);
 }

@@ -18,7 +18,7 @@ typedef struct {
 } reel_ranks;
 
 /* Bytes of a set of numbers below n; n is below 2^34. */
-REEL_SHARED size_t reel_ranks_bytes(int64_t n) {
+REEL_INLINE size_t reel_ranks_bytes(int64_t n) {
     size_t count = (size_t)(n / 64 + 1), size = reel_array_bytes(count, sizeof(uint64_t));
     for (; count > 16; count = (count + 15) / 16) {
         size += reel_array_bytes(count, sizeof(int32_t));
@@ -28,7 +28,7 @@ REEL_SHARED size_t reel_ranks_bytes(int64_t n) {
 
 /* Create the empty set, or with `full` the set of all numbers below n. Sets arena->failed if it
    does not fit. */
-REEL_SHARED reel_ranks reel_ranks_of(reel_arena *arena, int64_t n, bool full) {
+REEL_INLINE reel_ranks reel_ranks_of(reel_arena *arena, int64_t n, bool full) {
     size_t count = (size_t)(n / 64 + 1);
     reel_ranks set = {.n_levels = 0, .size = full ? n : 0};
     set.bits = reel_allocate(arena, count, sizeof *set.bits);
@@ -50,12 +50,12 @@ REEL_SHARED reel_ranks reel_ranks_of(reel_arena *arena, int64_t n, bool full) {
     }
 }
 
-REEL_SHARED bool reel_ranks_has(const reel_ranks *set, int64_t number) {
+REEL_INLINE bool reel_ranks_has(const reel_ranks *set, int64_t number) {
     return set->bits[number / 64] >> (number % 64) & 1U;
 }
 
 /* Insert a number that is not a member (`change` 1), or remove a member (-1). */
-REEL_SHARED void reel_ranks_change(reel_ranks *set, int64_t number, int change) {
+REEL_INLINE void reel_ranks_change(reel_ranks *set, int64_t number, int change) {
     uint64_t word = (uint64_t)number / 64;
     set->bits[word] ^= (uint64_t)1 << (number % 64);
     set->size += change;
@@ -65,7 +65,7 @@ REEL_SHARED void reel_ranks_change(reel_ranks *set, int64_t number, int change) 
 }
 
 /* Number of members below a number. */
-REEL_SHARED int64_t reel_ranks_rank(const reel_ranks *set, int64_t number) {
+REEL_INLINE int64_t reel_ranks_rank(const reel_ranks *set, int64_t number) {
     uint64_t word = (uint64_t)number / 64;
     uint64_t before = set->bits[word] & (((uint64_t)1 << (number % 64)) - 1);
     int64_t result = __builtin_popcountll(before);
@@ -78,7 +78,7 @@ REEL_SHARED int64_t reel_ranks_rank(const reel_ranks *set, int64_t number) {
 }
 
 /* The member that has `rank` members below it, 0 <= rank < size. */
-REEL_SHARED int64_t reel_ranks_select(const reel_ranks *set, int64_t rank) {
+REEL_INLINE int64_t reel_ranks_select(const reel_ranks *set, int64_t rank) {
     int64_t word = 0;
     for (int level = set->n_levels - 1; level >= 0; level--) {
         const int32_t *counts = set->counts[level];

@@ -14,10 +14,10 @@
 #define REEL_TOO_LARGE 1073741824.0
 #define REEL_NEAREST_ZONE 0.5 /* dead zone of rounding to nearest */
 
-REEL_SHARED double reel_magnitude(double value) { return value < 0 ? -value : value; }
+REEL_INLINE double reel_magnitude(double value) { return value < 0 ? -value : value; }
 
 /* Base-2 logarithm of a positive, normal number, within 0.01. */
-REEL_SHARED double reel_log2(double number) {
+REEL_INLINE double reel_log2(double number) {
     union {
         double number;
         uint64_t bits;
@@ -31,14 +31,14 @@ REEL_SHARED double reel_log2(double number) {
 /* Dead zone: magnitudes below it become 0. `n_zeros` and `n_ones` count values so far; a bit is
    worth `rd_lambda` squared steps. Half an observation is added to each, so that the estimate is
    finite without any. */
-REEL_SHARED double reel_dead_zone(double n_zeros, double n_ones, double rd_lambda) {
+REEL_INLINE double reel_dead_zone(double n_zeros, double n_ones, double rd_lambda) {
     double extra_bits = reel_log2((n_zeros + 0.5) / (0.5 * n_ones + 0.5));
     double zone = 0.5 + 0.5 * rd_lambda * extra_bits;
     return zone < 0.5 ? 0.5 : zone > 1.0 ? 1.0 : zone;
 }
 
 /* Round a value of magnitude below REEL_TOO_LARGE, to nearest or with the dead zone. */
-REEL_SHARED int32_t reel_round_rd(double scaled, double zone, bool to_nearest) {
+REEL_INLINE int32_t reel_round_rd(double scaled, double zone, bool to_nearest) {
     double magnitude = reel_magnitude(scaled);
     int32_t rounded = (int32_t)(magnitude + (to_nearest ? 0.5 : 0.5 - REEL_ROUNDING_BIAS));
     rounded = magnitude < zone ? 0 : rounded < 1 ? 1 : rounded;

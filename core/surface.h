@@ -30,11 +30,11 @@ typedef struct {
 } reel_surface;
 
 /* The next and the previous half-edge of the same face. */
-REEL_SHARED int32_t reel_side_after(int32_t side) {
+REEL_INLINE int32_t reel_side_after(int32_t side) {
     return side % 3 == 2 ? side - 2 : side + 1;
 }
 
-REEL_SHARED int32_t reel_side_before(int32_t side) {
+REEL_INLINE int32_t reel_side_before(int32_t side) {
     return side % 3 == 0 ? side + 2 : side - 1;
 }
 

@@ -26,7 +26,7 @@ typedef struct {
 } reel_symbol_model;
 
 /* Return a model in which all symbols are equally probable. */
-REEL_SHARED reel_symbol_model reel_new_symbol_model(void) {
+REEL_INLINE reel_symbol_model reel_new_symbol_model(void) {
     reel_symbol_model model = {.count = 1};
     for (int i = 0; i < REEL_SYMBOLS; i++) {
         model.below[i] = (int16_t)(i * (REEL_SYMBOL_ONE / REEL_SYMBOLS));
@@ -49,7 +49,7 @@ _Alignas(16) static const int16_t reel_symbol_targets[REEL_SYMBOLS][REEL_SYMBOLS
     REEL_ROW(12), REEL_ROW(13), REEL_ROW(14), REEL_ROW(15),
 };
 
-REEL_SHARED void reel_update_symbol_model(reel_symbol_model *model, int symbol, int slowest) {
+REEL_INLINE void reel_update_symbol_model(reel_symbol_model *model, int symbol, int slowest) {
     int rate = reel_bit_length(model->count);
     rate = rate < slowest ? rate : slowest;
     const reel_vec8s *target = (const reel_vec8s *)reel_symbol_targets[symbol];
@@ -60,7 +60,7 @@ REEL_SHARED void reel_update_symbol_model(reel_symbol_model *model, int symbol, 
 }
 
 /* Return how many of 16 ascending numbers, the first of which is 0, are at most `value`, less 1. */
-REEL_SHARED int reel_find_symbol(const int16_t *below, uint32_t value) {
+REEL_INLINE int reel_find_symbol(const int16_t *below, uint32_t value) {
     const reel_vec8s *all = (const reel_vec8s *)below;
     reel_vec8s limit = {0};
     limit += (int16_t)value;
@@ -72,7 +72,7 @@ REEL_SHARED int reel_find_symbol(const int16_t *below, uint32_t value) {
 }
 
 /* Code a symbol of cumulative probabilities that differ by at least 1. */
-REEL_SHARED int reel_code_symbol_of(reel_range_coder *coder, const int16_t *below, int symbol) {
+REEL_INLINE int reel_code_symbol_of(reel_range_coder *coder, const int16_t *below, int symbol) {
     uint64_t unit = coder->range >> REEL_SYMBOL_BITS;
     if (!reel_is_encoder(coder)) {
         uint64_t value = coder->low / unit; /* 2^15 or more by rounding, or in damaged streams */
@@ -97,14 +97,14 @@ REEL_SHARED int reel_code_symbol_of(reel_range_coder *coder, const int16_t *belo
     return symbol;
 }
 
-REEL_SHARED int reel_code_symbol(reel_range_coder *coder, reel_symbol_model *model, int symbol) {
+REEL_INLINE int reel_code_symbol(reel_range_coder *coder, reel_symbol_model *model, int symbol) {
     symbol = reel_code_symbol_of(coder, model->below, symbol);
     reel_update_symbol_model(model, symbol, REEL_SLOWEST_SYMBOL);
     return symbol;
 }
 
 /* Code a symbol with a shared model and that of its context, all zeros before its first use. */
-REEL_SHARED int reel_code_symbol_in_context(reel_range_coder *coder, reel_symbol_model *shared,
+REEL_INLINE int reel_code_symbol_in_context(reel_range_coder *coder, reel_symbol_model *shared,
                                             reel_symbol_model *context, int symbol) {
     if (!context->count) {
         *context = *shared;

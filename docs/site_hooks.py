@@ -43,10 +43,9 @@ OPTIONS_OF_ENCODING = "<!-- options of encoding -->"
 PLAYER = re.compile(r"<!-- player: (\w+) -->")
 FIGURES = re.compile(r"<!-- figures: (\w+) -->")
 SCRIPTS = ROOT / "npm" / "dist"
-PLAYER_SCRIPTS = ("player.js", "whole_engine.js", "whole_wasm.js", "plain_wasm.js")
-"""The player, and what it loads for files with tracks, and where there is no SIMD."""
+PLAYER_SCRIPT = "player.js"
 PLAYER_FOLDER = "player"
-"""Place on the site of these scripts, and of the streams."""
+"""Place on the site of this script, and of the streams."""
 
 PUBLIC = re.compile(r"^::: meshreel\.([\w.]+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
@@ -57,10 +56,10 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for source, place in OUTSIDE.items():
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
     contents = {f"{name}.reel": shown.data for name, shown in gallery().items()}
-    for name in PLAYER_SCRIPTS:
-        if not (SCRIPTS / name).is_file():
-            raise PluginError(f"{SCRIPTS / name} is not built: npm ci && npm run build in npm/")
-        contents[name] = (SCRIPTS / name).read_bytes()
+    script = SCRIPTS / PLAYER_SCRIPT
+    if not script.is_file():
+        raise PluginError(f"{script} is not built: npm ci && npm run build in npm/")
+    contents[PLAYER_SCRIPT] = script.read_bytes()
     for name, content in contents.items():
         files.append(File.generated(config, f"{PLAYER_FOLDER}/{name}", content=content))
     return files

@@ -11,55 +11,44 @@
 
 import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
-import { execFile, execFileSync } from "node:child_process";
+import { execFileSync } from "node:child_process";
 import { appendFileSync, copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { basename, dirname, join, relative, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
 import { minify } from "terser";
-import { separateStreams } from "./wasm_streams.mjs";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const core = join(here, "../core");
 const dist = join(here, "dist");
-const modules = join(here, "wasm");
-
-const runAsync = promisify(execFile);
+const wasm = join(here, "wasm/reel.wasm");
 
 function run(command, ...args) {
   execFileSync(command, args, { cwd: here, stdio: "inherit" });
 }
 
-/** Return the bytes of a module; compiles it if a source is newer. */
-async function compile(target, name) {
-  const path = join(modules, name);
+/** Return the bytes of the C library as WebAssembly; compiles it if a source is newer. */
+function compileCore() {
   const sources = ["", "reader", "include"].flatMap((folder) =>
     readdirSync(join(core, folder)).map((file) => join(core, folder, file)),
   );
-  const isNewer = (file) => /\.([ch]|py)$/.test(file) && statSync(file).mtimeMs > statSync(path).mtimeMs;
-  if (!existsSync(path) || sources.some(isNewer)) {
-    mkdirSync(modules, { recursive: true });
-    const python = process.env.PYTHON ?? "python3";
-    await runAsync(python, [join(core, "compile.py"), "--target", target, "-o", path]);
+  const isNewer = (file) => /\.([ch]|py)$/.test(file) && statSync(file).mtimeMs > statSync(wasm).mtimeMs;
+  if (!existsSync(wasm) || sources.some(isNewer)) {
+    mkdirSync(dirname(wasm), { recursive: true });
+    run(process.env.PYTHON ?? "python3", join(core, "compile.py"), "--target", "wasm", "-o", wasm);
   }
-  return readFileSync(path);
+  return readFileSync(wasm);
 }
 
-/** Compress a module to a zlib stream of its separate streams, in base64. */
-function pack(module) {
-  return new Promise((resolve, reject) => {
-    zopfli.zlib(separateStreams(module), { numiterations: 60 }, (error, packed) =>
-      error ? reject(error) : resolve(Buffer.from(packed).toString("base64")),
-    );
-  });
+/** Return bytes as a zlib stream in base64. */
+async function pack(bytes) {
+  const packed = await promisify(zopfli.zlib)(bytes, {}); // 5 % smaller than with zlib
+  return Buffer.from(packed).toString("base64");
 }
 
-const [simd, whole, plain] = await Promise.all([
-  compile("wasm", "reel.wasm"),
-  compile("wasm-whole", "reel_whole.wasm"),
-  compile("wasm-plain", "reel_plain.wasm"),
-]);
+/** Inserted into scripts. */
+const define = { WASM_MODULE: JSON.stringify(await pack(compileCore())) };
 
 /** Shrink a bundled script further: 3 % smaller after gzip than with esbuild alone. */
 async function shrink(script) {
@@ -70,8 +59,7 @@ async function shrink(script) {
 const embedEngine = {
   name: "embed engine",
   setup(bundler) {
-    bundler.onLoad({ filter: /[\\/](small|whole)_engine\.ts$/ }, async ({ path }) => {
-      const isSmall = path.endsWith("small_engine.ts");
+    bundler.onLoad({ filter: /[\\/]engine_script\.ts$/ }, async () => {
       const { outputFiles } = await build({
         stdin: { contents: 'import { start } from "./start.js"; start(port);', resolveDir: join(here, "src/engine") },
         bundle: true,
@@ -80,10 +68,8 @@ const embedEngine = {
         format: "esm",
         // An old target: bundlers that lower newer syntax would add helpers outside of the function.
         target: "es2020",
-        define: { SMALL_ENGINE: String(isSmall) },
       });
-      const name = isSmall ? "startSmallEngine" : "startWholeEngine";
-      return { contents: await shrink(`export function ${name}(port) {${outputFiles[0].text}}`) };
+      return { contents: await shrink(`export function startEngine(port) {${outputFiles[0].text}}`) };
     });
   },
 };
@@ -126,18 +112,11 @@ const common = {
   charset: "utf8",
   legalComments: "none",
   absWorkingDir: here,
+  define,
 };
 
 const threeLicense = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8").trim();
 const notice = `Shaders are derived from those of three.js.\n\n${threeLicense}`;
-
-const embeddedModules = {
-  // Gzip compresses the base64 text to about the size of the deflated bytes, and zopfli, although slow,
-  // deflates 5 % better than zlib.
-  SIMD_MODULE: JSON.stringify(await pack(simd)),
-  PLAIN_MODULE: JSON.stringify(plain.toString("base64")),
-  WHOLE_MODULE: JSON.stringify(await pack(whole)),
-};
 
 /** Build dist/. */
 async function buildPackage() {
@@ -147,20 +126,8 @@ async function buildPackage() {
     entryPoints: ["src/index.ts"],
     splitting: true,
     outdir: dist,
-    plugins: [embedEngine, externalScripts(/\/(\w+_wasm|whole_engine|local_file|remote)\.js$/)],
+    plugins: [embedEngine, externalScripts(/\/(local_file|remote)\.js$/)],
     chunkNames: "[name]",
-  });
-  // Scripts of their own: gzip needs 0.9 kB more for base64 and code in one file.
-  const modulesOfCore = await build({
-    ...common,
-    entryPoints: [
-      ...["simd", "whole", "plain"].map((name) => `src/core/${name}_wasm.ts`),
-      "src/file/whole_engine.ts",
-    ],
-    entryNames: "[name]",
-    outdir: dist,
-    plugins: [embedEngine],
-    define: embeddedModules,
   });
   const remote = await build({
     ...common,
@@ -183,15 +150,12 @@ async function buildPackage() {
     plugins: [externalIndex],
     chunkNames: "three_[name]",
   });
-  // For pages without a bundler: one script with the decoder and a renderer. The module for engines without
-  // SIMD and the whole module remain separate scripts.
+  // For pages without a bundler: one script with the decoder and a renderer.
   const player = await build({
     ...common,
     entryPoints: ["src/player/index.ts"],
     outfile: join(dist, "player.js"),
-    // These scripts of `meshreel` are loaded on demand.
-    plugins: [embedEngine, ownRenderer, externalScripts(/\/(plain_wasm|whole_wasm|whole_engine|local_file)\.js$/)],
-    define: embeddedModules,
+    plugins: [embedEngine, ownRenderer, externalScripts(/\/local_file\.js$/)],
   });
   for (const file of [decoder, remote, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs))) {
     const path = join(here, file);
@@ -209,7 +173,7 @@ async function buildPackage() {
   copyFileSync(join(here, "../THIRD_PARTY_LICENSES.md"), join(dist, "THIRD_PARTY_LICENSES.md"));
   writeFileSync(join(dist, "built"), ""); // marks a complete build
 
-  const files = [decoder, modulesOfCore, remote, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+  const files = [decoder, remote, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
   for (const file of files) {
     const bytes = readFileSync(join(here, file));
     const packed = gzipSync(bytes, { level: 9 }).length;
@@ -238,7 +202,6 @@ async function bundleForPage(options) {
     ...common,
     write: false,
     plugins: [embedEngine, ownRenderer, scriptText, externalScripts(/\/local_file\.js$/)],
-    define: embeddedModules,
     ...options,
   });
   for (const input of Object.keys(result.metafile.inputs)) {

@@ -353,7 +353,6 @@ static int decode_patterns(reel_call *call, reel_range coded, const meshreel_att
 
 static int decode_on_surface(reel_call *call, reel_range coded, const reel_faces *faces,
                              const meshreel_attribute *output, int32_t *values) {
-    reel_rare();
     int64_t n_rows = output->n_rows, n_faces = (int64_t)faces->outline->n_faces;
     size_t memory_size = reel_surface_integers_memory(n_rows, n_faces, output->width);
     int32_t *triangles, *twins;
@@ -422,7 +421,6 @@ static bool is_form(const meshreel_attribute *result, uint8_t form) {
 
 static int read_grid(reel_call *call, reel_range *left, const meshreel_attribute *result,
                      number_layout *layout) {
-    reel_rare();
     uint64_t at = left->at;
     int failed = reel_read_bytes(call, left, &layout->step, sizeof layout->step);
     failed = failed ? failed
@@ -464,7 +462,6 @@ static int read_number_layout(reel_call *call, reel_range *left, const meshreel_
 /* Each product and each sum is rounded to single precision. */
 static void place_on_grid(const meshreel_attribute *result, const int32_t *integers,
                           const number_layout *layout, float *values) {
-    reel_rare();
     uint64_t count = (uint64_t)result->n_rows * result->width;
     for (uint64_t i = 0; i < count; i++) {
         float offset = (float)integers[i] * layout->step;

@@ -21,7 +21,6 @@ static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t bl
 /* Whether two tracks have the same items: equal domains and equal bytes of rows. */
 static int have_same_rows(reel_call *call, const reel_track *one, const reel_track *other,
                           bool *are_same) {
-    reel_rare();
     const uint8_t *bytes_a, *bytes_b;
     *are_same = one->info.domain == other->info.domain && one->sharing == other->sharing &&
                 one->rows.length == other->rows.length;
@@ -197,7 +196,6 @@ static void decode_basis(block_job *job) {
         return;
     }
     if (job->n_reused > 0) {
-        reel_rare();
         reel_lengths(job->key->values, job->mesh->mesh.n_verts, (int64_t)job->key->n_modes,
                      job->n_reused, job->finer, job->lengths);
     }
@@ -223,7 +221,6 @@ static void prepare_prediction(block_job *job) {
         mesh->has_finest = true;
     }
     if (job->predicted.prepared) {
-        reel_rare();
         reel_predict_prepare(&mesh->mesh, &job->predicted, 0, mesh->mesh.n_verts);
     }
 }
@@ -290,7 +287,6 @@ static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *f
 static void concatenate_fields(const reel_block_fields *key, uint64_t n_reused,
                                const double *new_values, uint64_t n_new, uint64_t n_items,
                                double *values) {
-    reel_rare();
     for (uint64_t i = 0; i < n_items; i++) {
         double *row = values + i * (n_reused + n_new);
         reel_copy(row, key->values + i * key->n_modes, (size_t)n_reused * sizeof *row);
@@ -403,7 +399,6 @@ static void release_fields(reel_call *call, reel_block_fields *fields) {
 /* Load the fields of the key block of a group into state->key. */
 static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
                     const reel_group *group) {
-    reel_rare();
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
     if (group->reference > block) {
@@ -443,7 +438,6 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
 /* Preview: replace the basis vectors after the first n_moving by their mean. */
 static void freeze_modes(double *basis, int64_t n_columns, int64_t n_frames, int64_t n_modes,
                          int64_t n_moving) {
-    reel_rare();
     for (int64_t column = 0; column < n_columns; column++) {
         double *rows = basis + column * n_frames * n_modes;
         for (int64_t mode = n_moving; mode < n_modes; mode++) {
@@ -607,7 +601,6 @@ static int load_one_frame(reel_call *call, const meshreel_decoder *decoder,
 }
 
 static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
-    reel_rare();
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
     const reel_group *group = &state->current.group;
@@ -640,7 +633,6 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
 
 /* Load the flags of missing values, 1 or 0. */
 static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
-    reel_rare();
     reel_loaded_block *current = &decoder->tracks[track].current;
     const reel_graph *graph = &decoder->tracks[track].items.graph;
     uint32_t n_columns = decoder->file->tracks[track].info.n_columns;

@@ -23,17 +23,16 @@ int reel_end_call(reel_call *call, int failed, meshreel_error *error) {
     return failed;
 }
 
-int reel_record(reel_call *call, int code, uint64_t offset, const char *message) {
+int reel_fail(reel_call *call, int code, uint64_t offset, const char *message) {
     call->error = (meshreel_error){.code = code, .offset = offset, .message = message};
     return code;
 }
 
-int reel_record_corrupt(reel_call *call, uint64_t offset, const char *message) {
-    return reel_record(call, MESHREEL_CORRUPT, offset, message);
+int reel_corrupt(reel_call *call, uint64_t offset, const char *message) {
+    return reel_fail(call, MESHREEL_CORRUPT, offset, message);
 }
 
 int reel_invalid(meshreel_error *error, const char *message) {
-    reel_rare();
     if (error) {
         *error = (meshreel_error){.code = MESHREEL_INVALID, .offset = REEL_UNKNOWN,
                                   .message = message};
@@ -42,7 +41,7 @@ int reel_invalid(meshreel_error *error, const char *message) {
 }
 
 int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char *message) {
-    if (REEL_SMALL || result >= 0) {
+    if (result >= 0) {
         return MESHREEL_OK;
     }
     uint64_t code = (uint64_t)-result & 0xFFU, place = (uint64_t)-result >> 8;

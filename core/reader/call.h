@@ -33,20 +33,10 @@ reel_call reel_begin_call(const meshreel_source *source, const meshreel_host *ho
 int reel_end_call(reel_call *call, int failed, meshreel_error *error);
 
 /* Record a failure, and return its code. */
-int reel_record(reel_call *call, int code, uint64_t offset, const char *message);
-int reel_record_corrupt(reel_call *call, uint64_t offset, const char *message);
-
-/* The same, but small builds trap: for all failures other than missing bytes. */
-REEL_WRAPPER int reel_fail(reel_call *call, int code, uint64_t offset, const char *message) {
-    reel_rare();
-    return reel_record(call, code, offset, message);
-}
+int reel_fail(reel_call *call, int code, uint64_t offset, const char *message);
 
 /* The same for MESHREEL_CORRUPT. */
-REEL_WRAPPER int reel_corrupt(reel_call *call, uint64_t offset, const char *message) {
-    reel_rare();
-    return reel_record_corrupt(call, offset, message);
-}
+int reel_corrupt(reel_call *call, uint64_t offset, const char *message);
 
 /* Fill `error` with MESHREEL_INVALID before a call has begun, and return it. */
 int reel_invalid(meshreel_error *error, const char *message);
@@ -76,13 +66,8 @@ void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), voi
               uint32_t n_tasks);
 
 /* Number of threads to divide work among. */
-REEL_SHARED uint32_t reel_threads(const reel_call *call) {
-#ifdef __wasm__ /* the host has no threads, see page.c */
-    (void)call;
-    return 1;
-#else
+REEL_INLINE uint32_t reel_threads(const reel_call *call) {
     return call->host->run && call->host->n_threads > 1 ? call->host->n_threads : 1;
-#endif
 }
 
 #endif

@@ -168,7 +168,6 @@ static int read_polygons(reel_call *call, const reel_section *section, reel_outl
 
 /* Read the vertex and face counts of the mesh that EDIT changes. */
 static int read_base(reel_call *call, const reel_section *section, reel_outline *outline) {
-    reel_rare();
     reel_range left = outline->edit = section->payload;
     int failed = reel_read_varint(call, &left, &outline->coded_verts);
     failed = failed ? failed : reel_read_varint(call, &left, &outline->coded_faces);
@@ -375,7 +374,6 @@ static int read_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
 /* Read a segment other than the first from the index, up to its blocks. */
 static int read_segment_entry(reel_call *call, reel_range *left, uint64_t limit,
                               reel_segment *segment) {
-    reel_rare();
     uint64_t at = left->at, n_tracks, size;
     int failed = reel_read_varint(call, left, &segment->n_verts);
     failed = failed ? failed : reel_read_varint(call, left, &segment->n_faces);
@@ -738,7 +736,6 @@ static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *s
 
 int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file,
                       const reel_segments *segments, uint32_t number, reel_outline *outline) {
-    reel_rare();
     const reel_segment *segment = &segments->all[number];
     mesh_reference reference = {.end = segment->at};
     int failed = MESHREEL_OK;
@@ -862,7 +859,6 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
     if (failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
         return failed;
     }
-    reel_rare();
     reset_outline(outline);
     *segments = (reel_segments){0};
     return read_scanned(call, pool, outline, segments);

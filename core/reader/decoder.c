@@ -153,9 +153,6 @@ static int find_layout(const meshreel_decoder *decoder, uint32_t number,
                        meshreel_error *error) {
     const reel_track *track = &decoder->file->tracks[number];
     const meshreel_track *info = &track->info;
-    if (layout) {
-        reel_rare(); /* pages use the default layout */
-    }
     uint32_t type = layout && layout->type ? layout->type : info->type;
     if (type != info->type && !(type == MESHREEL_FLOAT32 && info->type == MESHREEL_FLOAT64)) {
         return reel_invalid(error, "a track is decoded to its own type, or from doubles to floats");
@@ -211,7 +208,6 @@ static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number
     if (is_direct && !is_predicted) {
         return reel_values(call, decoder, number, first, count, to->size, out);
     }
-    reel_rare();
     uint64_t frame_bytes = to->n_values * to->n_columns * to->stored;
     uint64_t together = PIECE_BYTES / (frame_bytes + 1) + reel_threads(call);
     int failed = MESHREEL_OK;

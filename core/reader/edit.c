@@ -183,7 +183,6 @@ static int apply_edit(reel_call *call, const reel_outline *outline, const reel_m
 
 int reel_read_edited_mesh(reel_call *call, reel_pool *pool, const reel_outline *outline,
                           reel_mesh_data *mesh) {
-    reel_rare();
     const reel_chunk *mark = call->scratch.last;
     reel_outline coded = *outline;
     reel_mesh_data base = {0};

@@ -121,7 +121,6 @@ int meshreel_open(const meshreel_source *source, const meshreel_host *host, mesh
 
 int meshreel_open_segment(const meshreel_file *file, uint32_t number, meshreel_file **segment,
                           meshreel_error *error) {
-    reel_rare();
     if (!file || !segment || number >= file->info.n_segments) {
         return reel_invalid(error, "the segment does not exist, or a pointer is NULL");
     }
@@ -266,7 +265,6 @@ int meshreel_track_of(const meshreel_file *file, uint32_t number, meshreel_track
 /* ---- the mesh ---- */
 
 int reel_refuse_several(meshreel_error *error) {
-    reel_rare();
     if (error) {
         *error = (meshreel_error){.code = MESHREEL_SEGMENTS, .offset = REEL_UNKNOWN,
                                   .message = "the file has several segments with different meshes; "

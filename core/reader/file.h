@@ -24,7 +24,7 @@ struct meshreel_file {
 };
 
 /* Whether the file uses a method of the paper, of which only the container is read here. */
-REEL_SHARED bool reel_is_of_paper(const meshreel_file *file) {
+REEL_INLINE bool reel_is_of_paper(const meshreel_file *file) {
     return file->outline.method < REEL_METHOD_REEL;
 }
 

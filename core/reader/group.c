@@ -201,7 +201,6 @@ static int read_corrections(reel_call *call, reel_range left, reel_group *group)
 }
 
 static int read_values(reel_call *call, bool is_grid, reel_range left, reel_group *group) {
-    reel_rare();
     if (!left.at) {
         return reel_corrupt(call, REEL_UNKNOWN, "a block has no section VALUES");
     }
@@ -337,7 +336,6 @@ int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *gr
     if (!group->corrections.at) {
         return MESHREEL_OK;
     }
-    reel_rare();
     const reel_chunk *mark = call->scratch.last;
     int failed = read_correction_rows(call, group, n_columns, &coded);
     uint64_t n_frames = group->n_frames;

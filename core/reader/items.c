@@ -221,7 +221,7 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
     uint32_t domain = track->info.domain;
     *items =
         (reel_items){.graph = mesh->graph, .order = mesh->to_internal, .inverse = mesh->to_output};
-    if (REEL_SMALL || domain == MESHREEL_VERTICES) {
+    if (domain == MESHREEL_VERTICES) {
         return MESHREEL_OK;
     }
     fans of;

@@ -5,11 +5,6 @@
 #define MAX_VARINT_BYTES 9
 #define PIECE 4096
 #define LONG_SECTION 256 /* bytes from which computing tables pays */
-#ifdef __wasm__ /* pages download the code of tables, and rarely check long sections */
-#define COMPUTES_TABLES 0
-#else
-#define COMPUTES_TABLES 1
-#endif
 #define MAX_DOUBLE 0x1.fffffffffffffp1023
 
 bool reel_is_finite(double number) { return number >= -MAX_DOUBLE && number <= MAX_DOUBLE; }
@@ -30,9 +25,8 @@ static int fail_at_limit(reel_call *call, uint64_t at, uint64_t limit) {
                                    "the file ends inside a section; fetch it again");
 }
 
-/* Pages fetch the range and call again; they do not show the message. */
 static int unreadable(reel_call *call, reel_range range, const char *message) {
-    reel_record(call, MESHREEL_UNREADABLE, range.at, REEL_SMALL ? "" : message);
+    reel_fail(call, MESHREEL_UNREADABLE, range.at, message);
     call->error.size = range.length;
     return MESHREEL_UNREADABLE;
 }
@@ -134,7 +128,7 @@ static uint32_t update_long_crc(const crc_tables *tables, uint32_t sum, const ui
 int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
     uint8_t piece[PIECE];
     crc_tables tables;
-    bool is_long = COMPUTES_TABLES && length >= LONG_SECTION;
+    bool is_long = length >= LONG_SECTION;
     uint32_t sum = ~0U, stored;
     if (is_long) {
         compute_tables(&tables);

@@ -165,8 +165,7 @@ static int read_section(reel_call *call, reel_pool *pool, const reel_faces *face
         return read_groups(call, pool, outline->n_polygons, payload,
                            &arrays->groups[surface->n_groups++]);
     case REEL_PARTS:
-        return REEL_SMALL ? MESHREEL_OK /* pages do not use them */
-                          : read_parts(call, pool, outline, payload, surface);
+        return read_parts(call, pool, outline, payload, surface);
     case REEL_HARD_EDGES:
         return reel_read_hard_edges(call, pool, faces, payload, surface);
     case REEL_MATERIAL:

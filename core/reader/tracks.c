@@ -83,7 +83,6 @@ static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
 
 static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outline,
                       const reel_section *section, reel_track *track) {
-    reel_rare();
     reel_range left = section->payload;
     meshreel_track *info = &track->info;
     uint8_t codes[4];

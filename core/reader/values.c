@@ -170,7 +170,7 @@ static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64
     const reel_outline *outline = &decoder->file->outline;
     uint64_t n_items = state->items.graph.n_items;
     bool is_finite;
-    if (REEL_SMALL || outline->method == REEL_METHOD_REEL) {
+    if (outline->method == REEL_METHOD_REEL) {
         int failed = multiply(call, decoder, state, decoder->file->tracks, first, count, size, out,
                               &is_finite);
         if (failed) {
@@ -412,7 +412,7 @@ int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uin
     reel_track_state *state = &decoder->tracks[number];
     uint64_t n_items = state->items.graph.n_items;
     int failed = MESHREEL_OK;
-    if (REEL_SMALL || !number) {
+    if (!number) {
         return positions_of(call, decoder, first, count, size, out);
     }
     if (track->difference) {

@@ -1,6 +1,4 @@
-// Exports of `meshreel`. The module of the core must come first in the bundle: see simd_wasm.ts.
-
-import "./core/simd_wasm.js";
+// Exports of `meshreel`.
 
 export * from "./errors.js";
 export type { FileOptions } from "./file/engines.js";

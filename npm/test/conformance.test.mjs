@@ -1,11 +1,10 @@
-// All streams of conformance/ decode to the documented values, with and without SIMD.
+// All streams of conformance/ decode to the documented values.
 
 import assert from "node:assert/strict";
 import { readdirSync, readFileSync } from "node:fs";
 import { test } from "node:test";
 import { openEngine, loadInternals } from "./support/bundle.mjs";
 import {
-  COMMON,
   OTHERS,
   PLAYED,
   streamBytes,
@@ -35,37 +34,22 @@ function ascending(edges) {
   return pairs.sort(([a, b], [c, d]) => a - c || b - d).flat();
 }
 
-for (const module of ["reel_whole", "reel_plain"]) {
-  test(`positions and tracks of every stream are right with ${module}`, async () => {
-    assert.ok(PLAYED.length >= 69);
-    for (const name of PLAYED) {
-      const engine = await openEngine(internals, streamBytes(name), module);
-      assert.equal(await framesHash(engine, 0), expectedOf(name)["hash of positions"], name);
-      const tracks = expectedOf(name).tracks ?? [];
-      for (const [i, { name: track, "hash of values": hash }] of tracks.entries()) {
-        assert.equal(await framesHash(engine, 1 + i), hash, `${name}: ${track}`);
-      }
-    }
-  });
-}
-
-test("the small module decodes positions of most streams, and refuses the others", async () => {
-  assert.ok(COMMON.length >= 50);
+test("positions and tracks of every stream are right", async () => {
+  assert.ok(PLAYED.length >= 69);
   for (const name of PLAYED) {
-    const decode = async () => framesHash(await openEngine(internals, streamBytes(name), "reel"), 0);
-    if (COMMON.includes(name)) assert.equal(await decode(), expectedOf(name)["hash of positions"], name);
-    else await assert.rejects(decode, WebAssembly.RuntimeError, name);
+    const engine = await openEngine(internals, streamBytes(name));
+    assert.equal(await framesHash(engine, 0), expectedOf(name)["hash of positions"], name);
+    const tracks = expectedOf(name).tracks ?? [];
+    for (const [i, { name: track, "hash of values": hash }] of tracks.entries()) {
+      assert.equal(await framesHash(engine, 1 + i), hash, `${name}: ${track}`);
+    }
   }
 });
 
 test("surfaces of every stream are right", async () => {
-  const opened = [
-    ...PLAYED.map((name) => [name, "reel_whole"]),
-    ...COMMON.map((name) => [name, "reel"]),
-  ];
-  for (const [name, module] of opened) {
+  for (const name of PLAYED) {
     const expected = expectedOf(name);
-    const { surface } = await openEngine(internals, streamBytes(name), module);
+    const { surface } = await openEngine(internals, streamBytes(name));
     assert.equal(integerHash(surface.triangles), expected["hash of faces"], name);
     assert.equal(surface.faceSizes?.length ?? null, expected.polygons, name);
     if (surface.faceSizes) assert.equal(integerHash(surface.faceSizes), expected["hash of polygons"]);
@@ -222,11 +206,11 @@ test("segments can be opened separately", async () => {
     }
     for (const [number, expected] of segments.entries()) {
       if (!["reel", "lossless", "grid"].includes(expected.method)) continue;
-      const engine = await openEngine(internals, data, "reel_whole", 2 ** 31, number);
+      const engine = await openEngine(internals, data, { segment: number });
       assert.equal(await framesHash(engine, 0), expected["hash of positions"], name);
       assert.equal(integerHash(engine.surface.triangles), expected["hash of faces"], name);
     }
-    const outOfRange = openEngine(internals, data, "reel_whole", 2 ** 31, segments.length);
+    const outOfRange = openEngine(internals, data, { segment: segments.length });
     await assert.rejects(outOfRange, { name: "InvalidInputError" });
   }
 });

@@ -7,7 +7,6 @@ import {
   BLOCK,
   COEFFICIENTS,
   HARD_EDGES,
-  PARTS,
   TRACK,
   VALUES,
   headerSize,
@@ -15,7 +14,7 @@ import {
   sealHeader,
   sectionsOf,
 } from "./support/container.mjs";
-import { COMMON, EXACTS, PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
+import { EXACTS, PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
 const internals = await loadInternals();
 const { MemoryLimitError, MeshReelError, TruncatedStreamError } = internals;
@@ -140,35 +139,6 @@ test("damage with valid checksums causes an error of the package or yields frame
   assert.ok(nErrors > 200 && nFrames > 1000, `${nErrors} errors, ${nFrames} frames`);
 });
 
-test("the small module accepts no damage that the whole module reports", async () => {
-  const random = randomNumbers(11);
-  let [nRefused, nAccepted] = [0, 0];
-  for (const name of COMMON) {
-    const whole = streamBytes(name);
-    if (whole.length > 20_000) continue;
-    // Pages do not use PARTS, which the small module skips.
-    const sections = sectionsOf(whole).filter(({ id }) => id !== PARTS);
-    for (let turn = 0; turn < 40; turn++) {
-      const bytes = damage(whole, sections[Math.floor(sections.length * random())], random);
-      const accepted = await contents(bytes, "reel").catch((error) => {
-        assert.ok(error instanceof WebAssembly.RuntimeError, `${name}: ${error}`);
-        return null;
-      });
-      if (accepted) assert.deepEqual(accepted, await contents(bytes, "reel_whole"), name);
-      if (accepted) nAccepted++;
-      else nRefused++;
-    }
-  }
-  assert.ok(nRefused > nAccepted && nAccepted > 100, `${nRefused} refused, ${nAccepted} accepted`);
-});
-
-/** Decode the surface and the first and last frame of a stream by a module. */
-async function contents(bytes, module) {
-  const engine = await openEngine(internals, bytes, module);
-  const frames = [0, engine.info.nFrames - 1].map((t) => engine.frame(0, t, signal));
-  return [engine.surface, ...(await Promise.all(frames))];
-}
-
 test("damaged hard edges cause an error of the package or yield edges of the mesh", async () => {
   const whole = streamBytes("hard_edges");
   const section = sectionsOf(whole).find(({ id }) => id === HARD_EDGES);
@@ -205,7 +175,7 @@ test("header sizes that exceed the file are rejected before memory is allocated"
 
 test("streams that exceed the memory limit are rejected", async () => {
   const bytes = streamBytes("geometry");
-  await assert.rejects(openEngine(internals, bytes, "reel_whole", 10_000), (error) => {
+  await assert.rejects(openEngine(internals, bytes, { memory: 10_000 }), (error) => {
     const message = /^decoding needs \d+ bytes of memory; the limit is 10000: open the file with a larger `memory`$/;
     assert.match(error.message, message);
     return error instanceof MemoryLimitError;

@@ -205,9 +205,9 @@ test("damage of a segment leaves the others intact", async () => {
 
 test("segments that are not used last release their memory", async () => {
   const internals = await loadInternals();
-  const { file, engine } = await openSegments(
-    internals, segmentedBytes("one_frame_each"), "reel_whole", 2 ** 31, 0,
-  );
+  const { file, engine } = await openSegments(internals, segmentedBytes("one_frame_each"), {
+    segment: 0,
+  });
   const { heap } = engine.library;
   const play = async () => {
     for (let index = 0; index < file.segments.length; index++) {

@@ -84,7 +84,7 @@ def test_example_plays_in_firefox(pages, data, name):
 
 
 def test_a_plain_mesh_needs_one_script_of_the_part_for_three_js(new_page, pages, data):
-    needed = {f"/meshreel/{name}.js" for name in ("index", "remote", "simd_wasm", "three")}
+    needed = {f"/meshreel/{name}.js" for name in ("index", "remote", "three")}
     files = {
         path: body
         for path, body in pages("plain").items()

@@ -52,8 +52,7 @@ pytestmark = pytest.mark.slow
 def script():
     built_package()
     command = [MODULES / ".bin" / "esbuild", PAGE, "--bundle", "--format=esm", "--target=es2022"]
-    command += ["--define:SIMD_MODULE=null", "--define:PLAIN_MODULE=null"]  # nothing is decoded
-    command += ["--define:SMALL_ENGINE=false"]
+    command += ["--define:WASM_MODULE=null"]  # nothing is decoded
     environment = {**os.environ, "NODE_PATH": str(MODULES)}
     done = subprocess.run(command, capture_output=True, env=environment, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -4,7 +4,6 @@ import { UnsupportedVersionError } from "../errors.js";
 import type { FileInfo, ReelInfo, SegmentInfo, TrackInfo } from "../types.js";
 import type { Library } from "./library.js";
 import { NUMBER_TYPES } from "./numbers.js";
-import { IS_SMALL, refuse } from "./scope.js";
 import { Struct } from "./struct.js";
 
 /** Methods that only the Python package decodes. The numbers of `METHODS` follow theirs. */
@@ -70,7 +69,6 @@ export function readSegments(
 export function readFile(library: Library, handle: number): File {
   const { method, nPolygons, nBlocks, nTracks, nSegments: _, ...info } = readInfo(library, handle);
   if (method < FIRST_METHOD) {
-    if (IS_SMALL) return refuse();
     throw new UnsupportedVersionError(
       `the file uses the method ${OTHER_METHODS[method]}; this package decodes reel, lossless and grid: ` +
       "encode the original again",

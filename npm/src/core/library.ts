@@ -9,7 +9,6 @@ import {
   UnsupportedVersionError,
 } from "../errors.js";
 import { Heap } from "./heap.js";
-import { IS_SMALL, refuse } from "./scope.js";
 import { Struct } from "./struct.js";
 
 /** The MESHREEL_ABI of `include/meshreel.h` that this package supports. */
@@ -91,8 +90,6 @@ export class Library {
   readonly heap: Heap;
   private bytes: Bytes | null = null;
   private memoryLimit = 0;
-  /** The trap that ended the library. */
-  private trap: unknown = null;
 
   /** @throws MeshReelError if the ABI of the module differs from that of this package. */
   private constructor(instance: WebAssembly.Instance) {
@@ -125,20 +122,11 @@ export class Library {
     return this.functions.memory.buffer as ArrayBuffer;
   }
 
-  /**
-   * Call `work` with `bytes` as the file that the library reads; returns its result.
-   *
-   * @throws WebAssembly.RuntimeError if the small module refuses the file, in this call or before: its
-   * memory may be inconsistent then.
-   */
+  /** Call `work` with `bytes` as the file that the library reads; returns its result. */
   withBytes<Result>(bytes: Bytes, work: () => Result): Result {
-    if (this.trap) throw this.trap;
     this.bytes = bytes;
     try {
       return work();
-    } catch (error) {
-      if (error instanceof WebAssembly.RuntimeError) this.trap = error;
-      throw error;
     } finally {
       this.bytes = null;
     }
@@ -147,7 +135,7 @@ export class Library {
   /** Call `work` with the address of temporary memory; returns its result. */
   withMemory<Result>(sizeBytes: number, work: (address: number) => Result): Result {
     const address = this.heap.allocate(sizeBytes);
-    if (!address) throw IS_SMALL ? refuse() : outOfMemory(sizeBytes);
+    if (!address) throw outOfMemory(sizeBytes);
     try {
       return work(address);
     } finally {
@@ -184,7 +172,6 @@ export class Library {
       const [code] = fields.uint32s(2);
       const [offset, size] = [fields.uint64(), fields.uint64()];
       if (code === UNREADABLE) throw new MissingBytes(offset, offset + size);
-      if (IS_SMALL) return refuse();
       if (code === LIMIT) {
         throw new MemoryLimitError(
           `decoding needs ${size} bytes of memory; the limit is ${this.memoryLimit}: open the file ` +

@@ -1,7 +1,6 @@
 // Modes of a track in a block, read from the memory of the library.
 
 import type { Library } from "./library.js";
-import { IS_SMALL, refuse } from "./scope.js";
 import { Struct } from "./struct.js";
 
 const STRUCT_BYTES = 128;
@@ -64,7 +63,6 @@ export function readModes(
       corrected: new Uint32Array(0),
       corrections: new Float64Array(0),
     };
-    if (IS_SMALL) return starts || shared ? refuse() : modes;
     if (starts) {
       modes.starts = Uint32Array.from(new BigInt64Array(buffer, starts, nFrames + 1), Number);
       const count = modes.starts[nFrames];

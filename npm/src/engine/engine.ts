@@ -4,7 +4,6 @@ import { type File, readFile } from "../core/file.js";
 import { type Library, MissingBytes } from "../core/library.js";
 import { readModes } from "../core/modes.js";
 import { copyNumbers, bytesPerNumber } from "../core/numbers.js";
-import { IS_SMALL, refuse } from "../core/scope.js";
 import { readSurface } from "../core/surface.js";
 import { SourceError } from "../errors.js";
 import { type Fields, fieldsOfModes, sliceFrames, markMissing } from "../fields/mode_fields.js";
@@ -134,12 +133,10 @@ export class Engine {
     const first = start - file.blocks[block].start;
     const modes = readModes(library, decoder, track, block, nItems);
     if (!modes) {
-      if (IS_SMALL) return refuse();
       const origin = track === POSITIONS ? file.info.center : undefined;
       return fieldsOfValues(this.decodeFrames(track, start, nFrames), nColumns, columns, origin);
     }
     const whole = fieldsOfModes(modes, columns);
-    if (IS_SMALL) return whole;
     const part = nFrames < whole.nFrames ? sliceFrames(whole, first, nFrames) : whole;
     if (!modes.hasMissing) return part;
     const decodeFrames = this.decodeFrames(track, start, nFrames) as Float64Array[];

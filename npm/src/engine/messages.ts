@@ -20,7 +20,7 @@ export interface Failure {
 /**
  * Arguments of calls of an engine, by name. `open` must be the first call; further ones open other
  * segments. The segment may be null if the file has only one. Track 0 is the positions. `ranges`
- * returns the bytes that were read to open the file, for another engine; `segments` describes all
+ * returns the bytes that were read to open the file, for the engine of tracks; `segments` describes all
  * segments, which may be very many.
  */
 export interface Calls {

@@ -2,7 +2,6 @@
 
 import { readSegments, type StoredSegment } from "../core/file.js";
 import type { Library } from "../core/library.js";
-import { IS_SMALL, refuse } from "../core/scope.js";
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
 import type { FileInfo } from "../types.js";
 import { Engine, fetchUntilDone, type Read } from "./engine.js";
@@ -69,9 +68,9 @@ export class SegmentsEngine {
     else if (!bytes.has(0, 1)) await fetch(0, size ?? Number.MAX_SAFE_INTEGER);
     const [nRead] = bytes.missing(0, Number.MAX_SAFE_INTEGER)!;
     const sizeBytes = isLarge ? size : nRead || (size ?? 0);
-    const readMore = IS_SMALL ? read : readAhead(read, sizeBytes);
+    const readMore = readAhead(read, sizeBytes);
     const handle = await fetchUntilDone(library, bytes, readMore, signal, () =>
-      IS_SMALL ? library.open(sizeBytes, memory) : openFile(library, sizeBytes, memory, bytes),
+      openFile(library, sizeBytes, memory, bytes),
     );
     const keepsBytes = isLarge || sizeBytes <= HEAD_BYTES;
     return new SegmentsEngine(library, handle, bytes, read, readMore, keepsBytes);
@@ -92,7 +91,6 @@ export class SegmentsEngine {
     const count = this.segments.length;
     const index = number ?? 0;
     if (index >= count || (number === null && count > 1)) {
-      if (IS_SMALL) return refuse();
       throw new InvalidInputError(
         `the file has ${count} segments; open one of them: segment 0 to ${count - 1}`,
       );
@@ -118,7 +116,6 @@ export class SegmentsEngine {
       }
       return engine;
     }
-    if (IS_SMALL) return refuse();
     const { offset, sizeBytes } = this.segments[index];
     const bytes = new Ranges(this.bytes.list());
     const gap = bytes.missing(offset, offset + Math.min(sizeBytes, HEAD_BYTES));

@@ -4,14 +4,10 @@ import { loadModule } from "../core/module.js";
 import type { Calls, Results } from "../engine/messages.js";
 import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
 import type { ByteSource, SegmentInfo } from "../types.js";
-import { startSmallEngine } from "./small_engine.js";
 import { RemoteEngine } from "./remote_engine.js";
 
 /** Default memory limit in bytes: 2 GiB. */
 const DEFAULT_MEMORY = 2 ** 31;
-
-/** Name of the errors by which the small module refuses a file. */
-const REFUSAL = "RuntimeError";
 
 /** Options of opening a file. */
 export interface FileOptions extends SourceOptions {
@@ -28,18 +24,12 @@ export interface FileOptions extends SourceOptions {
   memory?: number;
 }
 
-/**
- * The engines of a file: of positions and surface, and of tracks, started on demand.
- *
- * The first one begins with the small module. If that refuses the file, an engine with the whole
- * module takes its place: for features that few files use, and to report damage.
- */
+/** The engines of a file: of positions and surface, and of tracks, started on demand. */
 export class FileEngines {
-  private whole: Promise<RemoteEngine> | null = null;
   private tracks: Promise<RemoteEngine> | null = null;
 
   private constructor(
-    private positions: RemoteEngine,
+    private readonly positions: RemoteEngine,
     private readonly source: ByteSource,
     private readonly options: FileOptions,
   ) {}
@@ -52,9 +42,9 @@ export class FileEngines {
   ): Promise<{ engines: FileEngines; opened: Results["open"] }> {
     // The module compiles and the worker starts while bytes are being fetched.
     const opening = openSource(from, options);
-    const engine = new RemoteEngine(startSmallEngine, opening, options.worker ?? true);
+    const engine = new RemoteEngine(opening, options.worker ?? true);
     try {
-      const [source] = await Promise.all([opening, engine.sendModule(loadModule("small"))]);
+      const [source] = await Promise.all([opening, engine.sendModule(loadModule())]);
       const engines = new FileEngines(engine, source, options);
       return { engines, opened: await engines.openSegment(segment, options.signal) };
     } catch (error) {
@@ -80,30 +70,17 @@ export class FileEngines {
   }
 
   /** Call the engine of positions and surface. */
-  async call<Name extends "open" | "frame" | "fields">(
+  call<Name extends "open" | "frame" | "fields">(
     call: Name,
     args: Calls[Name],
     signal?: AbortSignal,
   ): Promise<Results[Name]> {
-    const engine = this.positions;
-    try {
-      return await engine.call(call, args, signal);
-    } catch (refusal) {
-      if ((refusal as Error).name !== REFUSAL) throw refusal;
-      this.whole ??= this.startWhole(args.segment).catch((error: unknown) => {
-        this.whole = null; // the next call tries again
-        throw error;
-      });
-      this.positions = await this.whole;
-      if (engine === this.positions) throw refusal;
-      engine.close(refusal);
-      return this.positions.call(call, args, signal);
-    }
+    return this.positions.call(call, args, signal);
   }
 
   /** Start, on the first call, the engine that decodes tracks, and open a segment in it. */
   ofTracks(segment: number | null): Promise<RemoteEngine> {
-    this.tracks ??= this.startWhole(segment).catch((error: unknown) => {
+    this.tracks ??= this.startTracks(segment).catch((error: unknown) => {
       this.tracks = null; // the next call tries again
       throw error;
     });
@@ -119,7 +96,6 @@ export class FileEngines {
   close(): void {
     const reason = new DOMException("the file was closed", "AbortError");
     this.positions.close(reason);
-    this.whole?.then((engine) => engine.close(reason)).catch(() => {});
     this.tracks?.then((engine) => engine.close(reason)).catch(() => {});
     this.source.close();
   }
@@ -129,17 +105,12 @@ export class FileEngines {
     return { size, hasRanges, memory: this.options.memory ?? DEFAULT_MEMORY, segment };
   }
 
-  /** Start an engine with the whole module, and open a segment in it. */
-  private async startWhole(segment: number | null): Promise<RemoteEngine> {
-    const [{ startWholeEngine }, module, ranges] = await Promise.all([
-      import("./whole_engine.js"),
-      loadModule("whole"),
-      this.positions.call("ranges", {}),
-    ]);
-    const { worker: inWorker = true } = this.options;
-    const engine = new RemoteEngine(startWholeEngine, Promise.resolve(this.source), inWorker);
+  /** Start an engine, and open a segment in it. */
+  private async startTracks(segment: number | null): Promise<RemoteEngine> {
+    const ranges = await this.positions.call("ranges", {});
+    const engine = new RemoteEngine(Promise.resolve(this.source), this.options.worker ?? true);
     try {
-      await engine.sendModule(Promise.resolve(module));
+      await engine.sendModule(loadModule());
       await engine.call("open", { ...this.parameters(segment), ranges });
       return engine;
     } catch (error) {

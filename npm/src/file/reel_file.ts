@@ -101,8 +101,8 @@ export class ReelFile implements OpenReel {
   /**
    * Return a track by name. Its values are decoded on request.
    *
-   * A separate module and worker decode tracks. They are loaded with the first values, and positions
-   * never wait for them. Only bytes of requested tracks are read.
+   * A separate worker decodes tracks. It starts with the first values, and positions never wait for
+   * it. Only bytes of requested tracks are read.
    *
    * @example
    * const stress = reel.track("stress");

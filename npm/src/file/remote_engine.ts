@@ -20,6 +20,7 @@ import {
   UnsupportedVersionError,
 } from "../errors.js";
 import type { ByteSource } from "../types.js";
+import { startEngine } from "./engine_script.js";
 
 const ERROR_CLASSES: Readonly<Record<string, new (message: string) => Error>> = {
   CorruptStreamError,
@@ -55,17 +56,15 @@ export class RemoteEngine {
   private module: WebAssembly.Module | null = null;
 
   /**
-   * @param start - Runs an engine at the other end of a channel; its source text must be complete.
    * @param source - The bytes to decode.
    * @param inWorker - Whether to use a worker; false: this thread.
    */
   constructor(
-    private readonly start: (port: Port) => void,
     private readonly source: Promise<ByteSource>,
     inWorker: boolean,
   ) {
     const onFailure = (reason: string): void => this.recover(reason);
-    this.connection = (inWorker && connectWorker(start, onFailure)) || connectThread(start);
+    this.connection = (inWorker && connectWorker(onFailure)) || connectThread();
     this.attach();
   }
 
@@ -132,7 +131,7 @@ export class RemoteEngine {
       return;
     }
     this.connection.close();
-    this.connection = connectThread(this.start);
+    this.connection = connectThread();
     this.attach();
     if (this.module) this.post({ module: this.module });
     for (const { message } of this.pending.values()) this.post(message);
@@ -176,13 +175,10 @@ function toError({ name, message }: Failure): Error {
   return ErrorClass ? new ErrorClass(message) : new DOMException(message, name);
 }
 
-/** Start a worker whose script is the source text of `start`; null if workers are unavailable. */
-function connectWorker(
-  start: (port: Port) => void,
-  onFailure: (reason: string) => void,
-): Connection | null {
+/** Start a worker whose script is the source text of the engine; null if workers are unavailable. */
+function connectWorker(onFailure: (reason: string) => void): Connection | null {
   if (typeof Worker === "undefined") return null;
-  const script = new Blob([`(${start})(self)`], { type: "text/javascript" });
+  const script = new Blob([`(${startEngine})(self)`], { type: "text/javascript" });
   const url = URL.createObjectURL(script);
   const close = (): void => {
     worker?.terminate();
@@ -203,9 +199,9 @@ function connectWorker(
 }
 
 /** Run the engine on this thread. */
-function connectThread(start: (port: Port) => void): Connection {
+function connectThread(): Connection {
   const { port1, port2 } = new MessageChannel();
-  start(port2);
+  startEngine(port2);
   const close = (): void => {
     port1.close();
     port2.close();

@@ -17,22 +17,21 @@ export async function loadInternals() {
   try {
     const outfile = join(folder, "internals.mjs");
     const entryPoints = [join(here, "internals.ts")];
-    const define = { SMALL_ENGINE: "false" };
-    await build({ entryPoints, bundle: true, format: "esm", target: "es2022", outfile, define });
+    await build({ entryPoints, bundle: true, format: "esm", target: "es2022", outfile });
     return await import(pathToFileURL(outfile).href);
   } finally {
     rmSync(folder, { recursive: true });
   }
 }
 
-/** Instantiate a built module: "reel_whole" uses SIMD, "reel_plain" does not. */
-export function newLibrary(Library, name = "reel_whole") {
-  return Library.instantiate(new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm", `${name}.wasm`))));
+/** Instantiate the built module. */
+export function newLibrary(Library) {
+  return Library.instantiate(new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm/reel.wasm"))));
 }
 
 /** Open an engine for bytes in memory. */
-export async function openEngine(internals, bytes, name, memory = 2 ** 31, segment = null) {
-  const { engine } = await openSegments(internals, bytes, name, memory, segment);
+export async function openEngine(internals, bytes, options) {
+  const { engine } = await openSegments(internals, bytes, options);
   return engine;
 }
 
@@ -40,16 +39,14 @@ export async function openEngine(internals, bytes, name, memory = 2 ** 31, segme
 export async function openSegments(
   { SegmentsEngine, Ranges, Library },
   bytes,
-  name,
-  memory = 2 ** 31,
-  segment = null,
+  { memory = 2 ** 31, segment = null } = {},
 ) {
   const reads = [];
   const read = async (start, end) => {
     reads.push([start, end]);
     return bytes.slice(start, end);
   };
-  const library = await newLibrary(Library, name);
+  const library = await newLibrary(Library);
   const { signal } = new AbortController();
   const parameters = { size: bytes.length, hasRanges: true, memory };
   const file = await SegmentsEngine.open(library, new Ranges(), read, parameters, signal);

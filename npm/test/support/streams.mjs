@@ -39,13 +39,6 @@ export const EXACTS = all.filter((name) => ["lossless", "grid"].includes(expecte
 export const PLAYED = [...REELS, ...EXACTS];
 export const OTHERS = all.filter((name) => !PLAYED.includes(name));
 
-/** Streams that the small module decodes. */
-export const COMMON = REELS.filter((name) => {
-  const { blocks, tracks } = expectedOf(name);
-  const hasRareBlock = blocks.some((block) => block.reference || "correction step" in block);
-  return !hasRareBlock && !tracks && !["attributes_on_own_grids", "edited_alone", "no_index"].includes(name);
-});
-
 /** Expected number of frames of each of `info.blocks`. */
 export function blockLengths({ method, blocks }) {
   const maxFrames = method === "reel" ? Infinity : 32;
