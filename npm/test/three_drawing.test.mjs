@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { loadModule } from "./three_modules.mjs";
 
-const { createDrawing, prepareDrawing } = await loadModule("drawing");
+const { createDrawing } = await loadModule("drawing");
 const { computePositions, computeNormals } = await loadModule("cpu_frames");
 
 /** Two triangles of a square: 0 1 2 and 0 2 3. */
@@ -23,17 +23,6 @@ function atCorners(drawing, name) {
   const { width, values } = drawing.attributes.find((one) => one.name === name);
   return [...drawing.index].map((i) => [...values.slice(width * i, width * (i + 1))]);
 }
-
-test("before its script is loaded, a drawing has no attributes", async () => {
-  const uv = attribute("uv", "corner", 2, Float32Array.of(0, 0, 1, 0, 1, 1, 0, 0, 0.5, 0.5, 0, 1));
-  const input = surface({ attributes: [uv] });
-  const { isComplete, attributes, uvNames, sources } = createDrawing(input, 4);
-  assert.deepEqual([isComplete, attributes, uvNames, [...sources]], [false, [], ["uv"], [0, 1, 2, 3]]);
-  assert.ok(createDrawing(surface(), 4).isComplete);
-  await prepareDrawing(input);
-  assert.ok(createDrawing(input, 4).isComplete);
-  assert.equal(createDrawing(input, 4).sources.length, 5);
-});
 
 test("vertices are not split by attributes of vertices", () => {
   const uv = Float32Array.of(0, 0, 1, 0, 1, 1, 0, 1);
@@ -127,7 +116,7 @@ test("splitting one vertex into many takes linear time", () => {
 const { meanPosition, composePicture, withoutFields } = await loadModule("loaded_block");
 
 /** A block with two modes and three vertices; the second frame corrects vertex 1. */
-const BLOCK = await withoutFields({
+const BLOCK = withoutFields({
   nFrames: 2,
   nModes: 2,
   nBlockModes: 2,

@@ -2,7 +2,8 @@
 
 import { loadModule } from "../core/module.js";
 import type { Calls, Results } from "../engine/messages.js";
-import { openSource, type SourceInput, type SourceOptions } from "../source/open.js";
+import { openSource } from "../source/open.js";
+import type { SourceInput, SourceOptions } from "../source/transport.js";
 import type { ByteSource, SegmentInfo } from "../types.js";
 import { RemoteEngine } from "./remote_engine.js";
 

@@ -3,7 +3,7 @@
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
 import type { Results } from "../engine/messages.js";
 import { copyInto, requireCompatible, requireIndex } from "./arguments.js";
-import type { SourceInput } from "../source/open.js";
+import type { SourceInput } from "../source/transport.js";
 import type {
   BlockFields,
   OpenReel,

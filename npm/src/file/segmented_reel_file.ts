@@ -1,6 +1,6 @@
 // An open `.reel` file with any number of segments.
 
-import type { SourceInput } from "../source/open.js";
+import type { SourceInput } from "../source/transport.js";
 import type { FileInfo, MeshFrame, OpenSegments, SegmentInfo } from "../types.js";
 import { requireIndex } from "./arguments.js";
 import { FileEngines, type FileOptions } from "./engines.js";

@@ -1,11 +1,10 @@
 // The element <reel-player>.
 
 import { InvalidInputError } from "../errors.js";
-import { prepareDrawing } from "../three/drawing.js";
 import { ReelMesh } from "../three/reel_mesh.js";
 import type { TextureOptions } from "../three/texture/mesh_texture.js";
 import type { FrameRange } from "../three/clock.js";
-import type { SourceInput } from "../source/open.js";
+import type { SourceInput } from "../source/transport.js";
 import type { OpenReel, OpenSegments } from "../types.js";
 import { Vector3 } from "../webgl/index.js";
 import { PlayerAttributes } from "./attributes.js";
@@ -524,7 +523,6 @@ export class ReelPlayerElement extends PlayerAttributes {
       this.#release = release;
       // Errors of frames are reported when they are shown.
       const extents = await estimateHalfExtents(file, settings.start, { signal }).catch(() => null);
-      await prepareDrawing(file.first.surface);
       if (signal.aborted) return;
       const { center, diagonal } = file.info;
       const radius = diagonal / 2;

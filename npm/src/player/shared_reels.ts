@@ -1,7 +1,7 @@
 // Shares open files between the players of a page.
 
 import { SegmentedReelFile } from "../index.js";
-import type { SourceInput } from "../source/open.js";
+import type { SourceInput } from "../source/transport.js";
 
 interface Shared {
   readonly opening: Promise<SegmentedReelFile>;

@@ -3,7 +3,7 @@
 
 import { InvalidInputError, SourceError } from "../errors.js";
 import { fileChangedError, TransientError, errorReason } from "./transport.js";
-import type { FirstRequest, ResponseBody, Transport } from "./transport.js";
+import type { ResponseBody, Transport } from "./transport.js";
 
 /** Identifies a version of a file. */
 interface Version {
@@ -38,8 +38,6 @@ export class HttpTransport implements Transport {
   constructor(
     readonly name: string,
     private readonly init: RequestInit,
-    /** The first request, if it has been sent; its response is used once. */
-    private first: FirstRequest | null = null,
   ) {}
 
   get size(): number | null {
@@ -93,11 +91,7 @@ export class HttpTransport implements Transport {
       );
     }
     try {
-      const { first } = this;
-      this.first = null;
-      if (first?.range !== range) return await fetch(request);
-      signal.addEventListener("abort", () => first.abort.abort(signal.reason));
-      return await first.response;
+      return await fetch(request);
     } catch (error) {
       // Browsers hide the reason. It may be the Range header, which a server must allow for other
       // origins: try again without it.

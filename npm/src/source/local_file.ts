@@ -1,7 +1,9 @@
-// Local files in Node. Browsers never load this script.
+// Local files in Node.
 
-import type { SourceError } from "../errors.js";
+import { SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
+import { clampRange } from "./memory.js";
+import { errorReason, fileChangedError } from "./transport.js";
 
 /** The part of Node's `FileHandle` that is used. */
 interface Handle {
@@ -21,14 +23,6 @@ interface Stat {
   isFile(): boolean;
 }
 
-/** Parts of the main script, passed as arguments so that this script does not duplicate them. */
-export interface MainScript {
-  readonly SourceError: typeof SourceError;
-  clampRange(start: number, end: number, size: number): [number, number];
-  fileChangedError(name: string): SourceError;
-  errorReason(error: unknown): string;
-}
-
 /** A regular file, read by ranges. */
 class LocalFile implements ByteSource {
   readonly hasRanges = true;
@@ -38,7 +32,6 @@ class LocalFile implements ByteSource {
     private readonly url: string,
     private readonly handle: Handle,
     private readonly stat: Stat,
-    private readonly main: MainScript,
   ) {}
 
   get size(): number {
@@ -48,7 +41,7 @@ class LocalFile implements ByteSource {
   async read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array> {
     signal?.throwIfAborted();
     if (this.closed) throw this.closed;
-    const [first, stop] = this.main.clampRange(start, end, this.size);
+    const [first, stop] = clampRange(start, end, this.size);
     const bytes = new Uint8Array(stop - first);
     let nRead = 0;
     try {
@@ -58,10 +51,10 @@ class LocalFile implements ByteSource {
       }
       const { size, mtimeMs } = await this.handle.stat();
       if (size !== this.size || mtimeMs !== this.stat.mtimeMs || nRead < bytes.length) {
-        throw this.main.fileChangedError(this.url);
+        throw fileChangedError(this.url);
       }
     } catch (error) {
-      throw this.closed ?? withPath(error, this.url, this.main);
+      throw this.closed ?? withPath(error, this.url);
     }
     signal?.throwIfAborted();
     return bytes;
@@ -75,7 +68,7 @@ class LocalFile implements ByteSource {
 }
 
 /** Return an error that names the file. */
-function withPath(error: unknown, url: string, { SourceError, errorReason }: MainScript): unknown {
+function withPath(error: unknown, url: string): unknown {
   if (error instanceof SourceError) return error;
   return new SourceError(
     `${url} cannot be read (${errorReason(error)}); check the path and the permissions of the file`,
@@ -89,11 +82,7 @@ function withPath(error: unknown, url: string, { SourceError, errorReason }: Mai
  * @param signal - Closes the file.
  * @throws SourceError if it cannot be read, or is not a regular file.
  */
-export async function openLocalFile(
-  url: string,
-  main: MainScript,
-  signal?: AbortSignal,
-): Promise<ByteSource> {
+export async function openLocalFile(url: string, signal?: AbortSignal): Promise<ByteSource> {
   let handle: Handle | undefined;
   try {
     // A computed name keeps bundlers for browsers from resolving a module of Node.
@@ -103,11 +92,11 @@ export async function openLocalFile(
     const stat = await opened.stat();
     if (!stat.isFile()) throw new Error("it is not a regular file");
     signal?.throwIfAborted();
-    const source = new LocalFile(url, opened, stat, main);
+    const source = new LocalFile(url, opened, stat);
     signal?.addEventListener("abort", () => source.close(signal.reason), { once: true });
     return source;
   } catch (error) {
     await handle?.close();
-    throw signal?.aborted ? signal.reason : withPath(error, url, main);
+    throw signal?.aborted ? signal.reason : withPath(error, url);
   }
 }

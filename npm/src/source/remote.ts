@@ -1,12 +1,11 @@
-// Reads a remote file by ranges. Loaded on demand.
+// Reads a remote file by ranges.
 
 import { InvalidInputError, SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
 import { Download } from "./download.js";
 import { HttpTransport, parseResponse } from "./http_transport.js";
 import { clampRange } from "./memory.js";
-import type { SourceOptions } from "./open.js";
-import { type FirstRequest, HEAD_BYTES, type RetryPolicy, type Transport } from "./transport.js";
+import { HEAD_BYTES, type RetryPolicy, type SourceOptions, type Transport } from "./transport.js";
 
 /** Files up to this size are downloaded entirely, without waiting for further reads. */
 const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
@@ -15,17 +14,15 @@ const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
  * Open an address or a response; see `openSource`.
  *
  * @param init - options of all requests
- * @param first - the request that has been sent to an address
  * @throws InvalidInputError for other values.
  */
 export async function openRemote(
   from: string | URL | Response,
   init: RequestInit,
   { signal, retries = 3, stallSeconds = 20 }: SourceOptions,
-  first: FirstRequest | null,
 ): Promise<ByteSource> {
   signal?.throwIfAborted();
-  const server = createTransport(from, init, first);
+  const server = createTransport(from, init);
   const nRetries = from instanceof Response ? 0 : retries;
   const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
   signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
@@ -144,14 +141,8 @@ function untilAborted<T>(work: Promise<T>, signal?: AbortSignal): Promise<T> {
   });
 }
 
-function createTransport(
-  from: string | URL | Response,
-  init: RequestInit,
-  first: FirstRequest | null,
-): Transport {
-  if (typeof from === "string" || from instanceof URL) {
-    return new HttpTransport(String(from), init, first);
-  }
+function createTransport(from: string | URL | Response, init: RequestInit): Transport {
+  if (typeof from === "string" || from instanceof URL) return new HttpTransport(String(from), init);
   if (from instanceof Response) return responseTransport(from);
   throw new InvalidInputError(
     `a source cannot be opened from ${Object.prototype.toString.call(from)}; pass an address, a` +

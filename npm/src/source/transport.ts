@@ -2,6 +2,30 @@
 
 import { SourceError } from "../errors.js";
 
+/**
+ * A source: an address (in Node also a path or a `file:` URL), a response of `fetch`, a blob, or bytes.
+ */
+export type SourceInput = string | URL | Response | ArrayBuffer | Uint8Array | Blob;
+
+/** Options of reading a source. */
+export interface SourceOptions {
+  /** Cancels opening and all later reads with its reason: an `AbortError` by default. */
+  signal?: AbortSignal;
+  /** Headers of each request. For other origins, some headers make browsers send a preflight. */
+  headers?: HeadersInit;
+  /** As in `fetch`; "include" sends cookies to other origins too. */
+  credentials?: RequestCredentials;
+  /**
+   * As in `fetch`. Default: "no-store", since Chromium returns ranges of a changed file with the ETag
+   * of its cached version, unless the server supports If-Range. "default" is for servers that do.
+   */
+  cache?: RequestCache;
+  /** Number of retries that receive nothing new before a read fails. Default: 3. */
+  retries?: number;
+  /** Seconds without received bytes after which a connection counts as lost. Default: 20. */
+  stallSeconds?: number;
+}
+
 /** The response to a request for bytes. */
 export interface ResponseBody {
   /** Position of the first byte of the body; at most the requested position. */
@@ -33,14 +57,6 @@ export interface Transport {
 
 /** Bytes of the first request. They are kept, since opening a file reads them in small steps. */
 export const HEAD_BYTES = 65536;
-
-/** The first request of an address. */
-export interface FirstRequest {
-  /** Its Range header. */
-  readonly range: string;
-  readonly response: Promise<Response>;
-  readonly abort: AbortController;
-}
 
 /** A failure that may be temporary: of the network, or of an overloaded server. */
 export class TransientError extends SourceError {}

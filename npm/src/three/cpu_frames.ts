@@ -20,7 +20,7 @@ export function computePositions(
   for (const { block, weights } of shares) {
     addFields(fieldsOf(block), weights, into);
   }
-  for (const [vertex, offset] of corrections?.offsets ?? []) {
+  for (const [vertex, offset] of corrections) {
     for (let axis = 0; axis < 3; axis++) into[3 * vertex + axis] += offset[axis];
   }
   for (let i = 0; i < into.length; i++) into[i] += shift[i % 3];

@@ -1,21 +1,13 @@
 // Blocks without their fields, which only the backend holds.
 
 import type { BlockFields } from "../types.js";
-import type { Corrections } from "./corrections.js";
-
-/** The script of corrections. */
-type CorrectionsScript = typeof import("./corrections.js");
 
 /** A block without its fields. */
-export interface LoadedBlock extends Omit<BlockFields, "fields"> {
-  /** Null if it has no corrections. */
-  readonly corrections: CorrectionsScript | null;
-}
+export type LoadedBlock = Omit<BlockFields, "fields">;
 
-/** Remove the fields of a block, and load the script of corrections if it has some. */
-export async function withoutFields({ fields: _, ...block }: BlockFields): Promise<LoadedBlock> {
-  const corrections = block.correctionVertices.length ? await import("./corrections.js") : null;
-  return { ...block, corrections };
+/** Remove the fields of a block. */
+export function withoutFields({ fields: _, ...block }: BlockFields): LoadedBlock {
+  return block;
 }
 
 /** A time: frame `t` of a block, or between it and frame `nextT` of the same or the next block. */
@@ -40,21 +32,20 @@ export interface WeightedBlock {
 export interface Picture {
   /** One block, or the two blocks between which the picture lies. */
   readonly blocks: readonly WeightedBlock[];
-  /** Corrections of vertices; null if no block has some. */
-  readonly corrections: Corrections | null;
+  /** Offsets of corrected vertices, three numbers each. */
+  readonly corrections: ReadonlyMap<number, readonly number[]>;
 }
 
 /** Compute the operands of the picture at a moment. */
 export function composePicture(moment: Moment): Picture {
-  const script = moment.block.corrections ?? moment.next.corrections;
-  return { blocks: weightedBlocks(moment), corrections: script?.blendCorrections(moment) ?? null };
+  return { blocks: weightedBlocks(moment), corrections: blendCorrections(moment) };
 }
 
 function weightedBlocks({ block, t, next, nextT, fraction, nActiveModes }: Moment): WeightedBlock[] {
   const weights = frameWeights(block, t, 1 - fraction, nActiveModes);
   if (fraction === 0) return [{ block, weights }];
   const nextWeights = frameWeights(next, nextT, fraction, nActiveModes);
-  if (block === next) return [{ block, weights: weights.map((one, i) => one + nextWeights[i]) }];
+  if (block === next) return [{ block, weights: weights.map((weight, i) => weight + nextWeights[i]) }];
   return [
     { block, weights },
     { block: next, weights: nextWeights },
@@ -66,13 +57,29 @@ function frameWeights(block: LoadedBlock, t: number, factor: number, nActiveMode
   const nWeights = 3 * block.nModes;
   const weights = block.weights.subarray(nWeights * t, nWeights * (t + 1));
   const resting = nActiveModes < block.nBlockModes ? meanWeights(block) : weights;
-  return weights.map((one, i) => factor * (i < 3 * nActiveModes ? one : resting[i]));
+  return weights.map((weight, i) => factor * (i < 3 * nActiveModes ? weight : resting[i]));
 }
 
 function meanWeights({ weights, nModes, nFrames }: LoadedBlock): Float64Array {
   const means = new Float64Array(3 * nModes);
   weights.forEach((weight, i) => (means[i % means.length] += weight / nFrames));
   return means;
+}
+
+/** Blend the corrections of a moment. Blocks are not corrected if some of their modes are inactive. */
+function blendCorrections({ block, t, next, nextT, fraction, nActiveModes }: Moment): Map<number, number[]> {
+  const offsets = new Map<number, number[]>();
+  const add = (from: LoadedBlock, frame: number, factor: number) => {
+    if (nActiveModes < from.nBlockModes) return;
+    for (let i = from.correctionStarts[frame]; i < from.correctionStarts[frame + 1]; i++) {
+      const vertex = from.correctionVertices[i];
+      const sum = offsets.get(vertex) ?? [0, 0, 0];
+      offsets.set(vertex, sum.map((offset, axis) => offset + factor * from.correctionOffsets[3 * i + axis]));
+    }
+  };
+  add(block, t, 1 - fraction);
+  if (fraction > 0) add(next, nextT, fraction);
+  return offsets;
 }
 
 /** Mean of all vertices in a picture, relative to the center of the file; ignores corrections. */

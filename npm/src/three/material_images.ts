@@ -1,4 +1,4 @@
-// Decodes the images of materials. Loaded on demand, since most files have none.
+// Decodes the images of materials.
 
 import * as THREE from "three";
 
@@ -74,10 +74,10 @@ export class MaterialImages {
     materials: readonly THREE.Material[],
     definitions: readonly (Material | undefined)[],
   ): Promise<void> {
-    if (this.#signal.aborted) return;
-    const textures = definitions.map((one) => one?.textures ?? []);
     await Promise.all(
-      materials.flatMap((material, i) => textures[i].map((one) => this.#apply(material, one))),
+      materials.flatMap((material, i) =>
+        (definitions[i]?.textures ?? []).map((reference) => this.#apply(material, reference)),
+      ),
     );
   }
 

@@ -2,9 +2,9 @@
 
 import * as THREE from "three";
 
-import type { Image, Material, Surface } from "../types.js";
+import type { Material, Surface } from "../types.js";
 import type { Drawing } from "./drawing.js";
-import type { SendEvent } from "./material_images.js";
+import { MaterialImages, type SendEvent } from "./material_images.js";
 
 type Standard = THREE.MeshStandardMaterial;
 
@@ -16,41 +16,27 @@ export class Materials {
   /** By `materialIndex` of the drawing. */
   readonly list: (Standard | THREE.MeshBasicMaterial)[];
   /** Resolves when all images that can be decoded are shown. */
-  readonly imagesReady: Promise<void> | undefined;
+  readonly imagesReady: Promise<void>;
   /** Aborted by `dispose`. */
   readonly #lifetime = new AbortController();
 
   /** @param send - called with "change" when an image is shown, or with "error" */
   constructor(surface: Surface, drawing: Drawing, isFlat: boolean | undefined, send: SendEvent) {
     const hasColors = surface.attributes.some(({ kind }) => kind === "color");
-    const definitions = drawing.materialNames.map((name) => surface.materials.find((one) => one.name === name));
+    const definitions = drawing.materialNames.map((name) => surface.materials.find((material) => material.name === name));
     this.list = definitions.map((definition) => {
       const material = definition ? createMaterial(definition) : createDefaultMaterial(hasColors);
       material.vertexColors = hasColors;
       if ("flatShading" in material) material.flatShading = !!isFlat;
       return material;
     });
-    if (surface.images.length) this.imagesReady = this.#loadImages(definitions, surface.images, drawing.uvNames, send);
+    const { signal } = this.#lifetime;
+    this.imagesReady = new MaterialImages(surface.images, drawing.uvNames, send, signal).applyTo(this.list, definitions);
   }
 
   dispose(): void {
     this.#lifetime.abort();
     for (const material of this.list) material.dispose();
-  }
-
-  async #loadImages(
-    definitions: readonly (Material | undefined)[],
-    images: readonly Image[],
-    uvNames: readonly string[],
-    send: SendEvent,
-  ): Promise<void> {
-    try {
-      const { MaterialImages } = await import("./material_images.js");
-      const { signal } = this.#lifetime;
-      await new MaterialImages(images, uvNames, send, signal).applyTo(this.list, definitions);
-    } catch (error) {
-      send({ type: "error", error: error as Error, block: null });
-    }
   }
 }
 

@@ -55,10 +55,10 @@ export class MeshSegment {
     return this.drawing.groups.length ? list : list?.[0];
   }
 
-  /** Prepare the geometry for a new backend; replaces it if the split changes, or it lacks attributes. */
+  /** Prepare the geometry for a new backend; replaces it if the split changes. */
   rebuildGeometry(split: "face" | "corner" | null): void {
     this.geometry.dispose(); // also frees the buffers of attributes that will be replaced
-    if (split === this.split && this.drawing.isComplete) return;
+    if (split === this.split) return;
     this.split = split;
     this.#createGeometry();
   }

@@ -3,7 +3,6 @@
 import * as THREE from "three";
 
 import { SegmentedReelFile } from "../index.js";
-import { prepareDrawing } from "./drawing.js";
 import { ReelMesh, type ReelMeshOptions } from "./reel_mesh.js";
 
 /** Options of a `ReelLoader`, which are passed to its meshes. */
@@ -59,7 +58,6 @@ export class ReelLoader extends THREE.Loader<ReelMesh> {
       credentials: this.withCredentials ? "include" : "same-origin",
     });
     try {
-      await prepareDrawing(reel.first.surface);
       return new ReelMesh(reel, { ...this.#options, ownsReel: true });
     } catch (error) {
       reel.close();

@@ -12,7 +12,7 @@ import type {
   ColorOptions,
   TrackColors,
 } from "./color/track_colors.js";
-import { prepareDrawing } from "./drawing.js";
+import { CpuBackend } from "./cpu_backend.js";
 import { createGpuBackend, type Renderer } from "./gpu/gpu_backend.js";
 import {
   composePicture,
@@ -29,8 +29,13 @@ import type { TextureSource } from "./texture/texture_source.js";
 /** Seek positions are rounded to 1 / this of a frame, so that the time of a frame selects it. */
 const SEEK_STEPS_PER_FRAME = 1e6;
 
+/** Segments in memory: the current one, the next one, and the one before, whose shaders are shared. */
+const MAX_SEGMENTS = 3;
+
 /** Creates the backend of a segment. */
 type CreateBackend = (segment: MeshSegment) => Backend;
+
+const createCpuBackend: CreateBackend = (segment) => new CpuBackend(segment);
 
 /** Number of meshes that own a file: the last one closes it. */
 const nOwners = new WeakMap<OpenSegments, number>();
@@ -102,22 +107,17 @@ export class ReelMesh extends THREE.Mesh<
   readonly #playback: Playback;
   /** Creates the backend of a segment; null until the renderer is set. */
   #createBackend: CreateBackend | null = null;
-  #cpuSwitch: Promise<void> | null = null;
   /** Aborted by `dispose`. */
   readonly #lifetime = new AbortController();
   #renderer: THREE.WebGLRenderer | null = null;
   #texture: AppliedTexture | null = null;
   #appearanceRequest: AbortController | null = null;
   #colors: TrackColors | null = null;
-  #picture: Picture = { blocks: [], corrections: null };
+  #picture: Picture = { blocks: [], corrections: new Map() };
   /** A mesh with the current positions in memory; null until it is needed. */
   #readableMesh: THREE.Mesh | null = null;
 
   /**
-   * Vertices of a file with UVs, colors or hard edges are completed by a script that is loaded with
-   * the first such file: before the first picture, `geometry` is replaced and `sources` changes. A
-   * mesh of `ReelLoader` is complete.
-   *
    * @param reel - a `ReelFile`, or a `SegmentedReelFile`
    * @throws InvalidInputError if the file has no frames.
    */
@@ -143,7 +143,7 @@ export class ReelMesh extends THREE.Mesh<
           const segment = this.#segments.get(number) as MeshSegment;
           this.#picture = composePicture(moment);
           segment.backend?.show(this.#picture);
-          this.#colors?.show(moment, composePicture);
+          this.#colors?.show(moment);
           this.#readableMesh = null;
           segment.geometry.setDrawRange(0, Infinity);
           if (segment !== this.#current) this.#showSegment(segment);
@@ -151,7 +151,7 @@ export class ReelMesh extends THREE.Mesh<
       },
       this.#send,
     );
-    if (options.gpu === false) void this.#switchToCpu();
+    if (options.gpu === false) this.#setBackend(createCpuBackend);
     else if (options.renderer) this.setRenderer(options.renderer);
   }
 
@@ -177,7 +177,7 @@ export class ReelMesh extends THREE.Mesh<
 
   /** Set the renderer, once; starts loading blocks. Later calls have no effect. */
   setRenderer(renderer: Renderer): void {
-    if (this.#createBackend || this.#cpuSwitch) return;
+    if (this.#createBackend) return;
     const switchToGpu = () => this.#setBackend((segment) => createGpuBackend(renderer, segment));
     switchToGpu();
     if (!this.isOnGpu) return;
@@ -422,7 +422,7 @@ export class ReelMesh extends THREE.Mesh<
     const { TrackColors } = await import("./color/track_colors.js");
     signal.throwIfAborted();
     const { drawing } = this.#current;
-    const mesh = { file: this.file, drawing, material: this.material, send: this.#send, prepareDrawing };
+    const mesh = { file: this.file, drawing, material: this.material, send: this.#send };
     const colors = await TrackColors.create(name, options, mesh, signal);
     signal.throwIfAborted();
     this.#setColors(colors);
@@ -512,14 +512,6 @@ export class ReelMesh extends THREE.Mesh<
     if (nOthers === 0) this.file.close();
   }
 
-  /** Loaded on demand, since few pages need it. */
-  #switchToCpu(): Promise<void> {
-    return (this.#cpuSwitch ??= import("./cpu_backend.js").then(
-      ({ CpuBackend }) => this.#setBackend((segment) => new CpuBackend(segment)),
-      (error: Error) => this.#send({ type: "error", error, block: null }),
-    ));
-  }
-
   /**
    * Set the backend of all segments, or that of the CPU if it cannot be created: the current segment
    * stays in memory, and others are loaded again.
@@ -537,10 +529,9 @@ export class ReelMesh extends THREE.Mesh<
       current.backend?.dispose();
       current.backend = backend;
     } catch (error) {
-      if (this.#cpuSwitch) throw error;
-      return void this.#switchToCpu();
+      if (create === createCpuBackend) throw error;
+      return this.#setBackend(createCpuBackend);
     }
-    this.#cpuSwitch = null;
     this.#createBackend = create;
     this.#restart();
   }
@@ -560,41 +551,35 @@ export class ReelMesh extends THREE.Mesh<
       loadedSegment ?? this.#prepareSegment(number, reel, signal),
       reel.fields(block, { signal }),
       this.#colors?.fields(block, signal),
-      prepareDrawing(reel.surface),
     ]);
     const nBlockModes = reel.info.method === "reel" ? fields.nBlockModes : 0;
-    const loaded = await withoutFields({ ...fields, nBlockModes });
-    const loadedColors = colors && (await withoutFields(colors));
-    signal.throwIfAborted();
-    if (!segment.drawing.isComplete) this.#setBackend(this.#createBackend as CreateBackend); // aborts this call
+    const loaded = withoutFields({ ...fields, nBlockModes });
     signal.throwIfAborted();
     try {
       segment.backend ??= (this.#createBackend as CreateBackend)(segment);
       segment.upload(fields, loaded);
-      if (loadedColors) this.#colors?.addBlock(colors, loadedColors, loaded);
+      if (colors) this.#colors?.addBlock(colors, loaded);
     } catch (error) {
-      if (this.isOnGpu) await this.#switchToCpu(); // loads all blocks again
+      if (this.isOnGpu) this.#setBackend(createCpuBackend); // loads all blocks again
       signal.throwIfAborted();
       throw error;
     }
     return loaded;
   }
 
+  /** Create a segment, prepare its images, and add it in place of an unused one. */
   async #prepareSegment(number: number, reel: OpenReel, signal: AbortSignal): Promise<MeshSegment> {
-    const { prepareSegment } = await import("./other_segments.js");
-    await prepareDrawing(reel.surface);
-    signal.throwIfAborted();
     const segment = new MeshSegment(number, reel, this.#options, this.#send);
-    await prepareSegment(segment, {
-      segments: this.#segments,
-      current: () => this.#current,
-      initTexture: (texture) => this.#renderer?.initTexture(texture),
-      add: () => {
-        this.#segments.set(number, segment);
-        this.#texture?.add(segment);
-      },
-      remove: (unused) => this.#removeSegment(unused),
-    }, signal);
+    await segment.materials?.imagesReady;
+    if (signal.aborted) segment.dispose();
+    signal.throwIfAborted();
+    const unused = [...this.#segments.values()].find((other) => other !== this.#current && !other.nBlocks);
+    if (unused && this.#segments.size >= MAX_SEGMENTS) this.#removeSegment(unused);
+    this.#segments.set(number, segment);
+    this.#texture?.add(segment);
+    for (const value of segment.materials?.list.flatMap((material) => Object.values(material)) ?? []) {
+      if (value instanceof THREE.Texture) this.#renderer?.initTexture(value);
+    }
     return segment;
   }
 

@@ -5,7 +5,6 @@ import { BufferAttribute, BufferGeometry } from "./geometry.js";
 import { DoubleSide, type Material } from "./materials.js";
 import { Matrix4, Vector3 } from "./math.js";
 import type { Intersection, Raycaster } from "./raycaster.js";
-import type { WebGLRenderer } from "./renderer.js";
 import type { Texture } from "./textures.js";
 
 /** Events of all objects. */
@@ -125,7 +124,7 @@ export class Mesh<
   }
 
   /** Called before it is drawn. */
-  onBeforeRender(_renderer: WebGLRenderer): void {}
+  onBeforeRender(_renderer: unknown): void {}
 
   /** Position of a vertex; the positions must be in memory. */
   getVertexPosition(index: number, target: Vector3): Vector3 {

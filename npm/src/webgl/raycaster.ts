@@ -1,15 +1,23 @@
 // Intersections of rays with triangles.
 
 import { Matrix4, Vector3 } from "./math.js";
-import type { Mesh, Object3D, PerspectiveCamera } from "./objects.js";
 
 /** Where a ray meets an object. */
 export interface Intersection {
   readonly distance: number;
   readonly point: Vector3;
-  readonly object: Object3D<any>;
+  readonly object: object;
   readonly face?: { readonly a: number; readonly b: number; readonly c: number } | null;
   readonly faceIndex?: number | null;
+}
+
+/** What a ray of a camera depends on. */
+interface View {
+  readonly position: Vector3;
+  readonly axes: readonly [right: Vector3, up: Vector3, back: Vector3];
+  /** Half the height of the view at distance 1. */
+  readonly slope: number;
+  readonly aspect: number;
 }
 
 /** A ray from `origin`, whose direction need not have length 1. */
@@ -20,18 +28,17 @@ export class Raycaster {
   ) {}
 
   /** Create the ray of a camera through a point of its view, whose sides are at -1 and 1. */
-  static fromCamera(x: number, y: number, camera: PerspectiveCamera): Raycaster {
-    const { slope, aspect, position } = camera;
-    const [right, up, back] = camera.axes;
+  static fromCamera(x: number, y: number, { slope, aspect, position, axes }: View): Raycaster {
+    const [right, up, back] = axes;
     const direction = right.clone().multiplyScalar(x * slope * aspect).addScaledVector(up, y * slope);
     return new Raycaster(position.clone(), direction.sub(back));
   }
 
   /** Return the intersections with an object, the closest first. */
-  intersectObject(object: Mesh<any, any, any>): Intersection[] {
-    const found: Intersection[] = [];
-    object.raycast(this, found);
-    return found.sort((one, other) => one.distance - other.distance);
+  intersectObject(object: { raycast(ray: Raycaster, intersects: Intersection[]): void }): Intersection[] {
+    const intersections: Intersection[] = [];
+    object.raycast(this, intersections);
+    return intersections.sort((a, b) => a.distance - b.distance);
   }
 
   /** Return the ray in the space of an object. */

@@ -8,12 +8,11 @@ import type {
   BlockInfo,
   OpenSegments,
   OpenTrack,
-  Surface,
   TrackFields,
   TrackValues,
 } from "../../types.js";
 import type { Drawing } from "../drawing.js";
-import type { LoadedBlock, Moment, Picture } from "../loaded_block.js";
+import { composePicture, type LoadedBlock, type Moment, withoutFields } from "../loaded_block.js";
 import type { PlaybackEvent } from "../playback.js";
 import type { AttributeBackend, Backend } from "../backend.js";
 import {
@@ -99,7 +98,6 @@ export interface ColoredMesh {
   readonly drawing: Drawing;
   readonly material: THREE.Material | THREE.Material[];
   readonly send: (event: PlaybackEvent) => void;
-  prepareDrawing(surface: Surface, isSplit: boolean): Promise<void>;
 }
 
 /** Options that apply only to numbers. */
@@ -187,7 +185,6 @@ export class TrackColors {
     const ends = parseRange(options.range ?? (isNormal ? [-1, 1] : DEFAULT_RANGE));
     if (map !== undefined) resolveColorMap(map);
     await track.frame(0, undefined, { signal }); // throws if the track cannot be decoded
-    await mesh.prepareDrawing(first.surface, track.info.domain !== "vertex");
     const selection = selectColumns(track.info, options.component);
     colorableMaterials(mesh, selection);
     if (selection.as === "color") {
@@ -315,7 +312,8 @@ void main() {
   }
 
   /** Add a loaded block of the track that belongs to a block of the mesh. */
-  addBlock(fields: BlockFields, colorBlock: LoadedBlock, meshBlock: LoadedBlock): void {
+  addBlock(fields: BlockFields, meshBlock: LoadedBlock): void {
+    const colorBlock = withoutFields(fields);
     this.#backend?.upload(fields, colorBlock);
     this.#colorBlocks.set(meshBlock, colorBlock);
   }
@@ -327,8 +325,8 @@ void main() {
   }
 
   /** Show the picture at a moment of the mesh, if the blocks of the track are loaded. */
-  show(moment: Moment, composePicture: (moment: Moment) => Picture): void {
-    const [block, next] = [moment.block, moment.next].map((one) => this.#colorBlocks.get(one));
+  show(moment: Moment): void {
+    const [block, next] = [moment.block, moment.next].map((meshBlock) => this.#colorBlocks.get(meshBlock));
     if (!block || !next) return;
     this.#backend?.show(composePicture({ ...moment, block, next, nActiveModes: Infinity }));
     if (!this.#restore.length) this.#applyToMaterials();

@@ -6,12 +6,12 @@ import * as THREE from "three";
 
 import type { BlockFields } from "../../types.js";
 import type { AttributeSetup, Backend } from "../backend.js";
-import type { CorrectedPoints, TableUniform } from "../corrections.js";
 import type { LoadedBlock, Picture, WeightedBlock } from "../loaded_block.js";
 import type { MeshSegment } from "../mesh_segment.js";
 import { AttributePass } from "./attribute_pass.js";
+import { CorrectedPoints } from "./corrected_points.js";
 import { meshAttributes, topologySize } from "./normals.js";
-import { createTable, PRELUDE, tableSize } from "./tables.js";
+import { PRELUDE, setTable, type TableUniform, tableSize } from "./tables.js";
 
 /** A renderer of three.js: `WebGLRenderer` or any other. */
 export interface Renderer {
@@ -89,7 +89,7 @@ export class GpuBackend implements Backend {
   readonly #uniforms = {
     fields: { value: null as THREE.DataArrayTexture | null },
     nextFields: { value: null as THREE.DataArrayTexture | null },
-    weights: { value: null as THREE.DataTexture | null },
+    weights: { value: null } as TableUniform,
     nNextGroups: { value: 0 },
   };
   /** GLSL of the vector that is added to all sums. */
@@ -110,7 +110,7 @@ export class GpuBackend implements Backend {
       minFilter: THREE.NearestFilter,
       magFilter: THREE.NearestFilter,
     });
-    this.#shift = `vec3(${setup.shift.map((one) => one.toExponential())})`; // large integers are not valid GLSL
+    this.#shift = `vec3(${setup.shift.map((offset) => offset.toExponential())})`; // large integers are not valid GLSL
     const material = new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
       vertexShader: triangleShader(this.#shift),
@@ -150,10 +150,8 @@ export class GpuBackend implements Backend {
     nextFields.value = next ?? first;
     nNextGroups.value = next?.image.depth ?? 0;
     setTable(weights, packWeights(blocks));
-    if (corrections) {
-      this.#corrected ??= corrections.createPoints(this.#triangle, this.#shift, PRELUDE, setTable);
-    }
-    this.#corrected?.set(corrections?.offsets);
+    if (corrections.size) this.#corrected ??= new CorrectedPoints(this.#triangle, this.#shift);
+    this.#corrected?.set(corrections);
     const renderer = this.#renderer;
     const before = renderer.getRenderTarget();
     const face = renderer.getActiveCubeFace();
@@ -189,19 +187,6 @@ export class GpuBackend implements Backend {
     this.#triangle.geometry.dispose();
     this.#triangle.material.dispose();
     this.#attributes.dispose();
-  }
-}
-
-/** Set the first entries of a table; replaces it if it is too small. */
-function setTable(uniform: TableUniform, data: Float32Array): void {
-  const texture = uniform.value;
-  const values = texture?.image.data as Float32Array | undefined;
-  if (texture && values && values.length >= data.length) {
-    values.set(data);
-    texture.needsUpdate = true;
-  } else {
-    texture?.dispose();
-    uniform.value = createTable(data);
   }
 }
 

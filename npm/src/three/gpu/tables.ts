@@ -41,3 +41,21 @@ export function createTable(data: Float32Array | Uint32Array): THREE.DataTexture
   texture.needsUpdate = true;
   return texture;
 }
+
+/** A uniform with a table of floats. */
+export interface TableUniform {
+  value: THREE.DataTexture | null;
+}
+
+/** Set the first entries of a table; replaces it if it is too small. */
+export function setTable(uniform: TableUniform, data: Float32Array): void {
+  const texture = uniform.value;
+  const values = texture?.image.data as Float32Array | undefined;
+  if (texture && values && values.length >= data.length) {
+    values.set(data);
+    texture.needsUpdate = true;
+  } else {
+    texture?.dispose();
+    uniform.value = createTable(data);
+  }
+}

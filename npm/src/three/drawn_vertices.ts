@@ -1,11 +1,32 @@
-// Vertex attributes of the file, and vertices that are split where values of corners or faces differ.
-// Loaded with the first surface that has some.
+// Vertices to draw: those of the file, split where values of corners or faces differ, with their
+// attributes.
 
 import type { Attribute, Surface } from "../types.js";
 import { createItemLookup } from "./corners.js";
-import type { DrawnVertices, VertexAttribute } from "./drawing.js";
-import { createNormalRows } from "./normal_rows.js";
+import { createNormalRows, type NormalRows } from "./normal_rows.js";
 import { splitVertices } from "./split_vertices.js";
+
+/** An attribute in the layout of the GPU. */
+export interface VertexAttribute {
+  /** Name in the geometry, such as "uv". */
+  readonly name: string;
+  /** Numbers per vertex. */
+  readonly width: number;
+  readonly values: Float32Array;
+}
+
+/** The drawn vertices of a surface. */
+export interface DrawnVertices extends NormalRows {
+  /** Vertex of the file of each drawn vertex. */
+  readonly sources: Uint32Array;
+  /** Three vertices per triangle. */
+  readonly index: Uint32Array;
+  readonly attributes: readonly VertexAttribute[];
+  /** Item of each vertex in the domain of the split: vertex, face or corner of the file. */
+  readonly items: Uint32Array;
+  /** Normal row of each vertex: its vertex of the file if there are no hard edges. */
+  readonly rows: Uint32Array;
+}
 
 /** An attribute with a value per item of a domain. */
 interface DomainAttribute extends VertexAttribute {
@@ -13,26 +34,26 @@ interface DomainAttribute extends VertexAttribute {
 }
 
 /**
- * Create the drawn vertices of a surface.
+ * Create the drawn vertices of a surface with `nVerts` vertices.
  *
  * @param uvs - the UV attributes to draw
  * @param split - as for `createDrawing`
- * @param unsplit - the vertices without attributes
  */
-export function createSplitVertices(
+export function createDrawnVertices(
   surface: Surface,
+  nVerts: number,
   uvs: readonly Attribute[],
   split: "face" | "corner" | null,
-  unsplit: DrawnVertices,
 ): DrawnVertices {
   const { triangles } = surface;
   const lookup = createItemLookup(surface);
-  const colors = surface.attributes.filter((one) => one.kind === "color").slice(0, 1);
+  const colors = surface.attributes.filter(({ kind }) => kind === "color").slice(0, 1);
   const columns = [...uvs.map(uvColumn), ...colors.map(colorColumn)];
-  const normalRows = createNormalRows(surface, unsplit.nRows, lookup("corner"));
+  const normalRows = createNormalRows(surface, nVerts, lookup("corner"));
   const { cornerRows } = normalRows;
   if (!split && cornerRows === triangles && columns.every(({ domain }) => domain === "vertex")) {
-    return { ...unsplit, attributes: columns };
+    const sources = Uint32Array.from({ length: nVerts }, (_, vertex) => vertex);
+    return { ...normalRows, index: triangles, sources, items: sources, rows: sources, attributes: columns };
   }
   // A normal row has one vertex, so that vertices and their attributes need not be compared.
   const cornerItems = split ? triangles.map((_, corner) => lookup(split)(corner)) : triangles;
