@@ -1,6 +1,5 @@
 """The element <reel-player> in a real browser."""
 
-import io
 import json
 import shutil
 import subprocess
@@ -9,7 +8,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import meshreel
 from samples.element_pages import (
@@ -465,48 +463,6 @@ def test_the_camera_rotates_unless_motion_is_reduced(shown):
     before = page.evaluate(ORBIT)
     page.wait_for_timeout(300)
     assert page.evaluate(ORBIT) == before
-
-
-def radiance_image(color):
-    """Return a panorama of one color as Radiance HDR: a row of runs, and flat rows."""
-    red, green, blue = color
-    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n"
-    packed = bytes([2, 2, 0, 8]) + b"".join(bytes([128 + 8, one]) for one in (*color, 128))
-    return head + packed + bytes([red, green, blue, 128]) * 24
-
-
-@pytest.mark.parametrize("name", ["/red.hdr", "/red.png"])
-def test_an_environment_image_lights_the_model(new_page, files, name):
-    stored = io.BytesIO()
-    Image.new("RGB", (8, 4), (255, 0, 0)).save(stored, "png")
-    images = {"/red.png": stored.getvalue(), "/red.hdr": radiance_image((255, 1, 1))}
-    with showing(new_page, {**files, **images}) as show:
-        page = show(f'<reel-player src="/flag.reel" environment-image="{name}"></reel-player>')
-        settled(page)
-        until(page, "player.mesh.parent.parent.parent.environment")
-        page.wait_for_timeout(400)
-        red, green, _ = picture(page).transpose(2, 0, 1)
-        assert ((red - green) > 60).mean() > 0.05
-        page.evaluate("player.environmentImage = 'neutral'")
-        page.wait_for_timeout(400)
-        red, green, _ = picture(page).transpose(2, 0, 1)
-        assert ((red - green) > 60).mean() < 0.001
-        page.evaluate("player.environmentImage = '/missing.hdr'")
-        until(page, "player.error")
-        assert "cannot load environment-image /missing.hdr" in text_of(page, "[role=alert]")
-
-
-def test_a_shadow_falls_on_the_floor(shown):
-    page = shown('<reel-player src="/walk.reel" camera-orbit="0deg 60deg 150%"></reel-player>')
-    settled(page)
-    before = picture(page)
-    page.evaluate("player.shadowIntensity = 0.8")
-    page.wait_for_timeout(500)
-    darker = before.min(axis=2) - picture(page).min(axis=2)
-    assert (darker > 20).mean() > 0.002
-    page.evaluate("player.shadowIntensity = 0")
-    page.wait_for_timeout(500)
-    assert np.abs(picture(page) - before).max() <= 2
 
 
 def test_reduced_motion_disables_autoplay(shown):

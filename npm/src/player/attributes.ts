@@ -13,7 +13,6 @@ const NUMBERS: readonly AttributeName[] = [
   "speed",
   "start-time",
   "start-frame",
-  "shadow-intensity",
   "texture-offset",
 ];
 
@@ -50,10 +49,6 @@ export abstract class PlayerAttributes extends Element {
   declare fieldOfView: string | null;
   /** Rotates the camera around the model, unless the user prefers reduced motion. */
   declare autoRotate: boolean;
-  /** Address of an equirectangular image that lights the model, or "neutral". */
-  declare environmentImage: string | null;
-  /** Opacity of the shadow below the model, 0 to 1; 0 by default. */
-  declare shadowIntensity: number | null;
   /** Shows a control bar: play, steps of a frame, timeline, speed, sound, full screen. */
   declare controls: boolean;
   /** The up axis of the file: "y", the default, or "z". */

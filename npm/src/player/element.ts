@@ -13,7 +13,6 @@ import { Legend, trackTitle } from "./legend.js";
 import { Messages } from "./messages.js";
 import type { CameraOrbit } from "./orbit_controls.js";
 import { createElement, IconButton } from "./dom.js";
-import { loadEnvironmentImage } from "./environment_image.js";
 import { type HalfExtents, boxCorners, estimateHalfExtents } from "./half_extents.js";
 import { ATTRIBUTES, type PlayerSettings, parseSettings } from "./settings.js";
 import { openShared } from "./shared_reels.js";
@@ -100,8 +99,7 @@ export let partsOf: (player: ReelPlayerElement) => PlayerParts;
  *
  * Attributes, which are also properties: `src`, `alt`, `loading`, `autoplay`, `loop` (or
  * `loop="pingpong"`), `speed`, `start-time` or `start-frame`, `interpolate`, `camera-controls`,
- * `camera-orbit`, `camera-target`, `field-of-view`, `auto-rotate`, `environment-image`,
- * `shadow-intensity`, `controls`, `up`, `background`, `poster`, `texture`, `texture-kind`,
+ * `camera-orbit`, `camera-target`, `field-of-view`, `auto-rotate`, `controls`, `up`, `background`, `poster`, `texture`, `texture-kind`,
  * `texture-offset`, `frame-number`, `muted`, `track`, `track-component`, `track-range` and
  * `track-colormap`. All of them may change at any time.
  *
@@ -139,7 +137,6 @@ export class ReelPlayerElement extends PlayerAttributes {
   #openedSource: SourceInput | null = null;
   /** Waits until the player is near the viewport; null unless a lazy file is to be opened. */
   #lazyObserver: IntersectionObserver | null = null;
-  #environmentRequest: AbortController | null = null;
   /** Whether `play` was called before the file is open. */
   #isPlayPending = false;
   #playRequests: PlayRequest[] = [];
@@ -431,7 +428,6 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#listeners.abort();
     this.#lazyObserver?.disconnect();
     this.#lazyObserver = null;
-    this.#environmentRequest?.abort();
     this.#isScrubbing = false;
     this.#close();
     this.#openedSource = null;
@@ -464,7 +460,6 @@ export class ReelPlayerElement extends PlayerAttributes {
       if (next.poster === null) poster.removeAttribute("src");
       else poster.src = next.poster;
     }
-    if (last?.environmentImage !== next.environmentImage) void this.#loadEnvironment(next);
     const source = this.#srcObject ?? next.src;
     if (!last || source !== this.#openedSource) {
       this.#clearError();
@@ -491,23 +486,6 @@ export class ReelPlayerElement extends PlayerAttributes {
     };
     this.#lazyObserver = new IntersectionObserver(open, { rootMargin: LAZY_MARGIN });
     this.#lazyObserver.observe(this);
-  }
-
-  async #loadEnvironment({ environmentImage }: PlayerSettings): Promise<void> {
-    this.#environmentRequest?.abort();
-    const { signal } = (this.#environmentRequest = new AbortController());
-    let panorama = null;
-    try {
-      const isAddress = environmentImage !== null && environmentImage !== "neutral";
-      panorama = isAddress ? await loadEnvironmentImage(environmentImage, signal) : environmentImage;
-    } catch (error) {
-      if (signal.aborted) return;
-      const retry = () => this.#settings && void this.#loadEnvironment(this.#settings);
-      return this.#reportError(error as Error, { retry });
-    }
-    if (signal.aborted || !this.#ui) return;
-    this.#ui.view.setEnvironment(panorama as Parameters<View["setEnvironment"]>[0]);
-    if (this.#mesh) this.#ui.view.setLights(this.#mesh);
   }
 
   async #open(settings: PlayerSettings): Promise<void> {
@@ -565,13 +543,13 @@ export class ReelPlayerElement extends PlayerAttributes {
   }
 
   /** Frame the model in the initial view. */
-  #frameModel({ up, camera, autoRotate, shadowIntensity }: PlayerSettings): void {
+  #frameModel({ up, camera, autoRotate }: PlayerSettings): void {
     const { view } = this.#ui as PlayerParts;
     view.world.setRotationX(up === "z" ? -Math.PI / 2 : 0);
     view.world.updateMatrixWorld();
     const [x, y, z] = this.#extents;
     const extents: HalfExtents = up === "z" ? [x, z, y] : [x, y, z];
-    view.setShadow(shadowIntensity, extents);
+    view.setExtents(extents);
     // While it rotates, all of a cylinder must stay in view.
     const side = Math.hypot(extents[0], extents[2]);
     const box = autoRotate ? boxCorners([side, extents[1], side]) : boxCorners(extents);
@@ -590,14 +568,13 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   /** Apply the playback settings to a mesh. */
   #applySettings(mesh: ReelMesh, settings: PlayerSettings): void {
-    const { loop, speed, interpolate, muted, shadowIntensity } = settings;
+    const { loop, speed, interpolate, muted } = settings;
     try {
       Object.assign(mesh, { loop, speed, interpolate });
     } catch (error) {
       this.#reportError(error as Error);
     }
     if (mesh.video) mesh.video.muted = muted;
-    this.#ui?.view.setShadow(shadowIntensity);
   }
 
   async #applyAppearance(mesh: ReelMesh, settings: PlayerSettings): Promise<void> {

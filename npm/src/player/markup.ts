@@ -20,8 +20,6 @@ interface Values {
   "camera-target": string;
   "field-of-view": string;
   "auto-rotate": Flag;
-  "environment-image": string;
-  "shadow-intensity": number | string;
   controls: Flag;
   up: "y" | "z";
   background: string;

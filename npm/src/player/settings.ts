@@ -36,10 +36,6 @@ export interface PlayerSettings {
   readonly cameraControls: boolean;
   readonly camera: CameraSettings;
   readonly autoRotate: boolean;
-  /** Address of an image that lights the model, or "neutral"; null: lights of the player. */
-  readonly environmentImage: string | null;
-  /** Opacity of the shadow on the floor, 0 to 1. */
-  readonly shadowIntensity: number;
   readonly controls: boolean;
   /** The up axis of the file. */
   readonly up: "y" | "z";
@@ -75,8 +71,6 @@ export const ATTRIBUTES = [
   "camera-target",
   "field-of-view",
   "auto-rotate",
-  "environment-image",
-  "shadow-intensity",
   "controls",
   "up",
   "background",
@@ -132,8 +126,6 @@ export function parseSettings(read: ReadAttribute): PlayerSettings {
     cameraControls: parseFlag(read, "camera-controls"),
     camera: parseCamera(read),
     autoRotate: parseFlag(read, "auto-rotate"),
-    environmentImage: parseAddress(read, "environment-image"),
-    shadowIntensity: parseInRange(read, "shadow-intensity", 0, 1) ?? 0,
     controls: parseFlag(read, "controls"),
     up: parseChoice(read, "up", ["y", "z"]) ?? "y",
     background: read("background"),
@@ -192,17 +184,6 @@ function parseNumber(read: ReadAttribute, name: AttributeName): number | undefin
   const number = Number(value);
   if (value.trim() && Number.isFinite(number)) return number;
   throw new InvalidInputError(`${name} must be a number; got ${name}="${value}"`);
-}
-
-function parseInRange(
-  read: ReadAttribute,
-  name: AttributeName,
-  low: number,
-  high: number,
-): number | undefined {
-  const number = parseNumber(read, name);
-  if (number === undefined || (number >= low && number <= high)) return number;
-  throw new InvalidInputError(`${name} must be a number from ${low} to ${high}; got ${name}="${number}"`);
 }
 
 /** Parse the attributes of the camera, in the syntax of <model-viewer>. */

@@ -13,7 +13,6 @@ import {
 } from "../webgl/index.js";
 import { PlayerCamera } from "./camera.js";
 import { type ContextHolder, releaseContext, acquireContext } from "./context_pool.js";
-import { FloorShadow } from "./floor_shadow.js";
 import type { HalfExtents } from "./half_extents.js";
 import { studioEnvironment, MAX_RADIANCE } from "./studio_environment.js";
 
@@ -25,9 +24,6 @@ const MAX_STEP_S = 0.25;
 
 /** Radius of the depth range, relative to that of the model: it may move out of its box. */
 const DEPTH_RATIO = 2;
-
-/** Factor of the neutral studio if it replaces the lights: white surfaces appear white. */
-const ONLY_LIGHT = 1.7;
 
 /** State and callbacks that a view needs from the player. */
 export interface ViewDelegate {
@@ -59,11 +55,7 @@ export class View implements ContextHolder {
   /** Points of `model` to frame in place of its box; null: the box. */
   framedPoints: readonly Vector3[] | null = null;
   readonly #scene = new Scene();
-  #neutral: Texture | null = null;
-  /** The panorama that lights the model in place of the lights. */
-  #environment: Texture | "neutral" | null = null;
-  #shadow: FloorShadow | null = null;
-  #shadowIntensity = 0;
+  #studio: Texture | null = null;
   #extents: HalfExtents = [1, 1, 1];
   /** Objects of `model` in each of several views; null: one view of all. */
   #panes: readonly (readonly Object3D[])[] | null = null;
@@ -130,44 +122,24 @@ export class View implements ContextHolder {
 
   add(mesh: Mesh): void {
     this.setLights(mesh);
-    mesh.castShadow = true;
     this.model.add(mesh);
   }
 
   /** Light a mesh: metals need an environment to reflect; others are lit by a hemisphere light. */
   setLights(mesh: Mesh): void {
-    const hasMetal = [mesh.material].flat().some((one) => "metalness" in one && one.metalness);
-    const panorama = this.#environment;
-    const isNeutral = panorama === "neutral" || (hasMetal && panorama === null);
-    if (isNeutral) this.#neutral ??= studioEnvironment();
-    this.#scene.environment = isNeutral ? this.#neutral : (panorama as Texture | null);
-    const isOnlyLight = panorama === "neutral";
-    this.#scene.environmentIntensity = isNeutral ? MAX_RADIANCE * (isOnlyLight ? ONLY_LIGHT : 1) : 1;
+    const hasMetal = [mesh.material].flat().some((material) => "metalness" in material && material.metalness);
+    if (hasMetal) this.#studio ??= studioEnvironment();
+    this.#scene.environment = hasMetal ? this.#studio : null;
+    this.#scene.environmentIntensity = MAX_RADIANCE;
     // Of such intensities that a white surface that faces the camera appears white.
-    this.#scene.skyIntensity = this.#scene.environment ? 0 : Math.PI / 2;
-    this.#scene.keyIntensity = panorama ? 0 : Math.PI / 2;
+    this.#scene.skyIntensity = hasMetal ? 0 : Math.PI / 2;
+    this.#scene.keyIntensity = Math.PI / 2;
     this.invalidate();
   }
 
-  /** Set the panorama that lights the model; `setLights` applies it. */
-  setEnvironment(panorama: Texture | "neutral" | null): void {
-    if (this.#environment instanceof Object) this.#environment.dispose();
-    this.#environment = panorama;
-  }
-
-  /** Show the shadow of the model on a floor below a box around the origin, with y up. */
-  setShadow(intensity: number, extents = this.#extents): void {
-    [this.#shadowIntensity, this.#extents] = [intensity, extents];
-    if (!this.#renderer) return;
-    if (intensity > 0 && !this.#shadow) {
-      this.#shadow = new FloorShadow();
-      this.#scene.add(this.#shadow.mesh);
-    }
-    if (this.#shadow) {
-      this.#shadow.mesh.visible = intensity > 0;
-      this.#shadow.intensity = intensity;
-      this.#shadow.fit(extents);
-    }
+  /** Set half the size of the model, from which the depth range follows. */
+  setExtents(extents: HalfExtents): void {
+    this.#extents = extents;
     this.invalidate();
   }
 
@@ -215,7 +187,6 @@ export class View implements ContextHolder {
       if (this.isPortrait) renderer.setViewport(0, h - ((i + 1) * h) / n, w, h / n, n > 1);
       else renderer.setViewport((i * w) / n, 0, w / n, h, n > 1);
       if (this.#panes) for (const one of this.model.children) one.visible = objects.includes(one);
-      if (this.#shadow?.mesh.visible) this.#shadow.update(renderer, this.#scene);
       renderer.render(this.#scene, this.camera.camera);
     });
   }
@@ -260,9 +231,7 @@ export class View implements ContextHolder {
     this.#visibilityObserver.disconnect();
     if (this.#frameRequest !== null) cancelAnimationFrame(this.#frameRequest);
     this.camera.dispose();
-    this.#shadow?.dispose();
-    this.setEnvironment(null);
-    this.#neutral?.dispose();
+    this.#studio?.dispose();
     this.#renderer?.dispose();
     // Contexts are scarce, and browsers free them late.
     if (this.#context === "active") this.#renderer?.forceContextLoss();
@@ -290,7 +259,6 @@ export class View implements ContextHolder {
     acquireContext(this);
     try {
       this.#renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
-      this.setShadow(this.#shadowIntensity, this.#extents);
       this.#resize();
     } catch (error) {
       releaseContext(this);

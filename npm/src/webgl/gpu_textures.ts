@@ -71,14 +71,10 @@ export class GpuTextures {
     let framebuffer = this.#framebuffers.get(target);
     if (framebuffer) return framebuffer;
     this.#framebuffers.set(target, (framebuffer = gl.createFramebuffer()));
-    for (const texture of [target.texture, target.depthTexture]) if (texture) this.bind(texture);
+    this.bind(target.texture);
     gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
-    const attach = (texture: Texture | null, point: number) => {
-      const handle = texture && (this.handleOf(texture) ?? null);
-      if (handle) gl.framebufferTexture2D(gl.FRAMEBUFFER, point, gl.TEXTURE_2D, handle, 0);
-    };
-    attach(target.texture, gl.COLOR_ATTACHMENT0);
-    attach(target.depthTexture, gl.DEPTH_ATTACHMENT);
+    const handle = this.handleOf(target.texture) as WebGLTexture;
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, handle, 0);
     onDispose(target, () => {
       gl.deleteFramebuffer(framebuffer);
       this.#framebuffers.delete(target);
@@ -101,16 +97,16 @@ export class GpuTextures {
     const entries = this.#shared.get(image) ?? new Map<string, Entry>();
     this.#shared.set(image, entries);
     const key = `${colorSpace} ${wrapS} ${wrapT}`;
-    const found = entries.get(key);
-    if (!found?.nUsers) {
+    const shared = entries.get(key);
+    if (!shared?.nUsers) {
       const entry = this.#add(texture);
       entries.set(key, entry);
       return entry;
     }
-    found.nUsers++;
-    found.version = version;
-    this.#register(texture, found);
-    return found;
+    shared.nUsers++;
+    shared.version = version;
+    this.#register(texture, shared);
+    return shared;
   }
 
   #upload(texture: Texture, target: number): void {

@@ -32,10 +32,6 @@ export class Vector3 {
     return this;
   }
 
-  setScalar(all: number): this {
-    return this.set(all, all, all);
-  }
-
   /** Set from a distance, an angle from +y, and an azimuth from +z to +x, in radians. */
   setFromSphericalCoords(radius: number, phi: number, theta: number): this {
     const side = radius * Math.sin(phi);
@@ -177,13 +173,6 @@ export class Matrix4 {
   setPerspective(halfWidth: number, halfHeight: number, near: number, far: number): this {
     const [z, w] = [(far + near) / (near - far), (2 * far * near) / (near - far)];
     this.elements = [1 / halfWidth, 0, 0, 0, 0, 1 / halfHeight, 0, 0, 0, 0, z, -1, 0, 0, w, 0];
-    return this;
-  }
-
-  /** Set to a parallel projection. */
-  setOrthographic(halfWidth: number, halfHeight: number, near: number, far: number): this {
-    const [z, w] = [2 / (near - far), (far + near) / (near - far)];
-    this.elements = [1 / halfWidth, 0, 0, 0, 0, 1 / halfHeight, 0, 0, 0, 0, z, 0, 0, 0, w, 1];
     return this;
   }
 

@@ -16,7 +16,6 @@ export interface Object3DEventMap {
 export class Object3D<Events extends object = Object3DEventMap> extends EventDispatcher<Events> {
   name = "";
   visible = true;
-  castShadow = false;
   frustumCulled = true; // ignored: scenes are small
   /** Objects of higher order are drawn later. */
   renderOrder = 0;
@@ -79,8 +78,8 @@ export class Object3D<Events extends object = Object3DEventMap> extends EventDis
 
   /** Copy the settings, and clones of the objects below. */
   copy(other: Object3D<any>, isRecursive = true): this {
-    const { name, visible, castShadow, frustumCulled, renderOrder } = other;
-    Object.assign(this, { name, visible, castShadow, frustumCulled, renderOrder });
+    const { name, visible, frustumCulled, renderOrder } = other;
+    Object.assign(this, { name, visible, frustumCulled, renderOrder });
     this.position.copy(other.position);
     this.scale.copy(other.scale);
     this.axes.forEach((axis, i) => axis.copy(other.axes[i]));

@@ -21,12 +21,6 @@ interface DrawItem {
   readonly depth: number;
 }
 
-/** Options of `render`. */
-interface RenderOptions {
-  /** Whether to draw only the depth of objects that cast a shadow. */
-  isDepth?: boolean;
-}
-
 type Rectangle = [x: number, y: number, width: number, height: number];
 
 /** Draws to a canvas or a render target. */
@@ -144,15 +138,15 @@ export class WebGLRenderer {
   }
 
   /** Clear the target and draw a scene, or an object whose materials are raw. */
-  render(scene: Object3D, camera: Camera, { isDepth = false }: RenderOptions = {}): void {
+  render(scene: Object3D, camera: Camera): void {
     const gl = this.#gl;
     if (gl.isContextLost()) return;
     scene.updateMatrixWorld();
     if (!camera.parent) camera.updateMatrixWorld();
     const viewMatrix = new Matrix4().copyInverse(camera.matrixWorld);
-    const items = collectItems(scene, viewMatrix, isDepth);
+    const items = collectItems(scene, viewMatrix);
     const isLit = items.some(({ material }) => !isRaw(material));
-    const lighting = isLit || isDepth ? this.#lighting(scene as Scene) : null;
+    const lighting = isLit ? this.#lighting(scene as Scene) : null;
     const target = this.#target;
     gl.bindFramebuffer(gl.FRAMEBUFFER, target && this.#textures.framebuffer(target));
     gl.viewport(...(target ? ([0, 0, target.width, target.height] as Rectangle) : this.#viewport));
@@ -165,14 +159,14 @@ export class WebGLRenderer {
     for (const item of items) {
       const { mesh, material } = item;
       mesh.onBeforeRender(this);
-      const [program, values] = this.#programOf(material, lighting as Lighting, isDepth);
+      const [program, values] = this.#programOf(material, lighting as Lighting);
       const modelViewMatrix = new Matrix4().multiplyMatrices(viewMatrix, mesh.matrixWorld);
       const { projectionMatrix } = camera;
       const matrices = { viewMatrix, modelViewMatrix, projectionMatrix, modelMatrix: mesh.matrixWorld };
       program.use({ ...values, ...matrices }, (texture, unit) => this.#textures.bind(texture, unit));
-      this.#applyMaterial(material, isDepth);
+      this.#applyMaterial(material);
       const enabled = this.#bindAttributes(mesh.geometry, program);
-      if (material.transparent && material.side === DoubleSide && !isRaw(material) && !isDepth) {
+      if (material.transparent && material.side === DoubleSide && !isRaw(material)) {
         gl.enable(gl.CULL_FACE);
         gl.cullFace(gl.FRONT);
         this.#draw(item);
@@ -215,30 +209,30 @@ export class WebGLRenderer {
   }
 
   /** Return the program of a material and the values of its uniforms. */
-  #programOf(material: Material, lighting: Lighting, isDepth: boolean): [Program, UniformValues] {
-    if (isRaw(material) && !isDepth) {
+  #programOf(material: Material, lighting: Lighting): [Program, UniformValues] {
+    if (isRaw(material)) {
       const { vertexShader, fragmentShader, uniforms } = material;
       const key = vertexShader + fragmentShader;
       const program = this.#programs.get(material, key, () => [vertexShader, fragmentShader]);
       return [program, Object.fromEntries(Object.entries(uniforms).map(([name, { value }]) => [name, value]))];
     }
     const surface = material as Surface;
-    const macros = surfaceMacros(surface, lighting, isDepth);
+    const macros = surfaceMacros(surface, lighting);
     const key = macros + (surface.glsl ?? "");
-    const program = this.#programs.get(material, key, () => surfaceShaders(surface, macros, isDepth));
+    const program = this.#programs.get(material, key, () => surfaceShaders(surface, macros));
     return [program, surfaceUniforms(surface, lighting)];
   }
 
-  #applyMaterial(material: Material, isDepth: boolean): void {
+  #applyMaterial(material: Material): void {
     const gl = this.#gl;
-    setState(gl, gl.BLEND, material.transparent && !isDepth);
+    setState(gl, gl.BLEND, material.transparent);
     if (material.premultipliedAlpha) gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     else gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     setState(gl, gl.DEPTH_TEST, material.depthTest);
-    gl.depthMask(material.depthWrite || isDepth);
+    gl.depthMask(material.depthWrite);
     setState(gl, gl.CULL_FACE, material.side !== DoubleSide);
     gl.cullFace(gl.BACK);
-    setState(gl, gl.POLYGON_OFFSET_FILL, material.polygonOffset && !isDepth);
+    setState(gl, gl.POLYGON_OFFSET_FILL, material.polygonOffset);
     gl.polygonOffset(material.polygonOffsetFactor, material.polygonOffsetUnits);
   }
 
@@ -299,11 +293,11 @@ function setState(gl: WebGL2RenderingContext, state: number, isOn: boolean): voi
 }
 
 /** Return the visible parts of meshes in the order of drawing: transparent ones last, from back to front. */
-function collectItems(scene: Object3D, viewMatrix: Matrix4, isDepth: boolean): DrawItem[] {
+function collectItems(scene: Object3D, viewMatrix: Matrix4): DrawItem[] {
   const items: DrawItem[] = [];
   const visit = (object: Object3D): void => {
     if (!object.visible) return;
-    if (object instanceof Mesh && (object.castShadow || !isDepth)) items.push(...itemsOf(object, viewMatrix));
+    if (object instanceof Mesh) items.push(...itemsOf(object, viewMatrix));
     for (const child of object.children) visit(child);
   };
   visit(scene);

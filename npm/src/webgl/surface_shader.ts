@@ -77,8 +77,6 @@ float occlusion() {
 #endif
 }`;
 
-const DEPTH_MAIN = "void main() { shown = baseColor(); }";
-
 const BASIC_MAIN = `
 void main() {
   vec4 base = baseColor();
@@ -214,10 +212,10 @@ export interface Lighting {
 }
 
 /** Return the macros of a material, which together with its own GLSL identify its shader. */
-export function surfaceMacros(surface: Surface, { environment }: Lighting, isDepth: boolean): string {
+export function surfaceMacros(surface: Surface, { environment }: Lighting): string {
   const isStandard = "roughness" in surface;
   const names = [
-    isDepth ? "DEPTH" : isStandard ? "STANDARD" : "BASIC",
+    isStandard ? "STANDARD" : "BASIC",
     ...SLOTS.map((slot) => surface[slot] && `${slot.toUpperCase()} ${uvName(surface[slot])}`),
     surface.vertexColors && "COLOR",
     surface.alphaTest > 0 && "ALPHA_TEST",
@@ -230,7 +228,7 @@ export function surfaceMacros(surface: Surface, { environment }: Lighting, isDep
 }
 
 /** Return the vertex and the fragment shader of a material. */
-export function surfaceShaders(surface: Surface, macros: string, isDepth: boolean): [string, string] {
+export function surfaceShaders(surface: Surface, macros: string): [string, string] {
   const slots = SLOTS.filter((slot) => surface[slot]);
   const channels = new Set(slots.map((slot) => uvName(surface[slot] as Texture)));
   const lines = (line: (slot: (typeof SLOTS)[number]) => string) => slots.map(line).join("\n");
@@ -238,21 +236,20 @@ export function surfaceShaders(surface: Surface, macros: string, isDepth: boolea
   const matrices = lines((slot) => `uniform mat3 ${slot}Matrix;out vec2 ${slot}Uv;`);
   const transforms = lines((slot) => `${slot}Uv = (${slot}Matrix * vec3(${slot.toUpperCase()}, 1.0)).xy;`);
   const samplers = lines((slot) => `uniform sampler2D ${slot};in vec2 ${slot}Uv;`);
-  const basic = () => BASIC_MAIN.replace("GLSL", surface.glsl ?? "");
-  const main = isDepth ? DEPTH_MAIN : "roughness" in surface ? STANDARD_MAIN : basic();
+  const main = "roughness" in surface ? STANDARD_MAIN : BASIC_MAIN.replace("GLSL", surface.glsl ?? "");
   return [
     macros + VERTEX.replace("IN_OUT", inputs + matrices).replace("UVS", transforms),
     macros + BASE.replace("IN_OUT", samplers) + main,
   ];
 }
 
-/** Return the uniforms of a material; one with its own shaders has no color, which depths do not need. */
+/** Return the uniforms of a material. */
 export function surfaceUniforms(surface: Surface, lighting: Lighting): UniformValues {
   const matrices = SLOTS.map((slot) => {
     surface[slot]?.updateMatrix();
     return [`${slot}Matrix`, surface[slot]?.matrix];
   });
-  const rest = { ...Object.fromEntries(matrices), diffuse: surface.color ?? GROUND, groundColor: GROUND };
+  const rest = { ...Object.fromEntries(matrices), diffuse: surface.color, groundColor: GROUND };
   return { ...(surface as object), ...lighting, ...rest };
 }
 

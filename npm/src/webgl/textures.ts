@@ -7,7 +7,7 @@ export const SRGBColorSpace = "srgb";
 export const [RepeatWrapping, MirroredRepeatWrapping, ClampToEdgeWrapping] = [0x2901, 0x8370, 0x812f];
 export const [NearestFilter, LinearFilter, LinearMipmapLinearFilter] = [0x2600, 0x2601, 0x2703];
 export const [UnsignedByteType, ShortType, UnsignedIntType, FloatType] = [0x1401, 0x1402, 0x1405, 0x1406];
-export const [RGFormat, RGBAFormat, RGIntegerFormat, RGBAIntegerFormat] = [0x8227, 0x1908, 0x8228, 0x8d99];
+export const [RGBAFormat, RGIntegerFormat, RGBAIntegerFormat] = [0x1908, 0x8228, 0x8d99];
 
 type PixelArray = Float32Array | Uint32Array | Int16Array | Uint8Array;
 
@@ -92,32 +92,26 @@ export interface RenderTargetOptions {
   readonly type?: number;
   readonly format?: number;
   readonly internalFormat?: string;
-  readonly depthBuffer?: boolean;
+  readonly depthBuffer: false;
   readonly minFilter?: number;
   readonly magFilter?: number;
 }
 
-/** A texture to draw to. */
+/** A texture to draw to, without a depth buffer. */
 export class WebGLRenderTarget extends Disposable {
   readonly texture: DataTexture;
-  /** The depth buffer; null if there is none. */
-  readonly depthTexture: DataTexture | null = null;
 
   constructor(
     readonly width: number,
     readonly height: number,
-    { depthBuffer = true, ...options }: RenderTargetOptions,
+    { depthBuffer: _, ...options }: RenderTargetOptions,
   ) {
     super();
     this.texture = Object.assign(new DataTexture(null, width, height), { version: 1 }, options);
-    if (!depthBuffer) return;
-    const depth = { internalFormat: "DEPTH_COMPONENT24", format: 0x1902, type: UnsignedIntType, version: 1 };
-    this.depthTexture = Object.assign(new DataTexture(null, width, height), depth);
   }
 
   override dispose(): void {
     super.dispose();
     this.texture.dispose();
-    this.depthTexture?.dispose();
   }
 }
