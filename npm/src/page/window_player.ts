@@ -23,8 +23,6 @@ export interface WindowPlayer {
   setHeat(kind: string | null): Promise<void>;
   /** Color the mesh by a track. */
   setTrack(look: TrackSettings | null): Promise<void>;
-  /** Plotted values at a vertex, face or corner; null without a plot. */
-  probed(): readonly (number | null)[] | null;
   state(): PlayerState;
 }
 
@@ -54,7 +52,6 @@ export function exposeForTests(
     },
     setHeat: (kind: string | null) => player.setHeat(kind),
     setTrack: (look: TrackSettings | null) => tracks.show(look),
-    probed: () => tracks.probe.values,
     state: () => player.state(),
   });
 }

@@ -129,6 +129,6 @@ function colorStops(
 }
 
 /** Append a unit to a number. */
-export function withUnit(number: string, unit: string): string {
+function withUnit(number: string, unit: string): string {
   return unit ? `${number} ${unit}` : number;
 }
