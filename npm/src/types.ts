@@ -276,15 +276,8 @@ export interface Surface {
 /** A track of an open file. */
 export interface OpenTrack {
   readonly info: TrackInfo;
-  /**
-   * Decode the values of a frame: nItems x nColumns numbers of the type of the track, stored in
-   * `into` if given.
-   */
-  frame(
-    index: number,
-    into?: TrackValues,
-    options?: { signal?: AbortSignal },
-  ): Promise<TrackValues>;
+  /** Decode the values of a frame: nItems x nColumns numbers of the type of the track. */
+  frame(index: number, options?: { signal?: AbortSignal }): Promise<TrackValues>;
   /** Decode a block for shaders. */
   fields(
     block: number,
@@ -296,15 +289,8 @@ export interface OpenTrack {
 export interface OpenReel {
   readonly info: ReelInfo;
   readonly surface: Surface;
-  /**
-   * Decode the positions of a frame: nVerts x 3 numbers of the type of the file, in model units,
-   * stored in `into` if given.
-   */
-  frame(
-    index: number,
-    into?: Float32Array | Float64Array,
-    options?: { signal?: AbortSignal },
-  ): Promise<Float32Array | Float64Array>;
+  /** Decode the positions of a frame: nVerts x 3 numbers of the type of the file, in model units. */
+  frame(index: number, options?: { signal?: AbortSignal }): Promise<Positions>;
   /** Decode a block for shaders. */
   fields(block: number, options?: { signal?: AbortSignal }): Promise<BlockFields>;
   /** Return a track by name. @throws InvalidInputError if there is no track of this name. */

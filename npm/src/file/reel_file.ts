@@ -2,7 +2,7 @@
 
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
 import type { Results } from "../engine/messages.js";
-import { copyInto, requireCompatible, requireIndex } from "./arguments.js";
+import { requireIndex } from "./arguments.js";
 import type { SourceInput } from "../source/transport.js";
 import type {
   BlockFields,
@@ -85,17 +85,14 @@ export class ReelFile implements OpenReel {
    * Decode the positions of a frame, of shape (V, 3) in model units: float32 or float64, as encoded.
    *
    * @param index - Frame, counted from 0.
-   * @param into - If given, receives the positions and is returned.
-   * @throws InvalidInputError if there is no such frame, or `into` has another type or length.
+   * @throws InvalidInputError if there is no such frame.
    * @throws CorruptStreamError if its block is damaged; frames of other blocks can be decoded.
    * @throws SourceError if the bytes cannot be read.
    */
-  async frame(index: number, into?: Positions, { signal }: CallOptions = {}): Promise<Positions> {
-    const { nFrames, nVerts, numberType } = this.info;
-    requireIndex("frame", index, nFrames);
-    requireCompatible(into, numberType, 3 * nVerts);
+  async frame(index: number, { signal }: CallOptions = {}): Promise<Positions> {
+    requireIndex("frame", index, this.info.nFrames);
     const call = { segment: this.index, track: 0, frame: index };
-    return copyInto(into, (await this.engines.call("frame", call, signal)) as Positions);
+    return (await this.engines.call("frame", call, signal)) as Positions;
   }
 
   /**

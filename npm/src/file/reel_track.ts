@@ -1,7 +1,7 @@
 // A track of an open file that decodes values on request.
 
 import type { OpenTrack, ReelInfo, TrackFields, TrackInfo, TrackValues } from "../types.js";
-import { copyInto, requireCompatible, requireIndex } from "./arguments.js";
+import { requireIndex } from "./arguments.js";
 import type { RemoteEngine } from "./remote_engine.js";
 
 /** Options of calls that decode. */
@@ -43,24 +43,16 @@ export class ReelTrack implements OpenTrack {
    * integers are bigints in a `BigInt64Array` or `BigUint64Array`. Missing values are NaN.
    *
    * @param index - Frame, counted from 0.
-   * @param into - If given, receives the values and is returned.
-   * @throws InvalidInputError if there is no such frame, or `into` has another type or length.
+   * @throws InvalidInputError if there is no such frame.
    * @throws UnsupportedVersionError if the track needs a newer version.
    * @throws CorruptStreamError if the track or its block is damaged; the rest can be decoded.
    * @throws SourceError if the bytes cannot be read.
    */
-  async frame(
-    index: number,
-    into?: TrackValues,
-    { signal }: CallOptions = {},
-  ): Promise<TrackValues> {
-    const { nItems, nColumns, numberType } = this.info;
+  async frame(index: number, { signal }: CallOptions = {}): Promise<TrackValues> {
     requireIndex("frame", index, this.reel.nFrames);
-    requireCompatible(into, numberType, nItems * nColumns);
     const engine = await this.engine();
     const call = { segment: this.segment, track: 1 + this.index, frame: index };
-    const values = await engine.call("frame", call, signal);
-    return copyInto(into, values);
+    return engine.call("frame", call, signal);
   }
 
   /**

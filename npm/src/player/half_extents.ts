@@ -40,7 +40,7 @@ export async function estimateHalfExtents(
   const isWhole = segments.length === 1 && reel.info.blocks.length === 1;
   const extents: [number, number, number] = [0, 0, 0];
   const include = async (frame: number): Promise<void> => {
-    const positions = await reel.frame(frame, undefined, options);
+    const positions = await reel.frame(frame, options);
     for (let i = 0; i < positions.length; i++) {
       const distance = Math.abs(positions[i] - center[i % 3]);
       if (distance > extents[i % 3]) extents[i % 3] = distance;

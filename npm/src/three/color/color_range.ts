@@ -175,7 +175,7 @@ async function sampleValues(
   const perFrame: Float64Array[] = [];
   for (let i = 0; i <= last; i++) {
     const number = start + (last && Math.round((i * (nFrames - 1)) / last));
-    const values = await track.frame(number, undefined, { signal });
+    const values = await track.frame(number, { signal });
     const samples: number[] = [];
     for (let item = 0; item < nItems; item += step) {
       const value = selectedValue(values, item * nColumns, selection);

@@ -184,7 +184,7 @@ export class TrackColors {
     const isNormal = track.info.kind === "normal" && options.component !== "magnitude";
     const ends = parseRange(options.range ?? (isNormal ? [-1, 1] : DEFAULT_RANGE));
     if (map !== undefined) resolveColorMap(map);
-    await track.frame(0, undefined, { signal }); // throws if the track cannot be decoded
+    await track.frame(0, { signal }); // throws if the track cannot be decoded
     const selection = selectColumns(track.info, options.component);
     colorableMaterials(mesh, selection);
     if (selection.as === "color") {
