@@ -83,8 +83,8 @@ def test_example_plays_in_firefox(pages, data, name):
     assert_shown(base64.b64decode(found["picture"].partition(",")[2]))
 
 
-def test_a_plain_mesh_needs_one_script_of_the_part_for_three_js(new_page, pages, data):
-    needed = {f"/meshreel/{name}.js" for name in ("index", "remote", "three")}
+def test_a_plain_mesh_needs_no_script_of_textures_or_tracks(new_page, pages, data):
+    needed = {f"/meshreel/{name}.js" for name in ("index", "three", "three_chunk")}
     files = {
         path: body
         for path, body in pages("plain").items()

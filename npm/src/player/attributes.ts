@@ -1,20 +1,6 @@
 // Reflects the attributes of a player as properties.
 
-import { type AttributeName, ATTRIBUTES } from "./settings.js";
-
-const BOOLEANS: readonly AttributeName[] = [
-  "autoplay",
-  "camera-controls",
-  "auto-rotate",
-  "controls",
-  "muted",
-];
-const NUMBERS: readonly AttributeName[] = [
-  "speed",
-  "start-time",
-  "start-frame",
-  "texture-offset",
-];
+import { ATTRIBUTE_NAMES, type AttributeName, ATTRIBUTES } from "./settings.js";
 
 /** Without a DOM, as in server-side rendering, importing the script must not fail. */
 const Element = typeof HTMLElement === "undefined" ? (class {} as typeof HTMLElement) : HTMLElement;
@@ -78,7 +64,7 @@ export abstract class PlayerAttributes extends Element {
 
   /** Apply properties that were set before the element was defined. */
   protected upgradeProperties(): void {
-    for (const name of ATTRIBUTES) {
+    for (const name of ATTRIBUTE_NAMES) {
       const property = propertyName(name);
       if (!Object.hasOwn(this, property)) continue;
       const value: unknown = Reflect.get(this, property);
@@ -88,7 +74,7 @@ export abstract class PlayerAttributes extends Element {
   }
 }
 
-for (const name of ATTRIBUTES) {
+for (const name of ATTRIBUTE_NAMES) {
   Object.defineProperty(PlayerAttributes.prototype, propertyName(name), {
     configurable: true,
     enumerable: true,
@@ -104,11 +90,18 @@ for (const name of ATTRIBUTES) {
 }
 
 function parseValue(name: AttributeName, value: string | null): unknown {
-  if (BOOLEANS.includes(name)) return value !== null;
-  if (NUMBERS.includes(name)) return value === null ? null : Number(value);
-  if (name === "interpolate") return value !== "false";
-  if (name === "loop") return value === null ? false : value || true;
-  return value;
+  switch (ATTRIBUTES[name]) {
+    case "flag":
+      return value !== null;
+    case "number":
+      return value === null ? null : Number(value);
+    case "switch":
+      return value !== "false";
+    case "loop":
+      return value === null ? false : value || true;
+    default:
+      return value;
+  }
 }
 
 function propertyName(name: AttributeName): string {

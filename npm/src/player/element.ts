@@ -14,7 +14,7 @@ import { Messages } from "./messages.js";
 import type { CameraOrbit } from "./orbit_controls.js";
 import { createElement, IconButton } from "./dom.js";
 import { type HalfExtents, boxCorners, estimateHalfExtents } from "./half_extents.js";
-import { ATTRIBUTES, type PlayerSettings, parseSettings } from "./settings.js";
+import { ATTRIBUTE_NAMES, type PlayerSettings, parseSettings } from "./settings.js";
 import { openShared } from "./shared_reels.js";
 import { playerStyleSheet } from "./style_sheet.js";
 import { View } from "./view.js";
@@ -115,7 +115,7 @@ export let partsOf: (player: ReelPlayerElement) => PlayerParts;
  * The player pauses while it is off-screen. Removing it from the document frees its resources.
  */
 export class ReelPlayerElement extends PlayerAttributes {
-  static readonly observedAttributes = ATTRIBUTES;
+  static readonly observedAttributes = ATTRIBUTE_NAMES;
   static readonly HAVE_NOTHING = READY_STATES.HAVE_NOTHING;
   static readonly HAVE_METADATA = READY_STATES.HAVE_METADATA;
   static readonly HAVE_CURRENT_DATA = READY_STATES.HAVE_CURRENT_DATA;

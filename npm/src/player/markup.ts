@@ -1,39 +1,31 @@
 // Types of the attributes of a player in JSX.
 
-import type { AttributeName } from "./settings.js";
+import type { AttributeName, ATTRIBUTES } from "./settings.js";
 
 /** A boolean attribute. React 18 renders `true` as the text "true": pass "" instead. */
 type Flag = boolean | "";
 
+/** Values by the types of attributes. */
 interface Values {
-  src: string;
-  alt: string;
-  loading: "eager" | "lazy";
-  autoplay: Flag;
+  text: string;
+  flag: Flag;
+  number: number | string;
   loop: Flag | "repeat" | "pingpong";
-  speed: number | string;
-  "start-time": number | string;
-  "start-frame": number | string;
-  interpolate: boolean | "true" | "false";
-  "camera-controls": Flag;
-  "camera-orbit": string;
-  "camera-target": string;
-  "field-of-view": string;
-  "auto-rotate": Flag;
-  controls: Flag;
+  switch: boolean | "true" | "false";
+}
+
+/** Attributes with more specific values. */
+interface Choices {
+  loading: "eager" | "lazy";
   up: "y" | "z";
-  background: string;
-  poster: string;
-  texture: string;
   "texture-kind": "image" | "video";
-  "texture-offset": number | string;
-  "frame-number": string;
-  muted: Flag;
-  track: string;
   "track-component": number | string;
-  "track-range": string;
   "track-colormap": "sequential" | "diverging";
 }
 
 /** Attributes of `<reel-player>` by their HTML names; all are optional. */
-export type ReelPlayerMarkup = { [Name in AttributeName]?: Values[Name] | undefined };
+export type ReelPlayerMarkup = {
+  [Name in AttributeName]?:
+    | (Name extends keyof Choices ? Choices[Name] : Values[(typeof ATTRIBUTES)[Name]])
+    | undefined;
+};

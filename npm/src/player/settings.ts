@@ -55,39 +55,41 @@ export interface PlayerSettings {
   readonly map: "sequential" | "diverging" | undefined;
 }
 
-/** Names of the attributes. */
-export const ATTRIBUTES = [
-  "src",
-  "alt",
-  "loading",
-  "autoplay",
-  "loop",
-  "speed",
-  "start-time",
-  "start-frame",
-  "interpolate",
-  "camera-controls",
-  "camera-orbit",
-  "camera-target",
-  "field-of-view",
-  "auto-rotate",
-  "controls",
-  "up",
-  "background",
-  "poster",
-  "texture",
-  "texture-kind",
-  "texture-offset",
-  "frame-number",
-  "muted",
-  "track",
-  "track-component",
-  "track-range",
-  "track-colormap",
-] as const;
+/** The attributes, and the types of their values. */
+export const ATTRIBUTES = {
+  src: "text",
+  alt: "text",
+  loading: "text",
+  autoplay: "flag",
+  loop: "loop",
+  speed: "number",
+  "start-time": "number",
+  "start-frame": "number",
+  interpolate: "switch",
+  "camera-controls": "flag",
+  "camera-orbit": "text",
+  "camera-target": "text",
+  "field-of-view": "text",
+  "auto-rotate": "flag",
+  controls: "flag",
+  up: "text",
+  background: "text",
+  poster: "text",
+  texture: "text",
+  "texture-kind": "text",
+  "texture-offset": "number",
+  "frame-number": "text",
+  muted: "flag",
+  track: "text",
+  "track-component": "text",
+  "track-range": "text",
+  "track-colormap": "text",
+} as const;
 
 /** One of the attributes. */
-export type AttributeName = (typeof ATTRIBUTES)[number];
+export type AttributeName = keyof typeof ATTRIBUTES;
+
+export const ATTRIBUTE_NAMES = Object.keys(ATTRIBUTES) as AttributeName[];
 
 /** The view without the attributes of the camera: slightly from above. Angles in degrees. */
 const DEFAULT_ORBIT = { theta: 0, phi: 78 };
