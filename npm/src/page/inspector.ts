@@ -7,7 +7,7 @@ import { Opening } from "./opening.js";
 import { inputById, showError } from "./page.js";
 import { Picture, type Look } from "./picture.js";
 import { Player } from "./player.js";
-import { exposeForTests } from "./window_player.js";
+import { windowPlayer } from "./window_player.js";
 
 /** Add the inspector to a player with an open file; resolves when the initial state is shown. */
 export async function inspect(element: ReelPlayerElement, facts: Facts): Promise<void> {
@@ -19,7 +19,7 @@ export async function inspect(element: ReelPlayerElement, facts: Facts): Promise
   const player = new Player(element, reel, picture);
   const opening = new Opening(reel, player);
   const tracks = connectControls(reel, picture, player, opening);
-  exposeForTests(player, picture, opening, tracks);
+  Object.assign(window.player, windowPlayer(player, picture, opening, tracks));
   parts.frame();
   await player.seek(0);
   await opening.begin();
