@@ -1,10 +1,9 @@
 // Builds the package and the page of `meshreel view` and `meshreel export`.
 //
 //     node build.mjs package         dist/: bundles with the C library as embedded WebAssembly, and types
-//     node build.mjs page [FOLDER]   one HTML file with inline styles, its script player.js, and scripts
-//                                    that it loads on demand; by default into
-//                                    src/meshreel/app/viewer/page, which is committed, so that
-//                                    installing meshreel does not need Node
+//     node build.mjs page [FOLDER]   one HTML file with inline styles, and its script player.js; by
+//                                    default into src/meshreel/app/viewer/page, which is committed, so
+//                                    that installing meshreel does not need Node
 //
 // Both without arguments. core/compile.py compiles the core; it needs Python with the package
 // `ziglang`. Set PYTHON to the interpreter.
@@ -13,7 +12,7 @@ import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
 import { execFileSync } from "node:child_process";
 import { appendFileSync, copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, statSync, writeFileSync } from "node:fs";
-import { basename, dirname, join, relative, resolve } from "node:path";
+import { dirname, join, relative, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
@@ -193,30 +192,16 @@ async function bundleForPage(options) {
 async function buildPage(folder) {
   const page = join(here, "src/page");
   const [scripts, styles] = await Promise.all([
-    bundleForPage({
-      entryPoints: { player: join(page, "main.ts") },
-      outdir: folder,
-      splitting: true, // the inspector and decoder modules that few files need are loaded on demand
-      chunkNames: "[name]-[hash]",
-    }),
+    bundleForPage({ entryPoints: { player: join(page, "main.ts") }, outdir: folder }),
     bundleForPage({ entryPoints: [join(page, "style.css")], outdir: folder }),
   ]);
   // Replacement functions, since "$&" in a bundle would be special in a replacement string.
   const html = readFileSync(join(page, "index.html"), "utf8")
     .replace("<!--license-->", () => `<!-- ${notice}\n-->`)
     .replace("<!--style-->", () => `<style>${styles.outputFiles[0].text.replaceAll("</style", "<\\/style")}</style>`);
-  const files = { "index.html": html };
-  for (const { path, text } of scripts.outputFiles) {
-    const { inputs, entryPoint } = scripts.metafile.outputs[relative(here, path)];
-    const isLicensed = entryPoint?.endsWith("main.ts") || "src/webgl/surface_shader.ts" in inputs;
-    const script = (await shrink(text)).replaceAll("</script", "<\\/script");
-    files[basename(path)] = script + (isLicensed ? `/* ${notice}\n*/\n` : "");
-  }
+  const script = `${await shrink(scripts.outputFiles[0].text)}/* ${notice}\n*/\n`;
   mkdirSync(folder, { recursive: true });
-  for (const name of readdirSync(folder)) {
-    if (/-[0-9A-Z]{8}\.js$/.test(name) && !(name in files)) rmSync(join(folder, name)); // of the last build
-  }
-  for (const [name, text] of Object.entries(files)) {
+  for (const [name, text] of Object.entries({ "index.html": html, "player.js": script })) {
     writeFileSync(join(folder, `${name}.new`), text);
     renameSync(join(folder, `${name}.new`), join(folder, name));
     const packed = gzipSync(text, { level: 9 }).length;

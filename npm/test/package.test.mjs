@@ -13,8 +13,8 @@ import { PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
 /** Limits of scripts after gzip: what `import "meshreel"`, and also "meshreel/three", loads. */
 const [MAX_DECODER_BYTES, MAX_THREE_BYTES] = [77_000, 14_000];
 
-/** Limits of the script with <reel-player>, and of the page until the first picture. */
-const [MAX_PLAYER_BYTES, MAX_PAGE_BYTES] = [129_000, 152_000];
+/** Limits of the script with <reel-player>, and of the page of `meshreel view`. */
+const [MAX_PLAYER_BYTES, MAX_PAGE_BYTES] = [127_000, 146_000];
 
 void Response; // Node compiles a module of its own when it is first used
 

@@ -16,11 +16,7 @@ from meshreel.codec.reel_file import ReelFile
 PAGE = Page(
     "<!doctype html><html><head><!--meshreel-data--><title>p</title></head>"
     "<body><!--script--></body></html>",
-    {
-        "inspector-AA.js": 'import "./shared.js";',
-        "player.js": 'import "./shared.js"; import("./inspector-AA.js"); 1 < 2 && "<\\/script>"',
-        "shared.js": "let a = 0;",
-    },
+    '1 < 2 && "<\\/script>"',
 )
 
 
@@ -28,8 +24,7 @@ def write_page(folder):
     """Create the page in a folder, like a build."""
     folder.mkdir()
     (folder / "index.html").write_text(PAGE.html)
-    for name, script in PAGE.scripts.items():
-        (folder / name).write_text(script)
+    (folder / "player.js").write_text(PAGE.script)
     return folder
 
 

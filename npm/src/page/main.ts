@@ -1,9 +1,9 @@
-// Entry point of the page: opens the file in the player. The inspector, with all that the page adds to
-// the player, is loaded after the first picture.
+// Entry point of the page: opens the file in the player, and adds the inspector after the first picture.
 
 import "../player/index.js";
 import { partsOf } from "../player/element.js";
 import { loadFacts, openInPlayer } from "./data.js";
+import { inspect } from "./inspector.js";
 import { byId, playerElement, showError } from "./page.js";
 
 async function start(): Promise<void> {
@@ -20,7 +20,6 @@ async function start(): Promise<void> {
   document.title = `${facts.name} – meshreel`;
   byId("name").textContent = facts.name;
   await firstPicture;
-  const { inspect } = await import("./inspector.js");
   await inspect(player, facts);
 }
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import Measuring
-from meshreel.app.viewer.page import Page, base64_of, built_page
+from meshreel.app.viewer.page import SCRIPT_NAME, Page, base64_of, built_page
 from meshreel.app.viewer.playable import MODES_EFFORT
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.encoder import encode
@@ -130,7 +130,7 @@ def export_page(
         facts["texture"] = data.pop("texture", None)
         html = player.split({"facts": facts, **data})
         files = {path: html.encode()}
-        files |= {path.parent / name: text.encode() for name, text in player.scripts.items()}
+        files[path.parent / SCRIPT_NAME] = player.script.encode()
         files |= {path.parent / part.file_name: part.data for part in parts}
         sizes = {part.role: len(part.data) for part in parts}
     total = sum(map(len, files.values()))

@@ -1,8 +1,7 @@
-"""The player as built from `npm/src/page`: a page and its scripts."""
+"""The player as built from `npm/src/page`: a page and its script."""
 
 import base64
 import json
-import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +18,10 @@ DATA, SCRIPT = "<!--meshreel-data-->", "<!--script-->"
 """Placeholders of data and script in the page."""
 
 SCRIPT_NAME = "player.js"
-"""The script that starts the player; it loads other scripts of the page on demand."""
+"""File name of the script."""
+
+LOADING = f'<script type="module" src="{SCRIPT_NAME}"></script>'
+"""HTML that loads the script."""
 
 POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src blob:; "
@@ -31,22 +33,14 @@ POLICY = (
 
 UNPACKING = (
     "(async()=>{"
-    "const urls={};"
-    'for(const part of document.querySelectorAll("script[data-name]")){'
-    "const bytes=Uint8Array.from(atob(part.textContent),(letter)=>letter.charCodeAt(0));"
+    'const text=document.getElementById("packed-script").textContent;'
+    "const bytes=Uint8Array.from(atob(text),(letter)=>letter.charCodeAt(0));"
     'const stream=new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"));'
-    "let text=await new Response(stream).text();"
-    'for(const name in urls)text=text.replaceAll(`"./${name}"`,`"${urls[name]}"`);'
-    'const script=new Blob([text],{type:"text/javascript"});'
-    "urls[part.dataset.name]=URL.createObjectURL(script)"
-    "}"
-    f'await import(urls["{SCRIPT_NAME}"])'
+    "const script=await new Response(stream).text();"
+    'await import(URL.createObjectURL(new Blob([script],{type:"text/javascript"})))'
     "})()"
 )
-"""Script that inflates the packed scripts, lets them import each other, and runs the player.
-
-The browser parses only those that are imported.
-"""
+"""Script that inflates the packed script and runs it."""
 
 
 @dataclass(frozen=True)
@@ -57,76 +51,45 @@ class Page:
     ----------
     html : str
         Contains `DATA` and `SCRIPT`.
-    scripts : mapping of str to str
-        ECMAScript modules by file name, which import each other as "./NAME"; `SCRIPT_NAME` starts
-        the player.
+    script : str
+        ECMAScript module that starts the player.
     """
 
     html: str
-    scripts: Mapping[str, str]
+    script: str
 
     def __post_init__(self) -> None:
-        if SCRIPT_NAME not in self.scripts:
-            raise InvalidInputError(f"the player page has no {SCRIPT_NAME}; rebuild it")
         if DATA not in self.html or SCRIPT not in self.html:
             raise InvalidInputError("the player page has no placeholder for data; rebuild it")
 
     @property
     def served(self) -> str:
-        """HTML for a server that serves the scripts by their names."""
-        return self._filled("", self._starting)
+        """HTML for a server that serves the script as `SCRIPT_NAME`."""
+        return self._filled("", LOADING)
 
     def split(self, data: Mapping[str, Any]) -> str:
-        """HTML with embedded data and separate scripts.
+        """HTML with embedded data and a separate script.
 
         Parameters
         ----------
         data : mapping
             As `npm/src/page/data.ts` reads it.
         """
-        return self._filled(_data_script(data), self._starting)
+        return self._filled(_data_script(data), LOADING)
 
     def whole(self, data: Mapping[str, Any], *, level: int = zlib.Z_BEST_COMPRESSION) -> str:
-        """HTML with embedded data and scripts.
+        """HTML with embedded data and script.
 
         Parameters
         ----------
         data : mapping
             As `npm/src/page/data.ts` reads it.
         level : int
-            Compression level of the scripts, 1..9.
+            Compression level of the script, 1..9.
         """
-        packed = [
-            f'<script data-name="{name}" type="text/plain">{_packed(self.scripts[name], level)}'
-            "</script>"
-            for name in self._import_order()
-        ]
-        scripts = "".join(packed)
-        return self._filled(_data_script(data), f"{scripts}<script>{UNPACKING}</script>")
-
-    @property
-    def _starting(self) -> str:
-        """HTML that starts the player and, at the same time, requests the scripts that it needs."""
-        needed = re.findall(r'(?:from|import)\s*"\./([^"]+)"', self.scripts[SCRIPT_NAME])
-        links = [f'<link rel="modulepreload" href="{name}">' for name in needed]
-        return "".join(links) + f'<script type="module" src="{SCRIPT_NAME}"></script>'
-
-    def _import_order(self) -> list[str]:
-        """Names of the scripts, each after those that it imports."""
-        order: list[str] = []
-
-        def add(name: str, importers: tuple[str, ...]) -> None:
-            if name in importers:
-                raise InvalidInputError(
-                    f"scripts of the player page import each other: {importers}"
-                )
-            for other in self.scripts:
-                if other not in order and f'"./{other}"' in self.scripts[name]:
-                    add(other, (*importers, name))
-            order.append(name)
-
-        add(SCRIPT_NAME, ())
-        return order
+        packed = _packed(self.script, level)
+        element = f'<script id="packed-script" type="text/plain">{packed}</script>'
+        return self._filled(_data_script(data), f"{element}<script>{UNPACKING}</script>")
 
     def _filled(self, data: str, script: str) -> str:
         before, after = self.html.split(DATA)
@@ -150,12 +113,7 @@ def built_page(folder: Traversable | None = None) -> Page:
     folder = FOLDER if folder is None else folder
     try:
         html = (folder / "index.html").read_text(encoding="utf-8")
-        names = {
-            SCRIPT_NAME,
-            *(file.name for file in folder.iterdir() if file.name.endswith(".js")),
-        }
-        scripts = {name: (folder / name).read_text(encoding="utf-8") for name in sorted(names)}
-        return Page(html, scripts)
+        return Page(html, (folder / SCRIPT_NAME).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InvalidInputError(
             "the page of the player is missing from this installation: reinstall meshreel, or in a "

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from meshreel.app.viewer.api import BINARY, JSON, TEXTURE, Answer, Api
-from meshreel.app.viewer.page import POLICY, Page, built_page
+from meshreel.app.viewer.page import POLICY, SCRIPT_NAME, Page, built_page
 from meshreel.errors import InvalidInputError, MeshReelError
 
 LOCAL_HOST = "127.0.0.1"
@@ -63,9 +63,7 @@ class ViewerServer(ThreadingHTTPServer):
         player = built_page() if page is None else page
         self.api = api
         self.page = Answer(HTML, player.served.encode())
-        self.scripts = {
-            f"/{name}": Answer(SCRIPT, text.encode()) for name, text in player.scripts.items()
-        }
+        self.script = Answer(SCRIPT, player.script.encode())
         self.version = f'"{secrets.token_hex(8)}"'
         self.host, self._is_closed = host, False
         try:
@@ -190,8 +188,8 @@ class _Handler(BaseHTTPRequestHandler):
         return range(int(first), stop)
 
     def _answer(self, path: str) -> tuple[HTTPStatus, Answer]:
-        if path in self.server.scripts:
-            return HTTPStatus.OK, self.server.scripts[path]
+        if path == f"/{SCRIPT_NAME}":
+            return HTTPStatus.OK, self.server.script
         try:
             answer = self.server.api.answer(path.removeprefix("/"))
         except (MeshReelError, OSError, MemoryError) as error:

@@ -158,8 +158,7 @@ def test_exported_player_includes_the_texture(tmp_path, is_split):
         assert texture == {"url": "skin.webm", "mediaType": "video/webm"}
         assert data["stream"] == {"url": "p.reel"}
         assert (out / "skin.webm").read_bytes() == b"moving picture"
-        for name, script in PAGE.scripts.items():
-            assert (out / name).read_text() == script
+        assert (out / "player.js").read_text() == PAGE.script
     else:
         assert b64decode(texture["base64"]) == b"moving picture"
         assert [path.name for path in out.iterdir()] == ["p.html"]
@@ -170,4 +169,4 @@ def test_stream_is_named_after_the_page_when_it_is_a_separate_file(tmp_path):
     with opened_api(replace(waving_grid(2), name="")) as api:
         export_page(api, tmp_path / "index.html", page=PAGE, split=True)
     names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == sorted(["index.html", "index.reel", *PAGE.scripts])
+    assert names == sorted(["index.html", "index.reel", "player.js"])

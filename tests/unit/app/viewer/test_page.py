@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from meshreel.app.viewer.page import SCRIPT_NAME, Page, built_page
+from meshreel.app.viewer.page import Page, built_page
 from meshreel.errors import InvalidInputError
 from samples.players import PAGE, carried, write_page
 from samples.web_package import built_package
@@ -41,7 +41,7 @@ def test_page_in_the_repository_equals_a_new_build(tmp_path):
 
 def test_page_and_script_contain_the_license_of_three_js():
     page = built_page()
-    pages = [page.served, page.split({}), page.whole({}), page.scripts[SCRIPT_NAME]]
+    pages = [page.served, page.split({}), page.whole({}), page.script]
     notices = ["three.js authors", "Permission is hereby granted, free of charge"]
     assert all(notice in text for text in pages for notice in notices)
 
@@ -61,35 +61,21 @@ def test_error_says_how_to_get_the_page_when_a_file_is_missing(tmp_path, missing
 @pytest.mark.parametrize("html", ["<html></html>", "<!--meshreel-data-->", "<!--script-->"])
 def test_page_is_rejected_when_it_lacks_a_placeholder(html):
     with pytest.raises(InvalidInputError, match="has no placeholder for data; rebuild it"):
-        Page(html, PAGE.scripts)
+        Page(html, PAGE.script)
 
 
-def test_served_page_references_the_script_and_those_that_it_needs_at_once():
+def test_served_page_references_the_script():
     assert PAGE.served == (
         "<!doctype html><html><head><title>p</title></head>"
-        '<body><link rel="modulepreload" href="shared.js">'
-        '<script type="module" src="player.js"></script></body></html>'
+        '<body><script type="module" src="player.js"></script></body></html>'
     )
 
 
-def test_page_is_rejected_without_the_script_that_starts_it():
-    with pytest.raises(InvalidInputError, match=r"has no player\.js; rebuild it"):
-        Page(PAGE.html, {"shared.js": ""})
-
-
-def test_whole_page_contains_data_and_each_script_after_those_that_it_imports():
+def test_whole_page_contains_data_and_the_script():
     html = PAGE.whole({"a": {"b": [1.5, float("nan")]}})
-    packed = re.findall(r'<script data-name="(.*?)" type="text/plain">([^<]*)</script>', html)
-    scripts = {name: zlib.decompress(base64.b64decode(one), -15).decode() for name, one in packed}
-    assert scripts == PAGE.scripts
-    assert list(scripts) == ["shared.js", "inspector-AA.js", "player.js"]
+    (packed,) = re.findall(r'<script id="packed-script" type="text/plain">([^<]*)</script>', html)
+    assert zlib.decompress(base64.b64decode(packed), -15).decode() == PAGE.script
     assert carried(html) == {"a": {"b": [1.5, None]}}
-
-
-def test_whole_page_is_rejected_when_scripts_import_each_other():
-    scripts = {"player.js": 'import "./a.js"', "a.js": 'import "./player.js"'}
-    with pytest.raises(InvalidInputError, match="import each other"):
-        Page(PAGE.html, scripts).whole({})
 
 
 @pytest.mark.parametrize("form", ["whole", "split"])

@@ -1,1 +1,0 @@
-import{N as e}from"./chunk-TN22GKP4.js";async function t(t,a,s){await(t.materials?.imagesReady),s.aborted&&t.dispose(),s.throwIfAborted();let r=[...a.segments.values()].find(e=>e!==a.current()&&!e.nBlocks);r&&a.segments.size>=3&&a.remove(r),a.add();for(let s of t.materials?.list.flatMap(e=>Object.values(e))??[])s instanceof e&&a.initTexture(s)}export{t as prepareSegment};
