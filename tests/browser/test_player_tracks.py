@@ -173,6 +173,53 @@ def test_invalid_custom_range_is_rejected(new_page, stress_url):
     )
 
 
+@pytest.mark.parametrize("track", ["stress", "heat", "part"])
+def test_values_are_plotted_over_time_at_an_entered_index(shared_page, stress_url, decoded, track):
+    page = shared_page(stress_url)
+    show_track(page, track)
+    item = 123
+    page.locator("#probe-item").fill(str(item))
+    page.locator("#probe-item").press("Enter")
+    wait_until(page, "player.probed() !== null")
+    found = page.evaluate("player.probed()")
+    np.testing.assert_allclose(found, decoded[track][:, item, 0], rtol=1e-6)
+    place = "face" if track == "heat" else "vertex"
+    assert page.locator("#probe-title").inner_text() == f"{track} at {place} {item}"
+    show(page, 7)
+    told = page.locator("#probe output").inner_text()
+    assert float(told) == pytest.approx(decoded[track][7, item, 0], rel=1e-3)
+    page.locator("#probe-close").click()
+    assert page.locator("#probe").is_hidden()
+
+
+def test_invalid_index_shows_an_error(new_page, stress_url):
+    page = new_page(stress_url)
+    page.locator("#probe-item").fill("999999")
+    page.locator("#probe-item").press("Enter")
+    page.get_by_role("alert").wait_for()
+    assert "got 999999" in page.get_by_role("alert").inner_text()
+
+
+@pytest.mark.parametrize("track", ["stress", "heat"])
+def test_double_click_plots_the_picked_item(new_page, stress_url, decoded, track):
+    page = new_page(stress_url)
+    if track != "stress":
+        chosen(page, "#track", track)
+    box = page.locator("canvas").bounding_box()
+    page.mouse.dblclick(box["x"] + box["width"] * 0.4, box["y"] + box["height"] * 0.25)
+    wait_until(page, "player.probed() !== null")
+    item = int(page.locator("#probe-item").input_value())
+    found = page.evaluate("player.probed()")
+    np.testing.assert_allclose(found, decoded[track][:, item, 0], rtol=1e-6)
+    # The marked place is where the click was: its color is in the middle of the mark's.
+    picture = picture_of(page, "canvas")
+    x, y = int(box["width"] * 0.4), int(box["height"] * 0.25)
+    near = picture[y - 40 : y + 40, x - 40 : x + 40]
+    assert (np.abs(near - [255, 89, 203]).max(axis=2) < 12).sum() > 50
+    page.keyboard.press("t")  # the next track
+    wait_until(page, f"document.getElementById('track').value !== '{track}'")
+
+
 def test_page_without_tracks_hides_their_controls(new_page, url):
     page = new_page(url)
     assert page.locator("#tracks").is_hidden()
@@ -225,9 +272,13 @@ def exported_tracks(browser, folder):
     return path.as_uri()
 
 
-def test_exported_page_opens_with_an_exact_track(new_page, exported_tracks):
+def test_exported_page_opens_with_an_exact_track(new_page, exported_tracks, decoded):
     page = new_page(exported_tracks)
     assert legend_of(page) == "Colors: part from 0 to 8"
+    page.locator("#probe-item").fill("77")
+    page.locator("#probe-item").press("Enter")
+    wait_until(page, "player.probed() !== null")
+    assert page.evaluate("player.probed()") == decoded["part"][:, 77, 0].tolist()
 
 
 def test_exported_page_shows_errors_of_tracks_within_the_precision_of_its_original(
@@ -307,6 +358,9 @@ def test_axe_finds_no_violations_in_the_controls_of_tracks(new_page, stress_url,
     if not AXE.is_file():
         pytest.skip("needs axe-core: npm ci in npm/")
     page = new_page(stress_url, width=width, height=height)
+    box = page.locator("canvas").bounding_box()
+    page.mouse.dblclick(box["x"] + box["width"] * 0.4, box["y"] + box["height"] * 0.5)
+    wait_until(page, "player.probed() !== null")
     if width < 720:
         page.locator("#panel-button").click()
     page.evaluate(AXE.read_text())

@@ -23,7 +23,10 @@ export function connectControls(
   const { legend, view } = player.parts;
   const panel = new Panel(player, reel);
   const comparison = reel.original && new ComparisonPanel(player, reel.original, opening);
-  const tracks = new TrackPanel(reel, player);
+  const tracks = new TrackPanel(reel, picture, player);
+  view.canvas.addEventListener("dblclick", ({ clientX, clientY }) => {
+    if (player.hasTrack) tracks.pick(picture.pickAt(clientX, clientY));
+  });
   const actions: Actions = {
     ...playbackKeys(player, reel),
     ...viewKeys(reel, picture, player),
@@ -49,7 +52,7 @@ export function connectControls(
   player.onChange = () => {
     panel.update();
     comparison?.update();
-    tracks.update();
+    tracks.update(player.frame, player.isPlaying);
     const modes = player.state().isFew ? panel.modesText : "";
     legend.show(comparison?.legendContent(modes) ?? tracks.legendContent);
     labels.update(picture.look.arrangement, view.isPortrait, player.isTrackMissing);

@@ -19,6 +19,8 @@ export interface HeatInfo {
 export interface PlotInfo {
   label: string;
   values: (number | null)[];
+  /** Whether the values are those of a track, rather than errors. */
+  isTrack?: boolean;
 }
 
 /** Until all frames are measured, ranges are those of the first frame, and plots and rows are empty. */

@@ -10,9 +10,11 @@ import { BufferAttribute, DynamicDrawUsage, Mesh, Vector3 } from "../webgl/index
 import { extremePoints } from "./extreme_points.js";
 import { uniqueEdges } from "./edges.js";
 import type { Reel } from "./facts.js";
+import { Marker } from "./shading/marker.js";
 import { MeshView } from "./shading/mesh_view.js";
 import { OriginalMesh } from "./shading/original.js";
 import { parseComponent, type TrackSettings, DEFAULT_RANGE } from "./tracks/settings.js";
+import { type Picked, pickFirst } from "./tracks/pick.js";
 
 export type Background = "light" | "dark" | "none";
 export type Shading = "flat" | "smooth";
@@ -60,6 +62,8 @@ export class Picture {
   private hasTrackColors = false;
   /** Whether the original is colored by the track. */
   private hasOriginalTrackColors = false;
+  private readonly marker = new Marker();
+  private markedVertex: number | null = null;
 
   constructor(
     private readonly parts: PlayerParts,
@@ -81,6 +85,7 @@ export class Picture {
     this.heat = new BufferAttribute(new Float32Array(sources.length), 1);
     geometry.setAttribute("heat", this.heat.setUsage(DynamicDrawUsage));
     this.decoded = new MeshView(this.mesh, material);
+    this.decoded.group.add(this.marker);
     this.view.model.add(this.decoded.group);
     if (reel.original) {
       const mesh = new OriginalMesh(this.mesh);
@@ -197,6 +202,17 @@ export class Picture {
     return legend;
   }
 
+  /** Return the vertex, face and corner at a position on the page; null outside of the mesh. */
+  pickAt(clientX: number, clientY: number): Picked | null {
+    const ray = this.view.rayAt(clientX, clientY);
+    return ray && pickFirst(ray, this.mesh);
+  }
+
+  /** Mark a vertex of the file while playback is paused; null: none. */
+  setMarker(vertex: number | null): void {
+    this.markedVertex = vertex === null ? null : this.mesh.sources.indexOf(vertex);
+  }
+
   /** Read the drawn positions (V, 3) back from the GPU, relative to the center of the file. */
   positions(): Float32Array {
     const positions = new Float32Array(3 * this.mesh.reel.info.nVerts);
@@ -222,6 +238,11 @@ export class Picture {
     if (this.look.isFollowed) this.centroid(position).negate();
     else position.set(0, 0, 0);
     this.decoded.syncPositions();
+    this.marker.visible = this.markedVertex !== null && !this.mesh.isPlaying;
+    if (this.marker.visible) {
+      this.mesh.getVertexPosition(this.markedVertex as number, this.marker.position);
+      this.marker.setPixelRatio(this.view.renderer?.getPixelRatio() ?? 1);
+    }
     if (original && this.needsOriginal) {
       if (this.look.shading === "smooth") original.mesh.computeNormals();
       original.figure.syncPositions();
@@ -233,9 +254,11 @@ export class Picture {
     const { geometry, sources } = this.mesh;
     this.original?.mesh.rebuildGeometry();
     if (geometry.getAttribute("heat") === this.heat) return;
+    const vertex = this.markedVertex;
     this.heat = new BufferAttribute(new Float32Array(sources.length), 1);
     geometry.setAttribute("heat", this.heat.setUsage(DynamicDrawUsage));
     for (const figure of [this.decoded, this.original?.figure]) figure?.lines.geometry.setIndex(null);
+    if (vertex !== null) this.markedVertex = null;
     this.applyAppearance();
   }
 

@@ -24,7 +24,7 @@ export class Plot {
     private readonly info: PlotInfo,
     seek: (frame: number) => void,
   ) {
-    const axis = new Axis(info.values);
+    const axis = new Axis(info.values, info.isTrack ?? false);
     const caption = createElement("figcaption");
     caption.append(createElement("span", axis.isLog ? `${info.label} (log)` : info.label), this.output);
     this.svg = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img" }) as SVGSVGElement;
@@ -45,6 +45,10 @@ export class Plot {
     container.append(this.svg, this.cursor);
     this.figure.append(caption, container);
     this.listen(seek);
+  }
+
+  get values(): readonly (number | null)[] {
+    return this.info.values;
   }
 
   /** Move the line to a frame, and write its value if `writesValues` is set. */
@@ -92,19 +96,27 @@ export class Plot {
   }
 }
 
-/** The vertical axis: linear from 0, or logarithmic if the values span decades. */
+/**
+ * The vertical axis: linear from 0 for errors, or logarithmic if they span decades; from the minimum
+ * to the maximum for tracks.
+ */
 class Axis {
   readonly isLog: boolean;
   readonly ticks: number[];
   private readonly low: number;
   private readonly high: number;
 
-  constructor(values: (number | null)[]) {
+  constructor(values: (number | null)[], isTrack: boolean) {
     const shown = values.filter((value) => value !== null && Number.isFinite(value)) as number[];
     const maximum = shown.reduce((a, b) => Math.max(a, b), 0) || 1;
     const minimum = shown.filter((value) => value > 0).reduce((a, b) => Math.min(a, b), maximum);
-    this.isLog = maximum > MIN_LOG_RATIO * minimum;
-    if (this.isLog) {
+    this.isLog = !isTrack && maximum > MIN_LOG_RATIO * minimum;
+    if (isTrack) {
+      const [low, high] = [Math.min(...shown), Math.max(...shown)];
+      const margin = shown.length ? 0.06 * (high - low) || Math.abs(low) / 2 || 0.5 : 0.5;
+      [this.low, this.high] = shown.length ? [low - margin, high + margin] : [0, 1];
+      this.ticks = roundTicks(this.low, this.high, 4);
+    } else if (this.isLog) {
       this.low = Math.max(Math.floor(Math.log10(minimum)), Math.log10(maximum) - 8);
       this.high = Math.ceil(Math.log10(maximum));
       const decades = this.high - this.low;

@@ -35,6 +35,7 @@ export function windowPlayer(player: Player, picture: Picture, opening: Opening,
     setHeat: (kind: string | null) => player.setHeat(kind),
     /** Color the mesh by a track. */
     setTrack: (look: TrackSettings | null) => tracks.show(look),
+    probed: () => tracks.probe.values,
     state: () => player.state(),
   };
 }

@@ -129,6 +129,6 @@ function colorStops(
 }
 
 /** Append a unit to a number. */
-function withUnit(number: string, unit: string): string {
+export function withUnit(number: string, unit: string): string {
   return unit ? `${number} ${unit}` : number;
 }

@@ -5,6 +5,7 @@ import {
   Group,
   type Mesh,
   type Object3D,
+  Raycaster,
   Scene,
   type Texture,
   Vector3,
@@ -153,6 +154,16 @@ export class View implements ContextHolder {
   /** Whether several views are stacked vertically. */
   get isPortrait(): boolean {
     return this.canvas.clientWidth < this.canvas.clientHeight;
+  }
+
+  /** Return the ray through a position on the page; null outside of the canvas. */
+  rayAt(clientX: number, clientY: number): Raycaster | null {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    const n = this.#panes?.length ?? 1;
+    const [w, h] = this.isPortrait ? [width, height / n] : [width / n, height];
+    const [x, y] = [clientX - left, clientY - top];
+    if (!(x >= 0 && x < width && y >= 0 && y < height)) return null;
+    return Raycaster.fromCamera((2 * (x % w)) / w - 1, 1 - (2 * (y % h)) / h, this.camera.camera);
   }
 
   remove(mesh: Mesh): void {

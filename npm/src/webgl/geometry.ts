@@ -1,7 +1,7 @@
 // Vertex buffers.
 
 import { Disposable } from "./events.js";
-import type { Box3, Sphere } from "./math.js";
+import { type Box3, type Sphere, type Vector3 } from "./math.js";
 
 export const [StaticDrawUsage, DynamicDrawUsage] = [0x88e4, 0x88e8];
 
@@ -73,5 +73,11 @@ export class BufferGeometry<
 
   setDrawRange(start: number, count: number): void {
     this.drawRange = { start, count };
+  }
+
+  setFromPoints(points: readonly Vector3[]): this {
+    const positions = Float32Array.from(points.flatMap((point) => point.toArray()));
+    this.setAttribute("position", new BufferAttribute(positions, 3) as Attributes[string]);
+    return this;
   }
 }

@@ -1,7 +1,8 @@
 // Errors of a track per vertex of a frame, as in meshreel.metrics.track_errors.
 
 import type { Surface, TrackInfo, TrackValues } from "../../index.js";
-import { createItemLookup } from "../../three/corners.js";
+
+import { type Domain, itemsAtCorners } from "../tracks/items.js";
 
 /**
  * Compute the errors of a track at all vertices: the length of the difference, in the unit of the
@@ -27,10 +28,11 @@ export function trackErrors(
   }
   if (domain === "vertex") return errors;
   const maxima = new Float32Array(nVerts).fill(NaN);
-  const itemAt = createItemLookup(surface)(domain);
-  surface.triangles.forEach((vertex, corner) => {
-    const error = errors[itemAt(corner)];
-    if (Number.isNaN(maxima[vertex]) || error > maxima[vertex]) maxima[vertex] = error;
+  const { triangles } = surface;
+  itemsAtCorners(surface, domain as Domain).forEach((item, at) => {
+    const vertex = triangles[at];
+    const previous = maxima[vertex];
+    if (Number.isNaN(previous) || errors[item] > previous) maxima[vertex] = errors[item];
   });
   return maxima;
 }

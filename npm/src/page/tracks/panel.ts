@@ -5,8 +5,11 @@ import type { ColorLegend } from "../../three/color/track_colors.js";
 
 import type { Reel } from "../facts.js";
 import { inputById, byId } from "../page.js";
+import type { Picture } from "../picture.js";
 import type { Player } from "../player.js";
 import { formatComponent, type TrackSettings, DEFAULT_RANGE } from "./settings.js";
+import type { Picked } from "./pick.js";
+import { Probe } from "./probe.js";
 
 const CUSTOM_RANGE = "typed";
 
@@ -23,15 +26,19 @@ export class TrackPanel {
   private readonly component = byId<HTMLSelectElement>("component");
   private readonly range = byId<HTMLSelectElement>("range");
   private readonly ends = [inputById("range-low"), inputById("range-high")];
+  readonly probe: Probe;
   private settings: TrackSettings | null = null;
   private legend: ColorLegend | null = null;
   /** Additional text about the range. */
   private note = "";
+  private lastWriteMs = 0;
 
   constructor(
     private readonly reel: Reel,
+    picture: Picture,
     private readonly player: Player,
   ) {
+    this.probe = new Probe(reel, picture, player);
     const isSegmented = reel.segments.segments.length > 1; // tracks cannot color several segments
     const tracks = isSegmented ? [] : reel.file.info.tracks;
     byId("tracks").hidden = tracks.length === 0;
@@ -90,11 +97,19 @@ export class TrackPanel {
     return this.legend && { ...this.legend, title: this.label, note: this.note };
   }
 
-  /** Clear the settings when a heat map has replaced the track. */
-  update(): void {
-    if (!this.settings || this.player.hasTrack) return;
-    this.settings = null;
-    this.setLegend(null);
+  pick(result: Picked | null): void {
+    this.probe.pick(result);
+  }
+
+  update(frame: number, playing: boolean): void {
+    if (this.settings && !this.player.hasTrack) {
+      this.settings = null; // replaced by a heat map
+      this.setLegend(null);
+    }
+    const now = performance.now();
+    const writesValues = !playing || now - this.lastWriteMs > 200;
+    if (writesValues) this.lastWriteMs = now;
+    this.probe.update(frame, writesValues);
   }
 
   private change(changes: Partial<TrackSettings>): void {
@@ -123,6 +138,7 @@ export class TrackPanel {
   private setLegend(legend: ColorLegend | null): void {
     this.legend = legend;
     this.updateControls();
+    this.probe.setTrack(legend, this.label);
     this.player.onChange();
   }
 
