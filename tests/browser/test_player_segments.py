@@ -1,7 +1,6 @@
 """`meshreel view` and `export` play files with several segments."""
 
 import subprocess
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,8 +15,8 @@ FRAMES = [0, 5, 6, 9, 2, 10, 7]
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    grid, sheet = replace(waving_grid(6), fps=24.0), quad_sheet(4)
-    sequence = meshreel.concatenate([grid, sheet, replace(grid, vertices=grid.vertices[:3])])
+    grid, sheet = waving_grid(6).replace(fps=24.0), quad_sheet(4)
+    sequence = meshreel.concatenate([grid, sheet, grid.replace(vertices=grid.vertices[:3])])
     path = tmp_path_factory.mktemp("segments") / "three.reel"
     path.write_bytes(meshreel.encode(sequence))
     return path

@@ -75,7 +75,7 @@ def files():
 def with_material(sheet, material, images=()):
     groups = FaceGroups("material", (material.name,), np.zeros(len(sheet.faces), np.int32))
     surface = replace(sheet.surface, groups=(groups,), materials=(material,), images=images)
-    return replace(sheet, surface=surface)
+    return sheet.replace(surface=surface)
 
 
 def golden_sheet():

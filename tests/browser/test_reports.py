@@ -1,7 +1,5 @@
 """Reports of `evaluate`, `paper` and `batch` on a phone and on a desktop."""
 
-from dataclasses import replace
-
 import pytest
 
 import meshreel
@@ -43,7 +41,7 @@ def inputs(tmp_path_factory):
     grid = waving_grid(6)
     meshreel.save(grid, folder / f"{NAME}.npz")
     heat = meshreel.Track(grid.vertices[..., 2].copy(), unit="K")
-    meshreel.save(replace(grid, tracks={NAME: heat}), folder / "warm.npz")
+    meshreel.save(grid.replace(tracks={NAME: heat}), folder / "warm.npz")
     for number, sheet in enumerate((waving_grid(2), waving_grid(2, 5, 6))):
         meshreel.save(sheet, folder / "frames" / f"{number}_%d.ply")
     (folder / "inputs").mkdir()

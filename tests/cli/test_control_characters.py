@@ -45,8 +45,7 @@ def folder(tmp_path, monkeypatch):
     sheets = two_sheets()
     surface, hostile = sheets.surface, [f"{number}{HOSTILE}" for number in range(2)]
     names = zip(surface.attributes, hostile, strict=True)
-    sequence = replace(
-        sheets,
+    sequence = sheets.replace(
         name=f"shot{HOSTILE}",
         surface=replace(
             surface,
@@ -66,7 +65,7 @@ def folder(tmp_path, monkeypatch):
             )
         },
     )
-    meshreel.save(replace(sequence, surface=replace(sequence.surface, images=())), "a.npz")
+    meshreel.save(sequence.replace(surface=replace(sequence.surface, images=())), "a.npz")
     (tmp_path / "a.reel").write_bytes(meshreel.encode(sequence))
     return tmp_path
 

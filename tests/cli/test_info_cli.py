@@ -1,7 +1,5 @@
 """`meshreel info` on files of several formats."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -93,9 +91,9 @@ def test_info_of_a_stream_lists_twelve_segments_and_json_all(flickering, tmp_pat
 
 def test_info_lists_the_contents_of_several_segments_once(tmp_path):
     heats = [np.random.default_rng(1).random((1, 99)), np.arange(30.0).reshape(1, 30)]
-    sheets = [waving_grid(1), quad_sheet(1), replace(quad_sheet(1), surface=waving_grid(1).surface)]
+    sheets = [waving_grid(1), quad_sheet(1), quad_sheet(1).replace(surface=waving_grid(1).surface)]
     tracked = [
-        replace(one, fps=25.0, tracks={"heat": Track(heat, unit="K")})
+        one.replace(fps=25.0, tracks={"heat": Track(heat, unit="K")})
         for one, heat in zip(sheets, [*heats, heats[1]], strict=True)
     ]
     data = meshreel.encode(meshreel.concatenate(tracked), tracks={"heat": 0.01})

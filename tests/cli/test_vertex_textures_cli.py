@@ -1,7 +1,6 @@
 """Vertex animation textures written by `meshreel decode` and `convert`."""
 
 import json
-from dataclasses import replace
 
 import pytest
 
@@ -43,7 +42,7 @@ def test_convert_uses_layout_and_textures(tmp_path):
 
 
 def test_convert_writes_textures_of_each_segment_with_split(tmp_path):
-    segments = [replace(one, fps=25.0) for one in (waving_grid(4), waving_grid(3, 5, 6))]
+    segments = [one.replace(fps=25.0) for one in (waving_grid(4), waving_grid(3, 5, 6))]
     data = meshreel.encode(meshreel.concatenate(segments), max_error=0.01)
     (tmp_path / "walk.reel").write_bytes(data)
     words = ("convert", "walk.reel", "-o", "walk.vat/")

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
-from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -300,7 +299,7 @@ def test_export_rejects_a_texture_that_cannot_be_shown(page, reel, tmp_path):
 
 @pytest.mark.slow
 def test_view_plays_the_complete_blocks_when_the_file_is_truncated(page, tmp_path):
-    data = meshreel.encode(replace(waving_grid(12), name=""), block_frames=4)
+    data = meshreel.encode(waving_grid(12).replace(name=""), block_frames=4)
     (tmp_path / "cut.reel").write_bytes(data[:-150])
     with viewing(page, tmp_path / "cut.reel") as (_, port):
         facts = get_json(port, "/api/facts")
@@ -315,7 +314,7 @@ def tracked(tmp_path):
     grid = waving_grid()
     tracks = {"height": meshreel.Track(grid.vertices[:, :, 2].astype(np.float32), unit="m")}
     path = tmp_path / "tracked.reel"
-    path.write_bytes(meshreel.encode(replace(grid, tracks=tracks)))
+    path.write_bytes(meshreel.encode(grid.replace(tracks=tracks)))
     return path
 
 

@@ -52,7 +52,7 @@ def with_track(**options):
     """Return a stream with a track of zeros."""
     grid = waving_grid(4, 4, 5)
     tracks = {"still": Track(np.zeros((4, 20, 9), np.float32), "vertex", "other")}
-    return encode(replace(grid, tracks=tracks), tracks=options or None)
+    return encode(grid.replace(tracks=tracks), tracks=options or None)
 
 
 def with_modes_of_track(n_frames, n_modes):
@@ -85,7 +85,7 @@ def with_table():
         np.zeros((2, 2), np.float32),
         np.arange(20, dtype=np.int32) % 2,
     )
-    data = encode(replace(grid, surface=Surface(attributes=(uv,))))
+    data = encode(grid.replace(surface=Surface(attributes=(uv,))))
 
     def change(section, payload):
         if section is not Section.ATTRIBUTE:
@@ -176,7 +176,7 @@ def test_a_block_decodes_within_a_limit_that_the_whole_exceeds():
 def test_the_limit_covers_frames_and_tracks_together():
     grid = waving_grid(300, 4, 5)
     still = Track(np.zeros((300, 20, 9), np.float32), "vertex", "other")
-    data = encode(replace(grid, tracks={"still": still}), block_frames=9)
+    data = encode(grid.replace(tracks={"still": still}), block_frames=9)
     needed = 300 * 20 * (12 + 36)
     with pytest.raises(MemoryLimitError, match=r"with their tracks, would take 288 kB"):
         decode(data, memory=needed - 1)

@@ -93,7 +93,7 @@ def textured():
     silk = replace(silk, emissive=(3.0, 1.0, 0.5))
     sequence = dressed()
     surface = replace(sequence.surface, materials=(silk, linen), images=(png(), png(64, "dark")))
-    return replace(sequence, surface=surface)
+    return sequence.replace(surface=surface)
 
 
 CASES = {
@@ -134,7 +134,7 @@ def test_the_validator_accepts_written_files(tmp_path):
             write(paths[-1], stream_of(make()), WriteOptions(**options))
     paths.append(tmp_path / "segments.glb")
     meshreel.save(
-        meshreel.concatenate([dressed(4), replace(flag(3), fps=24.0), dressed(1)]), paths[-1]
+        meshreel.concatenate([dressed(4), flag(3).replace(fps=24.0), dressed(1)]), paths[-1]
     )
     for path, report in zip(paths, reports_of(*paths), strict=True):
         messages = [one for one in report["issues"]["messages"] if not is_harmless(one)]
@@ -173,7 +173,7 @@ def test_the_browser_plays_the_frames(page, tmp_path, case):
     times = [sequence.start_s + frame / sequence.fps for frame in frames]
     positions, picture = play(page, tmp_path / "a.glb", times)
     sources = split_sources(sequence)
-    shown = replace(sequence, vertices=sequence.vertices[frames][:, sources], surface=Surface())
+    shown = sequence.replace(vertices=sequence.vertices[frames][:, sources], surface=Surface())
     error = largest_error_percent(shown, positions)
     # Chosen frames may have a smaller diagonal than all of them.
     whole, part = (np.linalg.norm(one.extent.high - one.extent.low) for one in (sequence, shown))

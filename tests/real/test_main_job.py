@@ -1,7 +1,6 @@
 """Rates and errors of real sequences, in the folder MESHREEL_DATA."""
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +49,7 @@ def test_default_encoding_stays_within_its_limits(name):
 def test_samba_round_trips_through_obj_files(tmp_path):
     """Other tests cover coding of the same arrays."""
     sequence = load("samba")
-    sequence = replace(sequence, vertices=sequence.vertices[:40])
+    sequence = sequence.replace(vertices=sequence.vertices[:40])
     (tmp_path / "frames").mkdir()
     meshreel.save(sequence, tmp_path / "frames" / "samba_%d.obj")
     from_files = meshreel.load(tmp_path / "frames", fps=sequence.fps)

@@ -1,7 +1,5 @@
 """Sequences with tracks of every domain, kind and type, and comparisons."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from meshreel.model.surface import Domain
@@ -28,7 +26,7 @@ def tracked_sheet(n_frames=6, domains=tuple(Domain)):
             f"step_{domain}": Track(rng.integers(-(2**62), 2**62, shape), domain),
             f"tensor_{domain}": Track(rng.normal(size=(*shape, 9)).astype(np.float32), domain),
         }
-    return replace(sheet, tracks=tracks)
+    return sheet.replace(tracks=tracks)
 
 
 def assert_same_tracks(found, expected):

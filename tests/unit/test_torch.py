@@ -3,7 +3,6 @@
 import pickle
 import sys
 from collections import Counter
-from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -127,7 +126,7 @@ def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
         name: meshreel.Track(np.where(np.isinf(one.values), 0, one.values), one.domain, one.kind)
         for name, one in sheet.tracks.items()
     }
-    sheet = replace(sheet, tracks=tracks)
+    sheet = sheet.replace(tracks=tracks)
     bounds = {name: "1%" for name, one in sheet.tracks.items() if one.values.dtype.kind == "f"}
     (tmp_path / "lossy.reel").write_bytes(meshreel.encode(sheet, tracks=bounds))
     (tmp_path / "exact.reel").write_bytes(meshreel.encode(sheet, lossless=True))
@@ -145,7 +144,7 @@ def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
 
 
 def test_each_segment_is_a_sequence(tmp_path):
-    whole = MeshSequence.of_segments([waving_grid(6), replace(quad_sheet(4), fps=25.0)])
+    whole = MeshSequence.of_segments([waving_grid(6), quad_sheet(4).replace(fps=25.0)])
     path = tmp_path / "two.reel"
     path.write_bytes(meshreel.encode(whole))
     dataset = ReelDataset(path, 2)

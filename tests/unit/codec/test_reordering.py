@@ -28,7 +28,7 @@ def textured(n_frames=6, *, has_uv=True):
     groups = (FaceGroups("material", ("skin", "cloth"), np.arange(n_faces, dtype=np.int32) % 2),)
     surface = Surface(attributes=attributes, groups=groups) if has_uv else Surface()
     heat = rng.random((n_frames, grid.n_verts)).astype(np.float32)
-    return replace(grid, fps=25, surface=surface, tracks={"heat": Track(heat)})
+    return grid.replace(fps=25, surface=surface, tracks={"heat": Track(heat)})
 
 
 def shuffled(sequence, seed):
@@ -52,8 +52,7 @@ def shuffled(sequence, seed):
         name: Track(one.values[:, of_verts], one.domain, one.kind, one.unit)
         for name, one in sequence.tracks.items()
     }
-    return replace(
-        sequence,
+    return sequence.replace(
         vertices=sequence.vertices[:, of_verts],
         faces=faces,
         surface=replace(surface, attributes=attributes, groups=groups),
@@ -84,7 +83,7 @@ def test_segments_in_another_order_are_joined_exactly():
 
 def test_irregular_faces_alone_prove_the_order():
     grid = textured(4, has_uv=False)
-    notched = replace(grid, faces=np.delete(grid.faces, [3, 40], axis=0))
+    notched = grid.replace(faces=np.delete(grid.faces, [3, 40], axis=0))
     joined = without_reordering(in_orders(notched, range(2), range(2, 4)), "drop")
     [found] = joined.segments
     np.testing.assert_array_equal(positions_of(found), shuffled(notched, 0).vertices)
@@ -92,7 +91,7 @@ def test_irregular_faces_alone_prove_the_order():
 
 def test_positions_of_a_mesh_at_rest_prove_the_order():
     grid = textured(2, has_uv=False)
-    still = replace(grid, vertices=grid.vertices[[0, 0]])
+    still = grid.replace(vertices=grid.vertices[[0, 0]])
     [found] = without_reordering(in_orders(still, range(1), range(1, 2)), "drop").segments
     np.testing.assert_array_equal(positions_of(found), shuffled(still, 0).vertices)
 
@@ -110,7 +109,7 @@ def test_an_order_that_is_kept_separates_segments(order):
 
 def changed(sequence, **changes):
     surface = replace(sequence.surface, **changes)
-    return replace(sequence, surface=surface)
+    return sequence.replace(surface=surface)
 
 
 @pytest.mark.parametrize(
@@ -134,9 +133,9 @@ def changed(sequence, **changes):
             ),
             3,
         ),
-        lambda one: shuffled(replace(one, tracks={}), 3),
-        lambda one: shuffled(replace(one, faces=one.faces[:, ::-1]), 3),
-        lambda one: shuffled(replace(one, faces=one.faces[:-1], surface=Surface()), 3),
+        lambda one: shuffled(one.replace(tracks={}), 3),
+        lambda one: shuffled(one.replace(faces=one.faces[:, ::-1]), 3),
+        lambda one: shuffled(one.replace(faces=one.faces[:-1], surface=Surface()), 3),
     ],
 )
 def test_other_meshes_and_data_are_not_joined(change):
@@ -145,7 +144,7 @@ def test_other_meshes_and_data_are_not_joined(change):
 
 
 def test_streams_of_reordered_frames_have_one_segment_and_keep_their_bound():
-    plain = replace(textured(12), tracks={})
+    plain = textured(12).replace(tracks={})
     sequence = in_orders(plain, *(range(n, n + 1) for n in range(12)))
     data = meshreel.encode(sequence, max_error=0.1, order="drop")
     decoded = meshreel.decode(data)
@@ -160,7 +159,7 @@ def test_encode_states_that_segments_of_files_were_joined(tmp_path):
     plain = textured(4)
     names = []
     for seed, one in enumerate(in_orders(plain, range(2), range(2, 4)).segments):
-        meshreel.save(replace(one, tracks={}), tmp_path / "frames" / f"{'ab'[seed]}_%d.ply")
+        meshreel.save(one.replace(tracks={}), tmp_path / "frames" / f"{'ab'[seed]}_%d.ply")
         names.append(one.name)
     figures = run_json("encode", tmp_path / "frames", "-o", tmp_path / "a.reel", "--order", "drop")
     assert figures["n_segments"] == 1

@@ -3,7 +3,7 @@
 import json
 import os
 import signal
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -85,7 +85,7 @@ def test_input_whose_faces_change_becomes_segments(tmp_path, out):
     folder = tmp_path / "in" / "scan"
     folder.mkdir(parents=True)
     heat = np.random.default_rng(2).random((3, 99)).astype(np.float32)
-    meshreel.save(replace(waving_grid(3), tracks={"heat": Track(heat)}), folder / "a_%d.ply")
+    meshreel.save(waving_grid(3).replace(tracks={"heat": Track(heat)}), folder / "a_%d.ply")
     meshreel.save(quad_sheet(2), folder / "b_%d.ply")
     reading = ReadOptions(attributes=["uv", "none such"])
     config = config_of(max_error=0.3)

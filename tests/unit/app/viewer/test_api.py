@@ -1,7 +1,6 @@
 """Data that the player page requests."""
 
 import json
-from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
@@ -45,7 +44,7 @@ def test_facts_describe_the_file():
 
 
 def test_name_is_that_of_the_file_when_the_stream_has_no_name():
-    with opened_api(replace(waving_grid(3), name="")) as api:
+    with opened_api(waving_grid(3).replace(name="")) as api:
         assert get_json(api, "api/facts")["name"] == "file"
 
 
@@ -76,7 +75,7 @@ def test_swept_points_are_extreme_in_all_frames_when_there_is_one_block():
 def test_swept_points_ignore_vertices_without_faces():
     grid = waving_grid(3, dtype=np.float64)
     away = np.full((3, 1, 3), 50.0)
-    isolated = replace(grid, vertices=np.concatenate([grid.vertices, away], axis=1))
+    isolated = grid.replace(vertices=np.concatenate([grid.vertices, away], axis=1))
     with opened_api(isolated, encoding={"step": 1e-6}) as api:
         facts, origin = get_json(api, "api/facts"), np.array(api.reel.frame.origin)
     swept = np.array(facts["swept"]) + origin
@@ -128,7 +127,7 @@ def test_worst_frame_has_the_largest_error_when_all_are_measured():
     grid = waving_grid(5, dtype=np.float64)
     other = grid.vertices.copy()
     other[3, 7] += 0.3
-    with opened_api(grid, replace(grid, vertices=other), encoding={"step": 1e-6}) as api:
+    with opened_api(grid, grid.replace(vertices=other), encoding={"step": 1e-6}) as api:
         assert get_json(api, "api/plots")["worst_frame"] is None
         api.measuring.run()
         assert get_json(api, "api/plots")["worst_frame"] == 3
@@ -180,7 +179,7 @@ def with_tracks(grid):
         "heat": Track(heat, domain="face"),
         "part": Track((9 * height).astype(np.int32)),
     }
-    return replace(grid, tracks=tracks)
+    return grid.replace(tracks=tracks)
 
 
 def test_facts_contain_the_look_of_the_initial_track():
@@ -217,9 +216,9 @@ def test_facts_contain_tracks_of_the_original_when_there_is_one():
 
 
 def test_tracks_of_the_original_have_the_decoded_vertex_order_when_the_order_is_dropped():
-    grid = replace(with_tracks(waving_grid(4)), tracks={})
+    grid = with_tracks(waving_grid(4)).replace(tracks={})
     height = Track(grid.vertices[:, :, 2].astype(np.float32))
-    grid = replace(grid, tracks={"height": height})
+    grid = grid.replace(tracks={"height": height})
     with opened_api(grid, grid, encoding={"order": "drop"}) as api:
         original = np.frombuffer(api.answer("api/original_track/0/3").body, "<f4")
         errors = np.abs(original - api.reel.track("height")[3].ravel())
@@ -231,7 +230,7 @@ def test_tracks_are_not_compared_when_their_kinds_differ():
     grid = with_tracks(waving_grid(4))
     height = grid.tracks["height"].values
     others = {"height": Track(height, kind="other"), "heat": height, "part": height}
-    with opened_api(grid, replace(grid, tracks=others)) as api:
+    with opened_api(grid, grid.replace(tracks=others)) as api:
         facts = get_json(api, "api/facts")["original"]
         assert (facts["tracks"], facts["track_heats"]) == ([], [])
         assert api.answer("api/original_track/0/0") is None
@@ -260,7 +259,7 @@ def test_tracks_of_a_lossless_file_are_exact_when_it_is_reencoded(monkeypatch):
 
 @pytest.fixture
 def segmented():
-    grid, sheet = replace(waving_grid(6), fps=24.0), quad_sheet(4)
+    grid, sheet = waving_grid(6).replace(fps=24.0), quad_sheet(4)
     data = encode(concatenate([grid, sheet]))
     with ReelFile(BytesIO(data)) as file:
         yield file, data

@@ -2,7 +2,6 @@
 
 import json
 from base64 import b64decode
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,7 +91,7 @@ def with_tracks(grid, sign=1):
         "heat": Track(sign * heat, domain="face"),
         "part": Track(sign * (9 * height).astype(np.int32)),
     }
-    return replace(grid, tracks=tracks)
+    return grid.replace(tracks=tracks)
 
 
 ENCODING = {"tracks": {"height": "5%", "heat": "exact"}}
@@ -125,7 +124,7 @@ def test_page_contains_exact_tracks_of_the_original_when_they_differ(tmp_path):
 def test_page_contains_polygon_tracks_of_the_original(tmp_path):
     sheet = quad_sheet(3)
     heat = np.random.default_rng(0).random((3, sheet.surface.n_faces(sheet.n_faces)))
-    sheet = replace(sheet, tracks={"heat": Track(heat.astype(np.float32), domain="face")})
+    sheet = sheet.replace(tracks={"heat": Track(heat.astype(np.float32), domain="face")})
     _, data, _ = exported(tmp_path / "p.html", sheet, sheet)
     assert decode(data["original"]).tracks["heat"].shape == (3, heat.shape[1], 1)
 
@@ -166,7 +165,7 @@ def test_exported_player_includes_the_texture(tmp_path, is_split):
 
 
 def test_stream_is_named_after_the_page_when_it_is_a_separate_file(tmp_path):
-    with opened_api(replace(waving_grid(2), name="")) as api:
+    with opened_api(waving_grid(2).replace(name="")) as api:
         export_page(api, tmp_path / "index.html", page=PAGE, split=True)
     names = sorted(path.name for path in tmp_path.iterdir())
     assert names == sorted(["index.html", "index.reel", "player.js"])

@@ -1,6 +1,5 @@
 """Comparison of a file and its original: vertex matching and errors."""
 
-from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
@@ -80,7 +79,7 @@ def test_original_may_be_longer_only_when_the_file_is_truncated(opened):
     original = Original(sequence, opened(data[:-200]))
     np.testing.assert_array_equal(original.frame(7), sequence.vertices[7])
     with pytest.raises(InvalidInputError, match="the original has 8 frames and the file 11"):
-        Original(replace(sequence, vertices=sequence.vertices[:8]), opened(data))
+        Original(sequence.replace(vertices=sequence.vertices[:8]), opened(data))
 
 
 def test_measured_errors_equal_those_of_compare(opened):
@@ -167,11 +166,11 @@ def test_heat_is_finite_when_the_model_is_a_point(opened):
 def test_errors_of_tracks_without_a_bound_are_sampled_up_to_both_ends(opened, place):
     grid = waving_grid(12)
     values = np.zeros((12, 99))
-    sequence = replace(grid, tracks={"heat": Track(values, unit="K")})
+    sequence = grid.replace(tracks={"heat": Track(values, unit="K")})
     reel = opened(encode(sequence, tracks={"heat": "1%"}))
     reel.tracks["heat"].error_bound = None  # as of a live recording
     values[place] = 7.0
-    original = Original(replace(grid, tracks={"heat": Track(values, unit="K")}), reel)
+    original = Original(grid.replace(tracks={"heat": Track(values, unit="K")}), reel)
     [heat] = TrackComparison(reel, original).described()
     assert heat["maximum"] == (7.0 if place[0] in (0, 5, 11) else 0.0)
     assert (heat["label"], heat["unit"]) == ("error of heat", "K")
