@@ -27,9 +27,9 @@ import numpy as np
 
 import meshreel
 from measuring import medians, print_table, rounds
-from meshreel.formats.meshes.obj import parse_obj
-from meshreel.formats.vtk.xml_file import parse_vtk_xml
-from meshreel.formats.vtk.xml_tree import parse_xml
+from meshreel.formats.meshes.obj import read_obj
+from meshreel.formats.vtk.xml_arrays import parse_xml
+from meshreel.formats.vtk.xml_file import read_frame
 from meshreel.formats.vtk.xml_writing import vtu_encoder
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import MeshSequence
@@ -346,9 +346,9 @@ def bench_obj(sequence: MeshSequence, repeats: int) -> None:
         "tinyobjloader": ("tinyobjloader", partial(with_file, read_by_tiny, ".obj")),
         "vtk": ("vtkmodules", partial(with_file, partial(read_by_vtk, "vtkOBJReader"), ".obj")),
     }
-    readers: Tasks = {"own": lambda data: parse_obj(data).vertices, **available(libraries)}
+    readers: Tasks = {"own": lambda data: read_obj(data).mesh.vertices, **available(libraries)}
     title = f"read OBJ, {len(data):,} bytes"
-    compare_readers(title, readers, data, parse_obj(data).vertices, repeats)
+    compare_readers(title, readers, data, read_obj(data).mesh.vertices, repeats)
 
 
 def vtu_writers(sequence: MeshSequence) -> Tasks:
@@ -400,7 +400,7 @@ def bench_vtu(sequence: MeshSequence, repeats: int) -> None:
         "meshio": ("meshio", partial(with_file, read_by_meshio, ".vtu")),
         "vtk": ("vtkmodules", partial(with_file, by_vtk, ".vtu")),
     }
-    readers: Tasks = {"own": lambda data: parse_vtk_xml(data).vertices, **available(libraries)}
+    readers: Tasks = {"own": lambda data: read_frame(data).mesh.vertices, **available(libraries)}
     wanted = np.asarray(sequence.vertices[0], np.float32)
     compare_readers("read VTU", readers, data, wanted, repeats)
 

@@ -20,11 +20,11 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load_any, open_for_encoding
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
+from meshreel.formats.notes import NoteKind, is_of_kind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
-from meshreel.formats.segments import FACES_CHANGE
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.runtime.extras import require
@@ -366,7 +366,7 @@ def _source(
         limit = None if memory is None else bytes_of(memory, "memory")
         options = ReadOptions(notes=notes, matches_frames=matches_frames)
         source = open_for_encoding(sequence, limit, options)
-        _warn([note for note in notes if warns_of_changes or not note.startswith(FACES_CHANGE)])
+        _warn(note for note in notes if warns_of_changes or not is_of_kind(note, NoteKind.SEGMENTS))
         return source
     return _sequence(sequence)
 

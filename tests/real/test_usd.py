@@ -142,7 +142,7 @@ def test_holes_of_a_mesh_stay_open(folder, name, mesh, n_faces):
     solid = np.setdiff1d(np.arange(len(counts)), prim.GetHoleIndicesAttr().Get())
     assert len(found.faces) == (counts[solid] - 2).sum() == n_faces
     np.testing.assert_array_equal(found.surface.face_sizes, counts[solid])
-    assert f"left out: subdivision of {mesh}, whose cage is read" in notes
+    assert f"left out: subdivision, whose cages are read: {mesh}" in notes
 
 
 def test_skip_bad_leaves_out_bad_meshes(folder):

@@ -3,7 +3,10 @@
 from pathlib import Path
 
 from meshreel.errors import FormatError
-from meshreel.formats.remote import download_sibling
+from meshreel.runtime.stores.transfer import download, exists, sibling
+
+DOWNLOADED: dict[Path, str] = {}
+"""Address of the downloaded file in each temporary folder that exists."""
 
 
 def resolve_reference(source: Path, reference: str, *, allow_outside: bool) -> Path:
@@ -43,3 +46,27 @@ def outside_error(reference: str) -> FormatError:
         f"refers to the file {reference[:200]!r} outside its folder; move it into the folder, or "
         "allow it with --allow-outside (allow_outside=)"
     )
+
+
+def download_sibling(path: Path) -> bool:
+    """Download a file next to a downloaded one that refers to it; return whether it now exists.
+
+    Parameters
+    ----------
+    path : Path
+        Expected local path.
+
+    Raises
+    ------
+    StoreError
+        If the store cannot be reached.
+    """
+    for place, address in DOWNLOADED.items():
+        if path.is_relative_to(place):
+            other = sibling(address, path.relative_to(place).as_posix())
+            if not exists(other):
+                return False
+            path.parent.mkdir(parents=True, exist_ok=True)
+            download(other, path)
+            return True
+    return False

@@ -11,24 +11,21 @@ from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import open_for_inspection
-from meshreel.formats.notes import LEFT_OUT
+from meshreel.formats.notes import Note, NoteKind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.scene_source import selected_meshes
-from meshreel.formats.scenes.timing import frame_times
+from meshreel.formats.scenes.scene_source import open_mesh, selected_meshes
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
-from meshreel.model.extent import bounding_boxes
-from meshreel.model.sequence import FrameSource, MeshSequence, mesh_digest
+from meshreel.model.sequence import FrameSource, MeshSequence, positions_size_bytes
 from meshreel.model.surface_description import (
     describe_attributes,
     describe_images,
     describe_materials,
 )
 from meshreel.model.tracks import TrackSource, describe_track
-from meshreel.model.validation import validate_finite
-from meshreel.runtime.progress import Count, Progress
+from meshreel.runtime.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -123,8 +120,11 @@ class SourceInfo:
     @property
     def left_out(self) -> tuple[str, ...]:
         """Contents of the file that no output would have."""
-        matching = (note for note in self.notes if note.startswith(LEFT_OUT))
-        return tuple(note.removeprefix(LEFT_OUT) for note in matching)
+        return tuple(
+            note.contents
+            for note in self.notes
+            if isinstance(note, Note) and note.kind is NoteKind.LEFT_OUT
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Everything in plain types, for JSON."""
@@ -180,19 +180,24 @@ def animations_of(found: SourceFiles, options: ReadOptions) -> tuple[AnimationIn
 
 
 def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
-    path = found.paths[0]
-    if isinstance(found.format, SequenceFormat) and found.format.read_meshes is not None:
-        with errors_naming(path):
-            meshes = selected_meshes(found.format.read_meshes, path, options)
-            for number, mesh in enumerate(meshes):
-                try:
-                    yield _scene_mesh_info(mesh, options, number, len(meshes))
-                except MeshReelError as error:
-                    if len(meshes) == 1:
-                        raise
-                    yield _bad_mesh_info(mesh, str(error))
-    else:
+    path, form = found.paths[0], found.format
+    if not isinstance(form, SequenceFormat) or form.read_meshes is None:
         yield _sequence_info(open_for_inspection(found, options))
+        return
+    with errors_naming(path):
+        meshes = selected_meshes(form.read_meshes, path, options)
+    for number, mesh in enumerate(meshes):
+        progress = _with_mesh_number(options.progress, number, len(meshes))
+        reading = replace(options, progress=progress, max_loaded_bytes=0)
+        try:
+            runs = list(open_mesh(mesh, path, reading))
+        except MeshReelError as error:
+            if len(meshes) == 1:
+                raise
+            yield _bad_mesh_info(mesh, str(error).removeprefix(f"{path}: "))
+        else:
+            sequence = MeshSequence.of_segments(runs)
+            yield replace(_sequence_info(sequence), name=mesh.name)
 
 
 def _sequence_info(sequence: FrameSource) -> MeshInfo:
@@ -235,82 +240,12 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         describe_materials(sequence.surface),
         describe_images(sequence.surface),
         _described_tracks(sequence.tracks),
-        raw_size_bytes=_raw_size_bytes(
-            sequence.n_frames * sequence.n_verts, sequence.dtype, n_faces
-        ),
+        raw_size_bytes=positions_size_bytes(sequence) + sequence.faces.nbytes,
     )
-
-
-def _raw_size_bytes(n_positions: int, dtype: np.dtype[np.floating], n_faces: int) -> int:
-    """Uncompressed bytes of positions and triangles."""
-    return 3 * n_positions * dtype.itemsize + 12 * n_faces
 
 
 def _described_tracks(tracks: Mapping[str, TrackSource]) -> tuple[str, ...]:
     return tuple(f"{name}: {describe_track(track)}" for name, track in tracks.items())
-
-
-def _scene_mesh_info(mesh: SceneMesh, options: ReadOptions, number: int, n_meshes: int) -> MeshInfo:
-    first, timing = mesh.frame(0), frame_times(mesh.times_s)
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    dtype, n_segments = first.vertices.dtype, 1
-    n_frames, segment = len(mesh.times_s), first
-    n_verts, n_polygons = len(first.vertices), len(first.counts)
-    n_faces = int((first.counts - 2).sum())
-    n_positions, n_stored_faces = 0, n_faces
-    digests = {mesh_digest(n_verts, first.counts, first.corners)}
-    progress = _with_mesh_number(options.progress, number, n_meshes)
-    for index in range(n_frames):
-        frame = mesh.frame(index) if index else first
-        if frame.difference(segment):
-            segment, n_segments = frame, n_segments + 1
-            n_verts = max(n_verts, len(frame.vertices))
-            n_polygons = max(n_polygons, len(frame.counts))
-            n_faces = max(n_faces, int((frame.counts - 2).sum()))
-            n_stored_faces += int((frame.counts - 2).sum())
-            digests.add(mesh_digest(len(frame.vertices), frame.counts, frame.corners))
-        n_positions += len(frame.vertices)
-        vertices = frame.vertices[np.newaxis]
-        validate_finite(vertices, first_frame=index)
-        dtype = np.promote_types(dtype, vertices.dtype)
-        lows, highs = bounding_boxes(vertices)
-        low, high = np.minimum(low, lows[0]), np.maximum(high, highs[0])
-        progress("reading", Count(index + 1, n_frames, "frames"))
-    if not timing.is_even:
-        options.notes.append(f"frame times are uneven; read as {timing.fps:g} frames per second")
-    surface = mesh.surface(0)
-    return replace(
-        _shape_info(mesh, options),
-        n_verts=n_verts,
-        n_faces=n_faces,
-        n_polygons=n_polygons,
-        vertex_type=str(dtype),
-        low=tuple(low.tolist()),
-        high=tuple(high.tolist()),
-        attributes=describe_attributes(surface),
-        parts=tuple(part.name for part in surface.parts),
-        materials=describe_materials(surface),
-        images=describe_images(surface),
-        tracks=_described_tracks(mesh.tracks(range(n_frames))) if n_segments == 1 else (),
-        n_segments=n_segments,
-        n_meshes=len(digests),
-        raw_size_bytes=_raw_size_bytes(n_positions, dtype, n_stored_faces),
-    )
-
-
-def _shape_info(mesh: SceneMesh, options: ReadOptions) -> MeshInfo:
-    """Describe counts, type and times of a mesh from its first frame and times."""
-    first, timing = mesh.frame(0), frame_times(mesh.times_s)
-    return MeshInfo(
-        mesh.name,
-        len(mesh.times_s),
-        len(first.vertices),
-        int((first.counts - 2).sum()),
-        len(first.counts),
-        options.fps or mesh.fps or timing.fps,
-        timing.start_s,
-        str(first.vertices.dtype),
-    )
 
 
 def _bad_mesh_info(mesh: SceneMesh, problem: str) -> MeshInfo:

@@ -1,137 +1,210 @@
 """Notes for the user on what a reader or writer leaves out, worded alike for every format."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from enum import StrEnum
 
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.runtime.counting import counted
 
-LEFT_OUT = "left out: "
-"""Start of notes on input contents that no output will have."""
-
-
-NORMALS_LEFT_OUT = f"{LEFT_OUT}normals, which programs compute"
-"""Note on stored normals."""
-
-NORMALS_FAR = "normals do not follow from the faces at "
-"""Start of the note on stored normals that differ from the computed ones."""
-
 ASSUMED_FPS = 24
 """Frame rate that our players assume for streams without one."""
 
+NORMALS = "normals, which programs compute"
+"""Subject of notes on stored normals."""
+
+CAGES = "subdivision, whose cages are read"
+"""Subject of notes on subdivision surfaces, which name the meshes."""
+
 UNCHANGING = "data with a single sample, which cannot be a track"
-"""How notes name velocities and the like that have only one sample."""
+"""Subject of notes on velocities and the like that have only one sample."""
 
 
-def note_left_out(notes: list[str], what: str) -> None:
-    """Add a note that something is left out, once.
+class NoteKind(StrEnum):
+    """What a note reports."""
+
+    LEFT_OUT = "left out"
+    """Contents of an input that no output will have."""
+    UNWRITTEN = "unwritten"
+    """Contents that an output cannot store."""
+    CHANGED = "changed"
+    """Contents that are read or written otherwise than they were given."""
+    UNKNOWN = "unknown"
+    """What an input does not state, and what is used instead."""
+    SEGMENTS = "segments"
+    """Ranges of frames with other faces."""
+
+
+_BEGINNINGS = {NoteKind.LEFT_OUT: "left out: "}
+
+
+class Note(str):
+    """A sentence for the user; a value that never changes.
 
     Parameters
     ----------
-    what : str
-        Kind and names, as in "fields that change over time: pressure, velocity".
+    kind : NoteKind
+    subject : str
+        What the note is about, such as "curves", "frame rate" or the name of a track.
+    names : sequence of str
+        Names of the things that it lists.
+    text : str, optional
+        The sentence; default: the subject with the names.
     """
-    note = f"{LEFT_OUT}{what}"
-    if note not in notes:
+
+    __slots__ = ("kind", "names", "subject")
+
+    kind: NoteKind
+    subject: str
+    names: tuple[str, ...]
+
+    def __new__(
+        cls, kind: NoteKind, subject: str, names: Sequence[str] = (), text: str = ""
+    ) -> "Note":
+        """Return a note."""
+        contents = f"{subject}: {listed(names)}" if names else subject
+        note = super().__new__(cls, text or _BEGINNINGS.get(kind, "") + contents)
+        for name, value in (("kind", kind), ("subject", subject), ("names", tuple(names))):
+            object.__setattr__(note, name, value)
+        return note
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a note cannot be changed; {name!r} was assigned")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Return the arguments of `__new__`, for pickles."""
+        return Note, (self.kind, self.subject, self.names, str(self))
+
+    @property
+    def contents(self) -> str:
+        """The subject with the names, as in "curves: /a, /b"."""
+        return f"{self.subject}: {listed(self.names)}" if self.names else self.subject
+
+
+def is_about(note: str, subject: str) -> bool:
+    """Whether a note has the given subject."""
+    return isinstance(note, Note) and note.subject == subject
+
+
+def is_of_kind(note: str, kind: NoteKind) -> bool:
+    """Whether a note is of the given kind."""
+    return isinstance(note, Note) and note.kind is kind
+
+
+def add_note(notes: list[str], kind: NoteKind, subject: str, text: str = "") -> None:
+    """Add a note, unless the notes contain the same sentence."""
+    if (note := Note(kind, subject, text=text)) not in notes:
         notes.append(note)
+
+
+def list_in_note(notes: list[str], kind: NoteKind, subject: str, names: Iterable[str]) -> None:
+    """List names in the note of this kind and subject, which is added if there is none."""
+    added = dict.fromkeys(names)
+    if not added:
+        return
+    for place, note in enumerate(notes):
+        if isinstance(note, Note) and note.names and (note.kind, note.subject) == (kind, subject):
+            notes[place] = Note(kind, subject, [*dict.fromkeys([*note.names, *added])])
+            return
+    notes.append(Note(kind, subject, [*added]))
+
+
+class GatheredNote:
+    """The note of a kind and subject, which lists more and more names.
+
+    Parameters
+    ----------
+    notes : list of str
+        Receives the note with the first name.
+    """
+
+    def __init__(self, notes: list[str], kind: NoteKind, subject: str) -> None:
+        self._notes, self._kind, self._subject = notes, kind, subject
+
+    def add(self, name: str) -> None:
+        """Add a name, unless it is already in the note."""
+        list_in_note(self._notes, self._kind, self._subject, [name])
+
+
+def note_left_out(notes: list[str], subject: str) -> None:
+    """Add a note that something is left out, once."""
+    add_note(notes, NoteKind.LEFT_OUT, subject)
+
+
+def note_kinds(notes: list[str], subject: str, names: Iterable[str]) -> None:
+    """Note that things of a kind are left out, as in "curves: /a, /b"; nothing if no names."""
+    list_in_note(notes, NoteKind.LEFT_OUT, subject, names)
 
 
 def listed(names: Iterable[str], most: int = 8) -> str:
     """Join names in one line, shortening long lists: "a, b and 3 more"."""
-    found = list(names)
-    rest = f" and {len(found) - most} more" if len(found) > most else ""
-    return ", ".join(found[:most]) + rest
+    every = list(names)
+    rest = f" and {len(every) - most} more" if len(every) > most else ""
+    return ", ".join(every[:most]) + rest
 
 
 def note_moving(notes: list[str], names: Iterable[str]) -> None:
     """Add a note on fields that are left out because they change over time."""
-    if found := list(dict.fromkeys(names)):
-        note_left_out(notes, f"fields that change over time: {listed(found)}")
+    note_kinds(notes, "fields that change over time", names)
 
 
 def note_frozen(notes: list[str], names: Iterable[str]) -> None:
     """Add a note on attributes whose changes are ignored."""
-    if found := list(dict.fromkeys(names)):
-        note_left_out(notes, f"changes over time of {listed(found)}, kept as in the first frame")
+    note_kinds(notes, "changes over time, kept as in the first frame", names)
+
+
+def note_normals(notes: list[str]) -> None:
+    """Add a note that stored normals are left out."""
+    add_note(notes, NoteKind.LEFT_OUT, NORMALS)
+
+
+def combined(notes: Iterable[str]) -> list[str]:
+    """Return notes on several segments, without those that differ from an earlier one in details.
+
+    Notes of the same kind on the same subject become the first of them, which then says that
+    others are similar.
+    """
+    alike: dict[object, list[str]] = {}
+    for note in notes:
+        key = (note.kind, note.subject) if isinstance(note, Note) else str(note)
+        alike.setdefault(key, []).append(note)
+    return [_with_similar(first, {*others} - {first}) for first, *others in alike.values()]
+
+
+def _with_similar(first: str, others: Collection[str]) -> str:
+    if not others or not isinstance(first, Note):
+        return first
+    text = f"{first}; other segments similarly"
+    return Note(first.kind, first.subject, first.names, text)
 
 
 def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
     """Add a note if an animation has no frame rate."""
     if n_frames > 1 and not fps:
-        notes.append(
+        add_note(
+            notes,
+            NoteKind.UNKNOWN,
+            "frame rate",
             "the frame rate is unknown, and stored as unknown: players assume "
-            f"{ASSUMED_FPS} frames per second; set it with --fps (fps=)"
+            f"{ASSUMED_FPS} frames per second; set it with --fps (fps=)",
         )
 
 
-def note_kinds(notes: list[str], kind: str, names: Iterable[str]) -> None:
-    """Add a note that things of a kind are left out, as in "curves: /a, /b"; none if no names."""
-    if found := list(dict.fromkeys(names)):
-        note_left_out(notes, f"{kind}: {listed(found)}")
+def note_written_rate(notes: list[str], fps: float) -> None:
+    """Add a note that a sequence without frame rate is written with one."""
+    text = f"the frame rate is unknown; written as {fps:g} fps"
+    add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
 
 
-def note_normals(notes: list[str]) -> None:
-    """Add a note that stored normals are left out."""
-    note_left_out(notes, NORMALS_LEFT_OUT.removeprefix(LEFT_OUT))
+def note_file_order(notes: list[str], fps: float) -> None:
+    """Add a note that frames are in file order because their times are not ascending."""
+    text = f"frame times are not ascending; read in file order at {fps:g} frames per second"
+    add_note(notes, NoteKind.CHANGED, "frame times", text)
 
 
-def describe_cages(names: Sequence[str]) -> str:
-    """Return the sentence on subdivision surfaces read as their cage, for a `GatheredNote`."""
-    cages = "whose cage is read" if len(names) == 1 else "whose cages are read"
-    return f"{LEFT_OUT}subdivision of {listed(names)}, {cages}"
-
-
-class GatheredNote:
-    """A note that is replaced by a longer one with each added name.
-
-    Parameters
-    ----------
-    notes : list of str
-        Receives the sentence.
-    sentence : function of a non-empty list of names
-        Returns the sentence; `listed` shortens long lists.
-    """
-
-    def __init__(self, notes: list[str], sentence: Callable[[Sequence[str]], str]) -> None:
-        self._notes, self._sentence = notes, sentence
-        self._names: list[str] = []
-
-    def add(self, name: str) -> None:
-        """Add a name, unless it is already in the note."""
-        if name in self._names:
-            return
-        if self._names and (previous := self._sentence(self._names)) in self._notes:
-            self._notes.remove(previous)
-        self._names.append(name)
-        self._notes.append(self._sentence(self._names))
-
-
-class MaterialNotes:
-    """Notes on materials that grow as further materials are read.
-
-    Parameters
-    ----------
-    notes : list of str
-        Receives a sentence for each property that is left out.
-    """
-
-    def __init__(self, notes: list[str]) -> None:
-        self._notes = notes
-        self._names: dict[str, dict[str, None]] = {}
-
-    def add(self, what: str, name: str) -> None:
-        """Add that a property of a material is left out."""
-        names = self._names.setdefault(what, {})
-        if name in names:
-            return
-        before = self._sentence(what)
-        names[name] = None
-        if before in self._notes:
-            self._notes[self._notes.index(before)] = self._sentence(what)
-        else:
-            self._notes.append(self._sentence(what))
-
-    def _sentence(self, what: str) -> str:
-        return f"{LEFT_OUT}{what}: {listed(self._names[what])}"
+def note_uneven_times(notes: list[str], fps: float) -> None:
+    """Add a note that uneven times of frames are read as a frame rate."""
+    text = f"frame times are uneven; read as {fps:g} frames per second"
+    add_note(notes, NoteKind.CHANGED, "frame times", text)
 
 
 def note_unwritten(
@@ -156,15 +229,17 @@ def note_unwritten(
         Whether the file stores parts, polygons, and hard edges.
     """
     everything: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
-    missing = [_describe(one) for one in everything if not any(one is other for other in written)]
+    missing = [
+        _describe(each) for each in everything if not any(each is other for other in written)
+    ]
     if surface.parts and not parts:
         missing.append(f"the names of {len(surface.parts)} parts")
     if surface.face_sizes is not None and not polygons:
         missing.append("faces with more than three corners, which are triangulated")
     if surface.hard_edges is not None and not hard_edges:
         missing.append(counted(len(surface.hard_edges), "hard edge"))
-    if missing and notes is not None:
-        notes.append(f"left out, as {extension} files cannot store it: {', '.join(missing)}")
+    if notes is not None:
+        _note_unwritable(notes, extension, missing)
 
 
 def note_unwritten_materials(surface: Surface, extension: str, notes: list[str]) -> None:
@@ -177,12 +252,17 @@ def note_unwritten_materials(surface: Surface, extension: str, notes: list[str])
     """
     missing = []
     if surface.materials:
-        missing.append(f"material properties ({listed(one.name for one in surface.materials)})")
+        missing.append(f"material properties ({listed(each.name for each in surface.materials)})")
     if n_images := len(surface.images):
         missing.append(f"{n_images} texture image{'s' if n_images > 1 else ''}")
-    note = f"left out, as {extension} files cannot store it: {' and '.join(missing)}"
-    if missing and note not in notes:
-        notes.append(note)
+    _note_unwritable(notes, extension, [" and ".join(missing)] if missing else [])
+
+
+def _note_unwritable(notes: list[str], extension: str, missing: Sequence[str]) -> None:
+    if missing:
+        subject = ", ".join(missing)
+        text = f"left out, as {extension} files cannot store it: {subject}"
+        add_note(notes, NoteKind.UNWRITTEN, subject, text)
 
 
 def note_unwritten_tracks(
@@ -198,8 +278,9 @@ def note_unwritten_tracks(
     which : str
         What the file cannot store, such as "tracks of corners".
     """
-    if found := list(names):
-        notes.append(f"tracks left out: {listed(found)}: {extension} cannot store {which}")
+    if every := list(names):
+        text = f"tracks left out: {listed(every)}: {extension} cannot store {which}"
+        add_note(notes, NoteKind.UNWRITTEN, "tracks", text)
 
 
 def note_track_name(name: str, called: str, extension: str, notes: list[str]) -> None:
@@ -219,27 +300,26 @@ def note_name(what: str, name: str, called: str, extension: str, notes: list[str
     extension : str
         Of the file, with the dot.
     """
-    note = f"{what} {name!r} is called {called!r} in {extension} files"
-    if name != called and note not in notes:
-        notes.append(note)
+    if name != called:
+        text = f"{what} {name!r} is called {called!r} in {extension} files"
+        add_note(notes, NoteKind.CHANGED, name, text)
 
 
 def note_track_type(name: str, given: object, written: object, notes: list[str]) -> None:
     """Add a note, once, if the values of a track are converted to another type."""
-    note = f"track {name!r} is written as {written}, not {given}"
-    if given != written and note not in notes:
-        notes.append(note)
+    if given != written:
+        text = f"track {name!r} is written as {written}, not {given}"
+        add_note(notes, NoteKind.CHANGED, name, text)
 
 
 def note_unwritten_units(units: Mapping[str, str], extension: str, notes: list[str]) -> None:
     """Add a note on units of tracks, by track name, that a file cannot store."""
-    found = [f"{name} ({unit})" for name, unit in units.items() if unit]
-    note = f"units left out: {listed(found)}: {extension} cannot store them"
-    if found and note not in notes:
-        notes.append(note)
+    if with_unit := [f"{name} ({unit})" for name, unit in units.items() if unit]:
+        text = f"units left out: {listed(with_unit)}: {extension} cannot store them"
+        add_note(notes, NoteKind.UNWRITTEN, "units", text)
 
 
-def _describe(one: Attribute | FaceGroups) -> str:
-    if isinstance(one, FaceGroups):
-        return f"groups {one.name!r}"
-    return f"{one.name!r} ({one.kind}) of each {one.domain}"
+def _describe(contents: Attribute | FaceGroups) -> str:
+    if isinstance(contents, FaceGroups):
+        return f"groups {contents.name!r}"
+    return f"{contents.name!r} ({contents.kind}) of each {contents.domain}"

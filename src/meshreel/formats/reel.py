@@ -20,6 +20,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import FrameSurvey
+from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
 from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of
 from meshreel.kernel.files import OpenFile
 from meshreel.model.extent import Extent
@@ -308,3 +309,17 @@ def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
             f"encoded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "
             f"and a KG error of {achieved.kg_error_percent:.4f} %"
         )
+
+
+FORMATS = (
+    SequenceFormat(
+        ".reel",
+        "meshreel",
+        open_reel,
+        None,
+        write_segments=write_reel,
+        writes=frozenset({"max_error", "lossless"}),
+        holds_materials=True,
+        holds_tracks=ALL_TRACKS,
+    ),
+)

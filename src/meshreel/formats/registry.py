@@ -1,25 +1,20 @@
 """Table of all formats by file extension.
 
-A new format is a row here and a module that the row names, which is imported when a file with that
-extension is first read or written.
+A new format is a line here and a module whose `FORMATS` are the rows of its extensions; it is
+imported when a file with that extension is first read or written.
 """
 
 import os
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from meshreel.errors import FormatError
-from meshreel.formats.kinds import (
-    ALL_TRACKS,
-    FolderFormat,
-    FrameFormat,
-    Lazy,
-    SequenceFormat,
-    WriteOption,
-    scene_format,
-)
-from meshreel.model.surface import Domain
-from meshreel.runtime.extras import ALEMBIC, DRACO_FRAMES, HDF, OPEN_EXR, USD
+from meshreel.formats.kinds import FolderFormat, FrameFormat, SequenceFormat
+
+Row = TypeVar("Row", FrameFormat, SequenceFormat, FolderFormat, FrameFormat | SequenceFormat)
 
 NAMES = {"d3plot": ".d3plot"}
 """Extensions of files whose name has none."""
@@ -27,255 +22,71 @@ NAMES = {"d3plot": ".d3plot"}
 COMPANION = ".obj"
 """Extension of the mesh file that accompanies a point cache."""
 
-NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
-"""Domains of the tracks that VTK supports."""
 
-FRAME_FORMATS = {
-    found.extension: found
-    for found in (
-        FrameFormat(
-            ".obj",
-            "Wavefront OBJ",
-            Lazy("meshes.obj:parse_obj"),
-            Lazy("meshes.obj_writing:obj_encoder"),
-            Lazy("meshes.obj:obj_positions_reader"),
-            Lazy("meshes.obj_surface:parse_obj_surface"),
-            Lazy("meshes.obj_surface:parse_obj_fields"),
-            Lazy("meshes.obj:obj_fields_checker"),
-            is_decimal=True,
-            holds_tracks=ALL_TRACKS,
-        ),
-        FrameFormat(
-            ".ply",
-            "PLY",
-            Lazy("meshes.ply:parse_ply"),
-            Lazy("meshes.ply_writing:ply_encoder"),
-            Lazy("meshes.ply:ply_positions_reader"),
-            Lazy("meshes.ply_surface:parse_ply_surface"),
-            Lazy("meshes.ply_surface:parse_ply_fields"),
-            holds_tracks=ALL_TRACKS,
-        ),
-        FrameFormat(
-            ".off",
-            "OFF",
-            Lazy("meshes.off:parse_off"),
-            Lazy("meshes.off:off_encoder"),
-            Lazy("meshes.off:off_positions_reader"),
-            Lazy("meshes.off:parse_off_surface"),
-            is_decimal=True,
-        ),
-        FrameFormat(
-            ".stl",
-            "STL",
-            Lazy("meshes.stl:parse_stl"),
-            Lazy("meshes.stl:stl_encoder"),
-            Lazy("meshes.stl:stl_positions_reader"),
-            Lazy("meshes.stl:parse_stl_surface"),
-            is_decimal=True,
-            has_unshared_vertices=True,
-        ),
-        FrameFormat(
-            ".vtu",
-            "VTK cells",
-            Lazy("vtk.xml_file:parse_vtk_xml"),
-            Lazy("vtk.xml_writing:vtu_encoder"),
-            parse_surface=Lazy("vtk.xml_file:parse_vtk_xml_surface"),
-            parse_fields=Lazy("vtk.xml_file:parse_vtk_xml_fields"),
-            holds_tracks=NOT_OF_CORNERS,
-        ),
-        FrameFormat(
-            ".vtp",
-            "VTK polygons",
-            Lazy("vtk.xml_file:parse_vtk_xml"),
-            Lazy("vtk.xml_writing:vtp_encoder"),
-            parse_surface=Lazy("vtk.xml_file:parse_vtk_xml_surface"),
-            parse_fields=Lazy("vtk.xml_file:parse_vtk_xml_fields"),
-            holds_tracks=NOT_OF_CORNERS,
-        ),
-        FrameFormat(
-            ".vtk",
-            "VTK legacy",
-            Lazy("vtk.legacy:parse_vtk_legacy"),
-            None,
-            parse_surface=Lazy("vtk.legacy:parse_vtk_legacy_surface"),
-            parse_fields=Lazy("vtk.legacy:parse_vtk_legacy_fields"),
-        ),
-        FrameFormat(
-            ".drc",
-            "Draco",
-            Lazy("meshes.drc:parse_drc"),
-            None,
-            parse_surface=Lazy("meshes.drc:parse_drc_surface"),
-            parse_fields=Lazy("meshes.drc:parse_drc_fields"),
-            extra=DRACO_FRAMES,
-        ),
-    )
+class Formats(Mapping[str, Row]):
+    """Formats by file extension, whose modules are imported on access.
+
+    Parameters
+    ----------
+    modules : dict of str to str
+        Module of each extension, in `meshreel.formats`.
+    """
+
+    def __init__(self, modules: dict[str, str]) -> None:
+        self._modules = modules
+
+    def __getitem__(self, extension: str) -> Row:
+        """Return the format of an extension."""
+        return cast("Row", _row(self._modules[extension], extension))
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the extensions."""
+        return iter(self._modules)
+
+    def __len__(self) -> int:
+        """Return the number of extensions."""
+        return len(self._modules)
+
+    def __contains__(self, extension: object) -> bool:
+        """Whether an extension is known, without importing its module."""
+        return extension in self._modules
+
+
+@cache
+def _row(module: str, extension: str) -> object:
+    rows = import_module(f"meshreel.formats.{module}").FORMATS
+    return next(row for row in rows if row.extension == extension)
+
+
+_FRAME_MODULES = {
+    ".obj": "meshes.obj",
+    ".ply": "meshes.ply",
+    ".off": "meshes.off",
+    ".stl": "meshes.stl",
+    ".vtu": "vtk.xml_file",
+    ".vtp": "vtk.xml_file",
+    ".vtk": "vtk.legacy",
+    ".drc": "meshes.drc",
 }
-GLTF_OPTIONS: frozenset[WriteOption] = frozenset({"targets", "max_error", "normals"})
-SEQUENCE_FORMATS = {
-    found.extension: found
-    for found in (
-        SequenceFormat(
-            ".npz",
-            "NumPy archive",
-            Lazy("arrays.npz:open_npz"),
-            Lazy("arrays.npz:write_npz"),
-            reads=frozenset({"dataset"}),
-            holds_tracks=ALL_TRACKS,
-        ),
-        SequenceFormat(
-            ".reel",
-            "meshreel",
-            Lazy("reel:open_reel"),
-            None,
-            write_segments=Lazy("reel:write_reel"),
-            writes=frozenset({"max_error", "lossless"}),
-            holds_materials=True,
-            holds_tracks=ALL_TRACKS,
-        ),
-        scene_format(
-            ".abc",
-            "Alembic",
-            Lazy("alembic.meshes:read_meshes"),
-            None,
-            ALEMBIC,
-            reads_without_extra=True,
-            write_segments=Lazy("alembic.write:write_alembic"),
-            holds_tracks=ALL_TRACKS,
-        ),
-        *(
-            scene_format(
-                extension,
-                title,
-                Lazy("usd.reading:read_meshes"),
-                None,
-                USD,
-                write_segments=Lazy("usd.writing:write_usd"),
-                names_files=True,
-                holds_materials=True,
-                has_image_folder=extension != ".usdz",
-                holds_tracks=ALL_TRACKS,
-            )
-            for extension, title in (
-                (".usd", "USD"),
-                (".usda", "USD, text"),
-                (".usdc", "USD, binary"),
-                (".usdz", "USD, package"),
-            )
-        ),
-        *(
-            scene_format(
-                extension,
-                title,
-                Lazy("gltf.read:read_meshes"),
-                None,
-                write_segments=write,
-                names_files=True,
-                writes=GLTF_OPTIONS,
-                holds_materials=True,
-                list_animations=Lazy("gltf.read:list_animations"),
-            )
-            for extension, title, write in (
-                (".glb", "glTF, binary", Lazy("gltf.write:write_glb")),
-                (".gltf", "glTF, text", Lazy("gltf.write:write_gltf")),
-            )
-        ),
-        SequenceFormat(
-            ".pc2",
-            "point cache of 3ds Max",
-            Lazy("caches.pc2:open_pc2"),
-            Lazy("caches.pc2:write_pc2"),
-            reads=frozenset({"topology"}),
-            companion=COMPANION,
-        ),
-        SequenceFormat(
-            ".mdd",
-            "point cache of LightWave",
-            Lazy("caches.mdd:open_mdd"),
-            Lazy("caches.mdd:write_mdd"),
-            reads=frozenset({"topology"}),
-            companion=COMPANION,
-        ),
-        *(
-            SequenceFormat(
-                extension,
-                "HDF5 datasets",
-                Lazy("arrays.hdf:open_hdf_sequence"),
-                Lazy("arrays.hdf:write_hdf"),
-                HDF,
-                frozenset({"dataset", "object", "merge", "skip_bad"}),
-                holds_tracks=ALL_TRACKS,
-            )
-            for extension in (".h5", ".hdf5", ".hdf")
-        ),
-        scene_format(
-            ".vtkhdf",
-            "VTKHDF",
-            Lazy("vtk.vtkhdf:read_vtkhdf"),
-            None,
-            HDF,
-            write_segments=Lazy("vtk.vtkhdf_writer:write_vtkhdf"),
-            holds_tracks=NOT_OF_CORNERS,
-        ),
-        scene_format(
-            ".pvd",
-            "ParaView collection",
-            Lazy("vtk.pvd:read_pvd"),
-            None,
-            write_segments=Lazy("vtk.xml_writing:write_pvd"),
-            names_files=True,
-            holds_tracks=NOT_OF_CORNERS,
-            data_files=Lazy("vtk.xml_writing:pvd_pieces"),
-        ),
-        *(
-            scene_format(
-                extension,
-                "XDMF",
-                Lazy("vtk.xdmf:read_xdmf"),
-                None,
-                HDF,
-                write_segments=Lazy("vtk.xdmf_writing:write_xdmf"),
-                names_files=True,
-                holds_tracks=NOT_OF_CORNERS,
-                data_files=Lazy("vtk.xdmf_writing:xdmf_data_files"),
-            )
-            for extension in (".xdmf", ".xmf")
-        ),
-        scene_format(
-            ".d3plot",
-            "LS-DYNA d3plot",
-            Lazy("solvers.d3plot:read_d3plot"),
-            None,
-            other_files=Lazy("solvers.d3plot_files:other_files"),
-        ),
-        *(
-            scene_format(
-                extension,
-                "EnSight Gold",
-                Lazy("solvers.ensight:read_ensight"),
-                None,
-                names_files=True,
-            )
-            for extension in (".case", ".encas")
-        ),
-    )
+_SEQUENCE_MODULES = {
+    ".npz": "arrays.npz",
+    ".reel": "reel",
+    ".abc": "alembic.format",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "usd.format"),
+    **dict.fromkeys((".glb", ".gltf"), "gltf.format"),
+    **dict.fromkeys((".pc2", ".mdd"), "point_caches"),
+    **dict.fromkeys((".h5", ".hdf5", ".hdf"), "arrays.hdf"),
+    ".vtkhdf": "vtk.vtkhdf",
+    ".pvd": "vtk.pvd",
+    **dict.fromkeys((".xdmf", ".xmf"), "vtk.xdmf"),
+    ".d3plot": "solvers.d3plot",
+    **dict.fromkeys((".case", ".encas"), "solvers.ensight"),
 }
-FORMATS: dict[str, FrameFormat | SequenceFormat] = {**FRAME_FORMATS, **SEQUENCE_FORMATS}
-FOLDER_FORMATS = {
-    found.extension: found
-    for found in (
-        FolderFormat(
-            ".vat",
-            "vertex animation textures",
-            Lazy("vat.folder:vat_files"),
-            Lazy("vat.folder:write_vat"),
-            OPEN_EXR,
-            frozenset({"layout", "textures", "max_error", "normals"}),
-        ),
-    )
-}
+FRAME_FORMATS: Formats[FrameFormat] = Formats(_FRAME_MODULES)
+SEQUENCE_FORMATS: Formats[SequenceFormat] = Formats(_SEQUENCE_MODULES)
+FORMATS: Formats[FrameFormat | SequenceFormat] = Formats(_FRAME_MODULES | _SEQUENCE_MODULES)
+FOLDER_FORMATS: Formats[FolderFormat] = Formats({".vat": "vat.format"})
 """Formats whose outputs are folders."""
-
 
 PROGRAMS = {
     ".fbx": "other programs",

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import cast
 
 from meshreel.errors import InvalidInputError, MeshReelError, StoreError
+from meshreel.formats.file_references import DOWNLOADED, download_sibling
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.outputs import is_pattern
@@ -24,10 +25,7 @@ from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.runtime.counting import counted
 from meshreel.runtime.stores.address import folder_of, is_remote, name_of, without_query
 from meshreel.runtime.stores.filesystem import files_below, files_in, matches
-from meshreel.runtime.stores.transfer import check_outputs, download, exists, sibling, upload_all
-
-_DOWNLOADED: dict[Path, str] = {}
-"""Address of the downloaded file in each temporary folder that exists."""
+from meshreel.runtime.stores.transfer import check_outputs, download, sibling, upload_all
 
 
 @contextmanager
@@ -69,8 +67,8 @@ def local_copy(source: Source, notes: list[str] | None = None) -> Iterator[Sourc
         text = str(error).replace(f"{folder}{os.sep}", f"{_folder(addresses[0])}/")
         raise type(error)(text) from None
     finally:
-        for folder in [one for one in _DOWNLOADED if one.is_relative_to(place)]:
-            del _DOWNLOADED[folder]
+        for folder in [one for one in DOWNLOADED if one.is_relative_to(place)]:
+            del DOWNLOADED[folder]
         shutil.rmtree(place, ignore_errors=True)
 
 
@@ -79,30 +77,6 @@ def local_file(requested: AnyPath, notes: list[str] | None = None) -> Iterator[P
     """Context manager for the local copy of a single file; see `local_copy`."""
     with local_copy(requested, notes) as source:
         yield Path(cast("AnyPath", source))
-
-
-def download_sibling(path: Path) -> bool:
-    """Download a file next to a downloaded one that refers to it; return whether it now exists.
-
-    Parameters
-    ----------
-    path : Path
-        Expected local path.
-
-    Raises
-    ------
-    StoreError
-        If the store cannot be reached.
-    """
-    for place, address in _DOWNLOADED.items():
-        if path.is_relative_to(place):
-            other = sibling(address, path.relative_to(place).as_posix())
-            if not exists(other):
-                return False
-            path.parent.mkdir(parents=True, exist_ok=True)
-            download(other, path)
-            return True
-    return False
 
 
 @dataclass(frozen=True)
@@ -204,7 +178,7 @@ def _downloaded(addresses: list[str], folder: Path, notes: list[str] | None) -> 
     for file, name in zip(files, names, strict=True):
         download(file, folder / name)
     if len(files) == 1:
-        _DOWNLOADED[folder] = without_query(files[0])
+        DOWNLOADED[folder] = without_query(files[0])
         _fetch_companion(folder / names[0])
     if notes is not None:
         size_mb = sum(path.stat().st_size for path in _files(folder)) / 1e6

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import refuse_pipe
-from meshreel.formats.kinds import FrameFormat, Lazy, SequenceFormat
+from meshreel.formats.frames.uvol import read_manifest
+from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of, format_of
 from meshreel.runtime.stores.address import refuse_address
 
@@ -23,8 +24,6 @@ MANIFESTS = (".manifest", ".json")
 
 MIN_SIMILARITY = 0.8
 """Similarity from which a name is suggested for one that does not exist."""
-
-READ_MANIFEST = Lazy("frames.uvol:read_manifest")
 
 
 @dataclass(frozen=True)
@@ -168,7 +167,7 @@ def _from_list(paths: list[Path]) -> SourceFiles:
 
 
 def _from_manifest(path: Path) -> SourceFiles:
-    manifest = READ_MANIFEST(path)
+    manifest = read_manifest(path)
     found = _of_one_format(list(manifest.paths), str(path))
     name = path.name.partition(".")[0]
     return replace(found, name=name, fps=manifest.fps, left_out=manifest.left_out)

@@ -97,7 +97,7 @@ def _supported(found: FrameFormat | SequenceFormat | FolderFormat) -> frozenset[
     """Return the read and write options that a format supports."""
     if isinstance(found, FolderFormat):
         return found.writes
-    return found.reads | found.writes if isinstance(found, SequenceFormat) else frozenset()
+    return found.options if isinstance(found, SequenceFormat) else frozenset()
 
 
 def _no_effect(option: str, inputs: str) -> InvalidInputError:

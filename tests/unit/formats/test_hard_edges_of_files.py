@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.load import load
-from meshreel.formats.notes import NORMALS_LEFT_OUT
+from meshreel.formats.notes import NORMALS
 from meshreel.model.geometry.polygons import fan_corners, join_fans
 from samples.gltf import Gltf
 from samples.meshes import BOX_CORNERS, BOX_QUADS, cake, cake_normals
@@ -51,7 +51,7 @@ def test_glb_with_split_vertices_has_hard_rims(read):
     assert found.n_verts == CAKE.n_verts
     assert places(found) == places(CAKE)
     assert any(note.startswith("kept 48 of 144 edges as hard edges") for note in notes)
-    assert NORMALS_LEFT_OUT not in notes
+    assert f"left out: {NORMALS}" not in notes
 
 
 def test_mirrored_glb_node_has_hard_rims(read):
@@ -174,7 +174,7 @@ def test_usd_primitives_have_hard_edges(read, pxr):
     assert len(can.surface.hard_edges) == 64
     ball, notes = read('#usda 1.0\ndef Sphere "a" {}\n', ".usda")
     assert ball.surface.hard_edges is None
-    assert NORMALS_LEFT_OUT not in notes
+    assert f"left out: {NORMALS}" not in notes
 
 
 def test_all_usd_instances_have_hard_edges(read, pxr):

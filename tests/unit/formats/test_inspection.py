@@ -7,6 +7,7 @@ import pytest
 
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.inspection import inspect_source
+from meshreel.formats.notes import Note, NoteKind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from samples.gltf import moving_triangle
@@ -95,9 +96,10 @@ def test_inspection_reports_the_problem_of_an_unreadable_mesh(tmp_path):
 def test_inspection_lists_what_is_left_out(tmp_path):
     save(waving_grid(), tmp_path / "a.npz")
     found = inspect_source(tmp_path / "a.npz", ReadOptions())
-    told = replace(found, notes=("left out: lights: sun", "welded 3 vertices"))
-    assert told.left_out == ("lights: sun",)
-    assert told.as_dict()["left_out"] == ["lights: sun"]
+    notes = (Note(NoteKind.LEFT_OUT, "lights", ["sun"]), "left out: other words", "welded 3 points")
+    noted = replace(found, notes=notes)
+    assert noted.left_out == ("lights: sun",)
+    assert noted.as_dict()["left_out"] == ["lights: sun"]
 
 
 def test_inspection_lists_gltf_animations(tmp_path):

@@ -1,4 +1,19 @@
-from meshreel.formats.notes import GatheredNote, listed, note_left_out
+import pickle
+
+import pytest
+
+from meshreel.formats.notes import (
+    Note,
+    NoteKind,
+    add_note,
+    combined,
+    is_about,
+    is_of_kind,
+    list_in_note,
+    listed,
+    note_kinds,
+    note_left_out,
+)
 
 
 def test_note_on_something_left_out_is_added_once():
@@ -13,17 +28,36 @@ def test_long_lists_end_with_a_count():
     assert listed("abcde", most=3) == "a, b, c and 2 more"
 
 
-def test_gathered_note_grows_in_one_sentence():
+def test_note_lists_further_names_in_its_place():
     notes = ["before"]
-    found = GatheredNote(notes, lambda names: f"all of {', '.join(names)}")
-    found.add("a")
+    note_kinds(notes, "curves", ["a"])
     notes.append("between")
-    found.add("b")
-    found.add("a")
-    assert notes == ["before", "between", "all of a, b"]
+    note_kinds(notes, "curves", ["b", "a"])
+    list_in_note(notes, NoteKind.CHANGED, "curves", [])
+    assert notes == ["before", "left out: curves: a, b", "between"]
 
 
-def test_gathered_note_without_names_adds_nothing():
+def test_note_knows_kind_and_subject_after_pickling():
+    note = pickle.loads(pickle.dumps(Note(NoteKind.LEFT_OUT, "curves", ["/a", "/b"])))
+    assert note == "left out: curves: /a, /b"
+    assert (note.kind, note.contents) == (NoteKind.LEFT_OUT, "curves: /a, /b")
+    assert is_of_kind(note, NoteKind.LEFT_OUT)
+    assert is_about(note, "curves")
+    assert not is_about(str(note), "curves")
+
+
+def test_note_cannot_be_changed():
+    with pytest.raises(AttributeError, match="cannot be changed; 'kind'"):
+        Note(NoteKind.CHANGED, "fps", text="read as 24").kind = NoteKind.LEFT_OUT
+
+
+def test_notes_of_several_segments_become_one_when_only_details_differ():
     notes = []
-    GatheredNote(notes, ", ".join)
-    assert notes == []
+    for count in (3, 4):
+        add_note(notes, NoteKind.CHANGED, "hard edges", f"kept {count} hard edges")
+        add_note(notes, NoteKind.LEFT_OUT, "normals")
+    assert combined([*notes, "plain", "plain"]) == [
+        "kept 3 hard edges; other segments similarly",
+        "left out: normals",
+        "plain",
+    ]

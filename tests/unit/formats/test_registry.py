@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import meshreel.formats
-from meshreel.formats.kinds import FolderFormat, Lazy
+from meshreel.formats.kinds import FolderFormat
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 from meshreel.formats.save import save
 from samples.costs import slow_but
@@ -20,11 +20,9 @@ from samples.meshes import waving_grid
 from samples.sources import statements
 
 N_ARGUMENTS = {
-    "parse": 1,
+    "read": 1,
     "encoder": 3,
     "positions_reader": 2,
-    "parse_surface": 2,
-    "parse_fields": 1,
     "open": 2,
     "write": 3,
     "write_segments": 3,
@@ -32,7 +30,6 @@ N_ARGUMENTS = {
     "data_files": 2,
     "other_files": 1,
     "list_animations": 2,
-    "fields_checker": 1,
     "files": 2,
 }
 """Number of arguments of each function of a row."""
@@ -61,19 +58,18 @@ def functions():
             if isinstance(function, partial):
                 n_arguments += len(function.args)
                 function = function.func
-            if isinstance(function, Lazy):
-                yield pytest.param(
-                    function, n_arguments, id=f"{found.extension} {field.name} {function.place}"
-                )
+            if n_arguments and function is not None:
+                name = f"{found.extension} {field.name} {function.__name__}"
+                yield pytest.param(function, n_arguments, id=name)
 
 
-FOLDERS = {lazy.values[0].place.split(".")[0] for lazy in functions()} - {"scenes"}
+FOLDERS = {"meshes", "vtk", "arrays", "alembic", "usd", "gltf", "solvers", "vat"}
 """Folders of `meshreel.formats` that belong to single formats."""
 
 
-@pytest.mark.parametrize(("lazy", "n_arguments"), [*functions()])
-def test_registry_functions_have_the_expected_signature(lazy, n_arguments):
-    inspect.signature(lazy.function).bind(*range(n_arguments))
+@pytest.mark.parametrize(("function", "n_arguments"), [*functions()])
+def test_registry_functions_have_the_expected_signature(function, n_arguments):
+    inspect.signature(function).bind(*range(n_arguments))
 
 
 def loaded_modules(path):
@@ -87,8 +83,8 @@ def loaded_modules(path):
 @pytest.mark.parametrize(
     ("extension", "own"),
     slow_but(
-        [(".pc2", {"caches", "meshes"})],
-        [(".npz", {"arrays"}), (".stl", {"meshes"}), (".pc2", {"caches", "meshes"})],
+        [(".pc2", {"meshes"})],
+        [(".npz", {"arrays"}), (".stl", {"meshes"}), (".pc2", {"meshes"})],
     ),
 )
 def test_load_imports_only_what_a_format_needs(tmp_path, extension, own):

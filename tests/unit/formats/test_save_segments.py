@@ -25,16 +25,16 @@ FPS = 25.0
 def with_heat(sequence, seed):
     rng = np.random.default_rng(seed)
     heat = rng.random((sequence.n_frames, sequence.n_verts)).astype(np.float32)
-    return replace(sequence, fps=FPS, tracks={"heat": Track(heat)})
+    return sequence.replace(fps=FPS, tracks={"heat": Track(heat)})
 
 
 @pytest.fixture
 def changing():
     """Three segments of a grid, a sheet of quads and the grid again, with a track each."""
     grid = waving_grid(4)
-    meshes = [grid, quad_sheet(3), replace(grid, vertices=2 * grid.vertices[:1])]
+    meshes = [grid, quad_sheet(3), grid.replace(vertices=2 * grid.vertices[:1])]
     return meshreel.concatenate(
-        [with_heat(replace(one, name="mesh"), seed) for seed, one in enumerate(meshes)]
+        [with_heat(one.replace(name="mesh"), seed) for seed, one in enumerate(meshes)]
     )
 
 
@@ -56,7 +56,7 @@ def textured_grid(n_frames, *size):
         "flow": Track(rng.random((n_frames, grid.n_verts, 3), np.float32), kind="velocity"),
         "stress": Track(rng.random((n_frames, n_faces), np.float32), Domain.FACE),
     }
-    return replace(grid, fps=FPS, name="mesh", surface=surface, tracks=tracks)
+    return grid.replace(fps=FPS, name="mesh", surface=surface, tracks=tracks)
 
 
 def inner_edges(faces):
@@ -224,7 +224,7 @@ def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
         hard = inner_edges(grid.faces) if number else None
         labels = ("skin", f"cloth {number}")
         surface = replace(grid.surface, groups=(replace(groups, labels=labels),), hard_edges=hard)
-        grids[number] = replace(grid, surface=surface)
+        grids[number] = grid.replace(surface=surface)
     meshreel.save(meshreel.concatenate(grids), tmp_path / f"a{extension}")
     found = meshreel.load(tmp_path / f"a{extension}")
     expected = meshreel.concatenate(grids)
@@ -284,11 +284,11 @@ def test_trimesh_reads_the_meshes_of_all_segments(textured, tmp_path):
 
 def dressed_segments():
     """Return two sheets, the materials of the second of which have another roughness."""
-    sheets = [replace(dressed_sheet(n), fps=FPS) for n in (2, 1)]
+    sheets = [dressed_sheet(n).replace(fps=FPS) for n in (2, 1)]
     materials = sheets[1].surface.materials
     other = tuple(replace(one, roughness=0.125) for one in materials)
     surface = replace(sheets[1].surface, materials=other)
-    return [sheets[0], replace(sheets[1], surface=surface)]
+    return [sheets[0], sheets[1].replace(surface=surface)]
 
 
 def test_gltf_keeps_materials_of_each_segment(tmp_path):

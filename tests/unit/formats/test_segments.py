@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -67,7 +65,7 @@ def test_each_segment_has_its_tracks(tmp_path, extension):
     wholes = []
     for name, sheet in (("a", waving_grid(3)), ("b", quad_sheet(2))):
         heat = rng.random((sheet.n_frames, sheet.n_verts)).astype(np.float32)
-        wholes.append(replace(sheet, tracks={"heat": Track(heat)}))
+        wholes.append(sheet.replace(tracks={"heat": Track(heat)}))
         save(wholes[-1], tmp_path / f"{name}_%02d{extension}")
     found = [one.open() for one in find_segments(tmp_path, ReadOptions())]
     for one, whole in zip(found, wholes, strict=True):

@@ -1,7 +1,6 @@
 """Segments of `.reel` files that are decoded when they are read."""
 
 import gc
-from dataclasses import replace
 from weakref import WeakSet
 
 import numpy as np
@@ -26,8 +25,8 @@ def path(tmp_path):
     """A lossless file of three segments with surfaces; the second has a track."""
     sheet = quad_sheet(3)
     heat = np.random.default_rng(1).random((3, sheet.n_verts)).astype(np.float32)
-    heated = replace(sheet, tracks={"heat": Track(heat)})
-    segments = [replace(one, fps=25.0, name="") for one in (waving_grid(4), heated, quad_sheet(2))]
+    heated = sheet.replace(tracks={"heat": Track(heat)})
+    segments = [one.replace(fps=25.0, name="") for one in (waving_grid(4), heated, quad_sheet(2))]
     data = meshreel.encode(meshreel.concatenate(segments), lossless=True)
     (tmp_path / "a.reel").write_bytes(data)
     return tmp_path / "a.reel"

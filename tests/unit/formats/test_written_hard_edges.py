@@ -1,7 +1,5 @@
 """Hard edges written to every format and read back."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -85,7 +83,7 @@ def test_glb_splits_vertices_at_hard_edges(tmp_path, make):
     count = {8: 24, 50: 98}[sequence.n_verts]
     assert len(normals) == count
     sizes = sequence.surface.face_sizes
-    still = replace(sequence, vertices=sequence.vertices.mean(axis=0, keepdims=True))
+    still = sequence.replace(vertices=sequence.vertices.mean(axis=0, keepdims=True))
     expected = meshreel.corner_normals(still.vertices[0], still.faces, still.surface)
     of_corner = dict(zip(triangle_corners(sizes), corners.tolist(), strict=True))
     for corner, normal in enumerate(expected):

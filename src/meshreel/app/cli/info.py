@@ -109,12 +109,13 @@ def _show_source(
         progress_bar,
     )
     from meshreel.formats.inspection import inspect_source
-    from meshreel.formats.notes import LEFT_OUT
+    from meshreel.formats.notes import NoteKind, is_of_kind
 
     title = source if isinstance(source, str) else f"{source[0]} to {Path(source[-1]).name}"
     with progress_bar() as progress:
         info = inspect_source(source, replace(options, progress=progress))
-    print_notes([note for note in info.notes if as_json or not note.startswith(LEFT_OUT)])
+    is_listed = [not as_json and is_of_kind(note, NoteKind.LEFT_OUT) for note in info.notes]
+    print_notes([note for note, listed in zip(info.notes, is_listed, strict=True) if not listed])
     if as_json:
         print_json({"input": title, **info.as_dict()})
         return

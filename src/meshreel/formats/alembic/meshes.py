@@ -24,7 +24,7 @@ from meshreel.formats.alembic.attributes import (
     read_normals,
 )
 from meshreel.formats.frames.field_tracks import Key
-from meshreel.formats.notes import GatheredNote, describe_cages, note_kinds, note_left_out
+from meshreel.formats.notes import CAGES, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
@@ -221,10 +221,10 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     if any(node.object.schema in OTHER_SCHEMAS for node in nodes):
         note_left_out(options.notes, describe_contents(nodes))
 
-    cages, normals = GatheredNote(options.notes, describe_cages), NormalNotes(options.notes)
+    normals = NormalNotes(options.notes)
 
     def read(node: Node) -> SceneMesh:
-        return _AnimatedMesh(node, options.notes, cages, normals).scene_mesh()
+        return _AnimatedMesh(node, options.notes, normals).scene_mesh()
 
     return [read_or_defer_error(node.path, partial(read, node)) for node in meshes]
 
@@ -236,16 +236,12 @@ class _AnimatedMesh:
     ----------
     notes : list of str
         Gains a sentence for everything that is not read.
-    cages : GatheredNote
-        Collects subdivision surfaces.
     normal_notes : NormalNotes
         Collects meshes with normals.
     """
 
-    def __init__(
-        self, node: Node, notes: list[str], cages: GatheredNote, normal_notes: NormalNotes
-    ) -> None:
-        self._node, self._notes, self._cages = node, notes, cages
+    def __init__(self, node: Node, notes: list[str], normal_notes: NormalNotes) -> None:
+        self._node, self._notes = node, notes
         self._normal_notes = normal_notes
         geometry = node.object.properties.get(".geom")
         self._properties = geometry.properties if geometry is not None else {}
@@ -296,7 +292,7 @@ class _AnimatedMesh:
         if "visible" in node.object.properties:
             note_left_out(self._notes, f"visibility of {node.path}")
         if node.object.schema == SUBDIVISION:
-            self._cages.add(node.path)
+            note_kinds(self._notes, CAGES, [node.path])
         sets = {
             child.name: child.properties[".faceset"].properties
             for child in node.object.children

@@ -30,6 +30,7 @@ from meshreel.formats.notes import (
     note_track_type,
     note_unwritten_tracks,
     note_unwritten_units,
+    note_written_rate,
 )
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
@@ -188,9 +189,7 @@ def _time_sampling(stream: SegmentedStream) -> Any:
         times.append(stream.start_s)
         return core.TimeSampling(core.TimeSamplingType(core.AcyclicFlag.kAcyclic), times)
     if not stream.fps:
-        stream.notes.append(
-            f"the frame rate is unknown; written as {ASSUMED_FPS:g} frames per second"
-        )
+        note_written_rate(stream.notes, ASSUMED_FPS)
     return core.TimeSampling(1 / (stream.fps or ASSUMED_FPS), stream.start_s)
 
 

@@ -23,9 +23,8 @@ from meshreel.formats.arrays.named_arrays import (
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.array_frames import ArrayFrames, checksum
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.stored_frames import changed_error
+from meshreel.formats.frames.stored_frames import ArrayFrames, changed_error, checksum
 from meshreel.formats.hdf import (
     Dataset,
     HdfOutput,
@@ -42,10 +41,12 @@ from meshreel.formats.hdf import (
     require_dataset,
     write_array,
 )
+from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
-from meshreel.model.sequence import FrameSource, Vertices, single_segment
+from meshreel.formats.scenes.scene_source import open_scene
+from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.runtime.extras import HDF
 
 POSITIONS = "vertices"
@@ -70,7 +71,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         root = open_hdf(path)
         is_vtkhdf = find_group(root, "VTKHDF") is not None
     if is_vtkhdf:  # outside the context: its errors already name the path
-        return single_segment(SEQUENCE_FORMATS[".vtkhdf"].open(path, options), "HDF5")
+        return _open_vtkhdf(path, options)
     with errors_naming(path), hdf_errors():
         positions = _find_positions(root, options)
         if positions.dtype.kind != "f" or positions.dtype.itemsize not in (4, 8):
@@ -110,6 +111,12 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         return found
 
     return ArrayFrames(path, n_frames, n_verts, dtype, read).open(about, options, tracks)
+
+
+def _open_vtkhdf(path: Path, options: ReadOptions) -> FrameSource:
+    read_meshes = SEQUENCE_FORMATS[".vtkhdf"].read_meshes
+    assert read_meshes is not None
+    return open_scene(read_meshes, path, options)
 
 
 def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
@@ -291,3 +298,17 @@ def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]
             f"has no dataset 'faces' of shape (M, 3) next to {positions.name}; store it there"
         )
     return arrays
+
+
+FORMATS = tuple(
+    SequenceFormat(
+        extension,
+        "HDF5 datasets",
+        open_hdf_sequence,
+        write_hdf,
+        HDF,
+        reads=frozenset({"dataset", "object", "merge", "skip_bad"}),
+        holds_tracks=ALL_TRACKS,
+    )
+    for extension in (".h5", ".hdf5", ".hdf")
+)

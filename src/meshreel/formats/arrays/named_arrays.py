@@ -39,7 +39,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.frames.array_frames import Description
+from meshreel.formats.frames.stored_frames import Description
 from meshreel.formats.options import ReadOptions
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 

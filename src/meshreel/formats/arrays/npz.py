@@ -27,11 +27,17 @@ from meshreel.formats.arrays.named_arrays import (
     surface_arrays,
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, NamedTrack, array_names
-from meshreel.formats.arrays.npz_members import archive_errors, read_array_header, read_members
-from meshreel.formats.arrays.npz_tracks import find_tracks, track_arrays
+from meshreel.formats.arrays.npz_members import (
+    archive_errors,
+    find_tracks,
+    read_array_header,
+    read_members,
+    track_arrays,
+)
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
+from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.tracks import TrackSource, track_blocks
@@ -366,3 +372,15 @@ def read_arrays(
     if with_positions and positions not in wanted:
         wanted.append(positions)
     return read_members(path, wanted)
+
+
+FORMATS = (
+    SequenceFormat(
+        ".npz",
+        "NumPy archive",
+        open_npz,
+        write_npz,
+        reads=frozenset({"dataset"}),
+        holds_tracks=ALL_TRACKS,
+    ),
+)

@@ -9,7 +9,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredTrack, parse_track_kind
-from meshreel.formats.notes import note_kinds, note_left_out
+from meshreel.formats.notes import NoteKind, add_note, note_kinds, note_left_out
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
 from meshreel.runtime.counting import plural
@@ -105,7 +105,8 @@ def field_tracks(
             name += SUFFIXES[key[0]]
         if name != key[1]:
             where = "at points and at cells" if key[0] is Domain.FACE else "also at corners"
-            notes.append(f"{key[1]!r} is {where}; the one of {plural(key[0])} is called {name!r}")
+            text = f"{key[1]!r} is {where}; the one of {plural(key[0])} is called {name!r}"
+            add_note(notes, NoteKind.CHANGED, name, text)
         found[name] = track
     return found
 
@@ -131,10 +132,9 @@ def _track(
     if not all(has):
         is_float = dtype.kind == "f"
         dtype = dtype if is_float else np.dtype(np.float64)
-        notes.append(
-            f"{key[1]!r} is in {sum(has)} of {len(has)} frames, and NaN in the others"
-            + ("" if is_float else ", as float64")
-        )
+        text = f"{key[1]!r} is in {sum(has)} of {len(has)} frames, and NaN in the others"
+        text += "" if is_float else ", as float64"
+        add_note(notes, NoteKind.CHANGED, key[1], text)
     shape = len(frames), n_items, widths[0]
 
     def read_range(start: int, stop: int) -> Values:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
-from meshreel.formats.notes import listed, note_unwritten_tracks
+from meshreel.formats.notes import NoteKind, add_note, listed, note_unwritten_tracks
 from meshreel.formats.scenes.merging import MaterialTable
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.model.tracks import TrackSource
@@ -119,7 +119,8 @@ class SharedData:
     def note_others(self, extension: str, notes: list[str]) -> None:
         """Add notes on data that are left out because only some segments have them."""
         if self.other_data:
-            notes.append(f"left out, as only some segments have it: {listed(self.other_data)}")
+            text = f"left out, as only some segments have it: {listed(self.other_data)}"
+            add_note(notes, NoteKind.UNWRITTEN, "data of some segments", text)
         which = "those of some segments only"
         note_unwritten_tracks(self.other_tracks, extension, notes, which)
 

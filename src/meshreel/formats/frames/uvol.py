@@ -12,9 +12,8 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
-from meshreel.formats.file_references import is_within
+from meshreel.formats.file_references import download_sibling, is_within
 from meshreel.formats.notes import listed
-from meshreel.formats.remote import download_sibling
 from meshreel.runtime.stores.address import is_remote
 
 MAX_FRAMES = 1_000_000

@@ -31,7 +31,7 @@ from meshreel.formats.gltf.material_values import (
 )
 from meshreel.formats.gltf.nodes import unique_names
 from meshreel.formats.gltf.primitives import triangle_primitives
-from meshreel.formats.notes import GatheredNote, MaterialNotes, listed, note_left_out
+from meshreel.formats.notes import NoteKind, list_in_note, listed, note_kinds, note_left_out
 from meshreel.formats.surfaces.images import UNKNOWN, image_type
 from meshreel.model.materials import DEFAULT_MATERIAL, Image, Material, Texture, select_materials
 
@@ -62,6 +62,9 @@ IMAGE_EXTENSIONS = {
 }
 """Extensions with images of types other than PNG and JPEG, and their media types."""
 
+CONVERTED = "converted from specular-glossiness to metallic-roughness"
+"""Subject of the note on materials of an older extension."""
+
 
 class MaterialReader:
     """The materials of a file and their images, read on demand.
@@ -76,8 +79,7 @@ class MaterialReader:
 
     def __init__(self, document: Document, buffers: Buffers, notes: list[str]) -> None:
         self._document, self._buffers = document, buffers
-        self._notes = MaterialNotes(notes)
-        self._converted = GatheredNote(notes, _describe_converted)
+        self._notes = notes
         self._n_bytes = 0
         self._image_indices: dict[str, int] = {}
         self._images: list[Image] = []
@@ -116,16 +118,16 @@ class MaterialReader:
         try:
             return self._with_textures(read_look(material), material)
         except FormatError as error:
-            self._notes.add("appearance of materials", str(error))
+            note_kinds(self._notes, "appearance of materials", [str(error)])
             return None
 
     def _with_textures(self, look: Material, material: JsonObject) -> Material:
         pbr, specular = material.child("pbrMetallicRoughness"), specular_glossiness(material)
         if specular is not None:
             name = material.text("name", "") or material.place
-            self._converted.add(name)
+            list_in_note(self._notes, NoteKind.CHANGED, CONVERTED, [name])
             if SPECULAR_TEXTURE in specular:
-                self._notes.add(DROPPED_TEXTURE, name)
+                note_kinds(self._notes, DROPPED_TEXTURE, [name])
         textures = {}
         for parent, keys in (
             (pbr, PBR_TEXTURES), (specular, DIFFUSE_TEXTURES), (material, LIT_TEXTURES),
@@ -155,7 +157,7 @@ class MaterialReader:
             try:
                 self._images.append(self._check_size(read_image(image, self._buffers), image))
             except (FormatError, InvalidInputError) as error:
-                self._notes.add("texture images", str(error))
+                note_kinds(self._notes, "texture images", [str(error)])
                 return None
             self._image_indices[source] = len(self._images) - 1
         return self._image_indices[source]
@@ -171,10 +173,6 @@ class MaterialReader:
                 f"{json.place}: images need {self._n_bytes} bytes; the limit is {limit}"
             )
         return image
-
-
-def _describe_converted(names: Sequence[str]) -> str:
-    return f"converted from specular-glossiness to metallic-roughness: {listed(names)}"
 
 
 def note_extensions(document: Document, meshes: Sequence[JsonObject], notes: list[str]) -> None:

@@ -25,6 +25,7 @@ from meshreel.formats.gltf.node_tree import SEGMENT_START, NodeTree, path_of
 from meshreel.formats.gltf.normal_targets import NormalChoice
 from meshreel.formats.gltf.quantized import check_range
 from meshreel.formats.gltf.seams import describe_losses, split_at_seams
+from meshreel.formats.notes import note_written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.surfaces.polygons import describe_fans
@@ -205,7 +206,7 @@ def _check_options(options: WriteOptions) -> None:
 def _times(stream: SegmentedStream) -> Sequence[float]:
     """Return the times of frames in seconds; glTF has no negative times."""
     if not stream.fps and stream.n_frames > 1:
-        stream.notes.append(f"the frame rate is unknown; written as {DEFAULT_FPS:g} fps")
+        note_written_rate(stream.notes, DEFAULT_FPS)
     start_s = stream.start_s
     if start_s < 0:
         stream.notes.append(f"starts at 0 s, not {start_s:g} s: glTF has no time before 0")

@@ -5,19 +5,20 @@ the seams of their textures. Points are welded along these seams; values that di
 become values of corners.
 """
 
-from functools import lru_cache
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Values
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import NORMALS, Field, Fields, Key
-from meshreel.formats.notes import note_kinds
-from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
+from meshreel.formats.frames.field_tracks import NORMALS, Field
+from meshreel.formats.frames.frame import Frame, fields_of
+from meshreel.formats.kinds import FrameFormat
+from meshreel.formats.notes import NoteKind, add_note, note_kinds
+from meshreel.formats.surfaces.hard_edges import HardEdges, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.formats.surfaces.welding import SplitMesh, weld_seams
+from meshreel.formats.surfaces.welding import weld_seams
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import DRACO_FRAMES as LIBRARY
@@ -35,97 +36,21 @@ TYPE_NAMES = ("positions", "normals", "color", "uv", "generic")
 NORMALS_NAME = "normals"
 
 
-class DracoFrame(NamedTuple):
-    """A decoded file.
-
-    Attributes
-    ----------
-    mesh : PolygonMesh
-        Of welded vertices.
-    split : SplitMesh
-        Points of the file.
-    attributes : tuple of Attribute
-        Texture coordinates and colors.
-    normals : Attribute or None
-    left_out : tuple of str
-        Names of other attributes.
-    """
-
-    mesh: PolygonMesh
-    split: SplitMesh
-    attributes: tuple[Attribute, ...]
-    normals: Attribute | None
-    left_out: tuple[str, ...]
-
-
-def parse_drc(data: bytes) -> PolygonMesh:
-    """Parse the mesh of a Draco file, with seams welded.
+def read_drc(data: bytes) -> Frame:
+    """Read a Draco file, with seams welded.
 
     Raises
     ------
     FormatError
         If the file is damaged, contains a point cloud, or DracoPy is not installed.
     """
-    return _decode(data).mesh
-
-
-def parse_drc_surface(data: bytes, notes: list[str] | None = None) -> Surface:
-    """Return the texture coordinates, colors and hard edges of a Draco file.
-
-    Raises
-    ------
-    FormatError
-        As `parse_drc`.
-    """
-    frame = _decode(data)
-    hard = None
-    if frame.normals is not None:
-        values = frame.normals.per_item()
-        is_of_vertices = frame.normals.domain is Domain.VERTEX
-        hard = find_hard_edges(frame.mesh, values[frame.mesh.corners] if is_of_vertices else values)
-    if notes is not None:
-        n_points, n_verts = len(frame.split.vertex_of), len(frame.split.first)
-        if n_points != n_verts:
-            notes.append(
-                f"welded {counted(n_points, 'point')} that Draco split at seams to "
-                f"{counted(n_verts, 'vertex')}"
-            )
-        if hard is not None:
-            NormalNotes(notes).add("", hard)
-        note_kinds(notes, "attributes of Draco", frame.left_out)
-    edges = None if hard is None else hard.edges
-    return Surface(None, frame.attributes, hard_edges=edges, is_ordered=False)
-
-
-def parse_drc_fields(data: bytes) -> Fields:
-    """Return the texture coordinates, colors and normals of a Draco file.
-
-    Raises
-    ------
-    FormatError
-        As `parse_drc`.
-    """
-    frame = _decode(data)
-    fields: dict[Key, tuple[Values, Field]] = {}
-    for one in frame.attributes:
-        values = one.per_item()
-        fields[one.domain, one.name] = values, Field(values.dtype, values.shape[1], "", one.kind)
-    if (normals := frame.normals) is not None:
-        values = normals.per_item()
-        fields[normals.domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
-    return fields
-
-
-@lru_cache(maxsize=3)  # a file is compared with the next before its surface and fields are read
-def _decode(data: bytes) -> DracoFrame:
-    """Decode a file, and weld its seams; raises as `parse_drc`."""
     decoded = _decode_points(data)
     by_type: dict[int, list[npt.NDArray[Any]]] = {}
-    left_out = []
-    for one in decoded.attributes:
-        kind, values = one["attribute_type"], one["data"]
+    notes, left_out = list[str](), list[str]()
+    for attribute in decoded.attributes:
+        kind, values = attribute["attribute_type"], attribute["data"]
         if values is None or not _is_supported(kind, values):
-            left_out.append(_describe(one))
+            left_out.append(_describe(attribute))
         else:
             by_type.setdefault(kind, []).append(values + values.dtype.type(0))  # -0.0 becomes 0.0
     if POSITION not in by_type:
@@ -137,19 +62,38 @@ def _decode(data: bytes) -> DracoFrame:
     polygon_mesh(points, counts, triangles.ravel())  # checks the indices
     split = weld_seams(points, triangles)
     mesh = polygon_mesh(points[split.first], counts, split.vertex_of[split.corners])
-    attributes = [
+    n_points, n_verts = len(split.vertex_of), len(split.first)
+    if n_points != n_verts:
+        text = (
+            f"welded {counted(n_points, 'point')} that Draco split at seams to "
+            f"{counted(n_verts, 'vertex')}"
+        )
+        add_note(notes, NoteKind.CHANGED, "welded points", text)
+    note_kinds(notes, "attributes of Draco", left_out)
+    attributes = tuple(
         split.attribute(name if not number else f"{name}{number}", kind, values)
         for name, kind, draco_type in (("uv", Kind.UV, UV), ("color", Kind.COLOR, COLOR))
         for number, values in enumerate(by_type.get(draco_type, []))
-    ]
-    normals = None
+    )
+    fields, normals = fields_of(attributes), None
     if NORMAL in by_type:
         normals = split.attribute(NORMALS_NAME, Kind.OTHER, by_type[NORMAL][0])
-    return DracoFrame(mesh, split, tuple(attributes), normals, tuple(left_out))
+        values = normals.per_item()
+        fields[normals.domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
+    surface = Surface(None, attributes, is_ordered=False)
+    return Frame(mesh, surface, fields, notes, partial(_hard_edges, mesh, normals))
+
+
+def _hard_edges(mesh: PolygonMesh, normals: Attribute | None) -> HardEdges | None:
+    if normals is None:
+        return None
+    values = normals.per_item()
+    is_of_vertices = normals.domain is Domain.VERTEX
+    return find_hard_edges(mesh, values[mesh.corners] if is_of_vertices else values)
 
 
 def _decode_points(data: bytes) -> Any:
-    """Decode a file with DracoPy; raises as `parse_drc`."""
+    """Decode a file with DracoPy; raises as `read_drc`."""
     if not data.startswith(MAGIC) or len(data) <= GEOMETRY_TYPE:
         raise FormatError("is not a Draco file: it does not begin with 'DRACO'")
     if data[GEOMETRY_TYPE] == POINT_CLOUD:
@@ -180,3 +124,6 @@ def _describe(attribute: dict[str, Any]) -> str:
     kind = attribute["attribute_type"]
     known = TYPE_NAMES[kind] if 0 <= kind < len(TYPE_NAMES) else "unknown"
     return attribute.get("name") or f"{known} {attribute['unique_id']}"
+
+
+FORMATS = (FrameFormat(".drc", "Draco", read_drc, None, extra=LIBRARY),)

@@ -1,8 +1,9 @@
-"""Wavefront OBJ: the vertices and faces of one frame.
+"""Wavefront OBJ: reader for the mesh, attributes and groups of one frame.
 
-Supports ``v`` (columns after z are ignored), ``f`` (only the vertex of ``v/vt/vn``; negative
-indices count back from the last vertex above), comments, and a backslash that continues a line.
-`meshreel.formats.meshes.obj_surface` reads attributes and groups; other statements are ignored.
+Supports ``v`` (with colors: six numbers), ``f`` (``v/vt/vn``; negative indices count back from the
+last row above), texture coordinates (``vt``), ``usemtl``, ``g``, ``o``, comments, and a backslash
+that continues a line. Normals (``vn``) that change between frames are a track; hard edges come from
+normals, or without normals from smoothing groups (``s``). Material libraries are not read.
 
 trimesh is not used: it splits vertices at texture seams and drops unused ones, so frames could get
 different vertices. A sequence needs all of them in file order.
@@ -11,141 +12,118 @@ different vertices. A sequence needs all of them in file order.
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import FormatError
+from meshreel.formats.frames.field_tracks import NORMALS, Field
+from meshreel.formats.frames.frame import Frame, fields_of
+from meshreel.formats.kinds import ALL_TRACKS, FrameFormat
+from meshreel.formats.meshes.obj_writing import NORMALS_NAME, STATEMENTS, obj_encoder
+from meshreel.formats.notes import note_left_out, note_normals
+from meshreel.formats.surfaces.hard_edges import HardEdges, edges_between_groups, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
-N_POSITION = 3
-FIRST_VERTEX = re.compile(rb"^[ \t]*v[ \t]([^\r\n#]*)", re.MULTILINE)
-FIELD_LINE = re.compile(rb"^[ \t]*(f|vt)[ \t]", re.MULTILINE)
-END_OF_SEGMENT = re.compile(rb"\nv(?!t)")
+N_POSITION, N_COLORED = 3, 6
+"""How many numbers a vertex has, without and with a color."""
+
+FIRST_VERTEX = re.compile(rb"^v ", re.MULTILINE)
+OTHER_LINE = re.compile(rb"^(?!v |#)", re.MULTILINE)
+IGNORED = re.compile(rb"^(?:#|mtllib )[^\n]*\n", re.MULTILINE)
+"""Lines that differ between files of equal meshes."""
+
+LEFT_OUT = {
+    b"l": "lines", b"p": "points", b"mtllib": "the material library",
+    b"curv": "curves", b"curv2": "curves", b"surf": "free-form surfaces",
+}  # fmt: skip
+"""What notes call the contents of unsupported statements."""
 
 
-def parse_obj(data: bytes) -> PolygonMesh:
-    """Parse the mesh of an OBJ file; positions are float64.
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """The lines of a file, and those of faces with the words of their corners."""
+
+    all: TokenLines
+    face_lines: Integers
+    counts: Integers
+    corners: Integers
+
+    @classmethod
+    def of(cls, data: bytes) -> "_Lines":
+        lines = split_lines(data, continuation=True)
+        face_lines = np.flatnonzero(lines.begins_with(b"f"))
+        counts = lines.counts[face_lines] - 1
+        return cls(lines, face_lines, counts, ragged_indices(lines.first[face_lines] + 1, counts))
+
+    def of_word(self, word: bytes) -> Integers:
+        """Return the lines that begin with a word."""
+        return np.flatnonzero(self.all.begins_with(word))
+
+    def n_above(self, rows: Integers) -> Integers:
+        """Return how many of the lines `rows` are above the line of each corner."""
+        return np.repeat(np.searchsorted(rows, self.face_lines), self.counts)
+
+
+def read_obj(data: bytes) -> Frame:
+    """Read an OBJ file; positions are float64, and all other numbers float32.
+
+    Colors that are integers beyond 1 are taken as 0..255 and scaled to floats in 0..1. Corners
+    without a valid texture coordinate get (0, 0) if others have one. Objects are parts if their
+    faces use only their own vertices, otherwise groups; a single object is neither. Normals belong
+    to vertices if each corner uses the same index for vertex and normal, otherwise to corners;
+    corners without a normal get NaN. Normals that are not numbers are ignored.
 
     Raises
     ------
     FormatError
         If a line is invalid, which the error names, or vertices or faces are missing.
     """
-    return obj_mesh(split_lines(data, continuation=True))
+    lines = _Lines.of(data)
+    mesh = _mesh(lines)
+    normals = None
+    with suppress(FormatError):
+        normals = _normals(lines, mesh)
+    attributes = [one for one in (_texture_coordinates(lines), _colors(lines)) if one is not None]
+    parts = _parts(lines, mesh)
+    groups = [_groups(lines, name) for name in STATEMENTS]
+    surface = Surface(
+        None,
+        tuple(attributes),
+        tuple(one for one in groups if one.labels and not _is_redundant(one, parts)),
+        parts,
+    )
+    fields, notes = fields_of(attributes), list[str]()
+    if normals is not None:
+        domain, values = normals
+        fields[domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
+    elif len(lines.of_word(b"vn")):
+        note_normals(notes)
+    for word, contents in LEFT_OUT.items():
+        if len(lines.of_word(word)):
+            note_left_out(notes, contents)
+    return Frame(mesh, surface, fields, notes, partial(_hard_edges, lines, mesh, normals))
 
 
-def obj_mesh(lines: TokenLines) -> PolygonMesh:
-    """Return the mesh of the tokenized lines of an OBJ file; raises as `parse_obj`."""
-    is_vertex = lines.begins_with(b"v")
-    face_lines = np.flatnonzero(lines.begins_with(b"f"))
-    counts = lines.counts[face_lines] - 1
-    tokens = ragged_indices(lines.first[face_lines] + 1, counts)
-    indices = lines.integers(tokens, stop_at_slash=True)
-    n_above = np.repeat(np.cumsum(is_vertex)[face_lines], counts)
-    vertices = _vertices(lines, np.flatnonzero(is_vertex))
+def _mesh(lines: _Lines) -> PolygonMesh:
+    every, face_lines, rows = lines.all, lines.face_lines, lines.of_word(b"v")
+    indices = every.integers(lines.corners, stop_at_slash=True)
+    vertices = _vertices(every, rows)
     return polygon_mesh(
         vertices,
-        counts,
-        np.where(indices < 0, n_above + indices, indices - 1),
-        place=lambda face: lines.place(face_lines[face]),
+        lines.counts,
+        np.where(indices < 0, lines.n_above(rows) + indices, indices - 1),
+        place=lambda face: every.place(face_lines[face]),
         given=lambda corner: indices[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )
-
-
-def obj_positions_reader(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
-    """Return a function that reads only the positions of files with the same face text as `first`.
-
-    It takes the bytes of a file and returns None if the file must be parsed completely, because
-    its faces or texture coordinates differ or it is damaged. Skipping the common text makes
-    reading three times faster.
-    """
-    segments, n_verts = _constant_segments(first), len(mesh.vertices)
-    counts_back = any(b" -" in segment for segment in segments)
-
-    def positions(data: bytes) -> Vertices | None:
-        if counts_back or b"\\" in data or (rest := _without(segments, data)) is None:
-            return None
-        lines = split_lines(rest)
-        vertex_lines = np.flatnonzero(lines.begins_with(b"v"))
-        if lines.begins_with(b"f").any() or len(vertex_lines) != n_verts:
-            return None
-        with suppress(FormatError):  # parsing the whole file reports the line
-            return _vertices(lines, vertex_lines)
-        return None
-
-    return positions
-
-
-def obj_fields_checker(first: bytes) -> Callable[[bytes], bool]:
-    """Return a function that tells whether a file certainly has the same fields as `first`.
-
-    It has if faces and texture coordinates are the same text, and neither file has normals or
-    vertex colors.
-    """
-    segments = _constant_segments(first)
-    counts_back = any(b" -" in segment for segment in segments)
-    can_differ = not segments or counts_back or _has_normals_or_colors(first)
-
-    def are_same(data: bytes) -> bool:
-        if can_differ or _has_normals_or_colors(data) or b"\\" in data:
-            return False
-        rest = _without(segments, data)
-        return rest is not None and FIELD_LINE.search(rest) is None
-
-    return are_same
-
-
-def _has_normals_or_colors(data: bytes) -> bool:
-    """Whether the file has normals, or a first vertex with more than three numbers."""
-    found = FIRST_VERTEX.search(data)
-    return b"vn" in data or found is None or len(found[1].split()) > N_POSITION
-
-
-def _constant_segments(data: bytes) -> list[bytes]:
-    """Text segments that begin with a face or texture coordinate and end before a vertex."""
-    segments, end = [], 0
-    while (begin := _next_segment(data, end)) >= 0:
-        found = END_OF_SEGMENT.search(data, begin)
-        end = found.start() if found else len(data)
-        segments.append(data[begin:end])
-    return segments
-
-
-def _next_segment(data: bytes, at: int) -> int:
-    """Offset of the newline before the next face or texture coordinate; -1 if there is none."""
-    face = _next_line(data, b"\nf ", at, len(data))
-    texture = _next_line(data, b"\nvt ", at, face if face >= 0 else len(data))
-    return texture if texture >= 0 else face
-
-
-def _next_line(data: bytes, beginning: bytes, at: int, stop: int) -> int:
-    """Offset of the next occurrence of a line beginning; -1 if there is none before `stop`."""
-    # Searching for one letter that numbers do not contain is a hundred times faster than for two.
-    letter = beginning[-2:-1]
-    while (at := data.find(letter, at, stop) + 1) > 0:
-        begin = at - len(beginning) + 1
-        if begin >= 0 and data.startswith(beginning, begin):
-            return begin
-    return -1
-
-
-def _without(segments: list[bytes], data: bytes) -> bytes | None:
-    """Text between the segments; None if the data does not contain them all where they belong."""
-    pieces, end = [], 0
-    for segment in segments:
-        begin = _next_segment(data, end)
-        if begin < 0 or not data.startswith(segment, begin):
-            return None
-        pieces.append(data[end:begin])
-        end = begin + len(segment)
-        if not segment.endswith(b"\n") and data[end : end + 1] not in b"\n":
-            return None
-    return b"\n".join([*pieces, data[end:]])
 
 
 def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
@@ -156,3 +134,165 @@ def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDA
             f"{lines.place(line)}: a vertex needs x, y and z; got {lines.counts[line] - 1} numbers"
         )
     return lines.floats(lines.first[vertex_lines][:, None] + np.arange(1, 4))
+
+
+def _hard_edges(
+    lines: _Lines, mesh: PolygonMesh, normals: tuple[Domain, npt.NDArray[np.float32]] | None
+) -> HardEdges | None:
+    """Hard edges from normals or smoothing groups; None if the file has neither."""
+    if normals is not None:
+        domain, values = normals
+        return find_hard_edges(mesh, values[mesh.corners] if domain is Domain.VERTEX else values)
+    statements = lines.of_word(b"s")
+    if not len(statements):
+        return None
+    labels = {"off": 0, "0": 0, "": 0}
+    statement_labels = [
+        labels.setdefault(lines.all.words_after_first(statement), len(labels))
+        for statement in statements.tolist()
+    ]
+    above = _last_above(statements, lines.face_lines)
+    # The format turns smoothing off above the first statement.
+    found = edges_between_groups(mesh, np.array([*statement_labels, 0])[above])
+    return None if found.edges is None else found
+
+
+def _normals(lines: _Lines, mesh: PolygonMesh) -> tuple[Domain, npt.NDArray[np.float32]] | None:
+    """Domain and values of the normals; None if no corner has one."""
+    every, row_lines = lines.all, lines.of_word(b"vn")
+    if not len(row_lines):
+        return None
+    rows, is_there = _rows(lines, row_lines, 2)
+    if not is_there.any():
+        return None
+    is_whole = every.counts[row_lines] > len("xyz")
+    values = np.full((len(row_lines) + 1, 3), np.nan, np.float32)  # last row: missing normal
+    places = every.first[row_lines[is_whole]][:, None] + np.arange(1, 4)
+    values[np.flatnonzero(is_whole)] = every.floats(places)
+    are_vertex_normals = is_there.all() and len(row_lines) == len(mesh.vertices)
+    if are_vertex_normals and (rows == mesh.corners).all():
+        return Domain.VERTEX, values[:-1]
+    rows[~is_there] = len(row_lines)
+    return Domain.CORNER, values[rows]
+
+
+def _rows(
+    lines: _Lines, row_lines: Integers, n_slashes: int
+) -> tuple[Integers, npt.NDArray[np.bool_]]:
+    """Row that each corner refers to after `n_slashes` slashes, and whether it exists."""
+    written, has_one = lines.all.integers_after_slash(lines.corners, n_slashes)
+    rows = np.where(written < 0, lines.n_above(row_lines) + written, written - 1)
+    return rows, has_one & (rows >= 0) & (rows < len(row_lines))
+
+
+def _texture_coordinates(lines: _Lines) -> Attribute | None:
+    row_lines = lines.of_word(b"vt")
+    rows, is_there = _rows(lines, row_lines, 1)
+    if not is_there.any():
+        return None
+    first, counts = lines.all.first[row_lines], lines.all.counts[row_lines]
+    values = np.zeros((len(row_lines), 2), np.float32)  # v is 0 if a line has only u
+    for column in range(2):
+        has_it = counts > column + 1
+        values[has_it, column] = lines.all.floats(first[has_it] + column + 1)
+    if not is_there.all():
+        rows[~is_there] = len(values)
+        values = np.concatenate([values, np.zeros((1, 2), np.float32)])
+    return Attribute("uv", Kind.UV, Domain.CORNER, values, rows.astype(np.int32))
+
+
+def _colors(lines: _Lines) -> Attribute | None:
+    vertex_lines = lines.of_word(b"v")
+    if (lines.all.counts[vertex_lines] != N_COLORED + 1).any():
+        return None
+    values = lines.all.floats(lines.all.first[vertex_lines][:, None] + np.arange(4, 7))
+    if values.max() > 1 and (values == np.rint(values)).all():
+        values /= 255
+    return Attribute("color", Kind.COLOR, Domain.VERTEX, values.astype(np.float32))
+
+
+def _groups(lines: _Lines, name: str) -> FaceGroups:
+    statements = lines.of_word(STATEMENTS[name])
+    above = _last_above(statements, lines.face_lines)
+    labels: dict[str, int] = {}
+    numbers = np.full(len(statements) + 1, -1, np.int32)  # last row: no statement above
+    for used in np.unique(above[above >= 0]):
+        if label := lines.all.words_after_first(int(statements[used])):
+            numbers[used] = labels.setdefault(label, len(labels))
+    return FaceGroups(name, tuple(labels), numbers[above])
+
+
+def _is_redundant(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
+    """Whether groups are objects that equal the parts, or a single object with all faces."""
+    is_whole = len(groups.labels) == 1 and bool((groups.numbers == 0).all())
+    return groups.name == "object" and (is_whole or bool(parts))
+
+
+def _parts(lines: _Lines, mesh: PolygonMesh) -> tuple[Part, ...]:
+    """Objects as parts, if there are several and none uses vertices of another."""
+    statements = lines.of_word(STATEMENTS["object"])
+    vertex_objects = _last_above(statements, lines.of_word(b"v"))
+    face_objects = _last_above(statements, lines.face_lines)
+    names = [lines.all.words_after_first(statement) for statement in statements.tolist()]
+    used = np.unique(np.concatenate([vertex_objects, face_objects]))
+    if used[0] < 0 or len(used) < 2:
+        return ()
+    labels = [names[number] for number in used]
+    if len({*labels}) < len(labels) or not all(labels):
+        return ()
+    if (vertex_objects[mesh.corners] != np.repeat(face_objects, mesh.counts)).any():
+        return ()
+    n_verts, n_faces = (
+        np.bincount(of, minlength=len(names)) for of in (vertex_objects, face_objects)
+    )
+    return tuple(Part(names[number], int(n_verts[number]), int(n_faces[number])) for number in used)
+
+
+def _last_above(statements: Integers, lines: Integers) -> Integers:
+    """Index of the last statement above each line; -1 if there is none."""
+    return np.searchsorted(statements, lines) - 1
+
+
+def obj_positions_reader(first: bytes, frame: Frame) -> Callable[[bytes], Vertices | None]:
+    """Return a function that reads the positions of files that otherwise have the text of `first`.
+
+    It takes the bytes of a file and returns None if the file must be parsed completely, because
+    its vertices have colors or are in several places, other lines differ, or it is damaged.
+    Comments and the name of the material library may differ. It is six times as fast.
+    """
+    n_verts, expected = len(frame.mesh.vertices), _around_vertices(first)
+
+    def positions(data: bytes) -> Vertices | None:
+        found = _around_vertices(data)
+        if expected is None or found is None or found[1:] != expected[1:]:
+            return None
+        lines = split_lines(found[0])
+        with suppress(FormatError):  # parsing the whole file reports the line
+            if lines.n_lines == n_verts and (lines.counts == 1 + N_POSITION).all():
+                return _vertices(lines, np.arange(n_verts))
+        return None
+
+    return positions
+
+
+def _around_vertices(data: bytes) -> tuple[bytes, bytes, bytes] | None:
+    """The first lines of vertices, and the text before and after them that matters."""
+    if (first := FIRST_VERTEX.search(data)) is None:
+        return None
+    begin, other = first.start(), OTHER_LINE.search(data, first.start())
+    end = len(data) if other is None else other.start()
+    block = data[begin:end]
+    return None if b"\\" in block else (block, IGNORED.sub(b"", data[:begin]), data[end:])
+
+
+FORMATS = (
+    FrameFormat(
+        ".obj",
+        "Wavefront OBJ",
+        read_obj,
+        obj_encoder,
+        obj_positions_reader,
+        is_decimal=True,
+        holds_tracks=ALL_TRACKS,
+    ),
+)

@@ -1,7 +1,7 @@
 """Writer for Wavefront OBJ files, one frame per file.
 
 Writes positions with vertex colors (RGB floats), texture coordinates, polygons, the groups that
-`meshreel.formats.meshes.obj_surface` reads, and parts as objects. Tracks of colors, normals and
+`meshreel.formats.meshes.obj` reads, and parts as objects. Tracks of colors, normals and
 texture coordinates are written for each frame. Hard edges become smoothing groups, or normals of
 each frame if smoothing groups cannot express them.
 """
@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.formats.meshes.obj_surface import NORMALS_NAME, STATEMENTS
 from meshreel.formats.notes import (
+    NoteKind,
+    add_note,
     note_track_name,
     note_track_type,
     note_unwritten,
@@ -32,6 +33,12 @@ from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
+
+STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}
+"""Statement that begins a face group, by the name of the groups."""
+
+NORMALS_NAME = "normals"
+"""Name of the track with the normals."""
 
 SMOOTHING = "s"
 """OBJ statement of smoothing groups."""
@@ -301,7 +308,8 @@ def select_tracks(
             note_track_name(name, READ_AS[track.kind], ".obj", notes)
             note_track_type(name, track.dtype, np.dtype(np.float32), notes)
             if track.kind is TrackKind.COLOR and track.shape[2] > len("rgb"):
-                notes.append(f"alpha of track {name!r} left out: .obj does not store it")
+                text = f"alpha of track {name!r} left out: .obj does not store it"
+                add_note(notes, NoteKind.UNWRITTEN, name, text)
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".obj", notes, reason)
     units = {one.name: tracks[one.name].unit for one in found.values()}

@@ -11,7 +11,6 @@ given as an index of a color table.
 
 import re
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +18,10 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
+from meshreel.formats.frames.frame import Frame
+from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import note_left_out, note_normals, note_unwritten
-from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import join_fans, ragged_indices
@@ -44,8 +45,11 @@ class OffHeader:
         return self.begin + self.n_verts
 
 
-def parse_off(data: bytes) -> PolygonMesh:
-    """Parse the mesh of an OFF file; positions are float64.
+def read_off(data: bytes) -> Frame:
+    """Read an OFF file; positions are float64.
+
+    Colors are bytes if none has a decimal point. They are ignored unless all vertices, or all
+    faces, have three or four numbers.
 
     Raises
     ------
@@ -61,38 +65,32 @@ def parse_off(data: bytes) -> PolygonMesh:
             f"{counted(header.n_faces, 'face')}, one per line, but "
             f"{n_lines} lines follow; the file is truncated or damaged"
         )
-    vertices = _vertices(lines, np.arange(header.begin, header.face_begin))
-    face_lines = np.arange(header.face_begin, lines.n_lines)
-    counts = corner_counts(lines, face_lines)
-    corners = lines.integers(ragged_indices(lines.first[face_lines] + 1, counts))
-    return polygon_mesh(vertices, counts, corners, place=lambda face: lines.place(face_lines[face]))
-
-
-def off_positions_reader(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
-    """Return a function that reads only the positions of files with the same face text as `first`.
-
-    It takes the bytes of a file and returns None if the file must be parsed completely, because
-    its faces differ or it is damaged. Skipping the faces halves the time.
-    """
-    lines = split_lines(first)
-    header = read_off_header(lines)
-    faces = lines.physical[lines.starts[lines.first[header.face_begin]] : -1]
-
-    def positions(data: bytes) -> Vertices | None:
-        head = data.removesuffix(faces)
-        if len(head) == len(data) or not head.endswith(b"\n"):
-            return None
-        lines = split_lines(head)
-        with suppress(FormatError):  # parsing the whole file reports the line
-            if read_off_header(lines) == header and lines.n_lines == header.face_begin:
-                return _vertices(lines, np.arange(header.begin, lines.n_lines))
-        return None
-
-    return positions
+    verts = np.arange(header.begin, header.face_begin)
+    faces = np.arange(header.face_begin, lines.n_lines)
+    counts = corner_counts(lines, faces)
+    corners = lines.integers(ragged_indices(lines.first[faces] + 1, counts))
+    mesh = polygon_mesh(
+        _vertices(lines, verts), counts, corners, place=lambda face: lines.place(faces[face])
+    )
+    attributes, notes = list[Attribute | None](), list[str]()
+    n_texture = 2 if header.keyword.startswith("ST") else 0
+    if "C" in header.keyword:
+        n_before = np.full(len(verts), 6 if "N" in header.keyword else 3)
+        attributes.append(_colors(lines, verts, n_before, n_texture, Domain.VERTEX))
+    if n_texture:
+        attributes.append(_texture_coordinates(lines, verts))
+    face_colors = _colors(lines, faces, counts + 1, 0, Domain.FACE)
+    attributes.append(face_colors)
+    if "N" in header.keyword:
+        note_normals(notes)
+    if face_colors is None and (lines.counts[faces] > counts + 1).any():
+        note_left_out(notes, "face colors, which not all faces have as three or four numbers")
+    surface = Surface(attributes=tuple(one for one in attributes if one is not None))
+    return Frame(mesh, surface, notes=notes)
 
 
 def read_off_header(lines: TokenLines) -> OffHeader:
-    """Parse the header of an OFF file; raises as `parse_off`."""
+    """Parse the header of an OFF file; raises as `read_off`."""
     if lines.n_lines == 0:
         raise FormatError("is empty; expected the word OFF")
     keyword = lines.word(0)
@@ -135,7 +133,7 @@ def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDA
 
 
 def corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return the corner counts of the faces on the given lines; raises as `parse_off`."""
+    """Return the corner counts of the faces on the given lines; raises as `read_off`."""
     counts = lines.integers(lines.first[face_lines])
     wrong = (counts < 0) | (counts >= lines.counts[face_lines])
     if wrong.any():
@@ -209,38 +207,6 @@ def _writable_uv(surface: Surface) -> Attribute | None:
     return None
 
 
-def parse_off_surface(data: bytes, notes: list[str] | None = None) -> Surface:
-    """Return the attributes of an OFF file that `parse_off` can read; the notes list omitted data.
-
-    Colors are bytes if none has a decimal point. They are ignored unless all vertices, or all
-    faces, have three or four numbers.
-
-    Raises
-    ------
-    FormatError
-        If a color or texture coordinate is not a number; the error names the line.
-    """
-    lines = split_lines(data)
-    header = read_off_header(lines)
-    verts = np.arange(header.begin, header.face_begin)
-    faces = np.arange(header.face_begin, lines.n_lines)
-    n_texture = 2 if header.keyword.startswith("ST") else 0
-    found = []
-    if "C" in header.keyword:
-        n_before = np.full(len(verts), 6 if "N" in header.keyword else 3)
-        found.append(_colors(lines, verts, n_before, n_texture, Domain.VERTEX))
-    if n_texture:
-        found.append(_texture_coordinates(lines, verts))
-    n_before = corner_counts(lines, faces) + 1
-    found.append(_colors(lines, faces, n_before, 0, Domain.FACE))
-    if notes is not None:
-        if "N" in header.keyword:
-            note_normals(notes)
-        if found[-1] is None and (lines.counts[faces] > n_before).any():
-            note_left_out(notes, "face colors, which not all faces have as three or four numbers")
-    return Surface(None, tuple(one for one in found if one is not None))
-
-
 def _colors(
     lines: TokenLines, of: Integers, n_before: Integers, n_after: int, domain: Domain
 ) -> Attribute | None:
@@ -261,3 +227,6 @@ def _texture_coordinates(lines: TokenLines, verts: Integers) -> Attribute | None
     ends = lines.first[verts] + lines.counts[verts]
     values = lines.floats(ends[:, None] + np.arange(-2, 0)).astype(np.float32)
     return Attribute("uv", Kind.UV, Domain.VERTEX, values)
+
+
+FORMATS = (FrameFormat(".off", "OFF", read_off, off_encoder, is_decimal=True),)

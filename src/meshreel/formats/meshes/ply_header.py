@@ -8,27 +8,13 @@ ENCODINGS = ("ascii", "binary_little_endian", "binary_big_endian")
 HEADER_END = b"end_header"
 KEYWORDS = ("format", "element", "property", "end_header")
 
-# Numpy type codes for the names of the PLY specification and those of later exporters.
 TYPE_CODES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "int64": "i8",
-    "uint64": "u8",
-    "float32": "f4",
-    "float64": "f8",
-}
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+    "float": "f4", "double": "f8", "float32": "f4", "float64": "f8",
+    **{f"int{8 * width}": f"i{width}" for width in (1, 2, 4, 8)},
+    **{f"uint{8 * width}": f"u{width}" for width in (1, 2, 4, 8)},
+}  # fmt: skip
+"""Numpy type codes for the names of the PLY specification and those of later exporters."""
 
 
 @dataclass(frozen=True)

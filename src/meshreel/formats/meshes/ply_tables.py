@@ -1,18 +1,18 @@
-"""The elements of a PLY file: positions of their numbers, and tables of columns.
+"""The elements of a PLY file as tables of columns.
 
-The body of a file is read as *cells*: bytes of a binary file, words of an ASCII file, so that the
+The body of an ASCII file is read as if it were binary with float64 for every number, so that the
 same code reads both.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.meshes.ply_header import PlyElement, PlyHeader, PlyProperty, read_ply_header
+from meshreel.formats.meshes.ply_header import PlyElement, PlyHeader, PlyProperty
 from meshreel.formats.text.token_lines import split_lines
 from meshreel.model.geometry.polygons import Integers, ragged_indices
 
@@ -22,57 +22,61 @@ STRIPS = "tristrips"
 Offsets = npt.NDArray[np.int64]
 
 
-class PlyCells(Protocol):
-    """The body of a PLY file as an array of cells."""
-
-    n_cells: int
-
-    def width(self, code: str) -> int:
-        """Number of cells of a number of the given type."""
-
-    def take(self, offsets: Integers, code: str) -> npt.NDArray[Any]:
-        """Return the numbers at the given cell offsets, in the declared type."""
-
-    def integer_at(self, offset: int, code: str) -> int:
-        """Return the integer at a cell offset."""
-
-
-class BinaryCells:
-    """Cells that are bytes.
+@dataclass(frozen=True, eq=False)
+class PlyBody:
+    """The numbers of a file after the header.
 
     Parameters
     ----------
-    body : bytes
-        The file after the header.
-    byte_order : {"<", ">"}
-        Little or big endian.
+    data : bytes
+        In the declared types, or float64 for all numbers of an ASCII file.
+    order : {"<", ">", "="}
+        Byte order.
+    place : function of the offset of a number, optional
+        For an ASCII file: describes the location in messages, such as "line 7".
     """
 
-    def __init__(self, body: bytes, byte_order: str) -> None:
-        self.n_cells: int = len(body)
-        self._body = body
-        self._codes = np.frombuffer(body, dtype=np.uint8)
-        self.byte_order = byte_order
+    data: bytes
+    order: str
+    place: Callable[[int], str] | None = None
 
-    def width(self, code: str) -> int:
-        """Number of bytes of a number of the given type."""
-        return int(code[1:])
+    def code(self, declared: str) -> str:
+        """Return the type code of numbers in the body, given the declared one."""
+        return declared if self.place is None else "f8"
 
-    def take(self, offsets: Integers, code: str) -> npt.NDArray[Any]:
-        """Return the numbers at the given byte offsets, in native byte order."""
-        width, stride = self.width(code), _stride(offsets)
+    def width(self, declared: str) -> int:
+        """Number of bytes of a number of the declared type."""
+        return int(self.code(declared)[1:])
+
+    def take(self, offsets: Integers, declared: str) -> npt.NDArray[Any]:
+        """Return the numbers at the given byte offsets, in the declared type.
+
+        Raises
+        ------
+        FormatError
+            If an integer type is declared and a word of an ASCII file is none in its range.
+        """
+        code, stride = self.order + self.code(declared), _stride(offsets)
         if stride:  # a view is ten times faster than gathering bytes
-            first, dtype = int(offsets[0]), self.byte_order + code
-            return np.ndarray(len(offsets), dtype, self._body, first, (stride,)).astype(code)
-        words = self._codes[offsets[:, None] + np.arange(width)]
-        numbers: npt.NDArray[Any] = words.view(self.byte_order + code)[:, 0].astype(code)
-        return numbers
+            found = np.ndarray(len(offsets), code, self.data, int(offsets[0]), (stride,))
+        else:
+            places = offsets[:, None] + np.arange(self.width(declared))
+            found = np.frombuffer(self.data, np.uint8)[places].view(code)[:, 0]
+        if self.place is not None and not declared.startswith("f"):
+            limits = np.iinfo(declared)
+            good = (found == np.rint(found)) & (found >= limits.min) & (found < limits.max + 1.0)
+            if not good.all():
+                first = int(np.argmin(good))
+                raise FormatError(
+                    f"{self.place(int(offsets[first]))}: expected {np.dtype(declared).name}; got "
+                    f"{found[first]:g}"
+                )
+        with np.errstate(over="ignore"):
+            return found.astype(declared)
 
-    def integer_at(self, offset: int, code: str) -> int:
-        """Return the integer at a byte offset."""
-        word = self._body[offset : offset + self.width(code)]
-        order: Literal["little", "big"] = "little" if self.byte_order == "<" else "big"
-        return int.from_bytes(word, order, signed=code.startswith("i"))
+    def integer_at(self, offset: int, declared: str) -> int:
+        """Return the integer at a byte offset; raises as `take`."""
+        return int(self.take(np.array([offset]), declared)[0])
 
 
 def _stride(offsets: Integers) -> int:
@@ -83,98 +87,44 @@ def _stride(offsets: Integers) -> int:
     return stride if (np.diff(offsets) == stride).all() else 0
 
 
-class WordCells:
-    """Cells that are words of an ASCII file, one for each number.
-
-    Parameters
-    ----------
-    values : float64 array of shape (number of words,)
-        The words after the header, parsed as numbers.
-    place : function of a cell
-        Describes the location of a word for error messages, such as "line 7".
-    """
-
-    def __init__(self, values: npt.NDArray[np.float64], place: Callable[[int], str]) -> None:
-        self.n_cells: int = len(values)
-        self._values = values
-        self._place = place
-
-    def width(self, code: str) -> int:
-        """Return 1: every number is one word."""
-        return 1
-
-    def take(self, offsets: Integers, code: str) -> npt.NDArray[Any]:
-        """Return the numbers at the given word offsets, in the declared type.
-
-        Raises
-        ------
-        FormatError
-            If an integer type is declared and a word is not an integer in its range.
-        """
-        values = self._values[offsets]
-        if code.startswith("f"):
-            with np.errstate(over="ignore"):
-                return values.astype(code)
-        limits = np.iinfo(code)
-        good = (values == np.rint(values)) & (values >= limits.min) & (values < limits.max + 1.0)
-        if not good.all():
-            cell, name = int(offsets[np.argmin(good)]), np.dtype(code).name
-            raise FormatError(f"{self._place(cell)}: expected {name}; got {self._values[cell]:g}")
-        return values.astype(code)
-
-    def integer_at(self, offset: int, code: str) -> int:
-        """Return the integer at a word offset; raises as `take`."""
-        return int(self.take(np.array([offset]), code)[0])
-
-
-@dataclass(frozen=True, eq=False)
-class ElementLayout:
-    """Cell offsets of the numbers of an element.
-
-    Parameters
-    ----------
-    offsets : dict of str to int64 array of shape (number of rows,)
-        Cell of each property in each row; for a list, the cell of its length.
-    start, end : int
-        First cell of the element, and first cell after it.
-    """
-
-    offsets: dict[str, Offsets]
-    start: int
-    end: int
-
-
 @dataclass(frozen=True, eq=False)
 class PlyTable:
     """The rows of an element.
 
     Parameters
     ----------
-    cells : PlyCells
-        Cells that the layout describes.
+    element : PlyElement
+    body : PlyBody
+    offsets : dict of str to int64 array of shape (number of rows,)
+        Byte offset of each property in each row; for a list, that of its length.
+    start, end : int
+        First byte of the element, and first byte after it.
     """
 
     element: PlyElement
-    layout: ElementLayout
-    cells: PlyCells
+    body: PlyBody
+    offsets: dict[str, Offsets]
+    start: int
+    end: int
 
     def numbers(self, column: PlyProperty) -> npt.NDArray[Any]:
         """Return the number of each row, in the declared type."""
-        return self.cells.take(self.layout.offsets[column.name], column.code)
+        return self.body.take(self.offsets[column.name], column.code)
 
     def lists(self, column: PlyProperty) -> tuple[Integers, npt.NDArray[Any]]:
         """Return the list length of each row, and the concatenated numbers of all lists."""
-        lengths, starts = list_values(self.layout, self.cells, column)
-        width = self.cells.width(column.code)
+        offsets = self.offsets[column.name]
+        lengths = self.body.take(offsets, column.count_code).astype(np.int64)
+        starts, width = offsets + self.body.width(column.count_code), self.body.width(column.code)
         if (lengths[:1] == lengths).all() and 0 < lengths.max(initial=0) < len(lengths):
             places = [starts + width * number for number in range(lengths[0])]
-            columns = [self.cells.take(place, column.code) for place in places]
+            columns = [self.body.take(place, column.code) for place in places]
             return lengths, np.stack(columns, axis=1).ravel()
         offsets = np.repeat(starts, lengths) + width * ragged_indices(0 * lengths, lengths)
-        return lengths, self.cells.take(offsets, column.code)
+        return lengths, self.body.take(offsets, column.code)
 
 
-def read_ply_tables(data: bytes) -> dict[str, PlyTable]:
+def read_ply_tables(header: PlyHeader, data: bytes) -> dict[str, PlyTable]:
     """Return the tables of a PLY file by element name.
 
     An empty face table is dropped if there are triangle strips.
@@ -182,104 +132,95 @@ def read_ply_tables(data: bytes) -> dict[str, PlyTable]:
     Raises
     ------
     FormatError
-        If the header is invalid, vertices or faces are not declared, or rows are missing.
+        If vertices or faces are not declared, or rows are missing.
     """
-    header = read_ply_header(data)
     names = [element.name for element in header.elements]
     if "vertex" not in names or not {"face", STRIPS} & {*names}:
         raise FormatError(
             f"has elements {', '.join(names) or '(none)'}; a mesh needs 'vertex', and 'face' or "
             f"{STRIPS!r}"
         )
-    cells = _cells(header, data)
+    body = _body(header, data)
     tables: dict[str, PlyTable] = {}
     start = 0
     for element in header.elements:
-        layout = locate_element(element, cells, start)
-        tables.setdefault(element.name, PlyTable(element, layout, cells))
-        start = layout.end
+        table = read_table(element, body, start)
+        tables.setdefault(element.name, table)
+        start = table.end
     if STRIPS in tables and "face" in tables and tables["face"].element.n_rows == 0:
         del tables["face"]
     return tables
 
 
-def _cells(header: PlyHeader, data: bytes) -> PlyCells:
+def _body(header: PlyHeader, data: bytes) -> PlyBody:
     if header.encoding != "ascii":
         order = "<" if header.encoding == "binary_little_endian" else ">"
-        return BinaryCells(data[header.body_start :], order)
+        return PlyBody(data[header.body_start :], order)
     # Tokenize the header too, so that errors name the right line.
     lines = split_lines(data)
     first = int(np.searchsorted(lines.starts, header.body_start))
     values = lines.floats(np.arange(first, len(lines.starts)))
-    return WordCells(values, lambda cell: lines.place_of_word(first + cell))
+    return PlyBody(values.tobytes(), "=", lambda at: lines.place_of_word(first + at // 8))
 
 
-def locate_element(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout:
-    """Return the layout of an element that begins at cell `start`.
+def read_table(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
+    """Return the table of an element that begins at an offset.
 
     Raises
     ------
     FormatError
         If the declared rows do not fit in the file, or a list has a negative length.
     """
-    row_width = sum(cells.width(p.count_code or p.code) for p in element.properties)
-    _check_fits(element, element.n_rows * row_width, cells.n_cells - start)
+    row_width = sum(body.width(each.count_code or each.code) for each in element.properties)
+    _check_fits(element, element.n_rows * row_width, len(body.data) - start)
     if element.n_rows == 0 or not element.properties:
         nowhere = {column.name: np.empty(0, np.int64) for column in element.properties}
-        return ElementLayout(nowhere, start, start)
-    return _locate_equal_rows(element, cells, start) or _locate_each_row(element, cells, start)
+        return PlyTable(element, body, nowhere, start, start)
+    return _table_of_equal_rows(element, body, start) or _table_of_rows(element, body, start)
 
 
-def list_values(
-    layout: ElementLayout, cells: PlyCells, column: PlyProperty
-) -> tuple[npt.NDArray[np.int64], Offsets]:
-    """Return the lengths of the lists of a property, and the first cell of their values."""
-    offsets = layout.offsets[column.name]
-    lengths = cells.take(offsets, column.count_code).astype(np.int64)
-    return lengths, offsets + cells.width(column.count_code)
-
-
-def _locate_equal_rows(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout | None:
-    """Layout if all lists are as long as in the first row, as in most files; otherwise None."""
-    first, row_width = _walk_row(element, cells, start)
-    if element.n_rows * row_width > cells.n_cells - start:
+def _table_of_equal_rows(element: PlyElement, body: PlyBody, start: int) -> PlyTable | None:
+    """Table if all lists are as long as in the first row, as in most files; otherwise None."""
+    first, row_width = _walk_row(element, body, start)
+    end = start + element.n_rows * row_width
+    if end > len(body.data):
         return None
     rows = row_width * np.arange(element.n_rows)
-    offsets = {name: rows + cell for name, cell in first.items()}
+    offsets = {name: rows + at for name, at in first.items()}
     for column in element.properties:
         if column.count_code:
-            lengths = cells.take(offsets[column.name], column.count_code)
+            lengths = body.take(offsets[column.name], column.count_code)
             if (lengths != lengths[0]).any():
                 return None
-    return ElementLayout(offsets, start, start + element.n_rows * row_width)
+    return PlyTable(element, body, offsets, start, end)
 
 
-def _locate_each_row(element: PlyElement, cells: PlyCells, start: int) -> ElementLayout:
-    found: dict[str, list[int]] = {column.name: [] for column in element.properties}
+def _table_of_rows(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
+    places: dict[str, list[int]] = {column.name: [] for column in element.properties}
     end = start
     for _ in range(element.n_rows):
-        row, width = _walk_row(element, cells, end)
-        for name, cell in row.items():
-            found[name].append(cell)
+        row, width = _walk_row(element, body, end)
+        for name, at in row.items():
+            places[name].append(at)
         end += width
-    offsets = {name: np.array(starts, np.int64) for name, starts in found.items()}
-    return ElementLayout(offsets, start, end)
+    offsets = {name: np.array(starts, np.int64) for name, starts in places.items()}
+    return PlyTable(element, body, offsets, start, end)
 
 
-def _walk_row(element: PlyElement, cells: PlyCells, start: int) -> tuple[dict[str, int], int]:
-    """Return the cell of each property of the row at `start`, and the width of the row."""
-    offsets, at = {}, start
+def _walk_row(element: PlyElement, body: PlyBody, start: int) -> tuple[dict[str, int], int]:
+    """Return the offset of each property of the row at `start`, and the width of the row."""
+    offsets, at, left = {}, start, len(body.data) - start
     for column in element.properties:
         offsets[column.name] = at
         length = 1
         if column.count_code:
-            _check_fits(element, at + cells.width(column.count_code) - start, cells.n_cells - start)
-            length = cells.integer_at(at, column.count_code)
-            at += cells.width(column.count_code)
+            _check_fits(element, at + body.width(column.count_code) - start, left)
+            length = body.integer_at(at, column.count_code)
+            at += body.width(column.count_code)
         if length < 0:
             raise FormatError(f"element {element.name!r} has a list of {length} values")
-        at += length * cells.width(column.code)
-    _check_fits(element, at - start, cells.n_cells - start)
+        at += length * body.width(column.code)
+    _check_fits(element, at - start, left)
     return offsets, at - start
 
 

@@ -13,15 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Values
-from meshreel.formats.meshes.ply import INDEX_NAMES
-from meshreel.formats.meshes.ply_surface import (
-    COLOR_NAMES,
-    CORNER_UV_NAME,
-    NORMALS,
-    NORMALS_NAME,
-    NOT_ATTRIBUTES,
-    UV_NAMES,
-)
 from meshreel.formats.notes import (
     note_track_name,
     note_track_type,
@@ -33,6 +24,14 @@ from meshreel.model.geometry.polygons import join_fans, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
+
+INDEX_NAMES = ("vertex_indices", "vertex_index")
+COLOR_NAMES = ("red", "green", "blue", "alpha")
+UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+CORNER_UV_NAME = "texcoord"
+NORMALS = ("nx", "ny", "nz")
+NORMALS_NAME = "normals"
+NOT_ATTRIBUTES = ("x", "y", "z", *NORMALS)
 
 TYPE_NAMES = {
     "<u1": "uchar", "<i1": "char", "<u2": "ushort", "<i2": "short", "<u4": "uint", "<i4": "int",

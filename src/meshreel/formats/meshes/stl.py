@@ -11,8 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.frames.frame import Frame
+from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import note_left_out, note_unwritten
-from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Surface
@@ -21,8 +23,10 @@ HEADER_BYTES = 80
 TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def parse_stl(data: bytes) -> PolygonMesh:
-    """Parse the triangles of an STL file; corner 3 f + i is vertex 3 f + i.
+def read_stl(data: bytes) -> Frame:
+    """Read an STL file; corner 3 f + i is vertex 3 f + i.
+
+    A note reports colors that some programs put into spare bytes.
 
     Raises
     ------
@@ -32,8 +36,12 @@ def parse_stl(data: bytes) -> PolygonMesh:
     """
     # Some binary files begin with "solid" too, so the size decides first.
     corners: Vertices
+    notes: list[str] = []
     if len(data) == _binary_size(data):
-        corners = _parse_binary(data)
+        triangles = np.frombuffer(data, dtype=TRIANGLE, offset=HEADER_BYTES + 4)
+        corners = triangles["corners"].reshape(-1, 3).astype(np.float32)
+        if triangles["attribute"].any():
+            note_left_out(notes, "spare bytes of triangles, such as colors")
     elif data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
         corners = _parse_ascii(split_lines(data.lower()))
     else:
@@ -41,35 +49,10 @@ def parse_stl(data: bytes) -> PolygonMesh:
             f"is {len(data)} bytes long; a binary STL with the declared number of triangles has "
             f"{_binary_size(data)}; the file is truncated or damaged"
         )
+    with np.errstate(invalid="ignore"):
+        corners = corners + 0.0  # without negative zeros, welding by bytes finds equal corners
     n_faces = len(corners) // 3
-    corners = _without_negative_zeros(corners)
-    return polygon_mesh(corners, np.full(n_faces, 3), np.arange(3 * n_faces))
-
-
-def parse_stl_surface(data: bytes, notes: list[str]) -> Surface:
-    """Return a plain surface; a note reports colors that some programs put into spare bytes."""
-    if len(data) == _binary_size(data):
-        table = np.frombuffer(data, TRIANGLE, offset=HEADER_BYTES + 4)
-        if table["attribute"].any():
-            note_left_out(notes, "spare bytes of triangles, such as colors")
-    return PLAIN
-
-
-def stl_positions_reader(first: bytes, mesh: PolygonMesh) -> Callable[[bytes], Vertices | None]:
-    """Return a function that reads the corners of binary files with as many triangles as `first`.
-
-    It takes the bytes of a file and returns None if the file must be parsed completely, as every
-    ASCII file.
-    """
-    n_corners = len(mesh.vertices)
-
-    def positions(data: bytes) -> Vertices | None:
-        if len(data) != _binary_size(data):
-            return None
-        corners = _parse_binary(data)
-        return _without_negative_zeros(corners) if len(corners) == n_corners else None
-
-    return positions
+    return Frame(polygon_mesh(corners, np.full(n_faces, 3), np.arange(3 * n_faces)), notes=notes)
 
 
 def stl_encoder(
@@ -105,20 +88,9 @@ def stl_encoder(
     return encode
 
 
-def _without_negative_zeros(corners: Vertices) -> Vertices:
-    """Replace negative zeros, so that welding by bytes finds equal corners."""
-    with np.errstate(invalid="ignore"):
-        return corners + 0.0
-
-
 def _binary_size(data: bytes) -> int:
     n_faces = int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 4], "little")
     return HEADER_BYTES + 4 + n_faces * TRIANGLE.itemsize
-
-
-def _parse_binary(data: bytes) -> npt.NDArray[np.float32]:
-    triangles = np.frombuffer(data, dtype=TRIANGLE, offset=HEADER_BYTES + 4)
-    return triangles["corners"].reshape(-1, 3).astype(np.float32)
 
 
 def _parse_ascii(lines: TokenLines) -> npt.NDArray[np.float64]:
@@ -148,3 +120,8 @@ def _normals(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     unit = np.zeros_like(normals)
     np.divide(normals, lengths, out=unit, where=usable)
     return unit
+
+
+FORMATS = (
+    FrameFormat(".stl", "STL", read_stl, stl_encoder, is_decimal=True, has_unshared_vertices=True),
+)

@@ -11,7 +11,7 @@ import numpy as np
 from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
-from meshreel.formats.notes import listed, note_left_out
+from meshreel.formats.notes import listed, note_kinds, note_uneven_times
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import ReadMeshes, SceneMesh
@@ -22,9 +22,7 @@ from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.counting import counted
-from meshreel.runtime.progress import Count, Progress
-
-MAX_NAMED = 8
+from meshreel.runtime.progress import Count
 
 BLOCK_BYTES = 1 << 20
 """Size of the positions that are checked at once."""
@@ -39,7 +37,8 @@ def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Fra
         As `select_mesh` and `open_mesh`.
     """
     mesh = select_mesh(read_meshes, path, options, may_change=False)
-    return open_mesh(mesh, path, options)
+    (sequence,) = open_mesh(mesh, path, options, is_constant=True)
+    return sequence
 
 
 def select_mesh(
@@ -93,38 +92,118 @@ def selected_meshes(
     return meshes
 
 
-def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
-    """Open the frames of a mesh, loaded if they are small enough; all are read once now.
+def open_mesh(
+    mesh: SceneMesh, path: Path, options: ReadOptions, *, is_constant: bool = False
+) -> Iterator[FrameSource]:
+    """Yield each range of frames of a mesh with the same faces, loaded if they are small enough.
+
+    All frames are read once now.
+
+    Parameters
+    ----------
+    is_constant : bool, default False
+        Whether changing faces are an error.
 
     Raises
     ------
     InvalidInputError
-        If the faces of a frame differ from those of the first, or a position is not finite; the
-        message names the frame.
+        If a position is not finite; the message names the frame.
+    ConnectivityChangeError
+        If `is_constant` and the faces of a frame differ from those of the first; as above.
     """
-    blocks: list[Vertices] = []
-    survey = FrameSurvey()
-    n_frames = len(mesh.times_s)
+    runs: list[_SceneRun] = []
+    n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
     with errors_naming(path):
-        first = mesh.frame(0)
-        n_bytes = first.vertices.nbytes * n_frames
-        is_loaded = options.max_loaded_bytes is None or n_bytes <= options.max_loaded_bytes
-        for block in _checked_blocks(mesh, first, options.progress):
-            survey.add(block)
-            blocks += [block] if is_loaded else []
+        for index in range(n_frames):
+            frame = mesh.frame(index)
+            difference = frame.difference(runs[-1].first) if runs else ""
+            if difference and is_constant:
+                runs[-1].check()
+                raise ConnectivityChangeError(
+                    f"frame {index} of {mesh.name} has {difference} in frame 0"
+                )
+            if difference or not runs:
+                if runs:
+                    runs[-1].check()
+                kept_bytes = sum(run.kept_bytes for run in runs)
+                limit = None if budget is None else max(0, budget - kept_bytes)
+                runs.append(_SceneRun(mesh, index, frame, limit))
+            if runs[-1].add(frame) or index + 1 == n_frames:
+                options.progress("reading", Count(index + 1, n_frames, "frames"))
+        runs[-1].check()
+        # Surfaces and tracks depend on what changes in any frame.
+        starts = [run.start for run in runs]
+        for run, stop in zip(runs, [*starts[1:], n_frames], strict=True):
+            yield run.sequence(stop, path, options)
+
+
+class _SceneRun:
+    """Consecutive frames of a mesh with the same faces, kept while they are small.
+
+    Parameters
+    ----------
+    mesh : SceneMesh
+    start : int
+        Number of the first frame.
+    first : PolygonMesh
+    max_bytes : int, optional
+        Size above which frames stay in the file; default: never.
+    """
+
+    def __init__(
+        self, mesh: SceneMesh, start: int, first: PolygonMesh, max_bytes: int | None
+    ) -> None:
+        self.first, self.start = first, start
+        self._mesh, self._max_bytes = mesh, max_bytes
+        self._survey = FrameSurvey()
+        self._blocks: list[Vertices] = []
+        self._unchecked: list[Any] = []
+        self._n_checked = 0
+        self._is_loaded = True
+
+    @property
+    def kept_bytes(self) -> int:
+        """Size of the kept frames."""
+        return sum(block.nbytes for block in self._blocks)
+
+    def add(self, frame: PolygonMesh) -> bool:
+        """Add the next frame; return whether it completed a block, which is then checked."""
+        self._unchecked.append(frame.vertices)
+        is_complete = len(self._unchecked) * frame.vertices.nbytes > BLOCK_BYTES
+        if is_complete:
+            self.check()
+        return is_complete
+
+    def check(self) -> None:
+        """Check the frames since the last block, and keep them unless all become too large."""
+        if not self._unchecked:
+            return
+        block: Vertices = np.stack(self._unchecked)
+        self._unchecked.clear()
+        validate_finite(block, first_frame=self.start + self._n_checked)
+        self._n_checked += len(block)
+        self._survey.add(block)
+        self._blocks.append(block)
+        is_large = self._max_bytes is not None and self.kept_bytes > self._max_bytes
+        if is_large or not self._is_loaded:
+            self._is_loaded = False
+            self._blocks.clear()
+
+    def sequence(self, stop: int, path: Path, options: ReadOptions) -> FrameSource:
+        """Return the frames up to `stop`; raises as `open_mesh`."""
+        mesh, first = frame_range(self._mesh, self.start, stop), self.first
+        n_frames = stop - self.start
         timing = frame_times(mesh.times_s)
         if not timing.is_even:
-            options.notes.append(
-                f"frame times are uneven; read as {timing.fps:g} frames per second"
-            )
+            note_uneven_times(options.notes, timing.fps)
         rate = options.fps or mesh.fps or timing.fps
         faces = triangulate_fans(first.counts, first.corners)
         surface = replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32))
         name = mesh.name.rstrip("/").rpartition("/")[2]
         tracks = mesh.tracks(range(n_frames))
-        n_bytes += sum(map(size_bytes, tracks.values()))
-        if is_loaded and (options.max_loaded_bytes is None or n_bytes <= options.max_loaded_bytes):
-            vertices = np.concatenate(blocks).astype(survey.dtype, copy=False)
+        size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))
+        if self._is_loaded and (self._max_bytes is None or size <= self._max_bytes):
+            vertices = np.concatenate(self._blocks).astype(self._survey.dtype, copy=False)
             return MeshSequence(
                 vertices, faces, rate, name, timing.start_s, surface, read_tracks(tracks)
             )
@@ -134,9 +213,9 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> FrameSource:
             faces=faces,
             fps=rate,
             name=name,
-            dtype=survey.dtype,
-            extent=survey.extent,
-            read_range=_reader(mesh, survey.dtype, first.vertices.shape),
+            dtype=self._survey.dtype,
+            extent=self._survey.extent,
+            read_range=_reader(mesh, self._survey.dtype, first.vertices.shape),
             start_s=timing.start_s,
             surface=surface,
             files=(path,),
@@ -183,33 +262,6 @@ def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:
     return f"{counted(len(names), 'mesh')}: {', '.join(names[:most])}{more}"
 
 
-def _checked_blocks(mesh: SceneMesh, first: PolygonMesh, progress: Progress) -> Iterator[Vertices]:
-    """Yield the positions of all frames in blocks of shape (T, V, 3).
-
-    Raises
-    ------
-    ConnectivityChangeError, InvalidInputError
-        If the faces of a frame differ from those of the first, or a position is not finite.
-    """
-    n_frames, n_each = len(mesh.times_s), 1 + BLOCK_BYTES // max(1, first.vertices.nbytes)
-    for start in range(0, n_frames, n_each):
-        frames: list[Any] = []
-        difference = ""
-        for index in range(start, min(start + n_each, n_frames)):
-            frame = mesh.frame(index) if index else first
-            if difference := frame.difference(first):
-                break
-            frames.append(frame.vertices)
-        block: Vertices = np.stack(frames) if frames else first.vertices[np.newaxis]
-        validate_finite(block, first_frame=start)
-        if difference:
-            raise ConnectivityChangeError(
-                f"frame {index} of {mesh.name} has {difference} in frame 0"
-            )
-        yield block
-        progress("reading", Count(start + len(frames), n_frames, "frames"))
-
-
 def _reader(
     mesh: SceneMesh, dtype: np.dtype[np.floating], shape: tuple[int, ...]
 ) -> Callable[[int, int], Vertices]:
@@ -250,9 +302,8 @@ def readable_meshes(
             good.append(kept)
         options.progress("checking", Count(number + 1, len(meshes), "meshes"))
     if not good:
-        raise FormatError(f"has no readable mesh: {listed(faults, MAX_NAMED)}")
-    if faults:
-        note_left_out(options.notes, f"meshes that cannot be read: {listed(faults, MAX_NAMED)}")
+        raise FormatError(f"has no readable mesh: {listed(faults)}")
+    note_kinds(options.notes, "meshes that cannot be read", faults)
     return good
 
 

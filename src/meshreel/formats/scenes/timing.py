@@ -81,13 +81,6 @@ def file_order_times(n_frames: int, fps: float) -> npt.NDArray[np.float64]:
     return times
 
 
-def note_file_order(fps: float, notes: list[str]) -> None:
-    """Add a note that frames are in file order because their times are not ascending."""
-    note = f"frame times are not ascending; read in file order at {fps:g} frames per second"
-    if note not in notes:
-        notes.append(note)
-
-
 class Neighbours(NamedTuple):
     """The frames at or around a time.
 

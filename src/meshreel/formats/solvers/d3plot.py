@@ -14,6 +14,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
+from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
@@ -25,6 +26,7 @@ from meshreel.formats.solvers.d3plot_files import (
     D3plotLayout,
     Words,
     adapted_roots,
+    other_files,
 )
 from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface, used_points
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -181,3 +183,8 @@ def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurf
     points = cells.points[ragged_indices(starts[chosen], counts)]
     surface = extract_surface(Cells(cells.types[chosen], counts, points), layout.n_nodes)
     return replace(used_points(surface), cells=chosen[surface.cells])
+
+
+FORMATS = (
+    SequenceFormat(".d3plot", "LS-DYNA d3plot", read_meshes=read_d3plot, other_files=other_files),
+)

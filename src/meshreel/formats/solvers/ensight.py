@@ -18,10 +18,11 @@ from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
-from meshreel.formats.notes import note_kinds, note_left_out
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.notes import note_file_order, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.timing import file_order_times, note_file_order
+from meshreel.formats.scenes.timing import file_order_times
 from meshreel.formats.solvers.ensight_files import (
     Columns,
     Part,
@@ -446,7 +447,7 @@ def _ascending(times: Floats, options: ReadOptions) -> Floats:
     if (np.diff(times) > 0).all():
         return times
     if fps := validate_fps(options.fps or 0.0):
-        note_file_order(fps, options.notes)
+        note_file_order(options.notes, fps)
         return file_order_times(len(times), fps)
     index = int(np.flatnonzero(np.diff(times) <= 0)[0])
     raise FormatError(
@@ -495,3 +496,9 @@ class _PartFrames:
 
     def _surface(self, index: int) -> CellSurface:
         return self._surface_at(self._steps.elements_step(index), self._number)
+
+
+FORMATS = tuple(
+    SequenceFormat(extension, "EnSight Gold", read_meshes=read_ensight, names_files=True)
+    for extension in (".case", ".encas")
+)

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.formats.notes import NORMALS_FAR, NORMALS_LEFT_OUT
+from meshreel.formats.notes import NORMALS, Note, NoteKind
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import (
     Int32s,
@@ -148,7 +148,7 @@ class NormalNotes:
     def __init__(self, notes: list[str]) -> None:
         self._notes = notes
         self._meshes: dict[str, HardEdges] = {}
-        self._sentences: list[str] = []
+        self._written: list[Note] = []
 
     def add(self, name: str, found: HardEdges, *, is_track: bool = False) -> None:
         """Add a mesh, replacing an earlier one of the same name.
@@ -161,30 +161,29 @@ class NormalNotes:
         if is_track and found.edges is None:
             return
         self._meshes[name] = replace(found, n_far=0) if is_track else found
-        for sentence in self._sentences:
-            if sentence in self._notes:
-                self._notes.remove(sentence)
-        self._sentences = list(_sentences_on(self._meshes.values()))
-        self._notes += self._sentences
+        self._notes[:] = [note for note in self._notes if note not in self._written]
+        self._written = list(_notes_on(self._meshes.values()))
+        self._notes += self._written
 
 
-def _sentences_on(meshes: Collection[HardEdges]) -> Iterator[str]:
-    n_hard = sum(len(one.edges) for one in meshes if one.edges is not None)
-    n_shared, n_far, n_corners = (
-        sum(getattr(one, name) for one in meshes) for name in ("n_shared", "n_far", "n_corners")
-    )
+def _notes_on(meshes: Collection[HardEdges]) -> Iterator[Note]:
+    n_hard = sum(len(each.edges) for each in meshes if each.edges is not None)
+    n_shared = sum(each.n_shared for each in meshes)
     if n_hard:
-        yield (
+        text = (
             f"kept {n_hard} of {counted(n_shared, 'edge')} as hard edges, from which normals are "
             "computed in every frame"
         )
+        yield Note(NoteKind.CHANGED, "hard edges", text=text)
     else:
-        yield NORMALS_LEFT_OUT
-    if n_far:
-        yield (
-            f"{NORMALS_FAR}{n_far} of {counted(n_corners, 'corner')}, by more than "
-            f"{NEAR_DEG:g} degrees"
+        yield Note(NoteKind.LEFT_OUT, NORMALS)
+    if n_far := sum(each.n_far for each in meshes):
+        n_corners = sum(each.n_corners for each in meshes)
+        text = (
+            f"normals do not follow from the faces at {n_far} of {counted(n_corners, 'corner')}, "
+            f"by more than {NEAR_DEG:g} degrees"
         )
+        yield Note(NoteKind.CHANGED, NORMALS, text=text)
 
 
 def _units(normals: npt.NDArray[np.floating]) -> Floats:

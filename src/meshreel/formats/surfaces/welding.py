@@ -70,43 +70,43 @@ class SplitMesh:
         return Attribute(name, kind, Domain.CORNER, rows[distinct], indices)
 
 
-def weld_corners(frames: Iterable[Vertices]) -> Weld:
-    """Weld corners whose positions are bitwise equal in all frames.
+class RowGroups:
+    """Groups of rows that are bitwise equal in all arrays so far.
 
-    Parameters
+    Attributes
     ----------
-    frames : iterable of float arrays of shape (3 M, 3)
-        Corner positions in model units, one array per frame, without negative zeros. Iterated once,
-        so that frames need not be in memory together.
-    """
-    labels, representatives = weld_rows(frames)
-    return Weld(representatives, labels.reshape(-1, 3).astype(np.int32))
-
-
-def weld_rows(blocks: Iterable[npt.NDArray[Any]]) -> tuple[Numbers, Numbers]:
-    """Group rows that are bitwise equal in all arrays.
-
-    Parameters
-    ----------
-    blocks : iterable of arrays of shape (N, C)
-        Without negative zeros; C may differ between them. Iterated once.
-
-    Returns
-    -------
     labels : int64 array of shape (N,)
-        Group of each row, numbered by first occurrence.
+        Group of each row, numbered by first occurrence; replaced when groups are split.
     representatives : int64 array
         First row of each group, ascending.
     """
-    labels, representatives = np.empty(0, np.int64), np.empty(0, np.int64)
-    for index, rows in enumerate(blocks):
+
+    def __init__(self) -> None:
+        self.labels, self.representatives = np.empty(0, np.int64), np.empty(0, np.int64)
+
+    def add(self, rows: npt.NDArray[Any]) -> None:
+        """Split groups by an array of shape (N, C), without negative zeros; C may differ."""
         bits = np.ascontiguousarray(rows).view(f"u{rows.itemsize}")
-        if index == 0:
-            labels = np.zeros(len(bits), np.int64)
-            labels, representatives = _split(labels, bits)
-        elif (bits.take(representatives[labels], axis=0) != bits).any():
-            labels, representatives = _split(labels, bits)
-    return labels, representatives
+        if not len(self.labels):
+            self.labels, self.representatives = _split(np.zeros(len(bits), np.int64), bits)
+        elif (bits.take(self.representatives[self.labels], axis=0) != bits).any():
+            self.labels, self.representatives = _split(self.labels, bits)
+
+
+class CornerWelder(RowGroups):
+    """Welds corners whose positions, of shape (3 M, 3), are bitwise equal in all frames."""
+
+    def weld(self) -> Weld:
+        """Return the weld of the frames so far."""
+        return Weld(self.representatives, self.labels.reshape(-1, 3).astype(np.int32))
+
+
+def weld_rows(blocks: Iterable[npt.NDArray[Any]]) -> tuple[Numbers, Numbers]:
+    """Return labels and representatives of rows that are equal in all arrays: `RowGroups`."""
+    groups = RowGroups()
+    for rows in blocks:
+        groups.add(rows)
+    return groups.labels, groups.representatives
 
 
 def _split(labels: Numbers, bits: npt.NDArray[np.unsignedinteger]) -> tuple[Numbers, Numbers]:

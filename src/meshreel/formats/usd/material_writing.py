@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from meshreel.formats.notes import MaterialNotes
+from meshreel.formats.notes import note_kinds
 from meshreel.formats.scenes.parts import unique_name
 from meshreel.formats.usd.materials import NO_BIAS, NO_SCALE, UV_READER, WRAPS
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
@@ -68,7 +68,7 @@ class Materials:
         self._names: set[str] = set()
         self._created: dict[str, Any] = {}
         self._looks = {look.name: look for look in looks}
-        self._notes, self._is_package = MaterialNotes(notes), is_package
+        self._notes, self._is_package = notes, is_package
         self._types = USD.load("Sdf").ValueTypeNames
 
     def bind(self, prim: Any, label: str) -> None:
@@ -92,12 +92,16 @@ class Materials:
         is_double = any(look.double_sided for look in looks)
         USD.load("UsdGeom").Gprim(prim).CreateDoubleSidedAttr(is_double)
         for name in [look.name for look in looks if is_double and not look.double_sided]:
-            self._notes.add("single-sidedness of materials on meshes with double-sided ones", name)
+            note_kinds(
+                self._notes,
+                "single-sidedness of materials on meshes with double-sided ones",
+                [name],
+            )
 
     def note_unused(self) -> None:
         """Note the materials that no face uses."""
         for name in (look for look in self._looks if look not in self._created):
-            self._notes.add("materials that no face uses", name)
+            note_kinds(self._notes, "materials that no face uses", [name])
 
     def _write(self, material: Any, look: Material) -> None:
         """Write the appearance of a material."""
@@ -107,10 +111,10 @@ class Materials:
         outputs: dict[str, Any] = {}
         for slot, texture in look.textures.items():
             if reason := self._unsupported_reason(texture):
-                self._notes.add(f"textures that USD cannot store ({reason})", look.name)
+                note_kinds(self._notes, f"textures that USD cannot store ({reason})", [look.name])
                 continue
             if texture.magnified or texture.shrunk:
-                self._notes.add("texture filters, which USD cannot store", look.name)
+                note_kinds(self._notes, "texture filters, which USD cannot store", [look.name])
             reader = self._texture(f"{path}/{slot}_texture", slot, texture, look)
             is_color = len(texture.channels) >= 3
             output = ("rgb", types.Float3) if is_color else (texture.channels, types.Float)
@@ -136,7 +140,9 @@ class Materials:
         if look.alpha_mode is AlphaMode.MASK:
             shader.CreateInput("opacityThreshold", types.Float).Set(look.alpha_cutoff)
         if look.unlit:
-            self._notes.add("unlit shading of materials, which USD cannot store", look.name)
+            note_kinds(
+                self._notes, "unlit shading of materials, which USD cannot store", [look.name]
+            )
 
     def _unsupported_reason(self, texture: Texture) -> str:
         mime_type = self._images[texture.image][0].mime_type

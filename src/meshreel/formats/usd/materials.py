@@ -11,7 +11,7 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_references import is_within, outside_error
-from meshreel.formats.notes import MaterialNotes
+from meshreel.formats.notes import note_kinds
 from meshreel.formats.surfaces.images import image_type
 from meshreel.formats.usd.stage import outer_file
 from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap, select_materials
@@ -77,7 +77,7 @@ class StageMaterials:
         self.images: list[Image] = []
         self.plain_notes = notes
         self._folder = None if folder is None else folder.resolve()
-        self._notes = MaterialNotes(notes)
+        self._notes = notes
         self._indices: dict[str, int] = {}
         self._looks: dict[str, Material | None] = {}
 
@@ -128,14 +128,14 @@ class StageMaterials:
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
             if any(output.HasConnectedSource() for output in material.GetOutputs()):
-                self._notes.add("appearance of materials without UsdPreviewSurface", name)
+                note_kinds(self._notes, "appearance of materials without UsdPreviewSurface", [name])
             return None
         if shader.GetShaderId() != "UsdPreviewSurface":
-            self._notes.add("appearance of materials other than UsdPreviewSurface", name)
+            note_kinds(self._notes, "appearance of materials other than UsdPreviewSurface", [name])
             return None
         outputs = map(material.GetOutput, ("displacement", "volume"))
         if any(output and output.HasConnectedSource() for output in outputs):
-            self._notes.add("displacement and volumes of materials", name)
+            note_kinds(self._notes, "displacement and volumes of materials", [name])
         return _PreviewSurface(shader, name, self, self._notes).material()
 
 
@@ -338,13 +338,11 @@ class _PreviewSurface:
         Name of the material, for the notes.
     materials : StageMaterials
         Owner of the images.
-    notes : MaterialNotes
+    notes : list of str
         Gains unsupported properties.
     """
 
-    def __init__(
-        self, shader: Any, name: str, materials: StageMaterials, notes: MaterialNotes
-    ) -> None:
+    def __init__(self, shader: Any, name: str, materials: StageMaterials, notes: list[str]) -> None:
         self._shader, self._name, self._notes = shader, name, notes
         self._sources = {slot: self._source(name) for slot, (name, _) in INPUTS.items()}
         self._textures: dict[str, ScaledTexture] = {}
@@ -453,4 +451,4 @@ class _PreviewSurface:
         return strength
 
     def _note(self, what: str) -> None:
-        self._notes.add(what, self._name)
+        note_kinds(self._notes, what, [self._name])

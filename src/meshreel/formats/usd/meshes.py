@@ -1,6 +1,6 @@
 """A mesh of a stage, frame by frame, in world space: points, faces, attributes and tracks."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers, Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Key
-from meshreel.formats.notes import LEFT_OUT, GatheredNote, describe_cages, listed
+from meshreel.formats.notes import CAGES, GatheredNote, NoteKind
 from meshreel.formats.scenes.quantities import (
     normals_of_corners,
     note_quantities,
@@ -310,20 +310,17 @@ class MeshNotes:
     """
 
     def __init__(self, plain: list[str]) -> None:
-        def gathered(single: str, several: str = "") -> GatheredNote:
-            def sentence(names: Sequence[str]) -> str:
-                return f"{several if several and len(names) > 1 else single}: {listed(names)}"
-
-            return GatheredNote(plain, sentence)
+        def changed(subject: str) -> GatheredNote:
+            return GatheredNote(plain, NoteKind.CHANGED, subject)
 
         self.plain = plain
-        self.sampled = gathered("frames differ from samples; USD interpolates at each frame")
-        self.final = gathered("the last frame shows the final pose, which is earlier")
-        self.cages = GatheredNote(plain, describe_cages)
-        self.holes = gathered(f"{LEFT_OUT}faces that are holes")
-        self.flat = gathered("read as a mesh", "read as meshes")
+        self.sampled = changed("frames differ from samples; USD interpolates at each frame")
+        self.final = changed("the last frame shows the final pose, which is earlier")
+        self.cages = GatheredNote(plain, NoteKind.LEFT_OUT, CAGES)
+        self.holes = GatheredNote(plain, NoteKind.LEFT_OUT, "faces that are holes")
+        self.flat = changed("read as meshes")
         approximate = f"with {N_AROUND} faces around, within 1 % of the radius"
-        self.round = gathered(f"read as a mesh {approximate}", f"read as meshes {approximate}")
+        self.round = changed(f"read as meshes {approximate}")
         self.normals = NormalNotes(plain)
 
 

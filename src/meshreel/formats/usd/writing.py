@@ -20,6 +20,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData, sharing_materials
+from meshreel.formats.notes import note_written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
 from meshreel.formats.scenes.transforms import Rounding
@@ -176,7 +177,7 @@ def _write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
         return [None]
     rate = stream.fps or DEFAULT_RATE
     if not stream.fps:
-        stream.notes.append(f"the frame rate is unknown; written as {rate:g} frames per second")
+        note_written_rate(stream.notes, rate)
     codes = (float(snap(np.array(stream.start_s * rate))) + np.arange(stream.n_frames)).tolist()
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)

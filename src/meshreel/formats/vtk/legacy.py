@@ -14,21 +14,19 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import NORMALS, Fields
+from meshreel.formats.frames.field_tracks import NORMALS
+from meshreel.formats.frames.frame import Frame
+from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
-from meshreel.formats.vtk.mesh import VtkMesh
+from meshreel.formats.vtk.mesh import TEXTURE_COORDINATES, DataArray, VtkMesh
 from meshreel.model.sequence import Vertices
-from meshreel.model.surface import Surface
 
 NUMBERS = {
     "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2", "int": "i4",
     "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "float": "f4", "double": "f8",
     "vtkidtype": "i4", "vtktypeint64": "i8", "vtktypeuint64": "u8",
 }  # fmt: skip
-BYTES_PER_NUMBER = 16  # first guess for a number in ASCII
 
 SIGNATURE = "# vtk DataFile Version"
 XML_TYPE = re.compile(rb"""<VTKFile\s[^>]{0,500}?\btype\s*=\s*["']([^"'<>]{1,100})["']""")
@@ -126,18 +124,12 @@ class LegacyTokens:
             raise FormatError(f"expected numbers before byte {self.position}: {error}") from error
 
     def _read_words(self, count: int) -> list[bytes]:
-        """Return the next `count` words, splitting no more of the file than necessary."""
-        length = count * BYTES_PER_NUMBER
-        while True:
-            piece = self._data[self.position : self.position + length]
-            *words, rest = [*piece.split(None, count), b""][: count + 1]
-            reaches_end = self.position + length >= len(self._data)
-            if len(words) == count and (rest or reaches_end):
-                self.position += len(piece) - len(rest)
-                return words
-            if reaches_end:
-                raise FormatError(f"ends within {count} numbers that begin at byte {self.position}")
-            length = 2 * length + BYTES_PER_NUMBER
+        """Return the next `count` words."""
+        *words, rest = [*self._data[self.position :].split(None, count), b""][: count + 1]
+        if len(words) < count:
+            raise FormatError(f"ends within {count} numbers that begin at byte {self.position}")
+        self.position = len(self._data) - len(rest)
+        return words
 
 
 def read_vtk_legacy(data: bytes) -> VtkMesh:
@@ -161,22 +153,9 @@ def read_vtk_legacy(data: bytes) -> VtkMesh:
     return _LegacyReader(tokens).read()
 
 
-def parse_vtk_legacy(data: bytes) -> PolygonMesh:
-    """Return the surface of a ``.vtk`` file; raises as `read_vtk_legacy`."""
-    return read_vtk_legacy(data).polygons
-
-
-def parse_vtk_legacy_surface(data: bytes, notes: list[str]) -> Surface:
-    """Return the texture coordinates and colors of a ``.vtk`` file.
-
-    The notes list omitted data. Raises as `read_vtk_legacy`.
-    """
-    return read_vtk_legacy(data).attribute_surface(notes)
-
-
-def parse_vtk_legacy_fields(data: bytes) -> Fields:
-    """Return all point and cell data; raises as `read_vtk_legacy`, or if two share a name."""
-    return read_vtk_legacy(data).fields
+def read_vtk(data: bytes) -> Frame:
+    """Read a frame; raises as `read_vtk_legacy`, or if two arrays share a name."""
+    return read_vtk_legacy(data).frame()
 
 
 def _no_legacy_file(data: bytes) -> FormatError:
@@ -344,3 +323,6 @@ def _split_lists(numbers: Integers, n_cells: int) -> tuple[Integers, Integers]:
     is_point = np.ones(len(numbers), bool)
     is_point[np.cumsum(sizes + 1) - sizes - 1] = False
     return sizes, numbers[is_point]
+
+
+FORMATS = (FrameFormat(".vtk", "VTK legacy", read_vtk, None),)

@@ -9,8 +9,8 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import NORMALS
-from meshreel.formats.notes import listed, note_unwritten
-from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
+from meshreel.formats.notes import NoteKind, add_note, listed, note_unwritten
+from meshreel.formats.vtk.mesh import TEXTURE_COORDINATES
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
@@ -71,7 +71,8 @@ def output_arrays(
     note_unwritten(surface, (*attributes, *surface.groups), extension, notes)
     if surface.groups:
         names = listed(groups.name for groups in surface.groups)
-        notes.append(f"group labels left out; {extension} stores only their numbers: {names}")
+        text = f"group labels left out; {extension} stores only their numbers: {names}"
+        add_note(notes, NoteKind.UNWRITTEN, "group labels", text)
     found = [
         *map(_attribute_array, attributes),
         *(_array(one.name, Domain.FACE, one.numbers[:, None]) for one in surface.groups),

@@ -1,17 +1,13 @@
 """Reader for ParaView collections (``.pvd``): a list of VTK files and their times."""
 
 import math
-import zlib
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError
@@ -21,19 +17,21 @@ from meshreel.formats.frames.field_tracks import (
     Field,
     Key,
     add_field,
-    field_tracks,
 )
-from meshreel.formats.notes import note_left_out
+from meshreel.formats.frames.stored_frames import checksum
+from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
+from meshreel.formats.notes import note_file_order, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.scenes.timing import Neighbours, file_order_times, note_file_order
+from meshreel.formats.scenes.timing import Neighbours, file_order_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.data_arrays import DataArray
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.mesh import VtkMesh
+from meshreel.formats.vtk.steps import Step, StepArray, StepFrames
+from meshreel.formats.vtk.xml_arrays import parse_xml
 from meshreel.formats.vtk.xml_file import read_vtk_xml
-from meshreel.formats.vtk.xml_tree import parse_xml
+from meshreel.formats.vtk.xml_writing import pvd_pieces, write_pvd
 from meshreel.model.surface import Domain, Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.model.validation import validate_fps
@@ -101,7 +99,7 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
                 "or read each file as a frame, in file order, with --fps (fps=)"
             )
         frames, times = [[file] for _, file in files], file_order_times(len(files), fps)
-        note_file_order(fps, options.notes)
+        note_file_order(options.notes, fps)
     read = _PieceFrames(name, times, frames, options.notes)
     return SceneMesh(name, times, read.frame, read.surface, tracks=read.tracks)
 
@@ -126,7 +124,7 @@ class _PieceFrames:
             places.append([len(series[number]) for number in range(len(one))])
             for number, file in enumerate(one):
                 series[number].append(file)
-        self._places, self._pieces = places, [_FileFrames(one, notes) for one in series]
+        self._places, self._pieces = places, [_file_frames(one, notes) for one in series]
 
     def frame(self, index: int) -> PolygonMesh:
         return self._mesh(index).frame(0)
@@ -165,85 +163,57 @@ def _at(read: Callable[[int], Read], place: int, _: int) -> Read:
     return read(place)
 
 
-class _FileFrames:
-    """Frames stored in one file each; remembers which arrays changed between the frames read."""
+def _file_frames(files: list[Path], notes: list[str]) -> StepFrames:
+    """Return the frames of files with one step each."""
+    last: dict[int, Step] = {}
 
-    def __init__(self, files: list[Path], notes: list[str]) -> None:
-        self._files, self._notes = files, notes
-        self._checksums: dict[Key, int] = {}
-        self._changing: set[Key] = set()
-        self._attributes: set[Key] = set()
-        self._fields: dict[int, dict[Key, Field]] = {}
-        self._last: tuple[int, VtkMesh] | None = None
-
-    def frame(self, index: int) -> PolygonMesh:
-        """Return the surface of a frame, and compare its arrays with those of earlier frames."""
-        mesh = self._read(index)
-        fields: dict[Key, Field] = {}
-        with errors_naming(self._files[index]):
-            for domain, array in _arrays(mesh):
-                values, key = array.values, (domain, array.name)
-                add_field(fields, key, array.field)
-                checksum = zlib.crc32(np.ascontiguousarray(values).data)
-                if array.kind and not array.is_track:
-                    self._attributes.add(key)
-                if self._checksums.setdefault(key, checksum) != checksum:
-                    self._changing.add(key)
-            self._fields[index] = fields
-            return mesh.polygons
-
-    def surface(self, index: int) -> Surface:
-        """Return the arrays of a frame that were the same in all frames read so far."""
-        mesh, changing = self._read(index), self._changing_keys()
-        static = {
-            domain: tuple(
-                one
-                for side, one in _arrays(mesh)
-                if side is domain and (side, one.name) not in changing
-            )
-            for domain in (Domain.VERTEX, Domain.FACE)
-        }
-        with errors_naming(self._files[index]):
-            mesh = replace(mesh, point_data=static[Domain.VERTEX], cell_data=static[Domain.FACE])
-            return mesh.surface(self._notes)
-
-    def tracks(self, frames: range) -> Mapping[str, TrackSource]:
-        """Return tracks for the arrays that changed or were missing in some frames read so far."""
-        changing = self._changing_keys()
-        fields = [
-            {key: field for key, field in self._fields[index].items() if key in changing}
-            for index in frames
-        ]
-        mesh = self._read(frames.start)
-        sizes = {Domain.VERTEX: len(mesh.polygons.vertices), Domain.FACE: len(mesh.polygons.counts)}
-
-        def read(index: int, key: Key) -> npt.NDArray[Any]:
-            path, mesh = self._files[frames[index]], self._read(frames[index])
-            [array] = [one for side, one in _arrays(mesh) if (side, one.name) == key]
-            with errors_naming(path):
-                return mesh.values_on_surface(array, key[0])
-
-        return field_tracks(fields, sizes, read, self._notes)
-
-    def _changing_keys(self) -> set[Key]:
-        """Arrays that changed, are missing in some of the frames read, or are declared tracks."""
-        everything = [pair for fields in self._fields.values() for pair in fields.items()]
-        counts = Counter(key for key, _ in everything)
-        declared = {key for key, field in everything if field.is_track}
-        incomplete = {key for key in counts if counts[key] < len(self._fields)}
-        # Attributes written by meshreel change only with the faces.
-        return (self._changing | declared | incomplete) - self._attributes
-
-    def _read(self, index: int) -> VtkMesh:
-        if self._last is None or self._last[0] != index:
-            path = self._files[index]
+    def read(index: int) -> Step:
+        if index not in last:
+            last.clear()
+            path = files[index]
             with os_errors_naming(path):
                 data = path.read_bytes()
             with errors_naming(path):
-                self._last = index, READERS[path.suffix.lower()](data)
-        return self._last[1]
+                last[index] = _step(READERS[path.suffix.lower()](data))
+        return last[index]
+
+    return StepFrames(read, notes)
 
 
-def _arrays(mesh: VtkMesh) -> list[tuple[Domain, DataArray]]:
-    at_points = [(Domain.VERTEX, one) for one in mesh.point_data]
-    return at_points + [(Domain.FACE, one) for one in mesh.cell_data]
+def _step(mesh: VtkMesh) -> Step:
+    """Return a mesh as a step, whose arrays are identified by checksums of their values."""
+    fields: dict[Key, Field] = {}
+    arrays = []
+    for domain, of_domain in ((Domain.VERTEX, mesh.point_data), (Domain.FACE, mesh.cell_data)):
+        for array in of_domain:
+            add_field(fields, (domain, array.name), array.field)
+            arrays.append(
+                StepArray(
+                    array.name,
+                    domain,
+                    checksum(array.values),
+                    partial(_itself, array),
+                    partial(_itself, array.field),
+                    array.is_track,
+                    bool(array.kind) and not array.is_track,
+                )
+            )
+    n_cells = len(mesh.cells.types)
+    return Step(len(mesh.points), n_cells, mesh.cell_surface, partial(_itself, mesh.points), arrays)
+
+
+def _itself(value: Read) -> Read:
+    return value
+
+
+FORMATS = (
+    SequenceFormat(
+        ".pvd",
+        "ParaView collection",
+        read_meshes=read_pvd,
+        write_segments=write_pvd,
+        names_files=True,
+        holds_tracks=NOT_OF_CORNERS,
+        data_files=pvd_pieces,
+    ),
+)

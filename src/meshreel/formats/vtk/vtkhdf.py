@@ -23,20 +23,24 @@ from meshreel.formats.hdf import (
     open_hdf,
     read_all,
 )
+from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.vtkhdf_steps import VtkSteps, read_integers
+from meshreel.formats.vtk.steps import StepFrames
+from meshreel.formats.vtk.vtkhdf_steps import (
+    MESHREEL_GROUP,
+    ROOT,
+    SEGMENT_STARTS,
+    VtkSteps,
+    read_integers,
+    segment_group,
+)
+from meshreel.formats.vtk.vtkhdf_writer import write_vtkhdf
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
-
-ROOT = "VTKHDF"
-MESHREEL_GROUP = "meshreel"
-"""Our group next to VTKHDF: the whole surface, as `meshreel.formats.arrays.named_arrays`."""
-
-SEGMENT_STARTS = "segment_starts"
-"""Dataset of our group: the first step of each segment, whose surfaces are in groups of it."""
+from meshreel.runtime.extras import HDF
 
 MESH_TYPES = ("PolyData", "UnstructuredGrid")
 VERSION = 2
@@ -97,6 +101,7 @@ def _scene_mesh(
     if len(version) == 0 or int(version[0]) > VERSION:
         raise FormatError(f"has VTKHDF version {version.tolist()}; up to {VERSION}.x is supported")
     steps = VtkSteps(group, is_poly_data=kind == "PolyData", notes=options.notes)
+    frames_of_steps = StepFrames(steps.step, options.notes)
     fps = None
     described = _meshreel_arrays(own)
     if own is not None:
@@ -105,26 +110,22 @@ def _scene_mesh(
 
     def frame(index: int) -> PolygonMesh:
         with hdf_errors():
-            return steps.frame(index)
+            return frames_of_steps.frame(index)
 
     def surface(index: int) -> Surface:
         with hdf_errors():
+            steps.note_field_data()
             if own is None:
-                return steps.surface(index)
-            found = read_surface(described | _meshreel_arrays(_segment_of(own, index)))
-            steps.note_other_data(found)
-            return found
+                return frames_of_steps.surface(index)
+            surface = read_surface(described | _meshreel_arrays(_segment_of(own, index)))
+            steps.note_other_data(frames_of_steps.constant_arrays(index), surface)
+            return surface
 
     def tracks(frames: range) -> Mapping[str, TrackSource]:
         with hdf_errors():
-            return steps.tracks(frames)
+            return frames_of_steps.tracks(frames)
 
     return SceneMesh(name, steps.times_s, frame, surface, fps, tracks)
-
-
-def segment_group(number: int) -> str:
-    """Return the name of the group with the surface of a segment."""
-    return f"segment_{number}"
 
 
 def _segment_of(own: Node, step: int) -> Node | None:
@@ -141,3 +142,15 @@ def _meshreel_arrays(own: Node | None) -> dict[str, npt.NDArray[Any]]:
         return {}
     found = {name: find_dataset(own, name) for name in own if RESERVED_NAMES.fullmatch(name)}
     return {name: read_all(one) for name, one in found.items() if one is not None}
+
+
+FORMATS = (
+    SequenceFormat(
+        ".vtkhdf",
+        "VTKHDF",
+        read_meshes=read_vtkhdf,
+        extra=HDF,
+        write_segments=write_vtkhdf,
+        holds_tracks=NOT_OF_CORNERS,
+    ),
+)

@@ -1,8 +1,9 @@
 """The time steps of a VTKHDF mesh, and the cells of each step."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_tracks import array_name
-from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
-from meshreel.formats.frames.stored_frames import StoredTrack
+from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.hdf import (
     Dataset,
     Node,
@@ -35,10 +35,17 @@ from meshreel.formats.surfaces.cells import (
     CellSurface,
     extract_surface,
 )
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.data_arrays import UNSUPPORTED_ARRAYS, DataArray, surface_of_arrays
+from meshreel.formats.vtk.mesh import UNSUPPORTED_ARRAYS, DataArray
+from meshreel.formats.vtk.steps import Step, StepArray
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
+
+ROOT = "VTKHDF"
+MESHREEL_GROUP = "meshreel"
+"""Our group next to VTKHDF: the whole surface, as `meshreel.formats.arrays.named_arrays`."""
+
+SEGMENT_STARTS = "segment_starts"
+"""Dataset of our group: the first step of each segment, whose surfaces are in groups of it."""
 
 DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
 PLACES = {domain: place for place, domain in DATA.items()}
@@ -56,6 +63,11 @@ IS_ATTRIBUTE = "is_attribute"
 
 MAX_CELLS = 1 << 62
 NO_CELLS = np.zeros(1, np.int64)
+
+
+def segment_group(number: int) -> str:
+    """Return the name of the group with the surface of a segment."""
+    return f"segment_{number}"
 
 
 class VtkSteps:
@@ -95,78 +107,39 @@ class VtkSteps:
         self._cells_before: dict[str, Integers] = {}
         self._cached: tuple[bytes, Cells, CellSurface] | None = None
 
-    def frame(self, index: int) -> PolygonMesh:
-        """Return the surface of a step."""
-        _, surface = self._surface(index)
-        n_points = self._points_of(index)
-        return surface.mesh(read_rows(self._points, int(self._point_starts[index, 0]), n_points))
-
-    def surface(self, index: int) -> Surface:
-        """Return the attributes of a step: the arrays that all steps share."""
-        cells, surface = self._surface(index)
-        counts = self._points_of(index), len(cells.types)
-        at_points, at_cells = (
-            [
-                DataArray(one.name, read_rows(one.dataset, int(one.starts[index]), n), one.role)
-                for one in self._stored_arrays(place)
-                if not one.is_track
-            ]
-            for place, n in zip(DATA, counts, strict=True)
-        )
-        self._note_field_data()
-        return surface_of_arrays(at_points, at_cells, *counts, surface, self._notes)
-
-    def tracks(self, frames: range) -> dict[str, StoredTrack]:
-        """Return the tracks of consecutive steps that share their cells."""
-        cells, surface = self._surface(frames.start)
-        counts = dict(zip(DATA, (self._points_of(frames.start), len(cells.types)), strict=True))
-        arrays: dict[Key, StepArray] = {}
-        fields: dict[Key, Field] = {}
-        for place, domain in DATA.items():
-            for one in self._stored_arrays(place):
-                if one.is_track and self._fits(one, frames, counts[place]):
-                    key = domain, read_text_attribute(one.dataset, "name") or one.name
-                    add_field(fields, key, one.field)
-                    arrays[key] = one
-
-        def read(index: int, key: Key) -> npt.NDArray[Any]:
-            step, domain = frames[index], key[0]
-            with hdf_errors():
-                cells, surface = self._surface(step)
-                is_at_points = domain is Domain.VERTEX
-                count = self._points_of(step) if is_at_points else len(cells.types)
-                rows = read_rows(arrays[key].dataset, int(arrays[key].starts[step]), count)
-                return rows[surface.source_rows[domain]]
-
-        n_verts = surface.n_verts(counts["PointData"])
-        sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(surface.cells)}
-        return field_tracks([fields] * len(frames), sizes, read, self._notes)
-
-    def _fits(self, one: "StepArray", frames: range, count: int) -> bool:
-        """Whether an array has enough rows for the given steps; adds a note if not."""
-        starts, n_rows = one.starts[frames.start : frames.stop], len(one.dataset)
-        bad = np.flatnonzero((starts < 0) | (starts + count > n_rows))
-        if len(bad):
-            step = int(bad[0])
-            note_left_out(
-                self._notes,
-                f"arrays: {one.name} of {counted(n_rows, 'row')}; step {frames[step]} needs "
-                f"{count} from row {starts[step]} on",
-            )
-        return len(bad) == 0
-
-    def note_other_data(self, surface: Surface) -> None:
-        """Add a note on data of the group that are not part of a surface stored elsewhere."""
-        self._note_field_data()
+    def note_other_data(self, arrays: Iterable[StepArray], surface: Surface) -> None:
+        """Add a note on arrays of a step that are not part of a surface stored elsewhere."""
         names = {one.name for one in surface.attributes} | {one.name for one in surface.groups}
         known = {array_name(name) for name in names}
-        data = [one.name for name in DATA for one in self._stored_arrays(name) if not one.is_track]
+        data = [array.name for array in arrays]
         # The writer appends underscores to make names unique.
-        others = [one for one in data if one not in known and one.rstrip("_") not in known]
+        others = [name for name in data if name not in known and name.rstrip("_") not in known]
         note_kinds(self._notes, "data added by another program", others)
 
-    def _note_field_data(self) -> None:
+    def note_field_data(self) -> None:
+        """Add a note on field data."""
         note_kinds(self._notes, "field data", find_group(self._group, "FieldData") or ())
+
+    def step(self, index: int) -> Step:
+        """Return a step."""
+        cells, surface = self._surface(index)
+        n_points, n_cells = self._points_of(index), len(cells.types)
+        start = int(self._point_starts[index, 0])
+        return Step(
+            n_points,
+            n_cells,
+            surface,
+            partial(read_rows, self._points, start, n_points),
+            [
+                array.of_step(index, n_points if array.domain is Domain.VERTEX else n_cells)
+                for array in self._arrays
+            ],
+        )
+
+    @cached_property
+    def _arrays(self) -> list["StoredArray"]:
+        """The numeric arrays at points and cells; the notes list the others."""
+        return [array for place in DATA for array in self._stored_arrays(place)]
 
     def _read_times(self) -> npt.NDArray[np.float64]:
         if self._steps is None:
@@ -244,7 +217,7 @@ class VtkSteps:
             np.concatenate([one.points for one in found]),
         )
 
-    def _stored_arrays(self, place: str) -> Iterator["StepArray"]:
+    def _stored_arrays(self, place: str) -> Iterator["StoredArray"]:
         """Yield the numeric arrays at points or cells; the notes list the others."""
         group = find_group(self._group, place)
         n_steps = len(self.times_s)
@@ -265,47 +238,67 @@ class VtkSteps:
                     f"arrays: {name}, with offsets for {len(starts)} of {counted(n_steps, 'step')}",
                 )
                 continue
-            yield StepArray(name, dataset, starts[:n_steps])
+            yield StoredArray(name, DATA[place], dataset, starts[:n_steps], self._notes)
 
 
 @dataclass(frozen=True, eq=False)
-class StepArray:
+class StoredArray:
     """Values at the points or cells of all steps, concatenated in one dataset.
 
     Parameters
     ----------
-    name : str
     dataset : Dataset
         Numeric.
     starts : int64 array of shape (T,)
         The first row of each step.
+    notes : list of str
+        Receives a sentence if it has too few rows for a step.
     """
 
     name: str
+    domain: Domain
     dataset: Dataset
     starts: Integers
+    notes: list[str]
 
-    @property
-    def is_track(self) -> bool:
-        """Whether it changes over time, or was written as a track."""
-        is_declared = read_text_attribute(self.dataset, "domain") in set(Domain)
-        is_attribute = bool(self.dataset.attrs.get(IS_ATTRIBUTE, False))
-        return is_declared or (not is_attribute and bool((self.starts != self.starts[0]).any()))
+    def _fits(self, index: int, count: int) -> bool:
+        """Whether the dataset has the rows of a step."""
+        return bool(0 <= self.starts[index] <= len(self.dataset) - count)
 
-    @property
-    def role(self) -> str:
-        """The active attribute of VTK that it is, such as "Normals"; empty for none."""
-        return read_text_attribute(self.dataset, "Attribute")
+    def of_step(self, index: int, count: int) -> StepArray:
+        """Return the array of a step with a number of points or cells."""
+        start = int(self.starts[index])
+        role = read_text_attribute(self.dataset, "Attribute")
 
-    @property
-    def field(self) -> Field:
-        """Description of the array without its values."""
-        return Field(
-            self.dataset.dtype.newbyteorder("="),
-            math.prod(self.dataset.shape[1:]),
-            self.role,
-            read_text_attribute(self.dataset, "kind"),
-            read_unit(self.dataset),
+        def describe() -> Field | None:
+            if not self._fits(index, count):
+                if index == 0 or self._fits(index - 1, count):  # only of the first such step
+                    note_left_out(
+                        self.notes,
+                        f"arrays: {self.name} of {counted(len(self.dataset), 'row')}; step {index} "
+                        f"needs {count} from row {start} on",
+                    )
+                return None
+            return Field(
+                self.dataset.dtype.newbyteorder("="),
+                math.prod(self.dataset.shape[1:]),
+                role,
+                read_text_attribute(self.dataset, "kind"),
+                read_unit(self.dataset),
+            )
+
+        def read() -> DataArray:
+            with hdf_errors():
+                return DataArray(self.name, read_rows(self.dataset, start, count), role)
+
+        return StepArray(
+            read_text_attribute(self.dataset, "name") or self.name,
+            self.domain,
+            start,
+            read,
+            describe,
+            is_track=read_text_attribute(self.dataset, "domain") in set(Domain),
+            is_attribute=bool(self.dataset.attrs.get(IS_ATTRIBUTE, False)),
         )
 
 

@@ -13,11 +13,24 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.hdf import HdfOutput, Node, describe_track, hdf_output, write_array
-from meshreel.formats.notes import listed, note_unwritten_tracks
+from meshreel.formats.notes import (
+    NoteKind,
+    add_note,
+    listed,
+    note_unwritten_tracks,
+    note_written_rate,
+)
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES
-from meshreel.formats.vtk.vtkhdf import MESHREEL_GROUP, ROOT, SEGMENT_STARTS, segment_group
-from meshreel.formats.vtk.vtkhdf_steps import IS_ATTRIBUTE, PLACES, POLY_DATA_GROUPS
+from meshreel.formats.vtk.mesh import TEXTURE_COORDINATES
+from meshreel.formats.vtk.vtkhdf_steps import (
+    IS_ATTRIBUTE,
+    MESHREEL_GROUP,
+    PLACES,
+    POLY_DATA_GROUPS,
+    ROOT,
+    SEGMENT_STARTS,
+    segment_group,
+)
 from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -59,14 +72,13 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
 
 def _note_losses(stream: SegmentedStream, shared: SharedData) -> None:
     if not stream.fps:
-        stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
+        note_written_rate(stream.notes, FRAME_RATE)
     note_unwritten_tracks(
         shared.other_tracks, ".vtkhdf", stream.notes, "those of some segments only"
     )
     if shared.other_data:
-        stream.notes.append(
-            f"only some segments have {listed(shared.other_data)}; only meshreel reads it back"
-        )
+        text = f"only some segments have {listed(shared.other_data)}; only meshreel reads it back"
+        add_note(stream.notes, NoteKind.CHANGED, "data of some segments", text)
 
 
 def _write_steps(root: Node, stream: SegmentedStream) -> Node:
@@ -178,7 +190,7 @@ class _DataArrays:
         has_uv = False
         for key, one in self._shared.attributes_of(segment.surface).items():
             if one.domain not in PLACES:
-                segment.notes.append(_corner_note(one))
+                add_note(segment.notes, NoteKind.CHANGED, one.name, _corner_note(one))
                 continue
             dataset = self._add_constant(segment, key, one.domain, one.name, one.per_item())
             if one.kind is Kind.UV and not has_uv:

@@ -13,13 +13,17 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
+from meshreel.formats.notes import NoteKind, add_note, note_file_order
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.timing import file_order_times, note_file_order
+from meshreel.formats.scenes.timing import file_order_times
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
-from meshreel.formats.vtk.xml_tree import parse_xml
+from meshreel.formats.vtk.xdmf_writing import write_xdmf, xdmf_data_files
+from meshreel.formats.vtk.xml_arrays import parse_xml
 from meshreel.model.validation import validate_fps
+from meshreel.runtime.extras import HDF
 
 
 def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
@@ -49,13 +53,9 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         raise FormatError("has no Grid in a Domain")
     names = _unique_names([name for name, _, _ in found], path.stem)
     return [
-        _scene_mesh(name, times, GridFrames(steps, items, root, options.notes))
+        GridFrames(steps, items, root, options.notes).scene_mesh(name, times)
         for name, (_, times, steps) in zip(names, found, strict=True)
     ]
-
-
-def _scene_mesh(name: str, times: npt.NDArray[np.float64], frames: GridFrames) -> SceneMesh:
-    return SceneMesh(name, times, frames.frame, frames.surface, tracks=frames.tracks)
 
 
 def _is_collection(grid: Element, kind: str) -> bool:
@@ -94,9 +94,8 @@ def _times(
     elif (shared := collection.find("Time")) is not None:
         times = _shared_times(shared, len(steps), items)
     else:
-        options.notes.append(
-            "has no times; read as one frame per second: set the rate with --fps (fps=)"
-        )
+        text = "has no times; read as one frame per second: set the rate with --fps (fps=)"
+        add_note(options.notes, NoteKind.UNKNOWN, "frame rate", text)
         times = np.arange(len(steps), dtype=np.float64)
     if len(times) != len(steps):
         raise FormatError(f"has {len(times)} times for {len(steps)} grids; each grid needs one")
@@ -104,7 +103,7 @@ def _times(
         raise FormatError("has a Time that is not finite")
     if len(descents := np.flatnonzero(np.diff(times) <= 0)):
         if fps := validate_fps(options.fps or 0.0):
-            note_file_order(fps, options.notes)
+            note_file_order(options.notes, fps)
             return file_order_times(len(steps), fps)
         index = int(descents[0])
         raise FormatError(
@@ -147,3 +146,18 @@ def _unique_names(grid_names: list[str], stem: str) -> list[str]:
         name if names.count(name) == 1 else f"{name}_{names[:index].count(name)}"
         for index, name in enumerate(names)
     ]
+
+
+FORMATS = tuple(
+    SequenceFormat(
+        extension,
+        "XDMF",
+        read_meshes=read_xdmf,
+        extra=HDF,
+        write_segments=write_xdmf,
+        names_files=True,
+        holds_tracks=NOT_OF_CORNERS,
+        data_files=xdmf_data_files,
+    )
+    for extension in (".xdmf", ".xmf")
+)

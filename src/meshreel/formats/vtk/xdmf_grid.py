@@ -1,6 +1,6 @@
 """The frames of a grid of an XDMF file."""
 
-from functools import cached_property
+from collections.abc import Mapping
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
-from meshreel.formats.frames.stored_frames import StoredTrack
+from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.notes import note_kinds, note_left_out
+from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.surfaces.cells import (
     POLY_LINE,
     POLY_VERTEX,
@@ -19,17 +19,17 @@ from meshreel.formats.surfaces.cells import (
     CellSurface,
     extract_surface,
 )
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.data_arrays import DataArray, surface_of_arrays
+from meshreel.formats.vtk.mesh import DataArray
+from meshreel.formats.vtk.steps import Step, StepArray, StepFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
-from meshreel.formats.vtk.xml_tree import local_name
+from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, TRACK_KIND, local_name
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
 CENTERS = {"node": Domain.VERTEX, "cell": Domain.FACE}
-TRACK_KIND, ATTRIBUTE_KIND, UNIT = "track_kind", "attribute_kind", "unit"
-"""XML attributes that meshreel adds: the kind of a track or attribute, and its unit."""
+UNIT = "unit"
+"""XML attribute that meshreel adds: the unit of an array."""
 
 CELLS = {
     1: ("polyvertex", POLY_VERTEX, 0), 2: ("polyline", POLY_LINE, 0), 3: ("polygon", POLYGON, 0),
@@ -71,99 +71,52 @@ class GridFrames:
         self._steps, self._items, self._root, self._notes = steps, items, root, notes
         self._cached: tuple[Any, Cells, CellSurface] | None = None
 
-    def frame(self, index: int) -> PolygonMesh:
-        """Return the surface of a step."""
+    def scene_mesh(self, name: str, times: npt.NDArray[np.float64]) -> SceneMesh:
+        """Return the animated mesh."""
+        frames = StepFrames(self._step, self._notes)
+
+        def surface(index: int) -> Surface:
+            self._note_left_out(index)
+            return frames.surface(index)
+
+        return SceneMesh(name, times, frames.frame, surface, tracks=frames.tracks)
+
+    def _step(self, index: int) -> Step:
         points = self._points(index)
-        return self._surface(index, len(points))[1].mesh(points)
+        cells, surface = self._surface(index, len(points))
+        counts = {Domain.VERTEX: len(points), Domain.FACE: len(cells.types)}
+        arrays = [
+            self._array(index, attribute, counts)
+            for attribute in self._steps[index].findall("Attribute")
+            if _center(attribute) in CENTERS
+        ]
+        return Step(len(points), len(cells.types), surface, lambda: points, arrays)
 
-    def surface(self, index: int) -> Surface:
-        """Return the attributes of a step: the data that all steps share."""
-        n_points = len(self._points(index))
-        cells, surface = self._surface(index, n_points)
-        at_points, at_cells = (
-            [
-                DataArray(
-                    name,
-                    self._items.read(self._items.item_of(attribute)),
-                    "",
-                    *_kind_and_unit(attribute),
-                )
-                for (center, name), attribute in self._attributes(index)
-                if center == wanted and (center, name) not in self._changing
-            ]
-            for wanted in CENTERS
-        )
-        self._note_left_out(index)
-        return surface_of_arrays(
-            at_points, at_cells, n_points, len(cells.types), surface, self._notes
-        )
+    def _array(self, index: int, attribute: Element, counts: Mapping[Domain, int]) -> StepArray:
+        name, center = attribute.get("Name", ""), _center(attribute)
+        item, n_items = self._items.item_of(attribute), counts[CENTERS[center]]
+        kind_and_unit = _kind_and_unit(attribute)
 
-    def tracks(self, frames: range) -> dict[str, StoredTrack]:
-        """Return the tracks of consecutive steps that share their faces."""
-        fields = [self._fields(step) for step in frames]
-        n_points = len(self._points(frames.start))
-        surface = self._surface(frames.start, n_points)[1]
-
-        def read(index: int, key: Key) -> npt.NDArray[Any]:
-            step = frames[index]
-            attribute = dict(self._attributes(step))[_center_of(key[0]), key[1]]
-            n_points = len(self._points(step))
-            cells, surface = self._surface(step, n_points)
-            n_items = n_points if key[0] is Domain.VERTEX else len(cells.types)
-            values = self._items.read(self._items.item_of(attribute))
-            return values.reshape(n_items, -1)[surface.source_rows[key[0]]]
-
-        sizes = {Domain.VERTEX: surface.n_verts(n_points), Domain.FACE: len(surface.cells)}
-        return field_tracks(fields, sizes, read, self._notes)
-
-    def _fields(self, step: int) -> dict[Key, Field]:
-        """Describe the arrays of a step that change over time; the notes list unsuitable ones."""
-        changing = [one for one in self._attributes(step) if one[0] in self._changing]
-        if not changing:
-            return {}
-        n_points = len(self._points(step))
-        counts = n_points, len(self._surface(step, n_points)[0].types)
-        fields: dict[Key, Field] = {}
-        for (center, name), attribute in changing:
-            n_items = dict(zip(CENTERS, counts, strict=True))[center]
-            n_numbers, dtype = self._items.describe(self._items.item_of(attribute))
+        def describe() -> Field | None:
+            n_numbers, dtype = self._items.describe(item)
             if n_numbers == 0 or n_numbers % n_items:
                 note_left_out(
                     self._notes,
-                    f"arrays: {name} with {counted(n_numbers, 'number')} in step {step}; arrays "
+                    f"arrays: {name} with {counted(n_numbers, 'number')} in step {index}; arrays "
                     f"of each {center} need {n_items} or a multiple of it",
                 )
-                continue
-            field = Field(dtype, n_numbers // n_items, "", *_kind_and_unit(attribute))
-            add_field(fields, (CENTERS[center], name), field)
-        return fields
+                return None
+            return Field(dtype, n_numbers // n_items, "", *kind_and_unit)
 
-    @cached_property
-    def _changing(self) -> set[tuple[str, str]]:
-        """Center and name of data that are declared tracks, or differ and are not attributes."""
-        steps: list[dict[tuple[str, str], list[Any]]] = []
-        for index in range(len(self._steps)):
-            keys: dict[tuple[str, str], list[Any]] = {}
-            for place, attribute in self._attributes(index):
-                keys.setdefault(place, []).append(self._items.key(self._items.item_of(attribute)))
-            steps.append(keys)
-        places = {place for keys in steps for place in keys}
-        elements = [pair for index in range(len(self._steps)) for pair in self._attributes(index)]
-        declared = {place for place, one in elements if TRACK_KIND in one.attrib}
-        # Attributes written by meshreel change only with the faces.
-        attributes = {place for place, one in elements if ATTRIBUTE_KIND in one.attrib}
-        differing = {
-            place
-            for place in places
-            if any(keys.get(place) != steps[0].get(place) for keys in steps)
-        }
-        return declared | (differing - attributes)
-
-    def _attributes(self, index: int) -> list[tuple[tuple[str, str], Element]]:
-        """Return ((center, name), element) of the node and cell data of a step."""
-        found = self._steps[index].findall("Attribute")
-        places = [(_center(one), one.get("Name", "")) for one in found]
-        return [pair for pair in zip(places, found, strict=True) if pair[0][0] in CENTERS]
+        return StepArray(
+            name,
+            CENTERS[center],
+            self._items.key(item),
+            lambda: DataArray(name, self._items.read(item), "", *kind_and_unit),
+            describe,
+            TRACK_KIND in attribute.attrib,
+            ATTRIBUTE_KIND in attribute.attrib,
+        )
 
     def _note_left_out(self, index: int) -> None:
         attributes = self._steps[index].findall("Attribute")
@@ -234,10 +187,6 @@ def _kind_and_unit(attribute: Element) -> tuple[str, str]:
 def _center(attribute: Element) -> str:
     """Center of an Attribute in lower case: node, cell, grid or another."""
     return attribute.get("Center", "Node").lower()
-
-
-def _center_of(domain: Domain) -> str:
-    return next(center for center, one in CENTERS.items() if one is domain)
 
 
 def read_cells(name: str, values: npt.NDArray[Any], n_points: int) -> Cells:

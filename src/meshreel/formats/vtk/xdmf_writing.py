@@ -11,6 +11,7 @@ import numpy.typing as npt
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import SegmentedStream
 from meshreel.formats.hdf import HdfOutput, Node, hdf_output
+from meshreel.formats.notes import note_written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.output_arrays import (
     FRAME_RATE,
@@ -18,7 +19,8 @@ from meshreel.formats.vtk.output_arrays import (
     output_arrays,
     xml_text,
 )
-from meshreel.formats.vtk.xdmf_grid import ATTRIBUTE_KIND, CENTERS, TRACK_KIND, UNIT
+from meshreel.formats.vtk.xdmf_grid import CENTERS, UNIT
+from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, TRACK_KIND
 from meshreel.model.geometry.polygons import join_fans, ragged_indices
 
 NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
@@ -39,7 +41,7 @@ def xdmf_data_files(path: Path, n_frames: int) -> list[Path]:
 def write_xdmf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write the XML file and its HDF5 file, which has a dataset for each array of each frame."""
     if not stream.fps:
-        stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
+        note_written_rate(stream.notes, FRAME_RATE)
     [(name, data_path)] = stream.data_files
     grids: list[str] = []
     with hdf_output(data_path) as output:

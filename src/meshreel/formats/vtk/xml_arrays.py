@@ -1,17 +1,115 @@
-"""Decoding of VTK XML DataArrays: text or binary, inline or appended, compressed or not."""
+"""Safe parsing of XML, and decoding of the DataArrays of VTK: text or binary, compressed or not."""
 
 import binascii
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.vtk.lz4_block import unpack_lz4
+
+
+def unpack_lz4(packed: bytes, size_bytes: int) -> bytes:
+    """Decompress an LZ4 block to exactly `size_bytes` bytes.
+
+    Raises
+    ------
+    FormatError
+        If the block is damaged or has another size.
+    """
+    output = bytearray()
+    at = 0
+    try:
+        while at < len(packed):
+            token = packed[at]
+            length, at = _length(packed, at + 1, token >> 4)
+            if at + length > len(packed):
+                break
+            output += packed[at : at + length]
+            at += length
+            if at == len(packed) and len(output) == size_bytes:
+                return bytes(output)
+            distance = packed[at] | packed[at + 1] << 8
+            length, at = _length(packed, at + 2, token & 15)
+            if not 0 < distance <= len(output) or len(output) + length + 4 > size_bytes:
+                break
+            _repeat(output, distance, length + 4)
+    except IndexError:
+        pass
+    raise FormatError("contains a block that is not LZ4, or is damaged")
+
+
+def _length(packed: bytes, at: int, nibble: int) -> tuple[int, int]:
+    """Length that starts with the nibble of a token, and the offset after its extra bytes."""
+    length = nibble
+    if nibble == 15:
+        while packed[at] == 255:
+            length, at = length + 255, at + 1
+        length, at = length + packed[at], at + 1
+    return length, at
+
+
+def _repeat(output: bytearray, distance: int, length: int) -> None:
+    """Append a match of `length` bytes from `distance` bytes back; they may overlap."""
+    match = output[-distance:]
+    output += (match if distance >= length else match * (length // distance + 1))[:length]
+
+
+MAX_DEPTH = 200
+
+
+def parse_xml(data: bytes) -> Element:
+    """Return the root element of an XML document.
+
+    Raises
+    ------
+    FormatError
+        If it is not well formed, declares entities, or is nested too deeply.
+    """
+    builder, depth = TreeBuilder(), 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise FormatError(f"has elements nested deeper than {MAX_DEPTH} levels")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(name: str, *rest: Any) -> None:
+        raise FormatError(f"declares the entity {name!r}; entities are not supported")
+
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise FormatError(f"is not XML, or is damaged ({error})") from error
+    root: Element = builder.close()
+    return root
+
+
+def local_name(element: Element) -> str:
+    """Tag of an element without its namespace prefix."""
+    return element.tag.rpartition(":")[2]
+
+
+TRACK_KIND, ATTRIBUTE_KIND = "track_kind", "attribute_kind"
+"""XML attributes that meshreel adds: the kind of an array that is a track or an attribute."""
+UNITS = "UNITS_LABEL"
+"""VTK's information key for the unit of an array."""
 
 NUMBERS = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",

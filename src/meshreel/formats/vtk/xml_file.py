@@ -15,23 +15,25 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import NORMALS, Fields
+from meshreel.formats.frames.field_tracks import NORMALS
+from meshreel.formats.frames.frame import Frame
+from meshreel.formats.kinds import NOT_OF_CORNERS, FrameFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.data_arrays import TEXTURE_COORDINATES, DataArray
-from meshreel.formats.vtk.mesh import VtkMesh, join_pieces
-from meshreel.formats.vtk.xml_arrays import UNPACKERS, ArrayCoding
-from meshreel.formats.vtk.xml_tree import parse_xml
-from meshreel.model.surface import Surface
+from meshreel.formats.vtk.mesh import TEXTURE_COORDINATES, DataArray, VtkMesh, join_pieces
+from meshreel.formats.vtk.xml_arrays import (
+    ATTRIBUTE_KIND,
+    TRACK_KIND,
+    UNITS,
+    UNPACKERS,
+    ArrayCoding,
+    parse_xml,
+)
+from meshreel.formats.vtk.xml_writing import vtp_encoder, vtu_encoder
 
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
 TIMES = ("TimeValue", "TIME", "CYCLE")
 """Field data with the time of the file; not reported as left out."""
-TRACK_KIND, ATTRIBUTE_KIND = "track_kind", "attribute_kind"
-"""XML attributes that meshreel adds: the kind of an array that is a track or an attribute."""
-UNITS = "UNITS_LABEL"
-"""VTK's information key for the unit of an array."""
 GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": STRIP}
 
 
@@ -79,24 +81,6 @@ def _left_out(grid: Element | None) -> Iterator[str]:
 
 def _is_text(element: Element) -> bool:
     return element.tag == "Array" or element.get("type") == "String"
-
-
-def parse_vtk_xml(data: bytes) -> PolygonMesh:
-    """Return the surface of a ``.vtu`` or ``.vtp`` file; raises as `read_vtk_xml`."""
-    return read_vtk_xml(data).polygons
-
-
-def parse_vtk_xml_surface(data: bytes, notes: list[str]) -> Surface:
-    """Return the texture coordinates and colors of a ``.vtu`` or ``.vtp`` file.
-
-    The notes list omitted data. Raises as `read_vtk_xml`.
-    """
-    return read_vtk_xml(data).attribute_surface(notes)
-
-
-def parse_vtk_xml_fields(data: bytes) -> Fields:
-    """Return all point and cell data; raises as `read_vtk_xml`, or if two share a name."""
-    return read_vtk_xml(data).fields
 
 
 def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
@@ -215,3 +199,14 @@ def _data(group: Element | None, coding: ArrayCoding) -> tuple[DataArray, ...]:
         for name, element in named
         if not name.startswith("vtkGhost") and not _is_text(element)
     )
+
+
+def read_frame(data: bytes) -> Frame:
+    """Read a frame; raises as `read_vtk_xml`, or if two arrays share a name."""
+    return read_vtk_xml(data).frame()
+
+
+FORMATS = (
+    FrameFormat(".vtu", "VTK cells", read_frame, vtu_encoder, holds_tracks=NOT_OF_CORNERS),
+    FrameFormat(".vtp", "VTK polygons", read_frame, vtp_encoder, holds_tracks=NOT_OF_CORNERS),
+)

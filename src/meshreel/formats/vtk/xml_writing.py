@@ -15,6 +15,7 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.notes import note_written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import POLYGON
 from meshreel.formats.vtk.output_arrays import (
@@ -22,8 +23,7 @@ from meshreel.formats.vtk.output_arrays import (
     OutputArray,
     output_arrays,
 )
-from meshreel.formats.vtk.xml_arrays import NUMBERS
-from meshreel.formats.vtk.xml_file import ATTRIBUTE_KIND, TRACK_KIND, UNITS
+from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, NUMBERS, TRACK_KIND, UNITS
 from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
@@ -79,7 +79,7 @@ def pvd_pieces(path: Path, n_frames: int) -> list[Path]:
 def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a collection and a VTP file for each frame, with the data of its segment."""
     if not stream.fps:
-        stream.notes.append(f"the frame rate is unknown; written as {FRAME_RATE:g} fps")
+        note_written_rate(stream.notes, FRAME_RATE)
     rows: list[str] = []
     pieces = iter(stream.data_files)
     for segment in stream.segments():

@@ -221,7 +221,7 @@ def test_tracks_round_trip(tmp_path, n_frames):
         name: Track(track.values >> 33, track.domain) if name.startswith("step") else track
         for name, track in sheet.tracks.items()
     }
-    save(replace(sheet, tracks=small), tmp_path / "a.abc", notes=notes)
+    save(sheet.replace(tracks=small), tmp_path / "a.abc", notes=notes)
     found = load(tmp_path / "a.abc")
     assert_same_tracks(found.tracks, as_written(small))
     assert "track 'flow_vertex' is called 'velocities' in .abc files" in notes
@@ -246,7 +246,7 @@ def test_tracks_of_every_number_type_round_trip(tmp_path, dtype, width):
     sheet = quad_sheet(3)
     values = (250 * RNG.random((3, sheet.n_verts, width)) - 120 * (dtype[0] != "u")).astype(dtype)
     tracks = {"a = b; c": Track(values, kind="other", unit="m/s²")}
-    save(replace(sheet, tracks=tracks), tmp_path / "a.abc")
+    save(sheet.replace(tracks=tracks), tmp_path / "a.abc")
     [(name, track)] = load(tmp_path / "a.abc").tracks.items()
     assert (name, track.kind, track.unit) == ("a = b; c", "other", "m/s²")
     assert track.dtype == {"i1": "i4", "i2": "i4", "u2": "i4"}.get(dtype, dtype)
@@ -256,12 +256,12 @@ def test_tracks_of_every_number_type_round_trip(tmp_path, dtype, width):
 def test_constant_track_round_trips(tmp_path):
     sheet = quad_sheet(3)
     tracks = {"id": Track(np.tile(np.arange(sheet.n_verts, dtype="i4"), (3, 1)))}
-    save(replace(sheet, tracks=tracks), tmp_path / "a.abc")
+    save(sheet.replace(tracks=tracks), tmp_path / "a.abc")
     assert_same_tracks(load(tmp_path / "a.abc").tracks, tracks)
 
 
 def test_alembic_library_reads_the_saved_tracks(tmp_path):
-    sheet = replace(quad_sheet(3), start_s=0.0)
+    sheet = quad_sheet(3).replace(start_s=0.0)
     surface = replace(sheet.surface, attributes=())
     normals = RNG.normal(size=(3, sheet.n_verts, 3))
     normals = (normals / np.linalg.norm(normals, axis=2, keepdims=True)).astype(np.float32)
@@ -272,7 +272,7 @@ def test_alembic_library_reads_the_saved_tracks(tmp_path):
         "map1": Track(RNG.random((3, corners, 2)).astype("f4"), "corner", "uv"),
         "Cd": Track(RNG.random((3, sheet.n_verts, 4)).astype("f4"), kind="color"),
     }
-    save(replace(sheet, surface=surface, tracks=tracks), tmp_path / "a.abc")
+    save(sheet.replace(surface=surface, tracks=tracks), tmp_path / "a.abc")
     archive = Abc.IArchive(str(tmp_path / "a.abc"))
     above = archive.getTop().children[0]
     mesh = AbcGeom.IPolyMesh(above, above.children[0].getName()).getSchema()
@@ -295,9 +295,7 @@ def test_save_notes_units_of_standard_properties(tmp_path):
     sheet, notes = quad_sheet(3), []
     speed = Track(RNG.normal(size=(3, sheet.n_verts, 3)).astype("f4"), kind="velocity", unit="m/s")
     heat = Track(RNG.normal(size=(3, sheet.n_verts)), unit="K")
-    save(
-        replace(sheet, tracks={"velocities": speed, "heat": heat}), tmp_path / "a.abc", notes=notes
-    )
+    save(sheet.replace(tracks={"velocities": speed, "heat": heat}), tmp_path / "a.abc", notes=notes)
     assert [note for note in notes if "units" in note] == [
         "units left out: velocities (m/s): .abc cannot store them"
     ]

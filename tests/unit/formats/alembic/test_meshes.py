@@ -61,7 +61,7 @@ def test_load_reads_the_cage_of_a_subdivision_surface(tmp_path):
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, kind="SubD")
     notes = []
     np.testing.assert_array_equal(load(tmp_path / "a.abc", notes=notes).vertices, MOVES)
-    assert "left out: subdivision of /m, whose cage is read" in notes
+    assert "left out: subdivision, whose cages are read: /m" in notes
 
 
 def test_load_rejects_a_hierarchy_that_is_too_deep(tmp_path):

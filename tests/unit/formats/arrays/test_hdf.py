@@ -57,7 +57,7 @@ def test_hdf_without_surface_round_trips(tmp_path, fps):
 
 
 def test_open_source_leaves_many_frames_in_the_file(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.frames.array_frames.BLOCK_BYTES", 300)
+    monkeypatch.setattr("meshreel.formats.frames.stored_frames.BLOCK_BYTES", 300)
     sequence = plain_sequence(n_frames=9)
     [path] = save(sequence, tmp_path / "a.h5")
     opened = open_source(path)

@@ -301,7 +301,7 @@ def sheet_with_changed_material(**changes):
     sheet = dressed_sheet()
     (red, cloth), images = look()
     surface = replace(sheet.surface, materials=(replace(red, **changes), cloth), images=images)
-    return replace(sheet, surface=surface)
+    return sheet.replace(surface=surface)
 
 
 @pytest.mark.parametrize(
@@ -343,7 +343,7 @@ def test_image_of_an_unsupported_type_is_left_out_and_noted(tmp_path):
     sheet, notes = dressed_sheet(), []
     exr = Image("sky", "image/x-exr", b"\x76\x2f\x31\x01")
     surface = replace(sheet.surface, images=(exr, jpeg()))
-    again = written(tmp_path, replace(sheet, surface=surface), notes).document
+    again = written(tmp_path, sheet.replace(surface=surface), notes).document
     assert [one["mimeType"] for one in again["images"]] == ["image/jpeg"]
     assert (
         "left out: the base color texture of material 'red': glTF does not support images of type "
@@ -369,7 +369,7 @@ def test_image_of_several_textures_is_written_once(tmp_path):
 
 def test_labels_without_materials_get_a_default_material(tmp_path):
     sheet = dressed_sheet()
-    plain = replace(sheet, surface=sheet.surface.without_materials())
+    plain = sheet.replace(surface=sheet.surface.without_materials())
     write_gltf(tmp_path / "a.gltf", stream_of(plain), WriteOptions())
     found = load(tmp_path / "a.gltf").surface
     assert {(one.metallic, one.double_sided) for one in found.materials} == {(0.0, True)}

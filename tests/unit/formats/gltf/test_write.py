@@ -1,6 +1,5 @@
 import base64
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ def grid(n_frames=30, dtype=np.float32, **changes):
     """Return a sheet with traveling waves and random ripples, which needs several targets."""
     sequence = waving_grid(n_frames, 15, 17, dtype)
     ripples = np.random.default_rng(2).standard_normal(sequence.vertices.shape) * 0.002
-    return replace(sequence, vertices=(sequence.vertices + ripples).astype(dtype), **changes)
+    return sequence.replace(vertices=(sequence.vertices + ripples).astype(dtype), **changes)
 
 
 def two_parts(names=("left", "right"), **changes):
@@ -150,7 +149,7 @@ def test_single_point_is_a_static_mesh(tmp_path):
 
 def test_float64_positions_far_from_the_origin_meet_the_bound(tmp_path):
     near = grid(dtype=np.float64)
-    sequence = replace(near, vertices=near.vertices + 1e6)
+    sequence = near.replace(vertices=near.vertices + 1e6)
     found = written(tmp_path, sequence, max_error=0.05)
     assert largest_error_percent(sequence, found.world("grid")) <= 0.05
 
@@ -169,7 +168,7 @@ def test_irregular_mesh_keeps_its_triangles(tmp_path):
     np.testing.assert_array_equal(used[found.triangles("irregular")], sequence.faces)
     assert (
         largest_error_percent(
-            replace(sequence, vertices=sequence.vertices[:, used], faces=np.array([[0, 1, 2]])),
+            sequence.replace(vertices=sequence.vertices[:, used], faces=np.array([[0, 1, 2]])),
             found.world("irregular"),
         )
         <= 0.2
@@ -256,7 +255,7 @@ def test_normals_can_be_disabled(tmp_path):
 
 def test_missing_normals_of_a_creased_mesh_are_explained(tmp_path):
     notes = []
-    found = written(tmp_path, replace(rich_cube(4), name="cube", fps=24.0), notes)
+    found = written(tmp_path, rich_cube(4).replace(name="cube", fps=24.0), notes)
     (primitive,) = found.primitives("cube")
     assert "NORMAL" not in primitive["attributes"]
     assert notes[-1].startswith(

@@ -8,7 +8,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.drc import parse_drc, parse_drc_surface
+from meshreel.formats.meshes.drc import read_drc
 from meshreel.formats.registry import described_formats
 from samples.meshes import grid_faces, waving_grid
 
@@ -235,5 +235,5 @@ def test_surface_belongs_to_the_given_file():
     plain = DracoPy.encode(points, faces)
     textured = DracoPy.encode(points, faces, tex_coord=uv)
     for data, n_attributes in ((plain, 0), (textured, 1), (plain, 0)):
-        assert len(parse_drc(data).counts) == len(faces)
-        assert len(parse_drc_surface(data).attributes) == n_attributes
+        assert len(read_drc(data).mesh.counts) == len(faces)
+        assert len(read_drc(data).surface.attributes) == n_attributes

@@ -2,33 +2,33 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.meshes.obj import parse_obj
+from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.meshes.obj_writing import obj_encoder
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 
 def corners(data):
-    return parse_obj(data).corners.tolist()
+    return read_obj(data).mesh.corners.tolist()
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_positions_round_trip_exactly(make_sequence, dtype):
     sequence = make_sequence(1, dtype, offset=1e3)
-    mesh = parse_obj(obj_encoder(sequence.faces)(sequence.vertices[0]))
+    mesh = read_obj(obj_encoder(sequence.faces)(sequence.vertices[0])).mesh
     np.testing.assert_array_equal(mesh.vertices.astype(dtype), sequence.vertices[0])
 
 
 def test_faces_round_trip(make_sequence):
     sequence = make_sequence(1)
-    mesh = parse_obj(obj_encoder(sequence.faces)(sequence.vertices[0]))
+    mesh = read_obj(obj_encoder(sequence.faces)(sequence.vertices[0])).mesh
     np.testing.assert_array_equal(mesh.corners.reshape(-1, 3), sequence.faces)
 
 
 def test_extreme_floats_round_trip_exactly():
     tiny, huge = np.finfo(np.float32).smallest_subnormal, np.finfo(np.float32).max
     vertices = np.array([[tiny, -huge, -0.0], [1 / 3, 1e-10, 16777217.0], [0, 1, 2]], np.float32)
-    mesh = parse_obj(obj_encoder(np.array([[0, 1, 2]]))(vertices))
+    mesh = read_obj(obj_encoder(np.array([[0, 1, 2]]))(vertices)).mesh
     assert mesh.vertices.astype(np.float32).tobytes() == vertices.tobytes()
 
 
@@ -47,7 +47,7 @@ def test_negative_indices_count_back_from_their_line():
 
 def test_parse_obj_ignores_columns_after_z():
     data = b"v 0 1 2 1.0\nv 3 4 5\nv 6 7 8 0.5 0.5 0.5\nf 1 2 3"
-    assert parse_obj(data).vertices.tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
+    assert read_obj(data).mesh.vertices.tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8]]
 
 
 def test_parse_obj_ignores_other_statements():
@@ -55,7 +55,7 @@ def test_parse_obj_ignores_other_statements():
         b"mtllib a.mtl\no thing\nv 0 0 0\nvn 0 0 1\nv 1 0 0\nvt 0 0\nv 0 1 0 # last\n"
         b"g v f\ns off\nusemtl f 1 2 3\nl 1 2\np 1\nf 1 2 3\nvp 0.5\n\n"
     )
-    mesh = parse_obj(data)
+    mesh = read_obj(data).mesh
     assert (mesh.vertices.tolist(), mesh.corners.tolist()) == (
         [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
         [0, 1, 2],
@@ -63,7 +63,7 @@ def test_parse_obj_ignores_other_statements():
 
 
 def test_parse_obj_keeps_unused_vertices():
-    assert len(parse_obj(b"v 9 9 9\n" + TRIANGLE + b"f 2 3 4").vertices) == 4
+    assert len(read_obj(b"v 9 9 9\n" + TRIANGLE + b"f 2 3 4").mesh.vertices) == 4
 
 
 def test_parse_obj_reads_faces_before_vertices():
@@ -72,7 +72,7 @@ def test_parse_obj_reads_faces_before_vertices():
 
 def test_parse_obj_reads_continued_lines():
     data = TRIANGLE + b"v 1 1 0\r\nf 1 2 \\\r\n4 3\r\n"
-    mesh = parse_obj(data)
+    mesh = read_obj(data).mesh
     assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4], [0, 1, 3, 2])
 
 
@@ -94,4 +94,4 @@ def test_parse_obj_reads_continued_lines():
 )
 def test_parse_obj_error_names_the_line(data, message):
     with pytest.raises(FormatError, match=message):
-        parse_obj(data)
+        read_obj(data)

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.obj_surface import parse_obj_surface
+from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind, Part, Surface
 from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
@@ -13,20 +13,20 @@ UVS = b"vt 0 0\nvt 0.1 0\nvt 0.1 0.7\nvt 9 9\n"
 
 
 def attributes(data):
-    return described(parse_obj_surface(data))["attributes"]
+    return described(read_obj(data).surface)["attributes"]
 
 
 def groups_of(data):
-    return described(parse_obj_surface(data))["groups"]
+    return described(read_obj(data).surface)["groups"]
 
 
 def uv_rows(data):
-    (uv,) = parse_obj_surface(data).attributes
+    (uv,) = read_obj(data).surface.attributes
     return uv.values.tolist(), uv.indices.tolist()
 
 
 def test_uv_table_keeps_shared_and_unused_rows():
-    (uv,) = parse_obj_surface(SQUARE + UVS + b"f 1/1 2/2/9 3/3 4/1\n").attributes
+    (uv,) = read_obj(SQUARE + UVS + b"f 1/1 2/2/9 3/3 4/1\n").surface.attributes
     assert (uv.name, uv.kind, uv.domain) == ("uv", Kind.UV, Domain.CORNER)
     expected = np.array([[0, 0], [0.1, 0], [0.1, 0.7], [9, 9]], np.float32)
     np.testing.assert_array_equal(uv.values, expected, strict=True)
@@ -49,7 +49,7 @@ def test_one_dimensional_uv_has_v_0():
 
 @pytest.mark.parametrize("face", [b"f 1 2 3", b"f 1//1 2//1 3//1", b"f 1/7 2/7 3/7", b"f 1/ 2/ 3/"])
 def test_surface_without_corner_uv_is_plain(face):
-    assert parse_obj_surface(SQUARE + UVS + face).is_plain
+    assert read_obj(SQUARE + UVS + face).surface.is_plain
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_surface_without_corner_uv_is_plain(face):
 )
 def test_parse_obj_surface_reads_vertex_colors(numbers, expected):
     text = "".join(f"v {index} 0 0 {row}\n" for index, row in enumerate(numbers))
-    (color,) = parse_obj_surface(text.encode() + b"f 1 2 1\n").attributes
+    (color,) = read_obj(text.encode() + b"f 1 2 1\n").surface.attributes
     assert (color.kind, color.domain, color.indices) == (Kind.COLOR, Domain.VERTEX, None)
     np.testing.assert_array_equal(color.values, np.array(expected, np.float32), strict=True)
 
@@ -89,7 +89,7 @@ OBJECTS = b"o a\n" + SQUARE + b"f 1 2 3\no b\n" + SQUARE + b"f 5 6 7 8\nf -4 -3 
 
 
 def test_disjoint_objects_are_parts():
-    found = parse_obj_surface(OBJECTS)
+    found = read_obj(OBJECTS).surface
     assert found.parts == (Part("a", 4, 1), Part("b", 4, 2))
     assert found.groups == ()
 
@@ -105,12 +105,12 @@ def test_disjoint_objects_are_parts():
     ],
 )
 def test_other_objects_are_groups(data, expected):
-    found = described(parse_obj_surface(data))
+    found = described(read_obj(data).surface)
     assert (found["groups"], found["parts"]) == ([("object", *expected)], ())
 
 
 def test_single_object_is_neither_part_nor_group():
-    assert parse_obj_surface(b"o a\n" + SQUARE + b"s 1\nf 1 2 3\no unused\n").is_plain
+    assert read_obj(b"o a\n" + SQUARE + b"s 1\nf 1 2 3\no unused\n").surface.is_plain
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_single_object_is_neither_part_nor_group():
 )
 def test_parse_obj_surface_error_names_the_line(data, message):
     with pytest.raises(FormatError, match=message):
-        parse_obj_surface(data)
+        read_obj(data)
 
 
 SURFACES = {

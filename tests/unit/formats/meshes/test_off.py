@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.meshes.off import off_encoder, parse_off
+from meshreel.formats.meshes.off import off_encoder, read_off
 
 BODY = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 
@@ -10,13 +10,13 @@ BODY = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_positions_round_trip_exactly(make_sequence, dtype):
     sequence = make_sequence(1, dtype, offset=1e3)
-    mesh = parse_off(off_encoder(sequence.faces)(sequence.vertices[0]))
+    mesh = read_off(off_encoder(sequence.faces)(sequence.vertices[0])).mesh
     np.testing.assert_array_equal(mesh.vertices.astype(dtype), sequence.vertices[0])
 
 
 def test_faces_round_trip(make_sequence):
     sequence = make_sequence(1)
-    mesh = parse_off(off_encoder(sequence.faces)(sequence.vertices[0]))
+    mesh = read_off(off_encoder(sequence.faces)(sequence.vertices[0])).mesh
     np.testing.assert_array_equal(mesh.corners.reshape(-1, 3), sequence.faces)
 
 
@@ -35,7 +35,7 @@ def test_faces_round_trip(make_sequence):
     ],
 )
 def test_parse_off_reads_every_kind_of_header(header):
-    mesh = parse_off(header + BODY)
+    mesh = read_off(header + BODY).mesh
     assert (mesh.vertices.tolist(), mesh.corners.tolist()) == (
         [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
         [0, 1, 2],
@@ -44,13 +44,13 @@ def test_parse_off_reads_every_kind_of_header(header):
 
 def test_parse_off_ignores_colors():
     data = b"COFF\n3 1 0\n0 0 0 255 0 0 255\n1 0 0 1 1 1 1\n0 1 0 0 0 0 0\n3 0 1 2 0.5 0.25 1\n"
-    mesh = parse_off(data)
+    mesh = read_off(data).mesh
     assert (mesh.vertices[1].tolist(), mesh.corners.tolist()) == ([1, 0, 0], [0, 1, 2])
 
 
 def test_parse_off_reads_mixed_polygons():
     data = b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3 9\n3 3 2 1\n"
-    mesh = parse_off(data)
+    mesh = read_off(data).mesh
     assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4, 3], [0, 1, 2, 3, 3, 2, 1])
 
 
@@ -78,4 +78,4 @@ def test_parse_off_reads_mixed_polygons():
 )
 def test_parse_off_error_names_the_line(data, message):
     with pytest.raises(FormatError, match=message):
-        parse_off(data)
+        read_off(data)

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.off import parse_off_surface
+from meshreel.formats.meshes.off import read_off
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
 from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
@@ -16,7 +16,7 @@ def triangle(keyword, *columns, face=""):
 
 def attributes(data):
     return [
-        (one.kind, one.domain, one.values.tolist()) for one in parse_off_surface(data).attributes
+        (one.kind, one.domain, one.values.tolist()) for one in read_off(data).surface.attributes
     ]
 
 
@@ -32,7 +32,7 @@ def attributes(data):
 )
 def test_colors_without_decimal_point_are_bytes(rows, dtype, expected):
     data = triangle("COFF", *(f"{index}.5 0 0 {row}" for index, row in enumerate(rows)))
-    (color,) = parse_off_surface(data).attributes
+    (color,) = read_off(data).surface.attributes
     assert (color.values.dtype, color.values.tolist()) == (dtype, expected)
 
 
@@ -67,7 +67,7 @@ def test_colors_of_only_some_vertices_are_ignored():
 
 def test_parse_off_surface_error_names_the_line():
     with pytest.raises(FormatError, match="line 4: expected a number; got 'red'"):
-        parse_off_surface(triangle("COFF", "0 0 0 1 2 3", "0 0 0 red 0 0", "0 0 0 1 2 3"))
+        read_off(triangle("COFF", "0 0 0 1 2 3", "0 0 0 red 0 0", "0 0 0 1 2 3"))
 
 
 SURFACES = {

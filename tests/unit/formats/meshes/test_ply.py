@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.meshes.ply import parse_ply
+from meshreel.formats.meshes.ply import read_ply
 from meshreel.formats.meshes.ply_writing import ply_encoder
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]])
@@ -29,13 +29,13 @@ ASCII_VERTICES = b"0 0 0\n1 0 0\n1 1 0\n0 1 0.1\n"
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_positions_and_type_round_trip_exactly(make_sequence, dtype):
     sequence = make_sequence(1, dtype)
-    found = parse_ply(ply_encoder(sequence.faces)(sequence.vertices[0])).vertices
+    found = read_ply(ply_encoder(sequence.faces)(sequence.vertices[0])).mesh.vertices
     assert (found.dtype, found.tobytes()) == (dtype, sequence.vertices[0].tobytes())
 
 
 def test_faces_round_trip(make_sequence):
     sequence = make_sequence(1)
-    mesh = parse_ply(ply_encoder(sequence.faces)(sequence.vertices[0]))
+    mesh = read_ply(ply_encoder(sequence.faces)(sequence.vertices[0])).mesh
     np.testing.assert_array_equal(mesh.corners.reshape(-1, 3), sequence.faces)
 
 
@@ -46,7 +46,7 @@ def test_faces_round_trip(make_sequence):
 @pytest.mark.parametrize("faces", [[(0, 1, 2), (0, 2, 3)], [(0, 1, 2, 3), (3, 1, 2)]])
 def test_parse_ply_reads_binary_positions(number, dtype, encoding, order, faces):
     body = QUAD.astype(order + dtype).tobytes() + binary_faces(order, faces)
-    mesh = parse_ply(header(encoding, number=number) + body)
+    mesh = read_ply(header(encoding, number=number) + body).mesh
     assert mesh.vertices.dtype == dtype
     np.testing.assert_array_equal(mesh.vertices, QUAD.astype(dtype))
 
@@ -56,19 +56,19 @@ def test_parse_ply_reads_binary_positions(number, dtype, encoding, order, faces)
 )
 def test_parse_ply_reads_binary_lists_of_mixed_length(encoding, order):
     body = QUAD.astype(order + "f4").tobytes() + binary_faces(order, [(0, 1, 2, 3), (3, 1, 2)])
-    mesh = parse_ply(header(encoding) + body)
+    mesh = read_ply(header(encoding) + body).mesh
     assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4, 3], [0, 1, 2, 3, 3, 1, 2])
 
 
 @pytest.mark.parametrize(("number", "dtype"), [("float", "f4"), ("float64", "f8"), ("uchar", "f4")])
 def test_ascii_positions_keep_the_declared_type(number, dtype):
     vertices = ASCII_VERTICES if number != "uchar" else b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
-    mesh = parse_ply(header(number=number) + vertices + b"3 0 1 2\n3 0 2 3\n")
+    mesh = read_ply(header(number=number) + vertices + b"3 0 1 2\n3 0 2 3\n").mesh
     assert mesh.vertices.dtype == dtype
 
 
 def test_parse_ply_reads_ascii_polygons():
-    mesh = parse_ply(header() + ASCII_VERTICES + b"4 0 1 2 3\n3 3 1 2\n")
+    mesh = read_ply(header() + ASCII_VERTICES + b"4 0 1 2 3\n3 3 1 2\n").mesh
     assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4, 3], [0, 1, 2, 3, 3, 1, 2])
 
 
@@ -76,7 +76,7 @@ def test_parse_ply_reads_ascii_polygons():
 def test_header_lines_may_end_with_cr_or_crlf(line_end):
     body = QUAD.astype("<f4").tobytes() + binary_faces("<", [(0, 1, 2), (0, 2, 3)])
     data = header("binary_little_endian").replace(b"\n", line_end) + body
-    assert parse_ply(data).corners.tolist() == [0, 1, 2, 0, 2, 3]
+    assert read_ply(data).mesh.corners.tolist() == [0, 1, 2, 0, 2, 3]
 
 
 def test_parse_ply_skips_other_elements_and_properties():
@@ -91,7 +91,7 @@ def test_parse_ply_skips_other_elements_and_properties():
         for uv, abc in [((0.5,) * 6, (0, 1, 2)), ((), (0, 2, 3))]
     )
     data = header("binary_little_endian", before=before, face=face)
-    mesh = parse_ply(data + cameras + QUAD.astype("<f4").tobytes() + faces)
+    mesh = read_ply(data + cameras + QUAD.astype("<f4").tobytes() + faces).mesh
     np.testing.assert_array_equal(mesh.vertices, QUAD.astype(np.float32))
     assert mesh.corners.tolist() == [0, 1, 2, 0, 2, 3]
 
@@ -103,7 +103,7 @@ def test_parse_ply_finds_x_y_z_by_name():
         b"property list uchar int vertex_indices\nend_header\n"
         b"9 3 2 1\n9 6 5 4\n9 9 8 7\n3 0 1 2\n"
     )
-    assert parse_ply(data).vertices.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    assert read_ply(data).mesh.vertices.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
 
 
 @pytest.mark.parametrize(
@@ -145,4 +145,4 @@ def test_parse_ply_finds_x_y_z_by_name():
 )
 def test_parse_ply_explains_errors(data, message):
     with pytest.raises(FormatError, match=message):
-        parse_ply(data)
+        read_ply(data)

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.ply import parse_ply
+from meshreel.formats.meshes.ply import read_ply
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import find_segments
 
@@ -25,14 +25,14 @@ def ply(line_end, last=None, lines=LINES, vertices=VERTICES):
     ("line_end", "last"), [("\n", "\r\n"), ("\r\n", "\n"), ("\n", "\n"), ("\r", "\r")]
 )
 def test_last_header_line_may_end_differently(line_end, last):
-    mesh = parse_ply(ply(line_end, last))
+    mesh = read_ply(ply(line_end, last)).mesh
     assert (mesh.vertices.tobytes(), mesh.corners.tolist()) == (VERTICES.tobytes(), [0, 1, 2])
 
 
 def test_line_feed_after_a_cr_header_is_data():
     vertices = VERTICES.copy()
     vertices.view(np.uint8)[0, 0] = ord("\n")
-    mesh = parse_ply(ply("\r", vertices=vertices))
+    mesh = read_ply(ply("\r", vertices=vertices)).mesh
     assert mesh.vertices.tobytes() == vertices.tobytes()
 
 
@@ -48,7 +48,7 @@ def test_unknown_header_lines_are_skipped_with_a_note(tmp_path):
 @pytest.mark.parametrize("line", ["propetry float w", "element vertex x", "property float"])
 def test_misspelled_properties_are_rejected(line):
     with pytest.raises(FormatError, match="line 7: "):
-        parse_ply(ply("\n", lines=(*LINES[:6], line, *LINES[6:])))
+        read_ply(ply("\n", lines=(*LINES[:6], line, *LINES[6:])))
 
 
 def test_skipped_lines_are_noted_once_for_a_split_sequence(tmp_path):

@@ -6,7 +6,7 @@ import trimesh
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.ply import parse_ply, split_strips
+from meshreel.formats.meshes.ply import read_ply, split_strips
 
 GRID = np.array([[x, y, 0.0] for y in range(3) for x in range(4)], np.float32)
 STRIPS = [0, 4, 1, 5, 2, 6, 3, 7, -1, 4, 8, 5, 9, 6, 10, 7, 11]
@@ -86,4 +86,4 @@ def test_strips_beside_faces_are_left_out_with_a_note(tmp_path):
 @pytest.mark.parametrize(("strip", "message"), [([0, 1, 99], "vertex 99"), ([0, 1, -2], "-2")])
 def test_error_names_the_invalid_vertex_of_a_strip(strip, message):
     with pytest.raises(FormatError, match=message):
-        parse_ply(ply([strip]))
+        read_ply(ply([strip]))

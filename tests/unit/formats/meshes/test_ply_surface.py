@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.meshes.ply_surface import parse_ply_surface
+from meshreel.formats.meshes.ply import read_ply
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
 from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
@@ -22,7 +22,7 @@ def triangle(vertex_properties, vertex_rows, face_properties=(), face_row=""):
 def attributes(data):
     return [
         (one.name, one.kind, one.domain, one.values.dtype.str[1:], one.values.tolist())
-        for one in parse_ply_surface(data).attributes
+        for one in read_ply(data).surface.attributes
     ]
 
 
@@ -74,7 +74,7 @@ def test_incomplete_corner_uv_are_ignored(row):
 def test_error_names_the_line_of_a_color_out_of_range():
     data = triangle([f"uchar {name}" for name in RGB], ["0 1 2 3", "0 1 2 300", "0 1 2 3"])
     with pytest.raises(FormatError, match="line 14: expected uint8; got 300"):
-        parse_ply_surface(data)
+        read_ply(data)
 
 
 SURFACES = {

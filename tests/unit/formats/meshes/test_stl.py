@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.meshes.stl import parse_stl, stl_encoder
+from meshreel.formats.meshes.stl import read_stl, stl_encoder
 
 ASCII = b"""solid a thing
   facet normal 0 0 1
@@ -25,7 +25,7 @@ endsolid a thing
 
 def test_corners_round_trip(make_sequence):
     sequence = make_sequence(1)
-    mesh = parse_stl(stl_encoder(sequence.faces)(sequence.vertices[0]))
+    mesh = read_stl(stl_encoder(sequence.faces)(sequence.vertices[0])).mesh
     expected = sequence.vertices[0][sequence.faces].reshape(-1, 3)
     assert (mesh.vertices.dtype, mesh.vertices.tobytes()) == (np.float32, expected.tobytes())
 
@@ -33,16 +33,16 @@ def test_corners_round_trip(make_sequence):
 def test_binary_header_may_begin_with_solid(make_sequence):
     sequence = make_sequence(1)
     data = stl_encoder(sequence.faces)(sequence.vertices[0])
-    assert len(parse_stl(b"solid " + data[6:]).counts) == sequence.n_faces
+    assert len(read_stl(b"solid " + data[6:]).mesh.counts) == sequence.n_faces
 
 
 def test_parse_stl_reads_ascii():
     expected = [[0, 0, 0], [1, 0, 0], [0, 1.5, 0], [0, 0, 0], [1, 0, 0], [0, 0, 2]]
-    assert parse_stl(ASCII).vertices.tolist() == expected
+    assert read_stl(ASCII).mesh.vertices.tolist() == expected
 
 
 def test_parse_stl_replaces_negative_zeros():
-    assert not np.signbit(parse_stl(ASCII).vertices).any()
+    assert not np.signbit(read_stl(ASCII).mesh.vertices).any()
 
 
 def test_stl_encoder_writes_unit_normals():
@@ -75,7 +75,7 @@ def test_stl_encoder_rejects_positions_beyond_float32():
 )
 def test_parse_stl_error_names_the_line(data, message):
     with pytest.raises(FormatError, match=message):
-        parse_stl(data)
+        read_stl(data)
 
 
 @pytest.mark.parametrize("change", [lambda d: d[:-1], lambda d: d + b"\0", lambda d: d[:90]])
@@ -85,4 +85,4 @@ def test_parse_stl_rejects_sizes_that_contradict_the_count(make_sequence, change
     with pytest.raises(
         FormatError, match=r"a binary STL with the declared .* has 484; the file is tr"
     ):
-        parse_stl(change(data))
+        read_stl(change(data))

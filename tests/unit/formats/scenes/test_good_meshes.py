@@ -16,6 +16,7 @@ from meshreel.formats.segments import find_segments
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import two_sheets, waving_grid
+from samples.opening import open_same_faces
 
 TRIANGLE = """point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
 int[] faceVertexCounts = [3]
@@ -106,7 +107,7 @@ def usd_file(tmp_path):
 
 def test_skip_bad_merges_the_readable_meshes(usd_file):
     notes = []
-    found = load(usd_file, merge=True, skip_bad=True, notes=notes)
+    found = open_same_faces(usd_file, merge=True, skip_bad=True, notes=notes)
     assert (found.n_verts, found.n_frames, found.surface.parts) == (3, 1, ())
     said = next(note for note in notes if "cannot be read" in note)
     for name in ("/bad (mesh /bad, face 0: uses vertex 7", "/late (frame 1 has", "/far (has"):

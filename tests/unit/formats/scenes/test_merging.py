@@ -32,7 +32,7 @@ def of_three(values, dtype=np.float64):
 def merged(tmp_path, *meshes):
     notes = []
     whole = merge_meshes(meshes, "whole", notes)
-    return open_mesh(whole, tmp_path, ReadOptions(notes=notes)).tracks, notes
+    return next(open_mesh(whole, tmp_path, ReadOptions(notes=notes))).tracks, notes
 
 
 def test_track_values_are_interpolated_between_frames(tmp_path):

@@ -135,7 +135,7 @@ def test_merging_interpolates_positions_between_frames():
 
 def test_merging_notes_attributes_that_some_meshes_lack():
     bare = quad_sheet()
-    bare = replace(bare, surface=Surface(bare.surface.face_sizes))
+    bare = bare.replace(surface=Surface(bare.surface.face_sizes))
     notes = []
     meshes = [scene_mesh(quad_sheet(), "/full"), scene_mesh(bare, "/bare")]
     found = opened(meshes, merge=True, notes=notes)
@@ -154,7 +154,7 @@ def test_merging_unifies_domains_of_an_attribute(domain):
     surface = replace(
         sheet.surface, attributes=(Attribute("st", Kind.UV, domain, values, np.arange(n_items)),)
     )
-    other, notes = replace(sheet, surface=surface), []
+    other, notes = sheet.replace(surface=surface), []
     meshes = [scene_mesh(sheet, "/seams"), scene_mesh(other, "/whole")]
     found = opened(meshes, merge=True, notes=notes)
     (uv,) = found.surface.of_kind(Kind.UV)
@@ -174,7 +174,7 @@ def test_merging_renames_different_materials_of_one_name():
     sheets = []
     for name, own in (("/a", materials), ("/b", other)):
         surface = replace(quad_sheet().surface, materials=own, images=images)
-        sheets.append(scene_mesh(replace(quad_sheet(), surface=surface), name))
+        sheets.append(scene_mesh(quad_sheet().replace(surface=surface), name))
     found = opened(sheets, merge=True, notes=[]).surface
     assert [one.name for one in found.materials] == ["red", "gr\u00fcn", "red_2"]
     assert found.images == images

@@ -1,7 +1,5 @@
 """What Alembic and USD files keep of any sequence."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -70,7 +68,7 @@ def test_load_returns_rate_and_start_when_there_is_one_frame(path, fps, start_s)
 def test_save_assumes_24_frames_per_second_when_there_is_no_rate(path):
     notes = []
     assert saved_and_loaded(path, animated(fps=0.0), notes).fps == 24
-    assert notes == ["the frame rate is unknown; written as 24 frames per second"]
+    assert notes == ["the frame rate is unknown; written as 24 fps"]
 
 
 @pytest.mark.parametrize(("scale", "n_notes"), [(1 / 3, 1), (0.5, 0)])
@@ -117,6 +115,6 @@ def test_load_returns_tracks_of_every_domain_when_there_are_several_parts(path):
         f"of {domain}": Track(rng.random((sheet.n_frames, size)), domain)
         for domain, size in sizes.items()
     }
-    found = saved_and_loaded(path, replace(sheet, tracks=tracks), merge=True)
+    found = saved_and_loaded(path, sheet.replace(tracks=tracks), merge=True)
     assert len(found.surface.parts) == 2
     assert_same_tracks(found.tracks, tracks)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.formats.notes import NORMALS_LEFT_OUT
+from meshreel.formats.notes import NORMALS
 from meshreel.formats.surfaces.hard_edges import (
     HardEdges,
     NormalNotes,
@@ -130,7 +130,7 @@ def test_notes_on_several_meshes_are_one_sentence():
     notes = ["before"]
     normals = NormalNotes(notes)
     normals.add("/a", HardEdges(None, 10, 0, 30))
-    assert notes == ["before", NORMALS_LEFT_OUT]
+    assert notes == ["before", f"left out: {NORMALS}"]
     normals.add("/b", HardEdges(np.zeros((4, 2), np.int32), 10, 3, 30))
     normals.add("/b", HardEdges(np.zeros((4, 2), np.int32), 10, 3, 30))
     normals.add("/c", HardEdges(None, 10, 3, 30), is_track=True)

@@ -1,6 +1,13 @@
 import numpy as np
 
-from meshreel.formats.surfaces.welding import weld_corners, weld_rows
+from meshreel.formats.surfaces.welding import CornerWelder, weld_rows
+
+
+def weld_corners(frames):
+    welder = CornerWelder()
+    for corners in frames:
+        welder.add(corners)
+    return welder.weld()
 
 
 def corner_frames(rng, n_frames=4, n_verts=9, n_faces=20, split=()):

@@ -85,11 +85,11 @@ def test_load_notes_that_it_reads_the_cage_of_a_subdivision_surface(mesh_file, s
     notes = []
     lines = f'\nuniform token subdivisionScheme = "{scheme}"' if scheme else ""
     load(mesh_file(STRIP + lines), notes=notes)
-    assert ("left out: subdivision of /m, whose cage is read" in notes) == is_noted
+    assert ("left out: subdivision, whose cages are read: /m" in notes) == is_noted
 
 
 def test_load_notes_several_subdivision_surfaces_in_one_sentence(tmp_path):
     path, notes = tmp_path / "a.usda", []
     path.write_text(f'#usda 1.0\ndef Mesh "m" {{\n{STRIP}\n}}\ndef Mesh "n" {{\n{STRIP}\n}}\n')
     load(path, merge=True, notes=notes)
-    assert notes == ["left out: subdivision of /m, /n, whose cages are read"]
+    assert notes == ["left out: subdivision, whose cages are read: /m, /n"]

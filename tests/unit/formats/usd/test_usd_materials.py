@@ -71,7 +71,7 @@ def test_materials_pass_every_validator_of_usd(tmp_path, extension):
     # A validator rejects scaled normals.
     materials, images = (replace(red, normal_scale=1.0), cloth), (png(), png(64, "dark"))
     surface = replace(sequence.surface, materials=materials, images=images)
-    save(replace(sequence, surface=surface), tmp_path / f"x.{extension}")
+    save(sequence.replace(surface=surface), tmp_path / f"x.{extension}")
     stage = Usd.Stage.Open(str(tmp_path / f"x.{extension}"))
     every = validation.ValidationRegistry().GetOrLoadAllValidators()
     found = validation.ValidationContext(every).Validate(stage)
@@ -123,7 +123,7 @@ def test_failed_save_leaves_no_folder(tmp_path, monkeypatch):
 
 def test_no_image_folder_without_images(tmp_path):
     sheet = dressed_sheet()
-    save(replace(sheet, surface=sheet.surface.without_materials()), tmp_path / "x.usda")
+    save(sheet.replace(surface=sheet.surface.without_materials()), tmp_path / "x.usda")
     assert [path.name for path in tmp_path.iterdir()] == ["x.usda"]
 
 
@@ -131,7 +131,7 @@ def test_images_get_valid_unique_file_names(tmp_path):
     sheet = dressed_sheet()
     images = (replace(png(), name="a/../b c"), replace(png(9), name="a/../B C"))
     surface = replace(sheet.surface, images=images)
-    paths = save(replace(sheet, surface=surface), tmp_path / "x.usda")
+    paths = save(sheet.replace(surface=surface), tmp_path / "x.usda")
     assert [path.name for path in paths[1:]] == ["a_b_c.png", "a_B_C_2.png"]
     assert [one.data for one in load(paths[0]).surface.images] == [one.data for one in images]
 
@@ -182,7 +182,7 @@ def test_transformed_uvs_of_usd_match_those_of_gltf(tmp_path):
 def test_packages_leave_out_unsupported_image_types(tmp_path, extension):
     sheet, notes = dressed_sheet(), []
     tga = Image("old", "image/x-tga", b"\x00\x00\x02")
-    changed = replace(sheet, surface=replace(sheet.surface, images=(tga, jpeg())))
+    changed = sheet.replace(surface=replace(sheet.surface, images=(tga, jpeg())))
     save(changed, tmp_path / f"x.{extension}", notes=notes)
     found = load(tmp_path / f"x.{extension}").surface
     assert (tga in found.images) == (extension == "usda")

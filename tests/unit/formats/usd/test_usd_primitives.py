@@ -90,7 +90,7 @@ def test_load_approximates_a_sphere_within_one_percent(prim_file):
         distance = np.linalg.norm(points, axis=1)
         assert (distance <= 5 + 1e-5).all()
         assert (distance >= 5 * 0.99).all()
-    assert notes == ["read as a mesh with 32 faces around, within 1 % of the radius: /p (Sphere)"]
+    assert notes == ["read as meshes with 32 faces around, within 1 % of the radius: /p (Sphere)"]
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_load_lists_and_merges_primitives_with_meshes(prim_file):
     assert [(part.name, part.n_verts) for part in merged.surface.parts] == [
         ("/box", 8), ("/ball", 482), ("/m", 3),
     ]  # fmt: skip
-    assert "read as a mesh: /box (Cube)" in notes
+    assert "read as meshes: /box (Cube)" in notes
 
 
 def test_load_names_the_primitive_with_an_invalid_size(prim_file):

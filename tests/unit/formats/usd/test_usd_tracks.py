@@ -227,7 +227,7 @@ def with_usd_types(sheet):
         if track.kind == "velocity" and track.domain is Domain.VERTEX:
             values = values.astype(np.float32)
         tracks[name] = Track(values, track.domain, track.kind, track.unit)
-    return replace(sheet, tracks=tracks)
+    return sheet.replace(tracks=tracks)
 
 
 @pytest.mark.parametrize("extension", ["usda", "usdc", "usdz"])
@@ -243,7 +243,7 @@ def test_tracks_round_trip_exactly(tmp_path, extension, n_frames):
 
 
 def test_saved_tracks_are_normals_velocities_and_primvars_in_usd(tmp_path):
-    sheet = replace(quad_sheet(3), surface=replace(quad_sheet(3).surface, attributes=()))
+    sheet = quad_sheet(3).replace(surface=replace(quad_sheet(3).surface, attributes=()))
     n_verts = sheet.n_verts
     normals = RNG.normal(size=(3, n_verts, 3))
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
@@ -257,7 +257,7 @@ def test_saved_tracks_are_normals_velocities_and_primvars_in_usd(tmp_path):
         "map": Track(uv, kind="uv"),
         "stress": Track(RNG.random((3, n_verts)).astype(np.float32), unit="Pa"),
     }
-    save(replace(sheet, tracks=tracks, start_s=0.0), tmp_path / "x.usdc")
+    save(sheet.replace(tracks=tracks, start_s=0.0), tmp_path / "x.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
     [prim] = [one for one in stage.Traverse() if one.IsA(UsdGeom.Mesh)]
     mesh, api = UsdGeom.Mesh(prim), UsdGeom.PrimvarsAPI(prim)
@@ -280,7 +280,7 @@ def test_saved_tracks_pass_every_validator_of_usd(tmp_path, n_frames):
     validation = pytest.importorskip("pxr.UsdValidation")
     sheet = tracked_sheet(n_frames)
     normals = np.tile(np.array([0.0, 0, 1], np.float32), (n_frames, sheet.n_verts, 1))
-    sheet = replace(sheet, tracks={**sheet.tracks, "N": Track(normals, kind="normal")})
+    sheet = sheet.replace(tracks={**sheet.tracks, "N": Track(normals, kind="normal")})
     save(sheet, tmp_path / "x.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "x.usdc"))
     every = validation.ValidationRegistry().GetOrLoadAllValidators()
@@ -300,7 +300,7 @@ def test_conversions_of_number_types_are_noted(tmp_path, values, kind, written_a
     sheet, notes = quad_sheet(2), []
     surface = replace(sheet.surface, attributes=())
     save(
-        replace(sheet, surface=surface, tracks={"x": Track(values, kind=kind)}),
+        sheet.replace(surface=surface, tracks={"x": Track(values, kind=kind)}),
         tmp_path / "x.usdc",
         notes=notes,
     )

@@ -12,7 +12,7 @@ from meshreel.formats.segments import find_segments
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.model.surface import Domain, Kind
 from samples.datasets import damaged_versions, plain_sequence, positions_of
-from samples.opening import open_source
+from samples.opening import open_same_faces, open_source
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
@@ -470,7 +470,7 @@ def test_merge_does_not_invent_missing_pieces(tmp_path):
     path, positions = unnamed_pieces(tmp_path, (0, 1, 1, 2, 3, 3))
     options = ReadOptions(merge=True)
     with pytest.raises(InvalidInputError, match=r"frame 1 of walk has 20 vertices; expected 10"):
-        load(path, merge=True)
+        open_same_faces(path, merge=True)
     found = [one.open() for one in find_segments(path, options)]
     shapes = [(one.n_frames, one.n_verts, one.start_s) for one in found]
     assert shapes == [(1, 10, 0), (1, 20, 1), (1, 10, 2), (1, 20, 3)]

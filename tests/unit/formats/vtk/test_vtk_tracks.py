@@ -115,12 +115,17 @@ def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path):
     assert notes == ["'heat' is at points and at cells; the one of faces is called 'heat (faces)'"]
 
 
-def test_too_short_array_is_left_out_with_a_note(tmp_path):
+def test_steps_that_an_array_is_too_short_for_are_nan_with_a_note(tmp_path):
     [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
     change(path, "PointData/heat", np.zeros(89), np.arange(3) * 30)
     notes = []
-    assert not load(path, notes=notes).tracks
-    assert notes == ["left out: arrays: heat of 89 rows; step 2 needs 30 from row 60 on"]
+    values = load(path, notes=notes).tracks["heat"].values
+    assert np.isnan(values[2]).all()
+    assert (values[:2] == 0).all()
+    assert notes == [
+        "left out: arrays: heat of 89 rows; step 2 needs 30 from row 60 on",
+        "'heat' is in 2 of 3 frames, and NaN in the others",
+    ]
 
 
 def test_array_with_offsets_for_too_few_steps_is_left_out_with_a_note(tmp_path):

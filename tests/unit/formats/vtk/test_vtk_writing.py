@@ -43,14 +43,14 @@ def mixed_sheet(n_frames=N_FRAMES, domains=DOMAINS):
         "number": Track(np.tile(constant, (n_frames, 1)), "face"),
         "uv": Track(normals[..., :2], kind="uv"),
     }
-    return replace(sheet, tracks={**sheet.tracks, **tracks})
+    return sheet.replace(tracks={**sheet.tracks, **tracks})
 
 
 def without_unsupported(sheet):
     """The sheet without what VTK cannot store: corner attributes and group labels."""
     kept = [one for one in sheet.surface.attributes if one.domain is not Domain.CORNER]
     surface = replace(sheet.surface, attributes=tuple(kept), groups=())
-    return replace(sheet, surface=surface)
+    return sheet.replace(surface=surface)
 
 
 def read_with(reader_class, path):
@@ -116,7 +116,7 @@ def test_vtk_reads_xdmf_data_of_every_step(tmp_path, dtype, width):
         for n in (sheet.n_verts, sheet.surface.n_faces(sheet.n_faces))
     )
     tracks = {"heat": Track(at_points), "area": Track(at_cells, "face")}
-    path, _ = save(replace(sheet, tracks=tracks, start_s=2.0), tmp_path / "a.xdmf")
+    path, _ = save(sheet.replace(tracks=tracks, start_s=2.0), tmp_path / "a.xdmf")
     reader = vtkXdmfReader()
     reader.SetFileName(str(path))
     reader.UpdateInformation()
@@ -138,7 +138,7 @@ def test_vtk_reads_xdmf_data_of_every_step(tmp_path, dtype, width):
 @pytest.mark.parametrize("n_frames", [1, N_FRAMES])
 @pytest.mark.parametrize("read", [load, open_source])
 def test_collections_round_trip_exactly(tmp_path, extension, n_frames, read):
-    sheet = replace(without_unsupported(mixed_sheet(n_frames)), start_s=1.5)
+    sheet = without_unsupported(mixed_sheet(n_frames)).replace(start_s=1.5)
     path, *_ = save(sheet, tmp_path / f"a{extension}")
     notes = []
     found = read(path, notes=notes)
@@ -155,7 +155,7 @@ def test_tracks_of_frame_files_round_trip_exactly(tmp_path, extension):
     area = np.arange(sheet.surface.n_faces(sheet.n_faces), dtype=np.float64)[:, np.newaxis]
     constant = Attribute("area", Kind.OTHER, Domain.FACE, area)
     attributes = (*sheet.surface.attributes, constant)
-    sheet = replace(sheet, surface=replace(sheet.surface, attributes=attributes))
+    sheet = sheet.replace(surface=replace(sheet.surface, attributes=attributes))
     save(sheet, tmp_path / f"f_%02d{extension}")
     found = load(tmp_path / f"f_*{extension}")
     assert_same_tracks(found.tracks, sheet.tracks)
@@ -175,7 +175,7 @@ def test_notes_list_what_vtk_cannot_store(tmp_path, extension):
         groups=(FaceGroups("material", ("red",), numbers),),
     )
     tracks = {"shear": Track(np.ones((sheet.n_frames, len(seams.values))), "corner")}
-    sheet = replace(sheet, surface=surface, tracks=tracks)
+    sheet = sheet.replace(surface=surface, tracks=tracks)
     save(sheet, tmp_path / f"a{extension}", notes=notes)
     shown = extension[-4:] if extension.endswith(("p", "u")) else extension
     assert f"tracks left out: shear: {shown} cannot store tracks of corners" in notes
@@ -188,7 +188,7 @@ def test_notes_list_what_vtk_cannot_store(tmp_path, extension):
 @EXTENSIONS
 def test_unknown_frame_rate_is_written_as_24_with_a_note(tmp_path, extension):
     notes = []
-    path, *_ = save(replace(quad_sheet(3), fps=0), tmp_path / f"a{extension}", notes=notes)
+    path, *_ = save(quad_sheet(3).replace(fps=0), tmp_path / f"a{extension}", notes=notes)
     assert "the frame rate is unknown; written as 24 fps" in notes
     assert load(path).fps == 24
 

@@ -1,7 +1,7 @@
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.vtk.lz4_block import unpack_lz4
+from meshreel.formats.vtk.xml_arrays import unpack_lz4
 
 
 @pytest.mark.parametrize(

@@ -146,7 +146,7 @@ def test_save_rejects_a_start_beyond_float32(tmp_path, extension):
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_stored_frames_of_a_cache_equal_loaded_ones(tmp_path, extension, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.frames.array_frames.BLOCK_BYTES", 300)
+    monkeypatch.setattr("meshreel.formats.frames.stored_frames.BLOCK_BYTES", 300)
     sequence = plain_sequence(n_frames=9)
     cache, mesh = save(sequence, tmp_path / f"walk.{extension}")
     opened = open_source(cache, topology=mesh)

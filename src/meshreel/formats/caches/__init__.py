@@ -1,1 +1,0 @@
-"""Point caches, which store positions without faces: PC2 and MDD."""

@@ -1,0 +1,131 @@
+"""One frame of a file: its mesh, its surface and its data, as formats of single frames read it."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from meshreel.arrays import Values
+from meshreel.formats.frames.field_tracks import Field, Fields, Key, field_tracks
+from meshreel.formats.frames.stored_frames import StoredTrack, checksum
+from meshreel.formats.surfaces.hard_edges import HardEdges
+from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.surface import PLAIN, Attribute, Domain, Surface
+
+
+def fields_of(attributes: Iterable[Attribute]) -> dict[Key, tuple[Values, Field]]:
+    """Return attributes as the arrays of a frame, which become tracks if they change."""
+    fields: dict[Key, tuple[Values, Field]] = {}
+    for attribute in attributes:
+        values = attribute.per_item()
+        key = attribute.domain, attribute.name
+        fields[key] = values, Field(values.dtype, values.shape[1], "", attribute.kind)
+    return fields
+
+
+def _no_hard_edges() -> HardEdges | None:
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The contents of the file of a frame.
+
+    Parameters
+    ----------
+    mesh : PolygonMesh
+    surface : Surface
+        Attributes, groups and parts, without face sizes and hard edges.
+    fields : mapping
+        Vertex, face and corner data that become tracks if they change between files, or if the file
+        declares them tracks; otherwise those in `surface` are attributes.
+    notes : list of str
+        What reading changes or leaves out.
+    find_hard_edges : function
+        Returns the hard edges with figures on the normals, or None; slower than all the rest.
+    """
+
+    mesh: PolygonMesh
+    surface: Surface = PLAIN
+    fields: Fields = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    find_hard_edges: Callable[[], HardEdges | None] = _no_hard_edges
+
+
+class FrameData:
+    """The data of consecutive frames: descriptions, checksums and, until forgotten, values.
+
+    Values that are equal to those of the first frame are kept once.
+
+    Parameters
+    ----------
+    first : Fields
+        Data of the first frame.
+    """
+
+    def __init__(self, first: Fields) -> None:
+        self._frames: list[Fields] = []
+        self._descriptions: list[dict[Key, Field]] = []
+        self._checksums: list[dict[Key, int]] = []
+        self._has_values = True
+        self.add(first)
+
+    def add(self, fields: Fields) -> int:
+        """Add the data of a frame; return the bytes of values that differ from the first."""
+        sums = {key: checksum(values) for key, (values, _) in fields.items()}
+        self._descriptions.append({key: field for key, (_, field) in fields.items()})
+        self._checksums.append(sums)
+        is_same = {key: self._checksums[0].get(key) == crc for key, crc in sums.items()}
+        if self._has_values:
+            first = self._frames[0] if self._frames else fields
+            kept = {key: (first if is_same[key] else fields)[key] for key in fields}
+            self._frames.append(kept)
+        return sum(values.nbytes for key, (values, _) in fields.items() if not is_same[key])
+
+    def add_same(self) -> None:
+        """Add a frame with the data of the first."""
+        for frames in (self._frames, self._descriptions, self._checksums):
+            frames.extend(frames[:1])  # type: ignore[arg-type]
+
+    def forget_values(self) -> None:
+        """Keep only descriptions and checksums."""
+        self._frames, self._has_values = [], False
+
+    @cached_property
+    def changing(self) -> set[Key]:
+        """Data that change over time, are missing in some frames, or are declared tracks.
+
+        Complete once all frames are added.
+        """
+        keys = {key for sums in self._checksums for key in sums}
+        declared = {
+            key for fields in self._descriptions for key, field in fields.items() if field.is_track
+        }
+        return declared | {
+            key for key in keys if len({sums.get(key) for sums in self._checksums}) > 1
+        }
+
+    def tracks(
+        self, mesh: PolygonMesh, read: Callable[[int], Fields], notes: list[str]
+    ) -> dict[str, StoredTrack]:
+        """Return the data that change as tracks.
+
+        Parameters
+        ----------
+        mesh : PolygonMesh
+            Of any frame.
+        read : function of a frame number
+            Reads the data of a frame again if values are forgotten.
+        notes : list of str
+            Receives a sentence for each array that only some frames have.
+        """
+        frames, changing = self._frames, self.changing
+        described = [
+            {key: field for key, field in fields.items() if key in changing}
+            for fields in self._descriptions
+        ]
+        counts = len(mesh.vertices), len(mesh.counts), len(mesh.corners)
+
+        def read_field(index: int, key: Key) -> Values:
+            return (frames[index] if frames else read(index))[key][0]
+
+        return field_tracks(described, dict(zip(Domain, counts, strict=True)), read_field, notes)

@@ -1,0 +1,280 @@
+"""Frame files, one mesh each: each is read and parsed once, in runs of frames with equal faces."""
+
+import zlib
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import ConnectivityChangeError, FormatError
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.frames.field_tracks import NORMALS, Fields
+from meshreel.formats.frames.frame import Frame, FrameData
+from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
+from meshreel.formats.kinds import FrameFormat
+from meshreel.formats.notes import NORMALS as NORMALS_SUBJECT
+from meshreel.formats.notes import Note, NoteKind, is_about, note_frozen
+from meshreel.formats.options import ReadOptions
+from meshreel.formats.surfaces.hard_edges import NormalNotes
+from meshreel.formats.surfaces.welding import CornerWelder
+from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
+from meshreel.model.surface import Surface
+from meshreel.model.surface_selection import differing_names
+from meshreel.model.tracks import read_tracks
+from meshreel.model.validation import validate_finite, validate_fps
+from meshreel.runtime.progress import Count
+
+
+class FrameFiles:
+    """The frames of files, checked for changes when they are read again.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        One file per frame, in order.
+    format : FrameFormat
+        Format of all files.
+    """
+
+    def __init__(self, paths: Sequence[Path], format: FrameFormat) -> None:
+        self.paths: tuple[Path, ...] = tuple(paths)
+        self.format = format
+        self._checksums: dict[int, int] = {}
+        self._last: tuple[int, Frame] | None = None
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    @contextmanager
+    def contents(self, index: int) -> Iterator[bytes]:
+        """Context manager for the bytes of a frame's file; errors inside it name the file.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file does not exist, or has changed since it was first read.
+        FormatError
+            If it is empty.
+        """
+        path = self.paths[index]
+        with os_errors_naming(path):
+            data = path.read_bytes()
+        if self._checksums.setdefault(index, crc := zlib.crc32(data)) != crc:
+            raise changed_error(f"{path} (frame {index})")
+        with errors_naming(path):
+            if not data:
+                raise FormatError(f"is empty; expected a mesh in {self.format.extension} format")
+            yield data
+
+    def frame(self, index: int) -> Frame:
+        """Read a frame; raises as `contents`, or FormatError if the file is damaged."""
+        if self._last is None or self._last[0] != index:
+            with self.contents(index) as data:
+                self._last = index, self.format.read(data)
+        return self._last[1]
+
+
+def read_runs(
+    files: FrameFiles, name: str, options: ReadOptions, *, is_constant: bool = False
+) -> Iterator[FrameSource]:
+    """Read all files once, and yield each run of frames with the same vertices and faces.
+
+    Runs are loaded until they take `max_loaded_bytes` together; longer runs then stay in their
+    files, and need memory for one frame. A run of a single frame is always loaded.
+
+    Parameters
+    ----------
+    name : str
+        Of the sequences.
+    options : ReadOptions
+        Their notes receive sentences on each run.
+    is_constant : bool, default False
+        Whether another run is an error.
+
+    Raises
+    ------
+    FormatError
+        If a file cannot be read.
+    InvalidInputError
+        If a position is not finite; also when frames are read later, if a file has changed. Errors
+        name the file.
+    ConnectivityChangeError
+        If `is_constant` and a frame differs from the first; names both.
+    """
+    run: _Run | None = None
+    budget = options.max_loaded_bytes
+    for index, path in enumerate(files.paths):
+        with files.contents(index) as data:
+            frame = None if run is None else run.add(data)
+            if run is not None and frame is not None:
+                if is_constant:
+                    difference = frame.mesh.difference(run.first.mesh)
+                    raise ConnectivityChangeError(
+                        f"{path} (frame {index}) has {difference} in frame 0 "
+                        f"({files.paths[0].name})"
+                    )
+                budget = None if budget is None else max(0, budget - run.kept_bytes)
+                yield run.sequence(name, options)
+                run = None
+            if run is None:
+                run = _Run(files, index, data, frame or files.format.read(data), budget)
+        options.progress("reading", Count(index + 1, len(files), "frames"))
+    if run is not None:
+        yield run.sequence(name, options)
+
+
+class _Run:
+    """Consecutive frames with the same faces, whose contents are kept while they are small.
+
+    Parameters
+    ----------
+    files : FrameFiles
+    start : int
+        Number of the first frame.
+    data : bytes
+        Its file.
+    first : Frame
+    max_bytes : int, optional
+        Size of contents above which two or more frames stay in their files.
+
+    Attributes
+    ----------
+    kept_bytes : int
+        Size of the kept contents.
+    """
+
+    def __init__(
+        self, files: FrameFiles, start: int, data: bytes, first: Frame, max_bytes: int | None
+    ) -> None:
+        self.first = first
+        self.kept_bytes: int = 0
+        self._files, self._start, self._max_bytes = files, start, max_bytes
+        form = files.format
+        self._read_positions: Callable[[bytes], Vertices | None] = lambda data: None
+        if form.positions_reader is not None and len(files) > start + 1:
+            self._read_positions = form.positions_reader(data, first)
+        self._survey = FrameSurvey(is_decimal=form.is_decimal)
+        self._welder = CornerWelder() if form.has_unshared_vertices else None
+        self._positions: deque[tuple[Vertices, npt.NDArray[np.int64] | None]] = deque()
+        self._data = FrameData(first.fields)
+        self._differing: dict[str, None] = {}
+        self._n_frames = 0
+        self._keep(first.mesh.vertices)
+
+    def add(self, data: bytes) -> Frame | None:
+        """Add the frame of a file; return the frame instead if it begins another run."""
+        if (vertices := self._read_positions(data)) is not None:
+            self._data.add_same()
+            self._keep(vertices)
+            return None
+        frame = self._files.format.read(data)
+        if frame.mesh.difference(self.first.mesh):
+            return frame
+        self.kept_bytes += self._data.add(frame.fields)
+        names = differing_names(_without_data(self.first), _without_data(frame))
+        self._differing.update(dict.fromkeys(names))
+        self._keep(frame.mesh.vertices)
+        return None
+
+    def _keep(self, vertices: Vertices) -> None:
+        """Validate positions and keep them, unless all contents become too large."""
+        validate_finite(vertices[np.newaxis], first_frame=self._start + self._n_frames)
+        self._survey.add(vertices[np.newaxis])
+        labels = None
+        if self._welder is not None:
+            self._welder.add(vertices)
+            vertices, labels = vertices[self._welder.representatives], self._welder.labels
+        self.kept_bytes += vertices.nbytes
+        self._n_frames += 1
+        is_large = self._max_bytes is not None and self.kept_bytes > self._max_bytes
+        if self._n_frames > 1 and (is_large or not self._positions):
+            self._positions.clear()
+            self._data.forget_values()
+            self.kept_bytes = 0
+        else:
+            self._positions.append((vertices, labels))
+
+    def sequence(self, name: str, options: ReadOptions) -> FrameSource:
+        """Return the frames: loaded, or read from their files on demand."""
+        fps = validate_fps(options.fps or 0.0)
+        start_s = self._start / fps if fps else 0.0
+        mesh, notes = self.first.mesh, list(self.first.notes)
+        surface = self._surface(notes)
+        rows: slice | npt.NDArray[np.int64] = slice(None)
+        if self._welder is None:
+            faces = triangulate_fans(mesh.counts, mesh.corners)
+            surface = replace(surface, face_sizes=mesh.counts.astype(np.int32))
+        else:
+            weld = self._welder.weld()
+            faces, rows = weld.faces, weld.representatives
+            notes.insert(0, Note(NoteKind.CHANGED, "welded corners", text=weld.description))
+        tracks = self._data.tracks(mesh, self._read_fields, notes)
+        options.notes.extend(note for note in notes if note not in options.notes)
+        if self._positions:
+            vertices = self._stacked(rows)
+            return MeshSequence(vertices, faces, fps, name, start_s, surface, read_tracks(tracks))
+        return StoredFrames(
+            n_frames=self._n_frames,
+            n_verts=len(mesh.vertices[rows]),
+            faces=faces,
+            fps=fps,
+            name=name,
+            dtype=self._survey.dtype,
+            extent=self._survey.extent,
+            read_range=partial(self._read_range, rows),
+            start_s=start_s,
+            surface=surface,
+            files=self._files.paths[self._start : self._start + self._n_frames],
+            tracks=tracks,
+        )
+
+    def _surface(self, notes: list[str]) -> Surface:
+        """Return the surface of the first frame without data that change, and note the changes."""
+        changing, surface = self._data.changing, self.first.surface
+        constant = [one for one in surface.attributes if (one.domain, one.name) not in changing]
+        if (hard := self.first.find_hard_edges()) is not None:
+            NormalNotes(notes).add("", hard)
+        if any(
+            self.first.fields[key][1].role == NORMALS for key in changing & {*self.first.fields}
+        ):
+            notes[:] = [note for note in notes if not is_about(note, NORMALS_SUBJECT)]
+        note_frozen(notes, self._differing)
+        edges = None if hard is None else hard.edges
+        return replace(surface, attributes=tuple(constant), hard_edges=edges)
+
+    def _stacked(self, rows: slice | npt.NDArray[np.int64]) -> Vertices:
+        """Return the kept positions as one array, releasing each frame once it is copied."""
+        shape = self._n_frames, *self.first.mesh.vertices[rows].shape
+        vertices: Vertices = np.empty(shape, self._survey.dtype)
+        for index in range(self._n_frames):
+            frame, labels = self._positions.popleft()
+            vertices[index] = frame if labels is None else frame[labels[rows]]
+        return vertices
+
+    def _read_range(self, rows: slice | npt.NDArray[np.int64], start: int, stop: int) -> Vertices:
+        shape = stop - start, *self.first.mesh.vertices[rows].shape
+        block: Vertices = np.empty(shape, self._survey.dtype)
+        for row, index in enumerate(range(self._start + start, self._start + stop)):
+            with self._files.contents(index) as data:
+                vertices = self._read_positions(data)
+                if vertices is None:
+                    vertices = self._files.format.read(data).mesh.vertices
+                block[row] = vertices[rows]
+        return block
+
+    def _read_fields(self, index: int) -> Fields:
+        return self._files.frame(self._start + index).fields
+
+
+def _without_data(frame: Frame) -> Surface:
+    """Return the surface without the data that may become tracks."""
+    attributes = (
+        one for one in frame.surface.attributes if (one.domain, one.name) not in frame.fields
+    )
+    return replace(frame.surface, attributes=tuple(attributes))

@@ -1,0 +1,22 @@
+"""Rows of glTF."""
+
+from meshreel.formats.gltf.read import list_animations, read_meshes
+from meshreel.formats.gltf.write import write_glb, write_gltf
+from meshreel.formats.kinds import SequenceFormat
+
+FORMATS = tuple(
+    SequenceFormat(
+        extension,
+        title,
+        read_meshes=read_meshes,
+        write_segments=write,
+        names_files=True,
+        writes=frozenset({"targets", "max_error", "normals"}),
+        holds_materials=True,
+        list_animations=list_animations,
+    )
+    for extension, title, write in (
+        (".glb", "glTF, binary", write_glb),
+        (".gltf", "glTF, text", write_gltf),
+    )
+)

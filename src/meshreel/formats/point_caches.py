@@ -1,0 +1,344 @@
+"""Point caches: positions in float32 without faces, which come from a separate mesh file.
+
+3ds Max (``.pc2``): the header (32 bytes, little endian) has the signature, version 1, the number of
+vertices, the first frame, the interval between samples in frames, and the number of samples. There
+is no frame rate.
+
+LightWave (``.mdd``): all numbers are big endian: the number of frames and vertices, the time of
+each frame in seconds, and the positions of each frame.
+"""
+
+import math
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.stored_frames import ArrayFrames, Description, changed_error
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.notes import (
+    NoteKind,
+    add_note,
+    note_kinds,
+    note_uneven_times,
+    note_written_rate,
+)
+from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.registry import COMPANION, FRAME_FORMATS
+from meshreel.formats.scenes.timing import FrameTimes, frame_times
+from meshreel.formats.surfaces.hard_edges import NormalNotes
+from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.model.sequence import Faces, FrameSource, Vertices
+from meshreel.model.surface import Surface
+from meshreel.runtime.counting import counted
+
+FRAME_RATE = 24.0  # written if a sequence has none but the file needs one
+VERTEX_BYTES = 12
+
+PC2_SIGNATURE, PC2_VERSION = b"POINTCACHE2\0", 1
+PC2_HEADER = struct.Struct("<12siiffi")
+MDD_HEADER = struct.Struct(">ii")
+MDD_TIME = np.dtype(">f4")
+
+
+def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
+    """Open the sequence of a ``.pc2`` file.
+
+    Its name is the file stem; the frame rate is that of the options, or unknown.
+    """
+    with errors_naming(path):
+        n_verts, first_frame, interval, n_frames = _read_pc2_header(path)
+    faces, surface = read_topology(path, n_verts, options)
+    fps = options.fps or 0.0
+    if interval != 1:
+        text = f"samples are {interval:g} frames apart; each is read as one frame"
+        add_note(options.notes, NoteKind.CHANGED, "samples", text)
+    if first_frame and not fps:
+        text = (
+            f"begins at frame {first_frame:g} of unknown rate, which is read as 0 s; set the rate "
+            "with --fps (fps=)"
+        )
+        add_note(options.notes, NoteKind.UNKNOWN, "start", text)
+    start_s = first_frame / (fps * interval) if fps else 0.0
+    read = cache_reader(path, PC2_HEADER.size, n_verts, "<f4")
+    frames = ArrayFrames(path, n_frames, n_verts, np.dtype(np.float32), read)
+    return frames.open(Description(faces, fps, path.stem, start_s, surface), options, {})
+
+
+def write_pc2(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write a ``.pc2`` file; notes report what it cannot store exactly."""
+    first_frame = _first_frame(stream)
+    header = PC2_HEADER.pack(
+        PC2_SIGNATURE, PC2_VERSION, stream.n_verts, first_frame, 1.0, stream.n_frames
+    )
+    with path.open("wb") as file:
+        file.write(header)
+        for frame in single_precision(stream):
+            file.write(frame.astype("<f4", copy=False).tobytes())
+
+
+def _first_frame(stream: FrameStream) -> float:
+    """Return the start as a frame number; adds notes if it will be read back differently."""
+    fps = stream.fps or FRAME_RATE
+    with np.errstate(over="ignore"):
+        first_frame = float(np.float32(stream.start_s * fps))
+    if not math.isfinite(first_frame):
+        raise InvalidInputError(
+            f"start_s of {stream.start_s:g} is too large for PC2, which stores float32"
+        )
+    if stream.fps:
+        text = f"PC2 has no frame rate: set {stream.fps:g} fps when reading it (--fps)"
+        add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", text)
+    if first_frame / fps != stream.start_s or (stream.start_s and not stream.fps):
+        text = (
+            f"PC2 stores the start at {stream.start_s!r} s as frame {first_frame:g} at "
+            f"{fps:g} fps, which is {first_frame / fps!r} s"
+        )
+        add_note(stream.notes, NoteKind.CHANGED, "start", text)
+    return first_frame
+
+
+def _read_pc2_header(path: Path) -> tuple[int, float, float, int]:
+    """Read the number of vertices, first frame, interval in frames, and number of samples."""
+    with os_errors_naming(path), path.open("rb") as file:
+        data, size_bytes = file.read(PC2_HEADER.size), path.stat().st_size
+    if len(data) < PC2_HEADER.size or data[:12] != PC2_SIGNATURE:
+        raise FormatError(f"is not a PC2 file: it begins with {data[:12]!r}, not {PC2_SIGNATURE!r}")
+    _, version, n_verts, first_frame, interval, n_frames = PC2_HEADER.unpack(data)
+    if version != PC2_VERSION:
+        raise FormatError(f"has PC2 version {version}; version {PC2_VERSION} is supported")
+    if not (math.isfinite(first_frame) and math.isfinite(interval) and interval > 0):
+        raise FormatError(f"is damaged: begins at frame {first_frame} at intervals of {interval}")
+    check_cache_size(PC2_HEADER.size, n_frames, n_verts, size_bytes)
+    return n_verts, first_frame, interval, n_frames
+
+
+def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
+    """Open the sequence of an ``.mdd`` file; its name is the file stem."""
+    with errors_naming(path):
+        n_verts, times = _read_mdd_header(path)
+    faces, surface = read_topology(path, n_verts, options)
+    timing = _timing(times)
+    if (np.diff(times) <= 0).any():
+        timing = FrameTimes(0.0, timing.start_s, is_even=True)
+        text = "frame times are not ascending; the frame rate is unknown"
+        add_note(options.notes, NoteKind.UNKNOWN, "frame rate", text)
+    elif not timing.is_even:
+        note_uneven_times(options.notes, timing.fps)
+    read = cache_reader(path, MDD_HEADER.size + times.nbytes, n_verts, ">f4")
+    frames = ArrayFrames(path, len(times), n_verts, np.dtype(np.float32), read)
+    fps = options.fps or timing.fps
+    about = Description(faces, fps, path.stem, timing.start_s, surface)
+    return frames.open(about, options, {})
+
+
+def write_mdd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+    """Write an ``.mdd`` file; notes report what it cannot store exactly."""
+    times = _times(stream.fps or FRAME_RATE, stream.start_s, stream.n_frames)
+    if not np.isfinite(times).all():
+        raise InvalidInputError(
+            f"start_s of {stream.start_s:g} is too large for MDD, which stores float32"
+        )
+    _note_times(times, stream)
+    with path.open("wb") as file:
+        file.write(MDD_HEADER.pack(stream.n_frames, stream.n_verts) + times.tobytes())
+        for frame in single_precision(stream):
+            file.write(frame.astype(">f4").tobytes())
+
+
+def _note_times(times: npt.NDArray[Any], stream: FrameStream) -> None:
+    """Add notes if frame rate or start will be read back with another value."""
+    found = _timing(times)
+    if not stream.fps:
+        note_written_rate(stream.notes, FRAME_RATE)
+    elif stream.n_frames == 1:
+        text = f"MDD has no frame rate for one frame: {stream.fps:g} fps is lost"
+        add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", text)
+    elif found.fps != stream.fps:
+        text = f"MDD stores times as float32: {stream.fps!r} fps reads as {found.fps!r}"
+        add_note(stream.notes, NoteKind.CHANGED, "frame rate", text)
+    if found.start_s != stream.start_s:
+        text = (
+            f"MDD stores times as float32: the start at {stream.start_s!r} s reads as "
+            f"{found.start_s!r} s"
+        )
+        add_note(stream.notes, NoteKind.CHANGED, "start", text)
+
+
+def _timing(times: npt.NDArray[Any]) -> FrameTimes:
+    """Infer frame rate and start that round to the given float32 times, if possible.
+
+    Starts at a whole frame number are preferred, then the shortest decimal of the first time (0.1
+    rather than 0.10000000149).
+    """
+    timing = frame_times(times.astype(np.float64))
+    decimal = float(str(np.float32(times[0])))
+    rates = dict.fromkeys([timing.fps, round(timing.fps, 2), round(timing.fps, 3)])
+    rates.pop(0.0, None)
+    on_frame = [(fps, round(float(times[0]) * fps) / fps) for fps in rates]
+    for fps, start_s in on_frame + [(fps, decimal) for fps in rates]:
+        if np.array_equal(_times(fps, start_s, len(times)), times):
+            return FrameTimes(fps, start_s, is_even=True)
+    return FrameTimes(timing.fps, decimal, timing.is_even)
+
+
+def _times(fps: float, start_s: float, n_frames: int) -> npt.NDArray[Any]:
+    with np.errstate(over="ignore"):
+        return (start_s + np.arange(n_frames) / fps).astype(MDD_TIME)
+
+
+def _read_mdd_header(path: Path) -> tuple[int, npt.NDArray[Any]]:
+    """Read the number of vertices and the frame times."""
+    with os_errors_naming(path), path.open("rb") as file:
+        head, size_bytes = file.read(MDD_HEADER.size), path.stat().st_size
+        if len(head) < MDD_HEADER.size:
+            raise FormatError(f"is not an MDD file: it has only {size_bytes} bytes")
+        n_frames, n_verts = MDD_HEADER.unpack(head)
+        check_cache_size(
+            MDD_HEADER.size + MDD_TIME.itemsize * n_frames, n_frames, n_verts, size_bytes
+        )
+        times = np.frombuffer(file.read(MDD_TIME.itemsize * n_frames), MDD_TIME)
+    if not np.isfinite(times).all():
+        raise FormatError("is damaged: frame times are not finite")
+    return n_verts, times
+
+
+def check_cache_size(header_bytes: int, n_frames: int, n_verts: int, size_bytes: int) -> None:
+    """Reject a point cache whose size contradicts its header.
+
+    Raises
+    ------
+    FormatError
+        If the sizes differ; the message gives both.
+    """
+    if n_frames < 1 or n_verts < 1:
+        raise FormatError(f"declares {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')}")
+    expected = header_bytes + n_frames * n_verts * VERTEX_BYTES
+    if size_bytes != expected:
+        problem = "is truncated" if size_bytes < expected else "is damaged"
+        raise FormatError(
+            f"{problem}: {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')} take "
+            f"{expected} bytes; "
+            f"the file has {size_bytes}"
+        )
+
+
+def cache_reader(
+    path: Path, header_bytes: int, n_verts: int, number: str
+) -> Callable[[int, int], Vertices]:
+    """Return a function that reads frames start..stop - 1 of a point cache as native float32.
+
+    Parameters
+    ----------
+    header_bytes : int
+        Offset of the first frame.
+    number : {"<f4", ">f4"}
+        Number type in the file.
+    """
+
+    def read(start: int, stop: int) -> Vertices:
+        width = n_verts * 3
+        offset = header_bytes + start * n_verts * VERTEX_BYTES
+        with os_errors_naming(path):
+            numbers = np.fromfile(path, number, (stop - start) * width, offset=offset)
+        if len(numbers) < (stop - start) * width:
+            raise changed_error(f"{path} (frame {start + len(numbers) // width})")
+        return numbers.reshape(-1, n_verts, 3).astype(np.float32, copy=False)
+
+    return read
+
+
+def single_precision(stream: FrameStream) -> Iterator[Vertices]:
+    """Yield each frame in float32; a note reports the rounding error, if any.
+
+    Raises
+    ------
+    InvalidInputError
+        If a frame exceeds float32; the message names it.
+    """
+    max_error = 0.0
+    for index, frame in enumerate(stream.frames()):
+        with np.errstate(over="ignore", under="ignore"):
+            rounded: Vertices = frame.astype(np.float32, copy=False)
+        if rounded is not frame:
+            if not np.isfinite(rounded).all():
+                raise InvalidInputError(
+                    f"frame {index} has coordinates up to {np.abs(frame).max():g}; point caches "
+                    "store float32, up to 3.4e38; scale the model down"
+                )
+            max_error = max(max_error, float(np.abs(rounded - frame).max()))
+        yield rounded
+    if max_error > 0:
+        text = f"positions were rounded to float32, by up to {max_error:.3g}"
+        add_note(stream.notes, NoteKind.CHANGED, "positions", text)
+
+
+def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:
+    """Return the triangles and the surface for a point cache with `n_verts` vertices.
+
+    They come from the mesh file of the options, or from the mesh file next to the cache with the
+    same name.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such mesh, or its number of vertices differs.
+    FormatError
+        If the mesh has a format without shared vertices, or is damaged.
+    """
+    path = options.topology or cache.with_suffix(COMPANION)
+    if options.topology is None and not path.is_file():
+        raise InvalidInputError(
+            f"{cache} has positions of {counted(n_verts, 'vertex')} without faces; give the mesh "
+            f"file with the faces by --topology mesh.obj (topology=), or store it as {path.name} "
+            "in the same folder"
+        )
+    mesh_format = FRAME_FORMATS.get(path.suffix.lower())
+    if mesh_format is None or mesh_format.has_unshared_vertices:
+        known = [one.extension for one in FRAME_FORMATS.values() if not one.has_unshared_vertices]
+        raise FormatError(
+            f"{path}: the faces of a point cache must be in a {', '.join(known)} file"
+        )
+    refuse_pipe(path)
+    with os_errors_naming(path):
+        data = path.read_bytes()
+    with errors_naming(path):
+        frame = mesh_format.read(data)
+    mesh, surface = frame.mesh, frame.surface
+    notes = list(frame.notes)
+    if (hard := frame.find_hard_edges()) is not None:
+        NormalNotes(notes).add("", hard)
+        surface = replace(surface, hard_edges=hard.edges)
+    attributes = {(one.domain, one.name) for one in surface.attributes}
+    note_kinds(notes, "fields", (key[1] for key in frame.fields if key not in attributes))
+    options.notes.extend(note for note in notes if note not in options.notes)
+    if len(mesh.vertices) != n_verts:
+        raise InvalidInputError(
+            f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "
+            "use the mesh that the cache was created from"
+        )
+    faces = triangulate_fans(mesh.counts, mesh.corners)
+    return faces, replace(surface, face_sizes=mesh.counts.astype(np.int32))
+
+
+FORMATS = tuple(
+    SequenceFormat(
+        extension,
+        title,
+        open_cache,
+        write_cache,
+        reads=frozenset({"topology"}),
+        companion=COMPANION,
+    )
+    for extension, title, open_cache, write_cache in (
+        (".pc2", "point cache of 3ds Max", open_pc2, write_pc2),
+        (".mdd", "point cache of LightWave", open_mdd, write_mdd),
+    )
+)

@@ -1,0 +1,28 @@
+"""Rows of USD."""
+
+from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
+from meshreel.formats.usd.reading import read_meshes
+from meshreel.formats.usd.writing import write_usd
+from meshreel.runtime.extras import USD
+
+TITLES = {
+    ".usd": "USD",
+    ".usda": "USD, text",
+    ".usdc": "USD, binary",
+    ".usdz": "USD, package",
+}
+
+FORMATS = tuple(
+    SequenceFormat(
+        extension,
+        title,
+        read_meshes=read_meshes,
+        extra=USD,
+        write_segments=write_usd,
+        names_files=True,
+        holds_materials=True,
+        has_image_folder=extension != ".usdz",
+        holds_tracks=ALL_TRACKS,
+    )
+    for extension, title in TITLES.items()
+)
