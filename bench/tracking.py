@@ -23,7 +23,6 @@ from unittest.mock import patch
 
 import numpy as np
 import numpy.typing as npt
-from meshreel.codec.reel.normative.payloads import read_basis, write_basis
 from scipy.fft import idct
 from scipy.linalg import eigh, subspace_angles
 
@@ -33,8 +32,11 @@ from measuring import machine_text, medians, print_table, rounds, store
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding import basis_coding
+from meshreel.codec.reel.normative.blocks import write_basis
+from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.kernel.fields import decode_fields
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.paper import pipeline
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
@@ -288,8 +290,9 @@ def measure_reel(sequence: meshreel.MeshSequence, length: int, _: list[int]) -> 
     opened, bases = whole_stream(data), []
     for number in range(opened.n_blocks):
         payload = dict(opened.group(number))[Section.BASIS]
-        shape = opened.file.group(number).n_modes, 3, opened.file.block(number).n_frames
-        bases.append(read_basis(payload, *shape).astype(np.int64))
+        n_modes, n_frames = opened.file.group(number).n_modes, opened.file.block(number).n_frames
+        integers = decode_fields(payload, n_modes, 3 * n_frames, time_order(3, n_frames))
+        bases.append(integers.reshape(n_modes, 3, n_frames).astype(np.int64))
     differences = [subtract_similar(block, before) for before, block in pairwise(bases)]
     return {
         "size_bytes": len(data),

@@ -931,7 +931,7 @@ def exact_velocities_of_corners():
     """Exact velocities of corners with the values of their vertices."""
     faces = shuffled(grid(5, 6))
     whole = with_corners(np.full(len(faces), 3), faces, 0)
-    whole = replace(whole, tracks={"velocity": whole.tracks["velocity"]})
+    whole = whole.replace(tracks={"velocity": whole.tracks["velocity"]})
     return meshreel.encode(whole, lossless=True, block_frames=9)
 
 
@@ -942,7 +942,7 @@ def corners_in_rows():
     whole = with_corners(sizes, faces, 9)
     own = np.random.default_rng(18).random((16, len(whole.tracks["wave"][0])))
     tracks = {**whole.tracks, "own": Track(own.astype(np.float32), "corner")}
-    whole = replace(whole, tracks=tracks)
+    whole = whole.replace(tracks=tracks)
     return meshreel.encode(whole, max_error=0.001, block_frames=9)
 
 

@@ -50,7 +50,7 @@ def with_heat(sequence):
     """Return the sequence with an animated scalar track."""
     heat = np.linspace(0, 1, sequence.n_frames * sequence.n_verts, dtype=np.float32)
     values = heat.reshape(sequence.n_frames, sequence.n_verts)
-    return replace(sequence, tracks={"heat": Track(values, unit="K")})
+    return sequence.replace(tracks={"heat": Track(values, unit="K")})
 
 
 @cache
@@ -84,7 +84,7 @@ def of_many_kinds():
 def returning():
     """Return streams of two meshes that return: with other attributes, methods and tracks."""
     full = of_everything(n_frames=1)
-    fewer = replace(full, surface=replace(full.surface, attributes=full.surface.attributes[:1]))
+    fewer = full.replace(surface=replace(full.surface, attributes=full.surface.attributes[:1]))
     return (
         meshreel.encode(moving(BOX, 3, start_s=1.5)),
         meshreel.encode(fewer),
@@ -105,7 +105,7 @@ def of_one_look():
     look = Surface(materials=materials, images=surface.images)
     meshes = (TETRAHEDRON, BOX, BOX[:6], BOX, TETRAHEDRON)
     return [
-        meshreel.encode(replace(moving(mesh, 2, seed=i), surface=look))
+        meshreel.encode(moving(mesh, 2, seed=i).replace(surface=look))
         for i, mesh in enumerate(meshes)
     ]
 

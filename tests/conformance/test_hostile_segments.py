@@ -208,7 +208,7 @@ def test_many_segments_are_read(make):
     with ReelFile(BytesIO(data)) as file:
         assert file.starts == tuple(range(2 + MANY))
         for number in (MANY, 0, MANY // 2):
-            np.testing.assert_array_equal(file[number].vertices, expected[0])
+            np.testing.assert_array_equal(file[number].vertices, expected.vertices[0])
     assert all(np.array_equal(one.read(0, 1), expected.vertices) for one in decoded.segments)
 
 

@@ -166,9 +166,9 @@ def test_a_block_decodes_within_a_limit_that_the_whole_exceeds():
     found = decode(data, frames=slice(7, 12), memory=limit)
     np.testing.assert_array_equal(found.vertices, whole.vertices[7:12])
     with ReelFile(BytesIO(data), memory=limit) as reel:
-        np.testing.assert_array_equal(reel[499], whole.vertices[499])
+        np.testing.assert_array_equal(reel[499].vertices, whole.vertices[499])
         for frame, expected in zip(reel, whole.vertices, strict=True):
-            np.testing.assert_array_equal(frame, expected)
+            np.testing.assert_array_equal(frame.vertices, expected)
         with pytest.raises(MemoryLimitError, match="frames 0:500"):
             reel[:]
 

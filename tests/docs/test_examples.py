@@ -75,7 +75,7 @@ def test_a_character_becomes_a_file_and_pages(tmp_path):
     fish = meshreel.load(tmp_path / "fish.glb")
     assert meshreel.compare(fish, tmp_path / "fish.reel").max_error_percent < 0.05
     assert meshreel.load(tmp_path / "fish.reel").surface.attributes[0].kind == meshreel.Kind.COLOR
-    assert (tmp_path / "fish.html").stat().st_size > 300_000
+    assert (tmp_path / "fish.html").stat().st_size > 200_000
     assert 'src="fish.reel"' in (tmp_path / "index.html").read_text()
 
 
@@ -116,7 +116,7 @@ def test_a_recording_whose_recorder_is_killed_can_be_read(tmp_path):
     assert "killed the recorder" in output
     with meshreel.open(path) as reel:
         assert len(reel) >= 20
-        assert np.isfinite(reel[len(reel) - 1]).all()
+        assert np.isfinite(reel[len(reel) - 1].vertices).all()
 
 
 @pytest.mark.slow

@@ -77,7 +77,7 @@ def dressed(n_frames=20):
 
 
 def still():
-    return replace(dressed(1), name="still")
+    return dressed(1).replace(name="still")
 
 
 def textured():

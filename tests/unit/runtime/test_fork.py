@@ -200,12 +200,12 @@ def test_children_read_all_frames_of_an_inherited_file(path):
         def read(first):
             for number in range(100):
                 frame = (first + 5 * number) % len(FRAMES)
-                assert np.array_equal(reel[frame], FRAMES[frame])
+                assert np.array_equal(reel[frame].vertices, FRAMES[frame])
 
-        assert np.array_equal(reel[3], FRAMES[3])
+        assert np.array_equal(reel[3].vertices, FRAMES[3])
         children = [forked(lambda first=6 * child: read(first)) for child in range(4)]
         for number, frame in enumerate(reel):
-            assert np.array_equal(frame, FRAMES[number])
+            assert np.array_equal(frame.vertices, FRAMES[number])
         assert [end_of(child, "a reader") for child in children] == [0, 0, 0, 0]
 
 
@@ -220,12 +220,12 @@ def test_children_read_all_frames_of_an_inherited_file(path):
 )
 def test_child_reads_an_inherited_file_while_another_thread_reads_it(path, lock_of):
     with meshreel.open(path) as reel, held_elsewhere(lock_of(reel)):
-        assert_succeeds_in_child(lambda: np.testing.assert_array_equal(reel[:], FRAMES))
+        assert_succeeds_in_child(lambda: np.testing.assert_array_equal(reel[:].vertices, FRAMES))
 
 
 def test_child_continues_an_iteration_of_its_parent(path):
     with meshreel.open(path) as reel:
-        frames = iter(reel)
+        frames = (frame.vertices for frame in reel)
         next(frames)
         assert_succeeds_in_child(
             lambda: np.testing.assert_array_equal(np.stack(list(frames)), FRAMES[1:])

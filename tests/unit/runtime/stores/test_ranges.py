@@ -55,7 +55,7 @@ def test_frame_needs_one_request_for_its_block(web, reel, groups):
     with meshreel.open(reel) as opened:
         assert groups[0][0][1] < END_BYTES, "the key block came with the beginning"
         web.forget()
-        frame = opened[75]
+        frame = opened[75].vertices
         assert np.array_equal(frame, expected)
         start, stop = groups[75 // BLOCK][0]
         assert web.ranges() == [(start, stop)]
@@ -112,7 +112,7 @@ def test_damaged_block_is_detected_when_it_is_read(web, reel, groups):
     data[sum(groups[5][0]) // 2] ^= 255
     path.write_bytes(data)
     with meshreel.open(reel) as opened:
-        assert np.isfinite(opened[0]).all()
+        assert np.isfinite(opened[0].vertices).all()
         with pytest.raises(meshreel.CorruptStreamError, match="checksum"):
             _ = opened[5 * BLOCK]
 
@@ -167,5 +167,5 @@ def test_segment_of_many_needs_one_request_for_the_index(web):
     with meshreel.open(f"{web.address}/many.reel", segment=1234) as opened:
         assert n_gets(web) <= 5  # including one for the index and one for the mesh of the segment
         web.forget()
-        assert np.array_equal(opened[0], meshreel.decode(stream).vertices[0])
+        assert np.array_equal(opened[0].vertices, meshreel.decode(stream).vertices[0])
         assert n_gets(web) <= 2

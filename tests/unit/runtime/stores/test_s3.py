@@ -52,7 +52,7 @@ def test_sequence_round_trips_through_s3(bucket):
         file.write(data)
     decoded = meshreel.decode(data)
     with meshreel.open(f"{bucket}/walk.reel") as reel:
-        assert np.array_equal(reel[25], decoded.vertices[25])
+        assert np.array_equal(reel[25].vertices, decoded.vertices[25])
     assert meshreel.info(f"{bucket}/walk.reel") == meshreel.info(data)
     assert np.array_equal(meshreel.decode(f"{bucket}/walk.reel").vertices, decoded.vertices)
 
