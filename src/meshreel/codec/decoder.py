@@ -17,7 +17,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.parts import SegmentFrames, decode_together
 from meshreel.model.frame_choice import frame_range, start_of
-from meshreel.model.sequence import Faces, MeshSequence
+from meshreel.model.sequence import Faces, MeshSequence, frames_by_segment
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress, silent
@@ -102,19 +102,16 @@ def _segments(
     def parts() -> Iterator[_Part]:
         nonlocal needed_bytes
         keys: set[Hashable] = set()
-        for number, place in enumerate(file.segments):
-            first = max(requested.start, place.first_frame)
-            stop = min(requested.stop, place.first_frame + place.n_frames)
-            if first >= stop:
-                continue
+        starts = *(place.first_frame for place in file.segments), file.info.n_frames
+        for number, selected in frames_by_segment(starts, requested):
             opened = OpenStream(file, limit, number)
             opened.require_mesh()
-            selected = range(first - place.first_frame, stop - place.first_frame)
             key = opened.mesh_key
             needed_bytes += opened.frames_size_bytes(selected)
             has_new_mesh = key not in keys
             needed_bytes += FACE_BYTES * opened.n_faces if has_new_mesh else 0
             keys.add(key)
+            stop = starts[number] + selected.stop
             limit.require(needed_bytes, f"frames {requested.start}:{stop} of {number + 1} segments")
             start_s = start_of(selected, opened.start_s, opened.fps)
             yield _Part(opened, selected, start_s, key, has_new_mesh)

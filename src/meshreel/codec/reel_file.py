@@ -4,7 +4,6 @@ import os
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, SupportsIndex, overload
@@ -27,7 +26,14 @@ from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.kernel.files import FileModes, OpenFile
 from meshreel.model.frame_choice import frame_range, start_of
-from meshreel.model.sequence import Faces, MeshFrame, MeshSequence, frame_of, frames_of
+from meshreel.model.sequence import (
+    Faces,
+    MeshFrame,
+    MeshSequence,
+    frame_of,
+    frames_by_segment,
+    frames_of,
+)
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
 from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
@@ -294,16 +300,14 @@ class ReelFile:
             return frame_of(self, chosen)
         wanted = frame_range(chosen, self.n_frames)
         parts, held_bytes = [], 0
-        for number, (first, end) in enumerate(pairwise(self.starts)):
-            start, stop = max(first, wanted.start), min(end, wanted.stop)
-            if start < stop:
-                segment, frames = self.segments[number], range(start - first, stop - first)
-                segment._opened.require_frames(frames, with_tracks=True)
-                frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
-                what = f"frames {wanted.start}:{wanted.stop} of {self!r}"
-                self._limit.require(held_bytes + frames_bytes, what)
-                parts.append(frames_of(segment, frames))
-                held_bytes += parts[-1].raw_size_bytes
+        for number, frames in frames_by_segment(self.starts, wanted):
+            segment = self.segments[number]
+            segment._opened.require_frames(frames, with_tracks=True)
+            frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
+            what = f"frames {wanted.start}:{wanted.stop} of {self!r}"
+            self._limit.require(held_bytes + frames_bytes, what)
+            parts.append(frames_of(segment, frames))
+            held_bytes += parts[-1].raw_size_bytes
         return MeshSequence.of_segments(parts, self.name, start_of(wanted, self.start_s, self.fps))
 
     def frames(self, numbers: npt.ArrayLike, out: Vertices | None = None) -> Vertices:

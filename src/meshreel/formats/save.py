@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -33,7 +32,7 @@ from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.frame_choice import start_of
 from meshreel.model.materials import Image
-from meshreel.model.sequence import MeshSequence, Vertices
+from meshreel.model.sequence import MeshSequence, Vertices, frames_by_segment
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import plural
@@ -249,11 +248,8 @@ def _segments_in(sequence: "AnySource", wanted: range) -> Iterator[StreamedSegme
     def opening(number: int) -> "Callable[[], FrameSource | ReelFile]":
         return lambda: sequence.segments[number]
 
-    for number, (first, end) in enumerate(pairwise(sequence.starts)):
-        start, stop = max(first, wanted.start), min(end, wanted.stop)
-        if start < stop:
-            frames = range(start - first, stop - first)
-            yield StreamedSegment(opening(number), frames)
+    for number, frames in frames_by_segment(sequence.starts, wanted):
+        yield StreamedSegment(opening(number), frames)
 
 
 def _checked_paths(

@@ -35,6 +35,7 @@ __all__ = [
     "Segmented",
     "Vertices",
     "concatenate",
+    "frames_by_segment",
     "frames_of",
     "mesh_digest",
     "positions_size_bytes",
@@ -410,12 +411,10 @@ class MeshSequence:
     def part(self, frames: range) -> "MeshSequence":
         """Return consecutive frames; segments that are cut are loaded, with their tracks."""
         parts: list[FrameSource] = []
-        for segment, (first, end) in zip(self.segments, pairwise(self.starts), strict=True):
-            start, stop = max(first, frames.start), min(end, frames.stop)
-            if start < stop:
-                is_whole = stop - start == segment.n_frames
-                wanted = range(start - first, stop - first)
-                parts.append(segment if is_whole else frames_of(segment, wanted))
+        for number, wanted in frames_by_segment(self.starts, frames):
+            segment = self.segments[number]
+            is_whole = len(wanted) == segment.n_frames
+            parts.append(segment if is_whole else frames_of(segment, wanted))
         start_s = start_of(frames, self.start_s, self.fps)
         return MeshSequence.of_segments(parts, self.name, start_s)
 
@@ -456,6 +455,22 @@ def segment_of_frame(starts: tuple[int, ...], frame: int) -> tuple[int, int]:
     """
     number = bisect_right(starts, frame) - 1
     return number, frame - starts[number]
+
+
+def frames_by_segment(starts: tuple[int, ...], frames: range) -> Iterator[tuple[int, range]]:
+    """Yield the number of each segment that has some of these frames, and their numbers in it.
+
+    Parameters
+    ----------
+    starts : tuple of int
+        First frame of each segment, and the number of all frames, T.
+    frames : range
+        Consecutive frames in 0..T-1.
+    """
+    for number, (first, end) in enumerate(pairwise(starts)):
+        start, stop = max(first, frames.start), min(end, frames.stop)
+        if start < stop:
+            yield number, range(start - first, stop - first)
 
 
 def frame_of(sequence: Segmented, number: SupportsIndex) -> MeshFrame:
