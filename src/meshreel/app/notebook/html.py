@@ -50,7 +50,8 @@ def html_of(animation: MeshSequence | ReelFile) -> str:
     """
     max_positions = MAX_PLAYED if isinstance(animation, ReelFile) else MAX_ENCODED
     player = None
-    if animation.n_frames * animation.n_verts <= max_positions:
+    n_positions = sum(segment.n_frames * segment.n_verts for segment in animation.segments)
+    if n_positions <= max_positions:
         player = player_html(animation, MAX_HTML_BYTES)
     return player or _picture_and_figures(animation)
 
@@ -77,7 +78,7 @@ def player_html(animation: MeshSequence | ReelFile, max_bytes: float = float("in
         return None
     rows = rows_of(animation)
     if is_sequence:
-        rows["shown"] = f"encoded with default options, {api.reel.size_bytes:,} bytes"
+        rows["shown"] = f"encoded with default options, {api.file.size_bytes:,} bytes"
     frame = (
         f'<iframe srcdoc="{escape(text)}" sandbox="allow-scripts allow-downloads" '
         f'allow="fullscreen" style="width: 100%; height: {HEIGHT_PX}px; border: 0"></iframe>'
@@ -86,13 +87,13 @@ def player_html(animation: MeshSequence | ReelFile, max_bytes: float = float("in
 
 
 def _page_text(api: Api, page: Page) -> str:
-    stream = {"base64": base64_of(api.reel.stored(0, api.reel.size_bytes))}
+    stream = {"base64": base64_of(api.file.stored(0, api.file.size_bytes))}
     return page.whole({"facts": api.facts(), "stream": stream}, level=DEFLATE_LEVEL)
 
 
 def _picture_and_figures(animation: MeshSequence | ReelFile) -> str:
     rows, picture = rows_of(animation), ""
-    if animation.n_faces > MAX_DRAWN_FACES:
+    if _most_faces(animation) > MAX_DRAWN_FACES:
         rows["picture"] = "omitted: too many faces"
     elif not RENDER.is_installed:
         rows["picture"] = f"needs {RENDER.library}: {RENDER.command}"
@@ -107,10 +108,9 @@ def _picture_html(animation: MeshSequence | ReelFile) -> str:
     from meshreel.rendering.picture import side_by_side
     from meshreel.rendering.shots import spread_frames
 
-    n_poses = N_POSES if animation.n_faces <= MAX_FACES else 1
+    n_poses = N_POSES if _most_faces(animation) <= MAX_FACES else 1
     numbers = spread_frames(range(animation.n_frames), n_poses)
-    frames = np.stack([animation.read(number, number + 1)[0] for number in numbers])
-    poses = MeshSequence(frames, animation.faces, surface=animation.surface)
+    poses = MeshSequence.of_segments(animation[number : number + 1] for number in numbers)
     picture = BytesIO()
     titles = [f"frame {number}" for number in numbers]
     side_by_side(_panels(poses), titles).save(picture, "PNG", optimize=True)
@@ -130,12 +130,17 @@ def _panels(poses: MeshSequence) -> list[np.ndarray]:
     return [scene.draw(scene.read(number), camera)[0] for number, camera in enumerate(cameras)]
 
 
+def _most_faces(animation: MeshSequence | ReelFile) -> int:
+    """Most triangles of a segment."""
+    return max(len(segment.faces) for segment in animation.segments)
+
+
 def sequence_rows(sequence: MeshSequence) -> Rows:
     """Figures of a sequence."""
     return {
         "frames": _frames(sequence.n_frames, sequence.fps),
-        "vertices": f"{sequence.n_verts:,}",
-        "faces": f"{sequence.n_faces:,}",
+        "vertices": f"{max(segment.n_verts for segment in sequence.segments):,}",
+        "faces": f"{_most_faces(sequence):,}",
         "positions": f"{sequence.dtype}, {_size(sequence.raw_size_bytes)} with faces",
     }
 

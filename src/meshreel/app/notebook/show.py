@@ -43,7 +43,7 @@ def show(animation: MeshSequence | ReelFile, *, block: bool | None = None) -> No
 
 
 def serve(animation: MeshSequence | ReelFile) -> ViewerServer:
-    """Start a server in a thread; it compares a sequence with its default encoding.
+    """Start a server in a thread; it compares a sequence of one segment with its encoding.
 
     Raises
     ------
@@ -55,7 +55,8 @@ def serve(animation: MeshSequence | ReelFile) -> ViewerServer:
         reel = animation
     else:
         reel = ReelFile(BytesIO(encode(animation)), memory=OWN_STREAM)
-        comparison = Comparison(reel, Original(animation, reel))
+        if animation.n_segments == 1:
+            comparison = Comparison(reel, Original(animation, reel))
     server = ViewerServer(Api(reel, animation.name, stream_rows, comparison))
     if server.api.measuring is not None:
         server.api.measuring.start()

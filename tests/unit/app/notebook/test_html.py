@@ -121,3 +121,25 @@ def test_picture_has_one_pose_when_there_are_many_faces(monkeypatch, max_faces, 
     monkeypatch.setattr(notebook, "MAX_FACES", max_faces)
     [titles] = re.findall(r'<img alt="([^"]*)"', notebook._picture_html(waving_grid(12)))
     assert len(titles.split(", ")) == n_poses
+
+
+@pytest.mark.parametrize("kind", ["sequence", "file"])
+def test_player_shows_changing_faces(kind):
+    sequence = MeshSequence.of_segments([waving_grid(4), waving_grid(3, 5, 6)])
+    data = encode(sequence)
+    with ReelFile(BytesIO(data)) as opened:
+        html = (opened if kind == "file" else sequence)._repr_html_()
+    assert carried(framed_page(html))["stream"] == data
+
+
+@pytest.mark.parametrize("kind", ["sequence", "file"])
+def test_picture_and_figures_show_changing_faces(kind, monkeypatch):
+    for limit in ("MAX_ENCODED", "MAX_PLAYED"):
+        monkeypatch.setattr(notebook, limit, 0)
+    sequence = MeshSequence.of_segments([waving_grid(4), waving_grid(3, 5, 6)])
+    with ReelFile(BytesIO(encode(sequence))) as opened:
+        html = (opened if kind == "file" else sequence)._repr_html_()
+    assert "iframe" not in html
+    assert "<b>frames</b> 7" in html
+    assert "<b>vertices</b> 99" in html
+    assert 'alt="frame 0, ' in html

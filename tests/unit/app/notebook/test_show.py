@@ -12,6 +12,7 @@ import pytest
 from meshreel.app.notebook import show as showing
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
+from meshreel.model.sequence import MeshSequence
 from samples.meshes import waving_grid
 from samples.players import PAGE
 
@@ -52,6 +53,14 @@ def test_browser_compares_a_sequence_with_its_encoding(opened):
     address = opened.get(timeout=TIMEOUT_S)
     with urlopen(f"{address}api/original/3", timeout=TIMEOUT_S) as answer:
         assert answer.status == 200
+
+
+def test_browser_plays_changing_faces(opened):
+    sequence = MeshSequence.of_segments([waving_grid(4), waving_grid(3, 5, 6)])
+    sequence.show(block=False)
+    address = opened.get(timeout=TIMEOUT_S)
+    with urlopen(f"{address}stream.reel", timeout=TIMEOUT_S) as answer:
+        assert answer.read() == encode(sequence)
 
 
 def test_cell_output_contains_the_player_in_a_notebook(opened, monkeypatch):
