@@ -45,6 +45,10 @@ __all__ = [
 ]
 
 
+OF_ONE_SEGMENT = {"vertices", "faces", "n_verts", "n_faces", "surface", "tracks"}
+"""Attributes of a sequence that only one with a single segment has."""
+
+
 class MeshFrame(NamedTuple):
     """A frame: positions of shape (V, 3) and faces of shape (M, 3)."""
 
@@ -290,7 +294,7 @@ class MeshSequence:
 
     def __getattr__(self, name: str) -> Any:
         """Return what the only segment has; if there are several, say so."""
-        if name not in ("vertices", "faces", "n_verts", "n_faces", "surface", "tracks"):
+        if name not in OF_ONE_SEGMENT:
             raise AttributeError(f"a MeshSequence has no attribute {name!r}")
         segment = self._only(name)
         if name == "vertices":
@@ -305,8 +309,10 @@ class MeshSequence:
         if len(self._segments) == 1:
             return MeshSequence.of_segments([_replaced(self._segments[0], changes)])
         if self._segments:
-            for name in changes.keys() - {"fps", "name", "start_s"}:
+            for name in OF_ONE_SEGMENT & changes.keys():
                 self._only(name)
+            if unknown := changes.keys() - {"fps", "name", "start_s"}:
+                raise TypeError(f"replace() got an unexpected argument {min(unknown)!r}")
             fps = {"fps": changes["fps"]} if changes.get("fps", self.fps) != self.fps else {}
             segments = (_replaced(segment, fps) for segment in self._segments)
             name, start_s = changes.get("name", self.name), changes.get("start_s", self.start_s)
@@ -490,7 +496,9 @@ def frame_of(sequence: Segmented, number: SupportsIndex) -> MeshFrame:
 
 def frames_of(segment: Any, wanted: range) -> MeshSequence:
     """Load consecutive frames of a `FrameSource` or a `ReelFile` of one segment, with tracks."""
-    return MeshSequence(
+    # Positions of sequences in memory are finite already.
+    make = MeshSequence.of_finite if isinstance(segment, MeshSequence) else MeshSequence
+    return make(
         segment.read(wanted.start, wanted.stop),
         segment.faces,
         segment.fps,

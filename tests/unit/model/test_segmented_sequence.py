@@ -69,3 +69,12 @@ def test_single_segment_rejects_changing_faces():
     with pytest.raises(meshreel.ConnectivityChangeError, match="7 frames in 2 segments; plotting"):
         single_segment(concatenate([GRID, SHEET]), "plotting")
     assert single_segment(concatenate([GRID]), "plotting") is GRID
+
+
+def test_replace_names_what_several_segments_do_not_have():
+    whole = concatenate([GRID, SHEET])
+    assert whole.replace(fps=50.0, name="both").fps == 50.0
+    with pytest.raises(meshreel.ConnectivityChangeError, match=r"segments\[0\]\.surface"):
+        whole.replace(surface=SHEET.surface)
+    with pytest.raises(TypeError, match="unexpected argument 'color'"):
+        whole.replace(color=1)
