@@ -1,17 +1,15 @@
-"""An engine that runs calls in the caller, for tests."""
+"""An executor that runs calls in the caller, for tests."""
 
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 
 
-class InlineWorkers:
+class InlineExecutor(Executor):
     """Runs every call on submission, and records it."""
-
-    n_workers = 1
 
     def __init__(self):
         self.calls = []
 
-    def submit(self, function, /, *args):
+    def submit(self, function, /, *args):  # type: ignore[override]
         self.calls.append(args)
         outcome: Future[object] = Future()
         try:
@@ -19,9 +17,3 @@ class InlineWorkers:
         except Exception as error:
             outcome.set_exception(error)
         return outcome
-
-    def submit_elsewhere(self, error, function, /, *args):
-        return self.submit(function, *args)
-
-    def close(self, *, at_once):
-        pass

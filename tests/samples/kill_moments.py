@@ -18,15 +18,14 @@ from meshreel.app.batch.manifest import MANIFEST_NAME
 from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.run import run_batch
 from meshreel.codec.options import config_of
-from meshreel.runtime.engine.engine import Engine
-from samples.engines import InlineWorkers
+from samples.engines import InlineExecutor
 
 CHANGES = {"os.rename", "os.mkdir", "os.rmdir", "os.remove", "open"}
 
 
 def run(inputs, out):
     options = EncodeOptions(config_of(quality=40))
-    return run_batch(plan_batch(inputs, out, options), Engine(InlineWorkers()))
+    return run_batch(plan_batch(inputs, out, options), InlineExecutor())
 
 
 def kill_at(moment, out):

@@ -19,15 +19,6 @@ def slow_square(number, seconds):
     return number * number
 
 
-def square_after(number, mark):
-    """Return the square once the file exists, which may take a minute."""
-    for _ in range(6000):
-        if Path(mark).exists():
-            return number * number
-        time.sleep(0.01)
-    raise TimeoutError(f"{mark} does not exist")
-
-
 def process_id():
     time.sleep(0.05)
     return os.getpid()

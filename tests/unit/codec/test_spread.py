@@ -11,18 +11,19 @@ from meshreel.codec.reel.encoding.block_coder import coder_of
 from meshreel.codec.source import Source
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.save import save
-from meshreel.runtime.engine.engine import Engine, open_engine
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.costs import slow_but
-from samples.engines import InlineWorkers
+from samples.engines import InlineExecutor
 from samples.meshes import irregular_sequence, waving_grid
 from samples.opening import open_source
 from samples.waiting import TEST_S, time_limit
 
 
-class PicklingWorkers(InlineWorkers):
-    """An engine that pickles arguments and results in this process."""
+class PicklingExecutor(InlineExecutor):
+    """An executor that pickles arguments and results in this process."""
 
-    def submit(self, function, /, *args):
+    def submit(self, function, /, *args):  # type: ignore[override]
         sent = pickle.loads(pickle.dumps((function, args)))
         outcome = super().submit(sent[0], *sent[1])
         outcome.result()
@@ -34,16 +35,16 @@ class PicklingWorkers(InlineWorkers):
 )
 def test_workers_give_the_same_bytes(target):
     sequence = irregular_sequence(23)
-    workers = PicklingWorkers()
-    spread = encode(sequence, block_frames=5, engine=Engine(workers), **target)
+    workers = PicklingExecutor()
+    spread = encode(sequence, block_frames=5, engine=Engine(workers, 1), **target)
     assert spread == encode(sequence, block_frames=5, **target)
     assert len(workers.calls) >= 4  # all blocks except the first
 
 
 def test_errors_are_measured_in_this_process():
     sequence = waving_grid(12)
-    workers = PicklingWorkers()
-    spread = encode(sequence, block_frames=5, engine=Engine(workers), kg=1.0)
+    workers = PicklingExecutor()
+    spread = encode(sequence, block_frames=5, engine=Engine(workers, 1), kg=1.0)
     assert spread == encode(sequence, block_frames=5, kg=1.0)
     assert workers.calls == []
 
@@ -89,6 +90,6 @@ def test_process_reuses_a_mesh_that_it_received_before():
 @pytest.mark.slow
 def test_processes_give_the_same_bytes():
     sequence = waving_grid(40)
-    with time_limit(TEST_S, "two processes that code blocks"), open_engine(2) as engine:
-        spread = encode(sequence, block_frames=5, engine=engine)
+    with time_limit(TEST_S, "two processes that code blocks"), ProcessExecutor(2) as executor:
+        spread = encode(sequence, block_frames=5, engine=Engine(executor, 2))
     assert spread == encode(sequence, block_frames=5)

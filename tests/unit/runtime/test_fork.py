@@ -22,8 +22,6 @@ from threadpoolctl import threadpool_info
 import meshreel
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import InvalidInputError
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.stores.ranged_file import with_own_position
 from meshreel.runtime.threads import fork_safe_lock, in_background, in_threads, one_blas_thread
 from samples.costs import draws
@@ -284,25 +282,3 @@ def test_cached_property_is_computed_in_a_child_while_another_thread_computes_it
         pytest.skip("cached properties of this Python have no lock")
     with held_elsewhere(own_lock):
         assert_succeeds_in_child(assert_codes)
-
-
-class UntouchedWorkers:
-    n_workers = 1
-
-    def submit(self, function, /, *args):
-        raise AssertionError("the child used workers of its parent")
-
-    submit_elsewhere = submit
-
-    def close(self, *, at_once):
-        raise AssertionError("the child closed workers of its parent")
-
-
-def test_engine_is_rejected_in_a_child_and_closes_nothing_of_its_parent():
-    engine = Engine(UntouchedWorkers())
-
-    def use():
-        with pytest.raises(InvalidInputError, match="parent"), engine:
-            engine.submit(abs, 1)
-
-    assert_succeeds_in_child(use)

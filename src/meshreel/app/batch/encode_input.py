@@ -17,7 +17,7 @@ from meshreel.codec.surface.payloads import order_notes
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.codec.track_bounds import without_units
-from meshreel.errors import InvalidInputError, WorkerDiedError
+from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.selection import with_surfaces
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.notes import note_unknown_rate
@@ -28,7 +28,7 @@ from meshreel.formats.supported_options import supported_only
 from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.runtime.counting import counted
-from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.engine.engine import Engine, worker_died
 from meshreel.runtime.version import __version__
 
 if TYPE_CHECKING:
@@ -68,9 +68,9 @@ class EncodeOptions:
         The death of a worker takes long, so the smallest blocks are next.
         """
         smaller = BLOCK_SHARES[BLOCK_SHARES.index(self.block_share) + 1 :]
-        if not smaller or not isinstance(error, MemoryError | WorkerDiedError):
+        is_death = worker_died(error)
+        if not smaller or not (is_death or isinstance(error, MemoryError)):
             return None
-        is_death = isinstance(error, WorkerDiedError)
         return replace(self, block_share=smaller[-1 if is_death else 0])
 
     @property
@@ -218,8 +218,8 @@ def _with_smaller_blocks(
     n_together = config.frames_in_block(largest.n_frames, largest.n_verts, number_bytes)
     n_frames = max(1, int(share * n_together))
     notes.append(
-        f"memory did not suffice for blocks of {counted(n_together, 'frame')}; coded in blocks of "
-        f"{n_frames}, which take more bytes"
+        f"workers ran out of memory or died with blocks of {counted(n_together, 'frame')}; coded "
+        f"in blocks of {n_frames}, which take more bytes"
     )
     return config.with_blocks_of(n_frames, largest.n_verts, number_bytes)
 

@@ -1,10 +1,10 @@
-"""Encoding of the inputs of a plan by an engine."""
+"""Encoding of the inputs of a plan by the workers of any executor."""
 
 import os
 import threading
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,9 +17,15 @@ from meshreel.app.batch.manifest import DONE, FAILED, Record
 from meshreel.app.batch.plan import Plan
 from meshreel.app.batch.report import write_report
 from meshreel.errors import MeshReelError, StoreError
-from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.engine.engine import Engine, wait_for_any, worker_died
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
+
+MIN_SUBMITTED = 256
+"""Submitted inputs whose streams are not written yet: more only if there are more workers.
+
+They suffice for workers that join a cluster later, and bound the memory for finished streams.
+"""
 
 MANIFEST_SHARE, QUICK_S = 0.1, 0.02
 """Share of the time for writing the manifest, unless that is quick: stores are slow, and with many
@@ -62,7 +68,9 @@ class BatchReport:
         }
 
 
-def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent) -> BatchReport:
+def run_batch(
+    plan: Plan, executor: Executor | None, n_workers: int = 1, *, progress: Progress = silent
+) -> BatchReport:
     """Encode the inputs of a plan; inputs fail independently.
 
     The stream of each input is written atomically, so finished inputs remain if the run is stopped.
@@ -72,92 +80,105 @@ def run_batch(plan: Plan, engine: Engine | None, *, progress: Progress = silent)
 
     Parameters
     ----------
-    engine : Engine or None
-        None only if there is nothing to encode.
+    executor : concurrent.futures.Executor or None
+        Its workers need access to the inputs only. None only if there is nothing to encode.
+    n_workers : int, default 1
+        Number of its workers. If there are fewer inputs, they share the blocks of each input.
     progress : callable, optional
         Called with the completed fraction of inputs.
     """
     run = _Run(plan)
     run.begin()
     try:
-        if engine is not None:
-            _encode_all(run, plan, engine, progress)
+        if executor is not None:
+            _encode_all(run, plan, Engine(executor, n_workers), progress)
     finally:
         run.end()
     return run.report()
 
 
 def _encode_all(run: "_Run", plan: Plan, engine: Engine, progress: Progress) -> None:
-    outcomes = _spread(plan, engine) if _is_spread(plan, engine) else _one_each(plan, engine)
+    is_shared = plan.options.are_cut and len(plan.to_encode) < engine.n_workers
+    outcomes = _together(plan, engine) if is_shared else _separately(plan, engine)
     n_inputs, n_writers = len(plan.to_encode), plan.folder.n_writers
-    progress(_stage(engine), Count(0, n_inputs, "inputs"))
+    stage = f"encoding, {engine.n_workers} at a time" if engine.n_workers else "encoding"
+    progress(stage, Count(0, n_inputs, "inputs"))
     # Ctrl-C does not interrupt these threads, and waits for them: every stream gets its record.
     with ThreadPoolExecutor(n_writers, "meshreel-write") as writers:
         writing: deque[Future[None]] = deque()
-        for n_encoded, (one, outcome) in enumerate(outcomes, start=1):
-            writing.append(writers.submit(run.finish, one, outcome))
+        for n_encoded, (source, outcome) in enumerate(outcomes, start=1):
+            writing.append(writers.submit(run.finish, source, outcome))
             del outcome  # releases its stream during the wait for the next
             if len(writing) == n_writers:
                 writing.popleft().result()
-            progress(_stage(engine), Count(n_encoded, n_inputs, "inputs"))
+            progress(stage, Count(n_encoded, n_inputs, "inputs"))
         for future in writing:
             future.result()
 
 
-def _is_spread(plan: Plan, engine: Engine) -> bool:
-    """Whether workers share the blocks of each input: there are more workers than inputs."""
-    return plan.options.are_cut and len(plan.to_encode) < engine.n_workers
+def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
+    """Yield inputs in order of completion; each is encoded by one worker.
+
+    An input whose worker died is retried alone at the end: it may not be the cause.
+    """
+    waiting = deque((source, plan.options_of(source)) for source in _largest_first(plan))
+    pending: dict[Future[Encoded], tuple[BatchInput, EncodeOptions]] = {}
+    alone: deque[tuple[BatchInput, EncodeOptions]] = deque()
+    limit = max(MIN_SUBMITTED, 2 * engine.n_workers)
+    try:
+        while waiting or pending or alone:
+            if not (waiting or pending):
+                waiting.append(alone.popleft())
+            while waiting and len(pending) < limit:
+                source, options = waiting.popleft()
+                item = str(source.source), options, __version__
+                pending[_submitted(engine.executor, item)] = source, options
+            for future in wait_for_any(pending):
+                source, options = pending.pop(future)
+                error = _error_of(future)
+                smaller = options.smaller(error) if error else None
+                if error is None or smaller is None:
+                    yield source, future
+                else:
+                    (alone if worker_died(error) else waiting).append((source, smaller))
+                del future  # releases its stream during the wait for the next
+    finally:
+        for future in pending:
+            future.cancel()
 
 
-def _one_each(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
-    """Yield inputs in order of completion; each is encoded by one worker."""
-    inputs: dict[tuple[str, str | int | None], BatchInput] = {
-        (str(one.source), one.animation): one for one in _largest_first(plan)
-    }
-    items = [_item(plan, one) for one in inputs.values()]
-    for item, outcome in engine.as_completed(encode_input, items, retry=_in_smaller_blocks):
-        source, options, _ = item
-        yield inputs[source, options.reading.animation], outcome
+def _submitted(executor: Executor, item: tuple[str, EncodeOptions, str]) -> "Future[Encoded]":
+    """The future of an input; it has failed if the executor is broken."""
+    try:
+        return executor.submit(encode_input, *item)
+    except BrokenExecutor as error:
+        failed: Future[Encoded] = Future()
+        failed.set_exception(error)
+        return failed
+
+
+def _error_of(future: "Future[Encoded]") -> BaseException | None:
+    return CancelledError() if future.cancelled() else future.exception()
+
+
+def _together(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
+    """Yield inputs in sequence; all workers encode blocks of the current one."""
+    for source in _largest_first(plan):
+        retry: EncodeOptions | None = plan.options_of(source)
+        while retry is not None:
+            options, retry = retry, None
+            outcome: Future[Encoded] = Future()
+            try:
+                outcome.set_result(encode_input(str(source.source), options, __version__, engine))
+            except Exception as error:
+                outcome.set_exception(error)
+                retry = options.smaller(error)
+        yield source, outcome
 
 
 def _largest_first(plan: Plan) -> list[BatchInput]:
     """The inputs by descending file size: a long one that started last would run alone."""
-    return sorted(plan.to_encode, key=lambda one: -one.size_bytes)
-
-
-Item = tuple[str, EncodeOptions, str]
-
-
-def _item(plan: Plan, one: BatchInput) -> Item:
-    """Arguments of `encode_input`."""
-    return str(one.source), plan.options_of(one), __version__
-
-
-def _in_smaller_blocks(item: Item, error: BaseException) -> Item | None:
-    """Arguments with smaller blocks if a worker ran out of memory; else None."""
-    source, options, version = item
-    smaller = options.smaller(error)
-    return None if smaller is None else (source, smaller, version)
-
-
-def _spread(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
-    """Yield inputs in sequence; all workers encode blocks of the current one."""
-    for one in _largest_first(plan):
-        retry: Item | None = _item(plan, one)
-        while retry is not None:
-            item, retry = retry, None
-            outcome: Future[Encoded] = Future()
-            try:
-                outcome.set_result(encode_input(*item, engine))
-            except Exception as error:
-                outcome.set_exception(error)
-                retry = _in_smaller_blocks(item, error)
-        yield one, outcome
-
-
-def _stage(engine: Engine) -> str:
-    n_workers = engine.n_workers
-    return f"encoding, {n_workers} at a time" if n_workers else "encoding, when there are workers"
+    return sorted(plan.to_encode, key=lambda source: -source.size_bytes)
 
 
 class _Run:
@@ -172,25 +193,25 @@ class _Run:
         """Record all outputs as pending, so that a rerun after a stop knows that it owns them."""
         records = self._plan.manifest.records
         records.update(self._plan.refused)
-        records.update({one.name: record for one, record in self._plan.to_encode.items()})
+        records.update({source.name: record for source, record in self._plan.to_encode.items()})
         self._plan.manifest.write()
 
-    def finish(self, one: BatchInput, outcome: "Future[Encoded]") -> None:
+    def finish(self, source: BatchInput, outcome: "Future[Encoded]") -> None:
         """Write the stream, if encoding succeeded, and the record."""
-        pending = self._plan.to_encode[one]
+        pending = self._plan.to_encode[source]
         try:
             encoded = outcome.result()
-            self._write_stream(one, encoded.data)
+            self._write_stream(source, encoded.data)
             record = replace(pending, state=DONE, **encoded.figures)
         except Exception as error:
             record = replace(
                 pending,
                 state=FAILED,
-                owns_output=one in self._plan.replaced,
-                error=_reason_of(error, one.path, self._plan.input_dir),
+                owns_output=source in self._plan.replaced,
+                error=_reason_of(error, source.path, self._plan.input_dir),
             )
         with self._lock:
-            self._plan.manifest.records[one.name] = record
+            self._plan.manifest.records[source.name] = record
             if (began_s := monotonic()) >= self._next_write_s:
                 with suppress(StoreError):  # the next write, or the last, may succeed
                     self._plan.manifest.write()
@@ -205,7 +226,7 @@ class _Run:
     def report(self) -> BatchReport:
         """The inputs of this run by outcome."""
         plan, records = self._plan, self._plan.manifest.records
-        tried = {one.name: records[one.name] for one in plan.to_encode}
+        tried = {source.name: records[source.name] for source in plan.to_encode}
         return BatchReport(
             {name: records[name] for name in plan.up_to_date},
             {name: record for name, record in tried.items() if record.state == DONE},
@@ -213,14 +234,16 @@ class _Run:
                                 if record.state == FAILED}},
         )  # fmt: skip
 
-    def _write_stream(self, one: BatchInput, data: bytes) -> None:
-        self._plan.folder.write(one.output, data, overwrite=one in self._plan.replaced)
+    def _write_stream(self, source: BatchInput, data: bytes) -> None:
+        self._plan.folder.write(source.output, data, overwrite=source in self._plan.replaced)
 
 
 def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> str:
     """The error in one line, without its input; paths are relative to the input folder."""
     if isinstance(error, MeshReelError):
         text = str(error)
+    elif isinstance(error, CancelledError):
+        text = "the call was lost; check that the scheduler is running"
     elif isinstance(error, MemoryError):
         text = "not enough memory, even with smaller blocks; use fewer --workers"
     elif isinstance(error, OSError) and error.filename:

@@ -1,5 +1,6 @@
 """`meshreel batch`: encode all sequences in a folder."""
 
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,9 @@ from meshreel.app.cli.track_options import track_option, track_targets
 from meshreel.codec.option import COUNT
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from concurrent.futures import Executor
+
     from meshreel.app.batch.manifest import Record
     from meshreel.app.batch.plan import Plan
     from meshreel.app.batch.run import BatchReport
@@ -142,21 +146,39 @@ def batch_command(
 def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
     from meshreel.app.batch.run import run_batch
     from meshreel.app.cli.console import progress_bar
-    from meshreel.runtime.engine.engine import open_engine
-    from meshreel.runtime.threads import n_cores
 
     if not plan.to_encode:
         return run_batch(plan, None)
-    # More workers than inputs are useful only if they share the blocks of an input.
-    n_workers = None if scheduler else workers or n_cores()
-    if n_workers and not plan.options.are_cut:
-        n_workers = min(n_workers, len(plan.to_encode))
     try:
-        with progress_bar() as progress, open_engine(n_workers, scheduler=scheduler) as engine:
-            return run_batch(plan, engine, progress=progress)
+        with progress_bar() as progress, _executor(plan, workers, scheduler) as (executor, n):
+            return run_batch(plan, executor, n, progress=progress)
     except KeyboardInterrupt:
         print_error("stopped; finished streams are kept, and another run encodes the others")
         raise
+
+
+@contextmanager
+def _executor(
+    plan: "Plan", workers: int | None, scheduler: str | None
+) -> "Iterator[tuple[Executor, int]]":
+    """The processes or the cluster that encode, and the number of their workers."""
+    from meshreel.app.cli.console import print_notes
+    from meshreel.runtime.engine.cluster import cluster_executor
+    from meshreel.runtime.engine.processes import ProcessExecutor
+    from meshreel.runtime.threads import n_cores
+
+    if scheduler is not None:
+        with cluster_executor(scheduler) as (executor, n_workers):
+            if not n_workers:
+                print_notes([f"waiting for workers; 'dask worker {scheduler}' starts one"])
+            yield executor, n_workers
+        return
+    n_workers = workers or n_cores()
+    # More workers than inputs are useful only if they share the blocks of an input.
+    if not plan.options.are_cut:
+        n_workers = min(n_workers, len(plan.to_encode))
+    with ProcessExecutor(n_workers) as executor:
+        yield executor, n_workers
 
 
 def _folder(text: str) -> Path | str:

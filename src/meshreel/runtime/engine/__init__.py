@@ -1,1 +1,1 @@
-"""Independent calls on processes of this machine or on a Dask cluster, behind one interface."""
+"""Executors of this machine and of a Dask cluster, and calls on any executor."""

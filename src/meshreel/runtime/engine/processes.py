@@ -1,8 +1,8 @@
-"""Worker processes of this machine, which are replaced when they die.
+"""An executor of worker processes, which are replaced when they die.
 
-Each process serves one thread of the parent over its own pipe, so the call that killed it is known
-and other calls continue. A pool of the standard library breaks completely, and pebble's if a
-process dies while idle or during a reply: see docs/engine.md.
+A pool of the standard library breaks when one of its processes dies. Therefore there
+is one pool per process, which serves one thread of the parent: the call that killed it is known,
+and other calls continue. See docs/engine.md.
 """
 
 import multiprocessing
@@ -10,10 +10,11 @@ import os
 import pickle
 import signal
 import threading
-import traceback
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from multiprocessing.connection import Connection
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from functools import partial
 from typing import Any, TypeVar
 
 from meshreel.errors import InvalidInputError, WorkerDiedError
@@ -22,10 +23,7 @@ from meshreel.runtime.threads import limit_cores, n_cores, one_blas_thread
 Result = TypeVar("Result")
 
 MAX_DEATHS = 2
-"""Processes that may die during one call before it is abandoned."""
-
-EXIT_TIMEOUT_S = 10.0
-"""Seconds that a process has to exit after its connection is closed."""
+"""Processes that may die before or during one call until it is abandoned."""
 
 BLAS_THREADS = (
     "OPENBLAS_NUM_THREADS",
@@ -37,141 +35,109 @@ BLAS_THREADS = (
 _SPAWN = multiprocessing.get_context("spawn")  # threads and BLAS do not survive a fork
 
 
-class ProcessWorkers:
-    """`n_workers` processes, started on demand.
+class ProcessExecutor(Executor):
+    """An executor of `n_workers` processes, started on demand.
 
-    They share the cores equally, at least one each, and use one BLAS thread each.
+    They share the cores equally, at least one each, and use one BLAS thread each. A call whose
+    process dies is called again; its future raises `WorkerDiedError` if that process dies too. As a
+    context manager, it kills running calls on an exception (including Ctrl-C).
+
+    Raises
+    ------
+    InvalidInputError
+        If `n_workers` is below 1.
     """
 
     def __init__(self, n_workers: int) -> None:
         if n_workers < 1:
             raise InvalidInputError(f"workers must be 1 or more; got {n_workers}")
-        self._n_workers = n_workers
         self._cores_per_process = max(1, n_cores() // n_workers)
         self._lock = threading.Lock()
-        self._processes: set[_ServingProcess] = set()
+        self._workers: set[_Worker] = set()
         self._stopped = False
         self._local = threading.local()
         self._threads = ThreadPoolExecutor(n_workers, "meshreel-worker", initializer=_block_ctrl_c)
 
-    @property
-    def n_workers(self) -> int:
-        """Number of processes."""
-        return self._n_workers
+    def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> "Future[Result]":
+        """Submit a call to one of the processes, and return its future.
 
-    def submit(self, function: Callable[..., Result], /, *args: Any) -> "Future[Result]":
-        """Submit a call to one of the processes, and return its future."""
-        return self._threads.submit(self._call, function, args)
+        Function, arguments and result are pickled.
+        """
+        return self._threads.submit(self._call, partial(fn, *args, **kwargs))
 
-    def submit_elsewhere(
-        self, error: BaseException, function: Callable[..., Result], /, *args: Any
-    ) -> "Future[Result]":
-        """Submit a call again; a process that died, or ran out of memory, has been replaced."""
-        return self.submit(function, *args)
-
-    def close(self, *, at_once: bool) -> None:
-        """End the processes after submitted calls are complete; `at_once`, kill them."""
-        if at_once:
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes after the submitted calls; without `wait`, kill them now."""
+        if not wait:
             with self._lock:
                 self._stopped = True
-                for process in self._processes:
-                    process.kill()
-        self._threads.shutdown(cancel_futures=at_once)
-        for process in self._processes:
-            process.end()
+                for worker in self._workers:
+                    worker.kill()
+        self._threads.shutdown(cancel_futures=cancel_futures or not wait)
+        for worker in self._workers:
+            worker.end()
 
-    def _call(self, function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
+    def __exit__(self, kind: type[BaseException] | None, *details: object) -> None:
+        self.shutdown(wait=kind is None)
+
+    def _call(self, call: Callable[[], Result]) -> Result:
         """Return the call's result from the process of this thread."""
         for _ in range(MAX_DEATHS):
-            process = self._process()
             try:
-                result: Result = process.call(function, args)
-            except _ProcessDiedError:
-                exit_reason = process.end()
+                return self._worker().call(call)
+            except BrokenProcessPool:
+                self._forget_worker()
             except MemoryError:
-                process.end()  # the next call starts in a new process, with all memory free
+                self._forget_worker()  # the next call has all memory of a new process
                 raise
-            else:
-                return result
         raise WorkerDiedError(
-            f"{MAX_DEATHS} worker processes died during this call, the last with {exit_reason}; if "
-            "memory is short, use fewer workers or a smaller block_frames"
+            f"{MAX_DEATHS} worker processes died during this call; if memory is short, use fewer "
+            "workers or a smaller block_frames"
         )
 
-    def _process(self) -> "_ServingProcess":
+    def _worker(self) -> "_Worker":
         """The process of this thread, started if necessary."""
-        process: _ServingProcess | None = getattr(self._local, "process", None)
-        if process is not None and process.is_alive():
-            return process
+        worker: _Worker | None = getattr(self._local, "worker", None)
+        if worker is None:
+            with self._lock:
+                if self._stopped:
+                    raise WorkerDiedError("the workers were stopped")
+                self._local.worker = worker = _Worker(self._cores_per_process)
+                self._workers.add(worker)
+        return worker
+
+    def _forget_worker(self) -> None:
+        worker, self._local.worker = self._local.worker, None
         with self._lock:
-            if self._stopped:
-                raise WorkerDiedError("the workers were stopped")
-            if process is not None:
-                self._processes.discard(process)
-                process.end()
-            self._local.process = process = _ServingProcess(self._cores_per_process)
-            self._processes.add(process)
-        return process
+            self._workers.discard(worker)
+        worker.end()
 
 
-class _ProcessDiedError(Exception):
-    """A process that ended during a call."""
-
-
-class _ServingProcess:
+class _Worker:
     """A process that executes calls sequentially."""
 
     def __init__(self, n_cores: int) -> None:
-        self._connection, other_end = _SPAWN.Pipe()
-        self._process = _SPAWN.Process(target=_serve, args=(other_end, n_cores), daemon=True)
-        self._process.start()
-        other_end.close()  # so that reading fails when the process dies
+        self._pool = ProcessPoolExecutor(1, _SPAWN, initializer=_prepare, initargs=(n_cores,))
+        self._process = self._pool.submit(os.getpid)
 
-    def is_alive(self) -> bool:
-        return self._process.is_alive()
-
-    def call(self, function: Callable[..., Any], args: tuple[Any, ...]) -> Any:
-        request = pickle.dumps((function, args))
-        try:
-            self._connection.send_bytes(request)
-            reply = self._connection.recv_bytes()
-        except (EOFError, OSError):
-            raise _ProcessDiedError from None
-        succeeded, result = pickle.loads(reply)
-        if succeeded:
-            return result
-        raise result
+    def call(self, call: Callable[[], Result]) -> Result:
+        return self._pool.submit(_run, call).result()
 
     def kill(self) -> None:
-        self._process.kill()
+        with suppress(OSError, BrokenProcessPool):  # it has died already
+            os.kill(self._process.result(), getattr(signal, "SIGKILL", signal.SIGTERM))
 
-    def end(self) -> str:
-        """End the process, and return its signal or exit code."""
-        self._connection.close()
-        self._process.join(EXIT_TIMEOUT_S)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join(EXIT_TIMEOUT_S)
-        code = self._process.exitcode or 0
-        return signal.Signals(-code).name if code < 0 else f"exit code {code}"
+    def end(self) -> None:
+        """End the process between calls, even if it does not react."""
+        self.kill()
+        self._pool.shutdown()
 
 
-def _serve(connection: Connection, n_cores: int) -> None:
-    """Answer requests until the parent closes the connection or dies."""
+def _prepare(n_cores: int) -> None:
+    """Prepare a process for its calls."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C, and ends this process
     threading.Thread(target=_end_with_parent, name="meshreel-parent", daemon=True).start()
     limit_cores(n_cores)
     os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # for a BLAS that is loaded later
-    while True:
-        try:
-            request = connection.recv_bytes()
-        except (EOFError, OSError):
-            return
-        reply = _reply(request)
-        try:
-            connection.send_bytes(reply)
-        except OSError:
-            return
 
 
 def _end_with_parent() -> None:
@@ -182,24 +148,17 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _reply(request: bytes) -> bytes:
-    """Execute a call; return whether it succeeded, and its result or exception, pickled."""
+def _run(call: Callable[[], Result]) -> Result:
+    """Return the result of a call; raise a RuntimeError for an error that cannot be pickled."""
     try:
-        function, args = pickle.loads(request)
         with one_blas_thread():
-            return pickle.dumps((True, function(*args)))
+            return call()
     except BaseException as error:
-        error.add_note(f"in a worker process:\n{traceback.format_exc()}")
-        return pickle.dumps((False, _portable(error)))
-
-
-def _portable(error: BaseException) -> BaseException:
-    """Return the error, or a RuntimeError with its text if it cannot be pickled."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            raise RuntimeError(f"{type(error).__name__}: {error}") from None
+        raise
 
 
 def _block_ctrl_c() -> None:

@@ -10,8 +10,7 @@ from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.run import run_batch
 from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError
-from meshreel.runtime.engine.engine import Engine
-from samples.engines import InlineWorkers
+from samples.engines import InlineExecutor
 from samples.gltf import moving_triangle
 
 OPTIONS = EncodeOptions(config_of("lossless"))
@@ -37,7 +36,7 @@ def clips(path, *names):
 
 def run(inputs, **arguments):
     plan = plan_batch(inputs, inputs.parent / "out", OPTIONS, all_animations=True, **arguments)
-    report = run_batch(plan, Engine(InlineWorkers()))
+    report = run_batch(plan, InlineExecutor())
     return plan, report
 
 

@@ -3,9 +3,10 @@
 import json
 import os
 import signal
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from dataclasses import asdict
+from multiprocessing import get_context
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,14 +16,16 @@ from meshreel.app.batch.encode_input import EncodeOptions, encode_input
 from meshreel.app.batch.manifest import MANIFEST_NAME
 from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.report import REPORT_NAME
-from meshreel.app.batch.run import _is_spread, run_batch
+from meshreel.app.batch.run import run_batch
 from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.options import ReadOptions
 from meshreel.model.tracks import Track
-from meshreel.runtime.engine.engine import Engine, open_engine
+from meshreel.runtime.engine.cluster import cluster_executor
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.clusters import local_cluster
-from samples.engines import InlineWorkers
+from samples.engines import InlineExecutor
 from samples.meshes import quad_sheet, waving_grid
 from samples.tasks import encode_or_die, process_id
 
@@ -45,7 +48,7 @@ def out(tmp_path):
 
 
 def run(inputs, out, options=OPTIONS, **arguments):
-    return run_batch(plan_batch(inputs, out, options, **arguments), Engine(InlineWorkers()))
+    return run_batch(plan_batch(inputs, out, options, **arguments), InlineExecutor())
 
 
 def facts(out):
@@ -263,7 +266,7 @@ def test_output_created_during_the_run_is_kept(inputs, out):
     out.mkdir()
     (out / "walk.reel").write_bytes(b"mine")
     for _ in range(2):
-        assert set(run_batch(plan, Engine(InlineWorkers())).failed) == {"walk.npz"}
+        assert set(run_batch(plan, InlineExecutor()).failed) == {"walk.npz"}
         assert (out / "walk.reel").read_bytes() == b"mine"
         plan = plan_batch(inputs, out, OPTIONS)
 
@@ -289,7 +292,7 @@ def test_manifest_is_complete_after_each_input(inputs, out):
         seen.append(sorted(record["state"] for record in facts(out).values()))
 
     plan = plan_batch(inputs, out, OPTIONS)
-    run_batch(plan, Engine(InlineWorkers()), progress=look)
+    run_batch(plan, InlineExecutor(), progress=look)
     assert seen == [["pending", "pending"], ["done", "pending"], ["done", "done"]]
 
 
@@ -300,19 +303,16 @@ def test_finished_inputs_are_kept_when_the_run_is_stopped(inputs, out):
 
     plan = plan_batch(inputs, out, OPTIONS)
     with pytest.raises(KeyboardInterrupt):
-        run_batch(plan, Engine(InlineWorkers()), progress=stop)
+        run_batch(plan, InlineExecutor(), progress=stop)
     assert sorted(record["state"] for record in facts(out).values()) == ["done", "pending"]
     assert run(inputs, out).summary == "1 up to date, 1 encoded, 0 failed"
 
 
-@pytest.mark.parametrize(
-    ("n_workers", "words"), [(0, "encoding, when there are workers"), (2, "encoding, 2 at a time")]
-)
+@pytest.mark.parametrize(("n_workers", "words"), [(0, "encoding"), (2, "encoding, 2 at a time")])
 def test_stage_states_the_number_of_workers(inputs, out, n_workers, words):
-    workers, stages = InlineWorkers(), set()
-    workers.n_workers = n_workers
+    stages = set()
     plan = plan_batch(inputs, out, OPTIONS)
-    run_batch(plan, Engine(workers), progress=lambda stage, fraction: stages.add(stage))
+    run_batch(plan, InlineExecutor(), n_workers, progress=lambda stage, _: stages.add(stage))
     assert stages == {words}
 
 
@@ -333,122 +333,137 @@ def test_output_folder_may_be_the_input_folder(inputs):
     assert run(inputs, inputs).summary == "2 up to date, 0 encoded, 0 failed"
 
 
-def check_deaths(inputs, out, engine, monkeypatch):
+def check_deaths(inputs, out, executor, monkeypatch):
     """One input kills its worker once and is encoded; another always, and only it fails."""
     monkeypatch.setattr("meshreel.app.batch.run.encode_input", encode_or_die)
     for name in ("deadly", "dies_once"):
         meshreel.save(waving_grid(), inputs / f"{name}.npz")
-    report = run_batch(plan_batch(inputs, out, OPTIONS), engine)
+    report = run_batch(plan_batch(inputs, out, OPTIONS), executor, 2)
     assert set(report.encoded) == {"walk.npz", "a/cloth", "dies_once.npz"}
     assert set(report.failed) == {"deadly.npz"}
-    assert "died during this call" in report.failed["deadly.npz"].error
+    assert "died" in report.failed["deadly.npz"].error
     assert files(out) == {MANIFEST_NAME, REPORT_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
 
 
 @pytest.mark.slow
 def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
-    with open_engine(2) as engine:
-        check_deaths(inputs, out, engine, monkeypatch)
+    with ProcessExecutor(2) as executor:
+        check_deaths(inputs, out, executor, monkeypatch)
+
+
+@pytest.mark.slow
+def test_inputs_of_a_broken_pool_are_encoded_by_the_next_run(inputs, out, monkeypatch):
+    """The pool of the standard library refuses all calls after the death of a process."""
+    monkeypatch.setattr("meshreel.app.batch.run.encode_input", encode_or_die)
+    meshreel.save(waving_grid(), inputs / "dies_once.npz")
+    for n_failures in (None, 0):
+        with ProcessPoolExecutor(1, get_context("spawn")) as executor:
+            report = run_batch(plan_batch(inputs, out, OPTIONS), executor)
+        assert n_failures is None or len(report.failed) == n_failures
+    assert set(report.encoded) | set(report.up_to_date) == {"walk.npz", "a/cloth", "dies_once.npz"}
 
 
 LONG = EncodeOptions(config_of(quality=60, block_frames=4))
 
 
-def check_spread(folder, engine):
+def check_shared(folder, executor, monkeypatch):
     """One sequence is shared by two workers, one of which is killed; the bytes are the same."""
     sequence = waving_grid(120)
     (folder / "in").mkdir()
     meshreel.save(sequence, folder / "in" / "long.npz")
-    victim, mapped = engine.submit(process_id).result(60), engine.map_in_order
+    victim, map_in_order = executor.submit(process_id).result(60), Engine.map_in_order
 
     def killing_one(*arguments):
-        for number, result in enumerate(mapped(*arguments)):
+        for number, result in enumerate(map_in_order(*arguments)):
             if number == 5:
                 os.kill(victim, signal.SIGKILL)
             yield result
 
-    engine.map_in_order = killing_one
-    report = run_batch(plan_batch(folder / "in", folder / "out", LONG), engine)
+    monkeypatch.setattr(Engine, "map_in_order", killing_one)
+    report = run_batch(plan_batch(folder / "in", folder / "out", LONG), executor, 2)
     assert report.summary == "0 up to date, 1 encoded, 0 failed"
     expected = meshreel.encode(meshreel.load(folder / "in" / "long.npz"), **asdict(LONG.config))
     assert (folder / "out" / "long.reel").read_bytes() == expected
 
 
 @pytest.mark.slow
-def test_long_sequence_is_distributed_over_idle_workers(tmp_path):
-    with open_engine(2) as engine:
-        check_spread(tmp_path, engine)
+def test_long_sequence_is_shared_by_idle_workers(tmp_path, monkeypatch):
+    with ProcessExecutor(2) as executor:
+        check_shared(tmp_path, executor, monkeypatch)
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_long_sequence_is_distributed_on_a_cluster_despite_a_killed_worker(
-    tmp_path, cluster_engine
+def test_long_sequence_is_shared_on_a_cluster_despite_a_killed_worker(
+    tmp_path, cluster, monkeypatch
 ):
-    check_spread(tmp_path, cluster_engine)
+    check_shared(tmp_path, cluster, monkeypatch)
 
 
-def test_inputs_are_not_distributed_when_every_worker_has_one(inputs, out, monkeypatch):
-    called = []
-    monkeypatch.setattr(
-        "meshreel.app.batch.run.encode_input", lambda *a: called.append(a) or encode_input(*a)
-    )
-    run(inputs, out, LONG)
-    assert [len(arguments) for arguments in called] == [3, 3]
+@pytest.mark.parametrize(
+    ("options", "n_workers", "is_shared"), [(LONG, 2, False), (LONG, 3, True), (OPTIONS, 3, False)]
+)
+def test_blocks_are_shared_when_there_are_more_workers_than_inputs(
+    inputs, out, options, n_workers, is_shared
+):
+    executor = InlineExecutor()
+    run_batch(plan_batch(inputs, out, options), executor, n_workers)
+    sources = [isinstance(arguments[0], str) for arguments in executor.calls]
+    assert sources == [not is_shared] * 2
 
 
 @pytest.fixture
-def cluster_engine():
+def cluster():
     pytest.importorskip("distributed", reason="the extra [dask] is not installed")
-    with local_cluster(2) as cluster, open_engine(scheduler=cluster.scheduler_address) as engine:
-        yield engine
+    with local_cluster(2) as made, cluster_executor(made.scheduler_address) as (executor, _):
+        yield executor
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_input_that_kills_its_workers_fails_alone_on_a_cluster(
-    inputs, out, monkeypatch, cluster_engine
-):
-    check_deaths(inputs, out, cluster_engine, monkeypatch)
+def test_input_that_kills_its_workers_fails_alone_on_a_cluster(inputs, out, monkeypatch, cluster):
+    check_deaths(inputs, out, cluster, monkeypatch)
 
 
-class TightWorkers(InlineWorkers):
+class TightExecutor(InlineExecutor):
     """Workers with too little memory for the initial block size."""
 
     def __init__(self, error, least_share):
         super().__init__()
-        self.error, self.least_share, self.elsewhere = error, least_share, []
+        self.error, self.least_share, self.shares = error, least_share, []
 
-    def submit(self, function, /, source, options, version):
+    def submit(self, function, /, *args):  # type: ignore[override]
+        source, options, version = args
+
         def call():
-            is_large = source.endswith("walk.npz") and options.block_share > self.least_share
-            if is_large:
+            if not source.endswith("walk.npz"):
+                return function(source, options, version)
+            self.shares.append(options.block_share)
+            if options.block_share > self.least_share:
                 raise self.error
             return function(source, options, version)
 
         return super().submit(call)
 
-    def submit_elsewhere(self, error, function, /, *args):
-        self.elsewhere.append(args[1].block_share)
-        return self.submit(function, *args)
-
 
 @pytest.mark.parametrize(
     ("error", "shares"),
-    [(MemoryError(), [1 / 4, 1 / 16]), (WorkerDiedError("died during this call"), [1 / 16])],
+    [
+        (MemoryError(), [1 / 4, 1 / 16]),
+        (WorkerDiedError("died during this call"), [1 / 16]),
+        (BrokenExecutor(), [1 / 16]),
+    ],
 )
-def test_input_is_retried_in_smaller_blocks_on_another_worker_without_memory(
-    inputs, out, error, shares
-):
+def test_input_is_retried_in_smaller_blocks_without_memory(inputs, out, error, shares):
     meshreel.save(waving_grid(40), inputs / "walk.npz", overwrite=True)
-    workers = TightWorkers(error, 1 / 16)
-    report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(workers))
+    executor = TightExecutor(error, 1 / 16)
+    report = run_batch(plan_batch(inputs, out, OPTIONS), executor)
     assert report.summary == "0 up to date, 2 encoded, 0 failed"
-    assert workers.elsewhere == shares
+    assert executor.shares == [1.0, *shares]
     [note] = report.encoded["walk.npz"].notes
-    assert "did not suffice for blocks of 40 frames; coded in blocks of 2" in note
+    assert "with blocks of 40 frames; coded in blocks of 2" in note
     assert set(meshreel.info(out / "walk.reel").block_frames) == {2}
     [note] = report.encoded["a/cloth"].notes
     assert note.startswith("the frame rate is unknown")
@@ -456,7 +471,7 @@ def test_input_is_retried_in_smaller_blocks_on_another_worker_without_memory(
 
 
 def test_input_without_memory_for_small_blocks_fails_alone(inputs, out):
-    report = run_batch(plan_batch(inputs, out, OPTIONS), Engine(TightWorkers(MemoryError(), 0)))
+    report = run_batch(plan_batch(inputs, out, OPTIONS), TightExecutor(MemoryError(), 0))
     assert set(report.encoded) == {"a/cloth"}
     assert "not enough memory, even with smaller blocks" in report.failed["walk.npz"].error
 
@@ -464,9 +479,9 @@ def test_input_without_memory_for_small_blocks_fails_alone(inputs, out):
 def test_long_inputs_are_encoded_first(inputs, out):
     for name, n_frames in (("b", 30), ("c", 60), ("d", 20)):
         meshreel.save(waving_grid(n_frames), inputs / f"{name}.npz")
-    workers = InlineWorkers()
-    run_batch(plan_batch(inputs, out, OPTIONS), Engine(workers))
-    names = [Path(source).stem for source, *_ in workers.calls]
+    executor = InlineExecutor()
+    run_batch(plan_batch(inputs, out, OPTIONS), executor)
+    names = [Path(source).stem for source, *_ in executor.calls]
     assert [name for name in names if name in "bcd"] == ["c", "b", "d"]
 
 
@@ -479,12 +494,3 @@ def test_manifest_sums_its_records(inputs, out):
     assert found["summary"]["failed"] == 1
     assert found["summary"]["size_bytes"] == sum(one["size_bytes"] for one in done)
     assert found["summary"]["max_error_percent"] == max(one["max_error_percent"] for one in done)
-
-
-@pytest.mark.parametrize(
-    ("n_inputs", "n_workers", "are_cut", "is_spread"),
-    [(1, 2, True, True), (2, 2, True, False), (1, 2, False, False)],
-)
-def test_is_spread_compares_workers_and_inputs(n_inputs, n_workers, are_cut, is_spread):
-    plan = SimpleNamespace(options=SimpleNamespace(are_cut=are_cut), to_encode=[None] * n_inputs)
-    assert _is_spread(plan, SimpleNamespace(n_workers=n_workers)) is is_spread

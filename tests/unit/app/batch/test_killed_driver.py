@@ -47,12 +47,12 @@ def test_rerun_completes_a_batch_killed_at_any_moment(tmp_path):
 
 WORKING = """
 import os, sys, time
-from meshreel.runtime.engine.engine import open_engine
+from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.tasks import slow_square, process_id
 if __name__ == "__main__":
-    engine = open_engine(1)
-    print(engine.submit(process_id).result(), flush=True)
-    engine.submit(slow_square, 1, 600)
+    executor = ProcessExecutor(1)
+    print(executor.submit(process_id).result(), flush=True)
+    executor.submit(slow_square, 1, 600)
     time.sleep(600)
 """
 

@@ -14,8 +14,7 @@ from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.run import run_batch
 from meshreel.codec.options import config_of
 from meshreel.errors import StoreError
-from meshreel.runtime.engine.engine import Engine
-from samples.engines import InlineWorkers
+from samples.engines import InlineExecutor
 from samples.meshes import waving_grid
 
 OPTIONS = EncodeOptions(config_of(quality=60))
@@ -37,7 +36,7 @@ def store():
 
 
 def run(inputs=IN, out=OUT, **arguments):
-    return run_batch(plan_batch(inputs, out, OPTIONS, **arguments), Engine(InlineWorkers()))
+    return run_batch(plan_batch(inputs, out, OPTIONS, **arguments), InlineExecutor())
 
 
 def test_inputs_in_a_store_are_found_like_local_ones(store, tmp_path):
@@ -77,7 +76,7 @@ def test_foreign_object_is_replaced_only_with_force(store):
 def test_object_created_during_the_run_is_kept(store):
     plan = plan_batch(IN, OUT, OPTIONS)
     store.pipe("/bucket/out/walk.reel", b"mine")
-    assert set(run_batch(plan, Engine(InlineWorkers())).failed) == {"walk.npz"}
+    assert set(run_batch(plan, InlineExecutor()).failed) == {"walk.npz"}
     assert store.cat("/bucket/out/walk.reel") == b"mine"
 
 

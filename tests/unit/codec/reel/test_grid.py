@@ -10,7 +10,8 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.normative.grid import PositionGrid, write_step
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from meshreel.runtime.engine.engine import open_engine
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.meshes import irregular_sequence, waving_grid
 from samples.streams import Stream, parts_of, raw_stream
 
@@ -113,7 +114,8 @@ def test_tracks_and_attributes_are_kept_with_the_grid():
 def test_workers_give_the_same_bytes():
     sequence = waving_grid(12)
     alone = meshreel.encode(sequence, "grid", max_error=0.01, block_frames=5)
-    with open_engine(2) as engine:
+    with ProcessExecutor(2) as executor:
+        engine = Engine(executor, 2)
         found = meshreel.encode(sequence, "grid", max_error=0.01, block_frames=5, engine=engine)
     assert found == alone
 

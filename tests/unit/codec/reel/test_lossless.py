@@ -9,7 +9,8 @@ import meshreel
 from meshreel.codec.achieved import measure_stream
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.formats.options import WriteOptions
-from meshreel.runtime.engine.engine import open_engine
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.meshes import assert_same_surface, irregular_sequence, quad_sheet, waving_grid
 
 RNG = np.random.default_rng(16)
@@ -202,7 +203,8 @@ def test_live_frames_are_lossless():
 def test_workers_give_the_same_bytes():
     sequence = waving_grid(12)
     alone = meshreel.encode(sequence, lossless=True, block_frames=5)
-    with open_engine(2) as engine:
+    with ProcessExecutor(2) as executor:
+        engine = Engine(executor, 2)
         assert meshreel.encode(sequence, lossless=True, block_frames=5, engine=engine) == alone
 
 

@@ -7,7 +7,8 @@ import pytest
 
 import meshreel
 from meshreel.codec.reel.encoding import analysis
-from meshreel.runtime.engine.engine import open_engine
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.meshes import grid_faces
 from samples.streams import layouts
 
@@ -78,7 +79,8 @@ def test_block_becomes_a_key_block_when_the_previous_one_does_not_help():
 @pytest.mark.slow
 def test_workers_give_the_same_bytes_with_several_key_blocks():
     alone = meshreel.encode(HELD_FIRST, **OPTIONS)
-    with open_engine(2) as engine:
+    with ProcessExecutor(2) as executor:
+        engine = Engine(executor, 2)
         assert meshreel.encode(HELD_FIRST, engine=engine, **OPTIONS) == alone
 
 
