@@ -31,6 +31,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from meshreel import methods as _methods  # noqa: F401  registers the coding methods
+from meshreel.model.showing import Viewer as _Viewer
+from meshreel.model.showing import install_viewer as _install_viewer
 from meshreel.runtime.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -63,7 +65,6 @@ if TYPE_CHECKING:
     from meshreel.model.sequence import MeshFrame, MeshSequence, concatenate
     from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
     from meshreel.model.tracks import Track, TrackKind
-
 
 __all__ = [
     "AlphaMode",
@@ -144,6 +145,15 @@ if not TYPE_CHECKING:  # type checkers would accept any name
             raise AttributeError(f"module 'meshreel' has no attribute {name!r}")
         module = import_module(f"meshreel.{_MODULES.get(name, 'errors')}")
         return globals().setdefault(name, getattr(module, name))
+
+
+def _viewer() -> _Viewer:
+    from meshreel.app.notebook import show
+
+    return show
+
+
+_install_viewer(_viewer)
 
 
 def __dir__() -> list[str]:

@@ -22,10 +22,10 @@ PARTS = re.findall(r"^\| `([a-z]+)` \| `([a-z_.]+)` \|", PAGE, re.MULTILINE)
 ABOVE_THEIR_MODULE = {"codec.reel", "app.cli", "app.notebook", "app.batch"}
 """Parts that import the rest of their module; the rest imports other parts."""
 
-CALLED_LATE = ("model", "app.notebook")
-"""`model.showing` imports the notebook's views when it is called."""
+ROOT = "meshreel"
+"""The package itself: it may import every module, and no module may import it."""
 
-NAME = re.compile(r"meshreel\.([a-z_.]+)")
+NAME = re.compile(r"meshreel\.([a-z_.]+)(:\w+)?")
 """A string that is the name of a module, or its beginning: an import by name."""
 
 
@@ -36,7 +36,7 @@ def ranks():
         parts = [part for owner, part in PARTS if owner == module]
         upper = [part for part in parts if part in ABOVE_THEIR_MODULE]
         order += [*upper, module, *(part for part in parts if part not in upper)]
-    return {name: rank for rank, name in enumerate(reversed(order))}
+    return {name: rank for rank, name in enumerate([*reversed(order), ROOT])}
 
 
 RANKS = ranks()
@@ -49,33 +49,28 @@ def unit_of(name):
     return part if part in RANKS else words[0]
 
 
-def imported_units(source):
-    """Return modules and parts that a source imports, or names in strings."""
-    tree = ast.parse(source)
-    names = []
+def imported_modules(tree):
+    """Names of the modules that a tree imports anywhere, or names in strings."""
+    names = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             named = NAME.fullmatch(node.value)
-            names += [named[1]] if named and named[1].split(".")[0] in RANKS else []
-    for node in statements(tree):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names += [node.module.removeprefix("meshreel.")] * node.module.startswith("meshreel.")
+            names |= {named[1]} if named and named[1].split(".")[0] in RANKS else set()
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == ROOT:
+            package = node.module.partition(".")[2]
+            inner = {f"{package}.{alias.name}".removeprefix(".") for alias in node.names}
+            modules = inner & NAMES
+            names |= modules if modules == inner else {*modules, package or ROOT}
         elif isinstance(node, ast.Import):
-            names += [
-                alias.name.removeprefix("meshreel.")
-                for alias in node.names
-                if alias.name.startswith("meshreel.")
-            ]
-    return {unit_of(name) for name in names}
+            imported = [alias.name for alias in node.names if alias.name.split(".")[0] == ROOT]
+            names |= {name.partition(".")[2] or ROOT for name in imported}
+    return names
 
 
 def forbidden(unit, source):
     """Imports of a module of this unit that do not point downward."""
-    return {
-        other
-        for other in imported_units(source)
-        if other != unit and RANKS[other] > RANKS[unit] and (unit, other) != CALLED_LATE
-    }
+    others = {unit_of(name) for name in imported_modules(ast.parse(source))}
+    return {other for other in others if other != unit and RANKS[other] > RANKS[unit]}
 
 
 def imports_the_root(source):
@@ -87,10 +82,12 @@ def imports_the_root(source):
 
 
 def name_of(path):
-    return ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
+    name = ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
+    return ROOT if name == "__init__" else name.removesuffix(".__init__")
 
 
-FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+FILES = sorted(PACKAGE.rglob("*.py"))
+NAMES = {name_of(path) for path in FILES}
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
@@ -108,9 +105,9 @@ def test_evaluation_and_paper_do_not_import_each_other(unit, other):
 
 
 def test_every_module_is_in_the_tables():
-    assert {name_of(path).split(".")[0] for path in FILES} == {
-        name.split(".")[0] for name in MODULES
-    }
+    assert {name.split(".")[0] for name in NAMES} == {
+        ROOT, *(name.split(".")[0] for name in MODULES)
+    }  # fmt: skip
     parts = [name for name in RANKS if "." in name]
     assert all((PACKAGE / part.replace(".", "/")).is_dir() for part in parts)
 
@@ -167,28 +164,21 @@ def test_picture_shows_the_table():
     assert drawn == (DOCS / "images" / "architecture.svg").read_text(encoding="utf-8")
 
 
-def run_time_statements(tree):
-    """Statements of a module without those for type checkers."""
+def run_time_tree(path):
+    """The statements of a module without those for type checkers."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
     tree.body = [
         node
         for node in tree.body
         if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
     ]
-    return statements(tree)
+    return tree
 
 
 def test_modules_have_no_import_cycle():
-    graph = {}
-    for path in FILES:
-        unit = unit_of(name_of(path))
-        graph[f"meshreel.{name_of(path)}"] = {
-            node.module
-            for node in run_time_statements(ast.parse(path.read_text(encoding="utf-8")))
-            if isinstance(node, ast.ImportFrom)
-            and (node.module or "").startswith("meshreel.")
-            and (unit, unit_of(node.module.removeprefix("meshreel."))) != CALLED_LATE
-        }
-    TopologicalSorter(graph).prepare()
+    graph = {path: imported_modules(run_time_tree(path)) for path in FILES}
+    names = {name_of(path): imported - {name_of(path)} for path, imported in graph.items()}
+    TopologicalSorter(names).prepare()
 
 
 @pytest.mark.parametrize(
@@ -201,6 +191,10 @@ def test_modules_have_no_import_cycle():
         ("errors", "def f():\n    from meshreel.model.sequence import MeshSequence"),
         ("codec", 'import_module("meshreel.paper.method")'),
         ("codec", 'import_module(f"meshreel.paper.{name}")'),
+        ("registration", "from meshreel import __version__"),
+        ("app", "def f():\n    import meshreel"),
+        ("codec", "from meshreel import api"),
+        ("codec", 'TABLE = {"meshreel.app.cli.encode:encode_command": 1}'),
         ("codec", 'PACKAGES = ("meshreel.codec.reel",)\nimport_module(f"{PACKAGES[0]}.options")'),
     ],
 )

@@ -1,6 +1,26 @@
-"""Display methods shared by `MeshSequence` and `ReelFile`."""
+"""Display methods shared by sequences and files; the package root installs the viewer."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Protocol
+
+
+class Viewer(Protocol):
+    """What displays sequences and files, such as `meshreel.app.notebook`."""
+
+    def html_of(self, sequence: Any, /) -> str:
+        """HTML for a notebook."""
+
+    def show(self, sequence: Any, /, *, block: bool | None) -> None:
+        """Play the sequence."""
+
+
+_load_viewer: Callable[[], Viewer]
+
+
+def install_viewer(load: Callable[[], Viewer]) -> None:
+    """Install the viewer; `load` imports it when a sequence is first displayed."""
+    global _load_viewer
+    _load_viewer = load
 
 
 def notebook_html(sequence: Any) -> str:
@@ -10,9 +30,7 @@ def notebook_html(sequence: Any) -> str:
     ----------
     sequence : MeshSequence or ReelFile
     """
-    from meshreel.app.notebook.html import html_of
-
-    return html_of(sequence)
+    return _load_viewer().html_of(sequence)
 
 
 def show(sequence: Any, *, block: bool | None = None) -> None:
@@ -33,6 +51,4 @@ def show(sequence: Any, *, block: bool | None = None) -> None:
     InvalidInputError
         If the page of the player is not built, or the model is too large or too small to draw.
     """
-    from meshreel.app.notebook.show import show
-
-    show(sequence, block=block)
+    _load_viewer().show(sequence, block=block)

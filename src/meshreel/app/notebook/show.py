@@ -19,6 +19,8 @@ from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.model.sequence import MeshSequence
 
+__all__ = ["html_of", "serve", "show"]
+
 MAX_HTML_BYTES = 64_000_000
 """Limit of a player that `show` puts into a notebook."""
 
