@@ -12,7 +12,6 @@ which Dask installs.
 import argparse
 import contextlib
 import json
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -108,7 +107,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--inputs", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--keep", type=Path, help="copy the report into this file")
     parser.add_argument("--dask", action="store_true", help="on a Dask cluster")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
@@ -128,8 +126,6 @@ def main() -> None:
         seconds = time.perf_counter() - start
         records = json.loads((out / "manifest.json").read_text())["inputs"].values()
         work = sum(record["seconds"] or 0 for record in records)
-        if chosen.keep:
-            shutil.copyfile(out / "report.html", chosen.keep)
         states = {
             state: sum(record["state"] == state for record in records)
             for state in ("done", "failed")

@@ -27,7 +27,7 @@ from option_texts import options_tables
 import meshreel
 from meshreel.app.cli.commands import command_named
 from meshreel.app.cli.help_panels import default_text
-from meshreel.app.cli.parameters import Option
+from meshreel.app.cli.parameters import ClickOption
 
 ROOT = Path(__file__).parents[1]
 OUTSIDE = {
@@ -119,7 +119,7 @@ def options_table(command: str) -> str:
     found = command_named(command)
     panels: dict[str, list[str]] = {}
     for option in found.params:
-        if not isinstance(option, Option) or option.hidden:
+        if not isinstance(option, ClickOption) or option.hidden:
             continue
         panel = option.panel
         panels.setdefault(panel, []).append(_row(option))
@@ -131,7 +131,7 @@ def _panel(name: str, rows: list[str]) -> str:
     return "\n".join([*head, "| option | meaning |", "|---|---|", *rows])
 
 
-def _row(option: Option) -> str:
+def _row(option: ClickOption) -> str:
     names = ", ".join(f"`{name}`" for name in [*option.opts, *option.secondary_opts])
     default = default_text(option)
     shown = f" Default: `{default}`." if default else ""

@@ -16,7 +16,7 @@ from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load_any, open_for_encoding
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
@@ -224,7 +224,12 @@ def register(
     from meshreel.registration.register import register as register_sequence  # imports SciPy
 
     if (texture is None) != (texture_output is None):
-        raise InvalidInputError("texture= and texture_output= belong together; give both or none")
+        raise InvalidInputError(
+            Keyword("texture"),
+            " and ",
+            Keyword("texture_output"),
+            " belong together; give both or none",
+        )
     bound = bound_of(tolerance, unit, "tolerance")
     if texture is not None and texture_output is not None:
         require([*REGISTRATION, *extras_to_bake(texture, texture_output)])

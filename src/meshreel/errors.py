@@ -1,8 +1,82 @@
 """Exceptions of meshreel; a message names the value, what is allowed and what to do."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Keyword:
+    """A keyword argument that a message speaks of; the command line shows its option instead.
+
+    Attributes
+    ----------
+    name : str
+    value : str or True, optional
+        What to pass, such as ``order="drop"``.
+    """
+
+    name: str
+    value: str | bool | None = None
+
+    def __str__(self) -> str:
+        if self.value is None:
+            return self.name
+        return f"{self.name}={self.value}" if self.value is True else f'{self.name}="{self.value}"'
+
+
+class Message(str):
+    """Text with the keywords that it speaks of.
+
+    Parameters
+    ----------
+    *parts : str or Keyword
+    """
+
+    parts: tuple[str | Keyword, ...]
+
+    def __new__(cls, *parts: str | Keyword) -> "Message":
+        """Join the parts."""
+        message = super().__new__(cls, "".join(map(str, parts)))
+        message.parts = parts
+        return message
+
+    def __getnewargs__(self) -> tuple[str | Keyword, ...]:  # type: ignore[override]
+        return self.parts
+
+    @classmethod
+    def prefixed(cls, prefix: str, text: str) -> "Message":
+        """The text after a prefix, with its keywords."""
+        return cls(prefix, *parts_of(text))
+
+    def naming(self, name_of: Callable[[Keyword], str]) -> str:
+        """The text with other names for the keywords."""
+        return "".join(name_of(part) if isinstance(part, Keyword) else part for part in self.parts)
+
+
+def parts_of(text: str) -> tuple[str | Keyword, ...]:
+    """The parts of a message; plain text is one."""
+    return text.parts if isinstance(text, Message) else (text,)
+
 
 class MeshReelError(Exception):
-    """Base class of all errors that meshreel raises."""
+    """Base class of all errors that meshreel raises.
+
+    Parameters
+    ----------
+    *parts : str or Keyword
+        The message in parts.
+    """
+
+    def __init__(self, *parts: str | Keyword) -> None:
+        super().__init__(*parts)
+
+    @property
+    def message(self) -> Message:
+        """The message."""
+        return Message(*self.args)
+
+    def __str__(self) -> str:
+        return str(self.message)
 
 
 class InvalidInputError(MeshReelError, ValueError):

@@ -56,7 +56,7 @@ MISSING = {
     "decode paper.reel -o back.npz": "paper",
     "paper walk.npz --quick": "paper,plot",
     "compare walk.npz other.npz": "surfaces",
-    "compare run.vtkhdf walk.npz --plot errors.png": "hdf,plot",
+    "compare run.vtkhdf walk.npz": "hdf",
     "evaluate walk.npz --quick": "plot,peers,paper",
     "evaluate walk.npz --methods reel --peers npz": "plot,peers",
     "evaluate run.vtkhdf --track heat": "plot,peers,hdf",

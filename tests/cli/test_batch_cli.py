@@ -50,7 +50,7 @@ def test_batch_writes_streams_and_prints_a_summary(inputs, out):
     expected = meshreel.encode(meshreel.load(inputs / "walk.npz"), quality=60, order="drop")
     assert (out / "walk.reel").read_bytes() == expected
     assert sorted(path.name for path in out.iterdir()) == [
-        "a.reel", "manifest.json", "report.html", "walk.reel",
+        "a.reel", "manifest.json", "walk.reel",
     ]  # fmt: skip
 
 
@@ -150,9 +150,7 @@ def test_ctrl_c_leaves_complete_files_and_no_process(inputs, out):
     assert set(final_states.values()) == {"done", "pending"}
     done = {name for name, state in final_states.items() if state == "done"}
     files = {path.name for path in out.iterdir()}
-    assert files == {"manifest.json", "report.html"} | {
-        f"{name.split('.')[0]}.reel" for name in done
-    }
+    assert files == {"manifest.json"} | {f"{name.split('.')[0]}.reel" for name in done}
     for name in done:
         meshreel.load(out / f"{name.split('.')[0]}.reel")
 

@@ -140,15 +140,6 @@ def test_compare_accepts_a_reel_as_either_input(grid, reel):
     assert run_json("compare", reel, reel)["kg_error_percent"] == 0
 
 
-def test_compare_draws_a_plot(grid, reel, tmp_path):
-    from PIL import Image
-
-    assert run("compare", grid, reel, "--plot", tmp_path / "a.png").returncode == 0
-    with Image.open(tmp_path / "a.png") as image:
-        assert image.size == (960, 540)
-        assert len(image.convert("RGB").getcolors(1 << 20)) > 10
-
-
 def test_demo_writes_stream_and_picture(tmp_path):
     figures = run_json("demo", "--out", tmp_path / "demo", "--frames", 4)
     assert {path.name for path in (tmp_path / "demo").iterdir()} == {

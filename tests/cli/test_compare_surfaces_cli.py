@@ -2,13 +2,12 @@
 
 import json
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import meshreel
 from meshreel.app.cli.app import app
-from meshreel.app.cli.messages import with_option_names
+from meshreel.app.cli.messages import with_options
 from samples.meshes import waving_grid
 
 
@@ -49,14 +48,6 @@ def test_compare_prints_surface_distances_as_json(files):
     assert figures["notes"] == []
 
 
-def test_compare_draws_the_mean_distance_of_each_frame(files, tmp_path):
-    assert run(*files[:2], "--samples", 400, "--plot", tmp_path / "a.png").exit_code == 0
-    from PIL import Image
-
-    with Image.open(tmp_path / "a.png") as image:
-        assert np.ptp(np.asarray(image.convert("L"))) > 100
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -71,7 +62,7 @@ def test_compare_draws_the_mean_distance_of_each_frame(files, tmp_path):
 def test_compare_refuses_what_it_cannot_compare(files, words, message):
     done = run(*[files[word] if isinstance(word, int) else word for word in words])
     assert done.exit_code == 1
-    assert message in with_option_names(str(done.exception))
+    assert message in with_options(done.exception.message)
 
 
 def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):

@@ -109,7 +109,7 @@ def test_info_escapes_names(folder, file):
     # Each item of a list is on its own line.
     lines = [line for line in done.stdout.split("\n") if "/root/" in line]
     assert len(lines) == 2
-    assert all(line.startswith("\u2502") for line in lines)
+    assert all(line.startswith("  ") for line in lines)
 
 
 def test_info_escapes_the_media_type_of_an_image(folder):

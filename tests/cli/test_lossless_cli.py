@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import meshreel
 from meshreel.app.cli.app import app
-from meshreel.app.cli.messages import with_option_names
+from meshreel.app.cli.messages import with_options
 from samples.meshes import waving_grid
 
 GRID = waving_grid(8)
@@ -38,8 +38,8 @@ def run(*words):
 
 def output_of(done):
     """Return the output, including an error, without table borders."""
-    error = with_option_names(str(done.exception or ""))
-    return " ".join(f"{done.output} {error}".replace("\u2502", " ").split())
+    error = with_options(getattr(done.exception, "message", ""))
+    return " ".join(f"{done.output} {error}".split())
 
 
 def assert_same_positions(sequence):

@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 import meshreel
 from meshreel.app.cli.app import app
-from meshreel.app.cli.messages import with_option_names
+from meshreel.app.cli.messages import with_options
 from samples.meshes import waving_grid
 
 
@@ -23,7 +23,7 @@ def run(*words):
 def error_of(done):
     """Return the error as the program prints it."""
     assert done.exit_code == 1
-    return with_option_names(str(done.exception))
+    return with_options(done.exception.message)
 
 
 @pytest.mark.parametrize(

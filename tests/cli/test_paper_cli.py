@@ -100,8 +100,8 @@ def test_tables_use_the_options_for_modes_bits_and_anchors(grid, tmp_path, coars
     [
         (("--bits", 40), "bits must be"),
         (("--anchors", 3), "anchors must be"),
-        (("--preset", "mine"), "preset 'mine' is unknown; choose from usual, printed"),
-        (("--allocation", "even"), "allocation 'even' is unknown; choose from energy, constant"),
+        (("--preset", "mine"), "'mine' is not one of 'usual', 'printed'"),
+        (("--allocation", "even"), "'even' is not one of 'energy', 'constant'"),
         (("--choices", "anchor-bits=99"), "choice anchor_bits must be"),
         (("--choices", "anchor-bits=9", "--methods", "v2v"), "has no effect on v2v"),
     ],

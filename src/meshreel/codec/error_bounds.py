@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 METERS = {
     "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048,
@@ -72,8 +72,9 @@ def bound_of(given: float | str, unit: str | None = None, option: str = "max_err
     match = _BOUND.fullmatch(given.strip().lower())
     if not match:
         raise InvalidInputError(
-            f"{option}= takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
-            f"length ({', '.join(f'0.5{name}' for name in METERS)}); got {given!r}"
+            Keyword(option),
+            f" takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
+            f"length ({', '.join(f'0.5{name}' for name in METERS)}); got {given!r}",
         )
     return _checked(float(match[1]), match[2], given, unit, option)
 
@@ -82,22 +83,25 @@ def _checked(
     amount: float, written: str, given: float | str, unit: str | None, option: str
 ) -> ErrorBound:
     if not 0 < amount < float("inf"):
-        raise InvalidInputError(f"{option} must be above 0; got {given}")
+        raise InvalidInputError(Keyword(option), f" must be above 0; got {given}")
     if unit is not None and unit not in METERS:
-        raise InvalidInputError(f"unit= is one of {', '.join(METERS)}; got {unit!r}")
+        raise InvalidInputError(Keyword("unit"), f" is one of {', '.join(METERS)}; got {unit!r}")
     if written in METERS:
         return ErrorBound(
             amount * METERS[written] / METERS[_required_unit(unit, given, option)], is_length=True
         )
     if written not in ("", "%", MODEL_UNITS):
         raise InvalidInputError(
-            f"{option}= has no unit {written!r}; use %, {MODEL_UNITS} (model units), "
-            f"{', '.join(METERS)}; got {given!r}"
+            Keyword(option),
+            f" has no unit {written!r}; use %, {MODEL_UNITS} (model units), "
+            f"{', '.join(METERS)}; got {given!r}",
         )
     if unit is not None:
         raise InvalidInputError(
-            f"unit= has no effect on {given}, which is not a length; omit it, or give {option} "
-            "in mm, cm, m, km, in or ft"
+            Keyword("unit"),
+            f" has no effect on {given}, which is not a length; omit it, or give ",
+            Keyword(option),
+            " in mm, cm, m, km, in or ft",
         )
     return ErrorBound(amount, is_length=written == MODEL_UNITS)
 
@@ -105,7 +109,9 @@ def _checked(
 def _required_unit(unit: str | None, given: float | str, option: str) -> str:
     if unit is None:
         raise InvalidInputError(
-            f"{option} {given} is a length, but the model has no length unit; give it with unit= "
-            f"({', '.join(METERS)}), or use model units as in 0.5{MODEL_UNITS}"
+            Keyword(option),
+            f" {given} is a length, but the model has no length unit; give it with ",
+            Keyword("unit"),
+            f" ({', '.join(METERS)}), or use model units as in 0.5{MODEL_UNITS}",
         )
     return unit

@@ -9,7 +9,7 @@ from meshreel.codec.bitstream.container import whole_stream as written_stream
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.surface.payloads import write_start
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 
 def join_streams(
@@ -40,7 +40,8 @@ def join_streams(
     if len(rates) > 1:
         raise InvalidInputError(
             f"streams of {' and '.join(f'{rate:g}' for rate in sorted(rates))} frames per second "
-            "cannot be joined; encode them with the same fps="
+            "cannot be joined; encode them with the same ",
+            Keyword("fps"),
         )
     header = replace(
         header_of(first),

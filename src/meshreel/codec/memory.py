@@ -7,7 +7,7 @@ the limit before memory is allocated.
 import re
 from dataclasses import dataclass
 
-from meshreel.errors import InvalidInputError, MemoryLimitError
+from meshreel.errors import InvalidInputError, Keyword, MemoryLimitError
 from meshreel.runtime.counting import size_text
 
 DEFAULT_MEMORY = "8GiB"
@@ -46,14 +46,15 @@ def bytes_of(given: float | str, name: str) -> float:
     factors = {unit.lower(): factor for unit, factor in UNITS.items()}
     if not match or match[2].lower() not in factors:
         raise InvalidInputError(
-            f"{name}= takes a size such as 100kB or 1GiB, or a number of bytes; got {given!r}"
+            Keyword(name),
+            f" takes a size such as 100kB or 1GiB, or a number of bytes; got {given!r}",
         )
     return _checked(float(match[1]) * factors[match[2].lower()], given, name)
 
 
 def _checked(size_bytes: float, given: float | str, name: str) -> float:
     if not 0 < size_bytes < float("inf"):
-        raise InvalidInputError(f"{name} must be above 0; got {given}")
+        raise InvalidInputError(Keyword(name), f" must be above 0; got {given}")
     return size_bytes
 
 
@@ -71,7 +72,8 @@ class MemoryLimit:
         if needed_bytes > self.limit_bytes:
             raise MemoryLimitError(
                 f"{what} would take {size_text(needed_bytes)} of memory; decoding may take "
-                f"{size_text(self.limit_bytes)}; if you trust the stream, allow more with memory="
+                f"{size_text(self.limit_bytes)}; if you trust the stream, allow more with ",
+                Keyword("memory"),
             )
 
     def require_mesh(self, n_verts: int, n_faces: int) -> None:

@@ -20,7 +20,7 @@ from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.methods import LOSSLESS, Method, method_of_code
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.surface.decoded import decoded_surface
-from meshreel.errors import CorruptStreamError, InvalidInputError, UnsupportedVersionError
+from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword, UnsupportedVersionError
 from meshreel.kernel.files import FileSection, FileTrack, OpenFile
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
@@ -86,7 +86,8 @@ class OpenStream:
         if n_segments > 1:
             raise InvalidInputError(
                 f"there are {n_segments} segments with different meshes, 0 to {n_segments - 1}; "
-                "decode one with segment="
+                "decode one with ",
+                Keyword("segment"),
             )
         self.offset: int = self.file.offset
         self.starts: list[int] = self.file.starts

@@ -21,7 +21,7 @@ from typing import (
     get_type_hints,
 )
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 Options = ParamSpec("Options")
 First = TypeVar("First")
@@ -72,13 +72,13 @@ class Range:
         """Both ends for use in a sentence: "1 to 9"."""
         return f"{self.low:g} to {self.high:g}"
 
-    def check(self, number: Any, name: str, unit: str = "") -> None:
+    def check(self, number: Any, name: str | Keyword, unit: str = "") -> None:
         """Raise InvalidInputError, with the option's name, unless a number is in the range."""
         allowed = f"{self}, {unit}" if unit else str(self)
         if _as_number(number) not in self:
             is_whole = isinstance(number, float) and number.is_integer()
             shown = int(number) if is_whole else repr(number) if isinstance(number, str) else number
-            raise InvalidInputError(f"{name} must be {allowed}; got {shown}")
+            raise InvalidInputError(name, f" must be {allowed}; got {shown}")
 
 
 COUNT = Range(1, is_whole=True)
@@ -164,21 +164,22 @@ class Option:
         if value is None and self.default is None:
             return
         if self.annotation is bool and not isinstance(value, bool):
-            raise InvalidInputError(f"{self.name} must be True or False; got {value!r}")
+            raise InvalidInputError(Keyword(self.name), f" must be True or False; got {value!r}")
         if self.names:
             if value not in self.names:
                 raise InvalidInputError(
-                    f"{self.name} {value!r} is unknown; choose {', '.join(self.names)}"
+                    Keyword(self.name), f" {value!r} is unknown; choose {', '.join(self.names)}"
                 )
         elif self.range is not None and not self._is_parsed_later(value):
-            self.range.check(value, self.name, self.unit)
+            self.range.check(value, Keyword(self.name), self.unit)
 
     def check_method(self, method: str) -> None:
         """Raise InvalidInputError unless a method uses the option."""
         if method not in self.methods:
             raise InvalidInputError(
-                f"method {method} does not take {self.name}=; omit it, or choose "
-                f"{' or '.join(self.methods)}"
+                f"method {method} does not take ",
+                Keyword(self.name),
+                f"; omit it, or choose {' or '.join(self.methods)}",
             )
 
     def _is_parsed_later(self, value: Any) -> bool:

@@ -1,6 +1,6 @@
 """All options of encoding, and the class of those of a method."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from functools import cache
 from typing import Any
@@ -10,7 +10,7 @@ from meshreel.codec.methods import METHOD_NAMES, own_name
 from meshreel.codec.option import Option, options_of_fields
 from meshreel.codec.paper_options import PAPER, PaperOptions
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 FAMILIES = (ReelOptions, PaperOptions)
 _NAMES = {row: frozenset(option.name for option in options_of_fields(row)) for row in FAMILIES}
@@ -33,17 +33,18 @@ def check_names(names: Iterable[str], known: Iterable[str]) -> None:
     allowed = list(known)
     for name in names:
         if name not in allowed:
-            raise InvalidInputError(f"option {name!r} is unknown; {_advice(name, allowed)}")
+            raise InvalidInputError(f"option {name!r} is unknown; ", *_advice(name, allowed))
 
 
-def _advice(name: str, allowed: Sequence[str]) -> str:
+def _advice(name: str, allowed: Sequence[str]) -> Iterator[str | Keyword]:
     for option in all_options():
         if name in option.synonyms:
-            return f"its name is {option.name}=" + ", ".join(
-                filter(None, ["", option.synonyms[name]])
-            )
+            difference = option.synonyms[name]
+            yield from ("its name is ", Keyword(option.name))
+            yield f", {difference}" if difference else ""
+            return
     near = get_close_matches(name, allowed, 1)
-    return f"did you mean {near[0]!r}?" if near else f"choose {', '.join(allowed)}"
+    yield f"did you mean {near[0]!r}?" if near else f"choose {', '.join(allowed)}"
 
 
 def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:

@@ -20,7 +20,7 @@ from meshreel.codec.targets import (
     TargetKind,
     target_of,
 )
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 REEL, BOUNDED = ("reel",), ("reel", "grid")
 """Methods that support an option."""
@@ -171,19 +171,20 @@ class ReelOptions(EncoderConfig):
             object.__setattr__(self, "max_error", bound_of(self.max_error, self.unit).plain)
             object.__setattr__(self, "unit", None)
         elif self.unit is not None:
-            raise InvalidInputError("unit= applies to a length in max_error=; give both")
+            raise InvalidInputError(
+                Keyword("unit"), " applies to a length in ", Keyword("max_error"), "; give both"
+            )
         if self.lossless:
             self._make_lossless()
         object.__setattr__(self, "lossless", self.method == LOSSLESS)
 
     def _make_lossless(self) -> None:
         """Set the method to lossless; raise if another option excludes it."""
-        unused = [f"{option.name}=" for option in self.chosen if LOSSLESS not in option.methods]
-        if unused:
-            verb, pronoun = ("has", "it") if len(unused) == 1 else ("have", "them")
+        unused = next((option for option in self.chosen if LOSSLESS not in option.methods), None)
+        if unused is not None:
+            lossless = Keyword("lossless")
             raise InvalidInputError(
-                f"{' and '.join(unused)} {verb} no effect with lossless=; omit {pronoun}, or "
-                "lossless="
+                Keyword(unused.name), " has no effect with ", lossless, "; omit it, or ", lossless
             )
         object.__setattr__(self, "method", LOSSLESS)
 

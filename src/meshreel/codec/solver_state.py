@@ -39,8 +39,7 @@ def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -
     if not state:
         return None
     sizes = ", ".join(f"{track.name} ({track.size_bytes} bytes)" for track in state)
-    options = " ".join(f"--track {track.name}=drop" for track in state)
     return (
         f"by their names, these tracks contain the state of a Houdini solver: {sizes}; if nothing "
-        f"reads them later, omit them with {options}"
+        "reads them later, drop these tracks"
     )

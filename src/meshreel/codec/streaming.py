@@ -22,7 +22,7 @@ from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.extent import extent_of
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
@@ -435,7 +435,9 @@ class Encoder:
 
 def _checked_config(block_frames: int | str, options: dict[str, Any]) -> EncoderConfig:
     if isinstance(block_frames, str) and block_frames != "auto":
-        raise InvalidInputError(f"block_frames must be a number or 'auto'; got {block_frames!r}")
+        raise InvalidInputError(
+            Keyword("block_frames"), f" must be a number or 'auto'; got {block_frames!r}"
+        )
     chosen = None if block_frames == "auto" else block_frames
     config = config_of(**{**options, "block_frames": chosen})
     config.check_live()

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from meshreel.codec.error_bounds import ErrorBound, bound_of
 from meshreel.codec.option import Range
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 DEFAULT_QUALITY = 80.0
 
@@ -69,8 +69,8 @@ def target_of(**numbers: float | str | None) -> Target:
     """
     given = {name: value for name, value in numbers.items() if value is not None}
     if len(given) > 1:
-        names = " and ".join(f"{name}=" for name in given)
-        raise InvalidInputError(f"{names} exclude each other; give one")
+        first, second, *_ = map(Keyword, given)
+        raise InvalidInputError(first, " and ", second, " exclude each other; give one")
     for name, value in given.items():
         if TargetKind(name) is TargetKind.MAX_ERROR:
             bound = bound_of(value)

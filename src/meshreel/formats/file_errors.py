@@ -41,7 +41,7 @@ def errors_naming(path: str | os.PathLike[str]) -> Iterator[None]:
     except StoreError:  # its message already has the address
         raise
     except MeshReelError as error:
-        raise type(error)(f"{path}: {error}") from None
+        raise type(error)(f"{path}: ", *error.args) from None
 
 
 @contextmanager

@@ -61,11 +61,11 @@ def local_copy(source: Source, notes: list[str] | None = None) -> Iterator[Sourc
     try:
         yield _downloaded(addresses, folder, notes)
     except MeshReelError as error:
-        if str(folder) not in str(error):
-            raise
-        # The user knows the file by its address.
-        text = str(error).replace(f"{folder}{os.sep}", f"{_folder(addresses[0])}/")
-        raise type(error)(text) from None
+        local, address = f"{folder}{os.sep}", f"{_folder(addresses[0])}/"
+        error.args = tuple(  # the user knows the file by its address
+            part.replace(local, address) if isinstance(part, str) else part for part in error.args
+        )
+        raise
     finally:
         for folder in [one for one in DOWNLOADED if one.is_relative_to(place)]:
             del DOWNLOADED[folder]

@@ -14,7 +14,7 @@ from weakref import finalize
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import InvalidInputError, MemoryLimitError
+from meshreel.errors import InvalidInputError, Keyword, MemoryLimitError
 from meshreel.kernel.host import ANNOUNCE, READ, RUN, TASK, HostMemory, SourceReader, block_store
 from meshreel.kernel.library import library
 from meshreel.kernel.structures import (
@@ -485,7 +485,8 @@ class OpenFile:
         if error.code == LIMIT:
             return MemoryLimitError(
                 f"decoding would take {size_text(error.size)} of memory; it may take "
-                f"{size_text(self._limit)}; if you trust the stream, allow more with memory="
+                f"{size_text(self._limit)}; if you trust the stream, allow more with ",
+                Keyword("memory"),
             )
         if error.code == NO_MEMORY:
             return MemoryError(f"decoding takes {error.size} bytes, which the system does not have")

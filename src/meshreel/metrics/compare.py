@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.errors import ConnectivityChangeError, InvalidInputError
+from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
@@ -191,7 +191,10 @@ def measure_quality(
         return replace(distances, vertex_errors=_vertex_errors(original, decoded))
     if n_samples is not None:
         raise InvalidInputError(
-            "n_samples has no effect where vertices are compared; surface=True compares surfaces"
+            Keyword("n_samples"),
+            " has no effect where vertices are compared; ",
+            Keyword("surface", True),
+            " compares surfaces",
         )
     if original.n_segments > 1 or decoded.n_segments > 1:
         raise ConnectivityChangeError(

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.sequence import Faces, MeshSequence
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -59,7 +59,9 @@ def simulate_flag(
     counts = {"n_frames": (n_frames, 1), "n_rows": (n_rows, 3), "n_columns": (n_columns, 3)}
     for name, (value, least) in counts.items():
         if not isinstance(value, int | np.integer) or value < least:
-            raise InvalidInputError(f"{name} must be an integer, at least {least}; got {value!r}")
+            raise InvalidInputError(
+                Keyword(name), f" must be an integer, at least {least}; got {value!r}"
+            )
     if not 1 <= fps <= 1000:
         raise InvalidInputError(f"fps must be in 1..1000; got {fps}")
     n_substeps = int(np.ceil(max(n_rows, n_columns, 52) / 52 / (fps * _SUBSTEP_S)))

@@ -15,7 +15,7 @@ from meshreel.codec.memory import DEFAULT_LIMIT
 from meshreel.codec.paper_options import PaperOptions
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.tracks import Track
 from meshreel.paper import blocks
 from meshreel.paper.anchor_exchange import exchange_anchors
@@ -141,7 +141,9 @@ def _check_modes(mesh: CodedMesh, variant: Variant, block_frames: int) -> None:
     elif n_modes > block_frames:
         raise InvalidInputError(
             f"n_modes={n_modes} exceeds the {counted(block_frames, 'frame')} of a block, each of "
-            f"which adds a mode; give at most {block_frames}, or longer blocks (block_frames=)"
+            f"which adds a mode; give at most {block_frames}, or longer blocks (",
+            Keyword("block_frames"),
+            ")",
         )
 
 

@@ -10,7 +10,7 @@ from meshreel.codec.paper_options import (
     Allocation,
     PaperOptions,
 )
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.paper.choices import PaperChoices, choices_of
 from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_named
 
@@ -67,11 +67,14 @@ def check(config: PaperOptions) -> None:
     """
     variant = variant_named(config.method)
     if config.n_modes is not None and config.energy is not None:
-        raise InvalidInputError("n_modes= and energy= exclude each other; give one")
+        raise InvalidInputError(
+            Keyword("n_modes"), " and ", Keyword("energy"), " exclude each other; give one"
+        )
     if config.energy is not None and variant.basis is Basis.GRAPH:
         raise InvalidInputError(
             f"method {variant.name} keeps a number of low frequencies, not a share of the energy; "
-            "give n_modes="
+            "give ",
+            Keyword("n_modes"),
         )
     _check_bits(config, variant)
     chosen = choices(config)
@@ -109,7 +112,7 @@ def ineffective_choices(config: PaperOptions, chosen: PaperChoices) -> dict[str,
     elif isinstance(config.bits, Sequence) or allocation_of(config) is Allocation.CONSTANT:
         reasons["quantize"] = "deltas of all frames have one step; give one number of bits"
     if isinstance(config.anchors, Sequence):
-        reasons["anchor_set"] = "anchors= lists the vertices"
+        reasons["anchor_set"] = "anchors lists the vertices"
     if chosen.anchor_set != "random" or isinstance(config.anchors, Sequence):
         reasons["anchor_seed"] = "it is the seed of anchor_set=random"
     return reasons

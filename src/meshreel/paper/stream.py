@@ -14,7 +14,7 @@ from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.option import COUNT
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword
 from meshreel.model.sequence import Faces
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.decoder import PaperBlockDecoder, open_paper_stream
@@ -204,7 +204,7 @@ class PaperStream:
             If the system is singular to working precision.
         """
         if n_modes is not None:
-            COUNT.check(n_modes, "n_modes")
+            COUNT.check(n_modes, Keyword("n_modes"))
         vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
         done = 0
         for block in self.blocks:

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 Image = npt.NDArray[np.uint8]
 
@@ -38,7 +38,7 @@ COLORMAPS = {"sequential": HEAT, "diverging": DIVERGING}
 def check_colormap(name: str) -> None:
     """Raise InvalidInputError unless a color map has this name."""
     if name not in COLORMAPS:
-        raise InvalidInputError(f"--colormap is {' or '.join(COLORMAPS)}; got {name!r}")
+        raise InvalidInputError(Keyword("colormap"), f" is {' or '.join(COLORMAPS)}; got {name!r}")
 
 
 def colorize(values: npt.ArrayLike, low: float, high: float, colormap: str | None = None) -> Image:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.rendering.lettering import Font, font_of_size, line_height_px
 
 MIN_VIEW_PX = 32
@@ -121,7 +121,10 @@ def plan_layout(size: Size, parts: Parts, font_px: float, aspect: float | None =
     if min(width, height) < MIN_VIEW_PX:
         raise InvalidInputError(
             f"{size[0]} x {size[1]} pixels leave {max(width, 0)} x {max(height, 0)} for each of "
-            f"{parts.n_rows} x {parts.n_columns} views; give a larger --size or fewer --frames"
+            f"{parts.n_rows} x {parts.n_columns} views; give a larger ",
+            Keyword("size"),
+            " or fewer ",
+            Keyword("frames"),
         )
     if aspect is not None:
         aspect = float(np.clip(aspect, *ASPECTS))

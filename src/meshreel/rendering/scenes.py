@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Values
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.metrics.compare import mesh_difference, require_comparable
 from meshreel.metrics.heat import (
     HEATS,
@@ -153,12 +153,13 @@ class Scene:
     ) -> None:
         if heat is not None and original is None:
             raise InvalidInputError(
-                "a heat map shows the difference from an original; name it with --original"
+                "a heat map shows the difference from an original; name it with ",
+                Keyword("original"),
             )
         if heat not in (None, *HEAT_NAMES):
             raise InvalidInputError(f"heat must be one of {', '.join(HEAT_NAMES)}; got {heat!r}")
         if heat == TRACK_HEAT and track is None:
-            raise InvalidInputError("a heat map of a track needs its name: add --track")
+            raise InvalidInputError("a heat map of a track needs its name: add ", Keyword("track"))
         self.sequence: MeshSequence = sequence
         self.original: MeshSequence | None = original
         self.heat: str | None = heat

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.arrays import Floats, Values
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.metrics.track_errors import error_unit, value_errors
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -100,12 +100,14 @@ class TrackColors:
         self.colormap: str | None = look.colormap
         if look.colormap is not None:
             check_colormap(look.colormap)
-        options = {"--range": look.range, "--colormap": look.colormap}
+        options = {"range": look.range, "colormap": look.colormap}
         unused = next((option for option, value in options.items() if value is not None), None)
         if self.shows_colors and unused:
             raise InvalidInputError(
-                f"track {look.name!r} contains colors, which are shown directly; omit {unused}, or "
-                "select one channel with --component"
+                f"track {look.name!r} contains colors, which are shown directly; omit ",
+                Keyword(unused),
+                ", or select one channel with ",
+                Keyword("component"),
             )
         default_range = NORMAL_RANGE if track.kind is TrackKind.NORMAL else DEFAULT_RANGE
         self._range_text = look.range or default_range
@@ -254,8 +256,9 @@ def _select_columns(look: TrackLook, track: TrackSource) -> tuple[Sequence[int],
         numbers = columns[0] if n_columns == 1 else f"{columns[0]} to {columns[-1]}"
         got = f"got {component!r}" if look.component else "select one"
         raise InvalidInputError(
-            f"track {look.name!r} has {counted(n_columns, 'number')} per {track.domain}: "
-            f"--component is {', '.join([numbers, *names])}; {got}"
+            f"track {look.name!r} has {counted(n_columns, 'number')} per {track.domain}: ",
+            Keyword("component"),
+            f" is {', '.join([numbers, *names])}; {got}",
         )
     if component == MAGNITUDE:
         return range(n_columns), MAGNITUDE

@@ -135,5 +135,5 @@ def test_decoding_refuses_an_invalid_number_of_modes(n_modes):
 @pytest.mark.parametrize("name", ["lossless", "grid"])
 def test_decoding_refuses_a_number_of_modes_for_methods_without_modes(name):
     data = encode(waving_grid(3), name, max_error=0.1 if name == "grid" else None)
-    with pytest.raises(InvalidInputError, match=f"method {name} has no modes; omit n_modes="):
+    with pytest.raises(InvalidInputError, match=f"method {name} has no modes; omit n_modes"):
         decode(data, n_modes=2)

@@ -26,7 +26,7 @@ def test_sizes_are_parsed_to_bytes(given, expected):
 
 @pytest.mark.parametrize("given", ["", "kB", "100 apples", "-5kB", "1..2", "nan", "0x10", "10k"])
 def test_text_that_is_not_a_size_is_refused(given):
-    with pytest.raises(InvalidInputError, match="size= takes a size such as 100kB or 1GiB"):
+    with pytest.raises(InvalidInputError, match="size takes a size such as 100kB or 1GiB"):
         bytes_of(given, "size")
 
 

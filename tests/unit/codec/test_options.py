@@ -84,7 +84,7 @@ def test_methods_refuse_options_that_they_lack(method, name):
     given = True if option.annotation is bool else given
     if method in option.methods or name == "unit":
         return
-    expected = f"method {method} does not take {name}=; .* {' or '.join(option.methods)}$"
+    expected = f"method {method} does not take {name}; .* {' or '.join(option.methods)}$"
     with pytest.raises(InvalidInputError, match=expected):
         config_of(method, **{name: given})
 

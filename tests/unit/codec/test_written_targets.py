@@ -62,5 +62,5 @@ def test_refused_bound_is_reported_in_the_unit_of_the_request():
 
 
 def test_unit_without_a_number_is_refused():
-    with pytest.raises(InvalidInputError, match="unit= applies to a length in max_error="):
+    with pytest.raises(InvalidInputError, match="unit applies to a length in max_error"):
         config_of(unit="mm")

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.app.cli.figures import quality_rows
+from meshreel.app.figures import quality_rows
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import compare, rest_motion
 from meshreel.metrics.displacement import displacement_errors_percent

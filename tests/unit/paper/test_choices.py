@@ -92,7 +92,7 @@ def test_choice_without_effect_is_an_error(method):
 
 
 def test_other_methods_refuse_choices():
-    with pytest.raises(InvalidInputError, match="method reel does not take choices="):
+    with pytest.raises(InvalidInputError, match="method reel does not take choices"):
         encode(waving_grid(3), choices={"anchor_bits": 12})
 
 

@@ -82,7 +82,7 @@ def test_aspect_of_views_is_limited():
 
 
 def test_error_for_a_small_sheet_states_the_view_size():
-    with pytest.raises(InvalidInputError, match=r"60 x 60 pixels leave .* larger --size"):
+    with pytest.raises(InvalidInputError, match=r"60 x 60 pixels leave .* larger size"):
         plan_layout((60, 60), Parts(2, 4, n_label_lines=1), 14)
     assert plan_layout((32, 32), Parts(1, 1), 14).view_size == (32, 32)
     with pytest.raises(InvalidInputError, match="31 x 40"):

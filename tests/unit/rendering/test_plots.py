@@ -1,4 +1,4 @@
-"""Plots that need matplotlib."""
+"""Figures of matplotlib."""
 
 import sys
 

@@ -24,7 +24,7 @@ def drawn(scene, number=3, scales=NO_SCALES):
 
 
 def test_error_for_heat_without_an_original_names_the_option(grid):
-    with pytest.raises(InvalidInputError, match="--original"):
+    with pytest.raises(InvalidInputError, match="original"):
         Scene(grid, None, "angle")
 
 
@@ -148,7 +148,7 @@ def test_scene_rejects_a_missing_or_different_track(grid):
         Scene(with_track(grid, values), grid, track=TrackLook("heat"))
     with pytest.raises(InvalidInputError, match="of the original is scalar of each face"):
         Scene(with_track(grid, values), with_track(grid, other, "face"), track=TrackLook("heat"))
-    with pytest.raises(InvalidInputError, match="add --track"):
+    with pytest.raises(InvalidInputError, match="add track"):
         Scene(with_track(grid, values), with_track(grid, values), "track")
 
 

@@ -110,7 +110,7 @@ def test_heat_map_has_a_color_bar_with_numbers(grid, lifted):
 
 
 def test_still_rejects_a_size_that_is_too_small(grid):
-    with pytest.raises(InvalidInputError, match="larger --size or fewer --frames"):
+    with pytest.raises(InvalidInputError, match="larger size or fewer frames"):
         still(Scene(grid), range(8), FRONT, size=(80, 60))
 
 

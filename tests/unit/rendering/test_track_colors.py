@@ -146,7 +146,7 @@ def test_a_color_track_is_shown_directly():
     numbers = Track(np.array([[[9, 8, 7]]], np.uint8), kind="color")
     assert TrackColors(TrackLook("c"), numbers).colors(numbers[0], None).tolist() == [[9, 8, 7]]
     assert TrackColors(TrackLook("c", "1"), floats).numbers(floats[0])[:2].tolist() == [0.5, -1]
-    with pytest.raises(InvalidInputError, match="shown directly; omit --range"):
+    with pytest.raises(InvalidInputError, match="shown directly; omit range"):
         TrackColors(TrackLook("c", range="0:1"), floats)
 
 

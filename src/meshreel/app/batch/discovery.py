@@ -1,7 +1,7 @@
 """The sequences under a folder."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -84,119 +84,108 @@ def find_inputs(folder: Path | str, *, but_not: Path | str | None = None) -> lis
     InvalidInputError
         If the folder does not exist, or contains no sequence.
     """
+    files: dict[Path, Path | RemoteFile] = {}
     if is_remote(folder):
-        found = list(_remote_inputs(folder, but_not))
+        top: Path | str = folder.rstrip("/")
+        files |= _remote_files(folder.rstrip("/"), but_not)
     else:
-        found = list(_local_inputs(Path(folder), None if is_remote(but_not) else but_not))
-    if not found:
+        top = Path(folder).absolute()
+        files |= _local_files(top, None if is_remote(but_not) else but_not)
+    inputs = list(_inputs_among(files, top))
+    if not inputs:
         raise InvalidInputError(
             f"there is no sequence under {folder}; looked for {', '.join(WHOLE_SEQUENCES)} files "
             f"and for folders of frames ({', '.join(FRAME_FORMATS)})"
         )
-    return found
+    return inputs
 
 
-def _local_inputs(folder: Path, but_not: Path | str | None) -> Iterator[BatchInput]:
+def _local_files(folder: Path, but_not: Path | str | None) -> Iterator[tuple[Path, Path]]:
+    """Yield relative and absolute paths of all visible files."""
     if not folder.is_dir():
         raise InvalidInputError(f"there is no folder {str(folder)!r}; name the folder of inputs")
-    top = folder.absolute()
-    passed_over = Path(but_not).resolve() if but_not else None
-    for place in _folders_under(top):
-        if place == top or not (place.resolve() == passed_over or _is_of_pieces(place)):
-            yield from _inputs_in(place, top)
-
-
-def _remote_inputs(folder: str, but_not: Path | str | None) -> Iterator[BatchInput]:
-    """Find the sequences among the files that a store lists."""
-    top = folder.rstrip("/")
-    passed_over = f"{but_not}".rstrip("/") + "/" if is_remote(but_not) else None
-    by_folder: dict[Path, dict[Path, RemoteFile]] = {}
-    for file in files_below(top):
-        is_hidden = any(part.startswith(".") for part in Path(file.name).parts)
-        is_output = passed_over is not None and f"{top}/{file.name}".startswith(passed_over)
-        if not is_hidden and not (is_output and passed_over != f"{top}/"):
-            path = Path(file.name)
-            by_folder.setdefault(path.parent, {})[path] = file
-    for place in natural_order(by_folder):
-        files = by_folder[place]
-        named = _companions(list(by_folder.get(place.parent, {}))) if place.name else set()
-        if not any(one.parent == place and one in files for one in named):
-            yield from _remote_inputs_in(top, place, files)
-
-
-def _remote_inputs_in(top: str, place: Path, files: dict[Path, RemoteFile]) -> Iterator[BatchInput]:
-    beside = _companions(list(files))
-    order = [path for path in natural_order(files) if path not in beside]
-    frames = [path for path in order if path.suffix.lower() in FRAME_FORMATS]
-    if frames:
-        output = place.parent / f"{place.name or name_of(top)}{OUTPUT_EXTENSION}"
-        yield BatchInput(
-            place.as_posix(), f"{top}/{place.as_posix()}".removesuffix("/."), (),
-            output.as_posix(), tuple(files[path] for path in frames),
-        )  # fmt: skip
-    for path in order:
-        if extension_of(path) in WHOLE_SEQUENCES:
-            parts = [files[path], *(files[one] for one in _companions([path]) if one in files)]
-            output = place / f"{path.stem}{OUTPUT_EXTENSION}"
-            address = f"{top}/{path.as_posix()}"
-            yield BatchInput(path.as_posix(), address, (), output.as_posix(), tuple(parts))
+    skipped = Path(but_not).resolve() if but_not else None
+    for parent in _folders_under(folder):
+        if parent == folder or parent.resolve() != skipped:
+            for path in _visible(parent):
+                if path.is_file():
+                    yield path.relative_to(folder), path
 
 
 def _folders_under(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
     """Yield a folder and its subfolders; links to a parent folder are not followed."""
-    true_place = folder.resolve()
-    if true_place in above:
+    real_folder = folder.resolve()
+    if real_folder in above:
         return
     yield folder
-    for child in natural_order(_visible(folder)):
+    for child in _visible(folder):
         if child.is_dir():
-            yield from _folders_under(child, (*above, true_place))
+            yield from _folders_under(child, (*above, real_folder))
 
 
-def _inputs_in(folder: Path, top: Path) -> Iterator[BatchInput]:
-    files = natural_order(path for path in _visible(folder) if path.is_file())
-    beside = _companions(files)
-    frames = tuple(
-        path for path in files if path.suffix.lower() in FRAME_FORMATS and path not in beside
-    )
-    place = folder.relative_to(top)
-    if frames:
-        # The path of the input folder itself is ".", which has no name.
-        output = place.parent / f"{place.name or folder.resolve().name}{OUTPUT_EXTENSION}"
-        yield BatchInput(place.as_posix(), folder, frames, output.as_posix())
+def _visible(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if not path.name.startswith(".")]
+
+
+def _remote_files(top: str, but_not: Path | str | None) -> Iterator[tuple[Path, RemoteFile]]:
+    """Yield all visible files that a store lists, with their relative paths."""
+    skipped = f"{but_not}".rstrip("/") + "/" if is_remote(but_not) else None
+    for file in files_below(top):
+        is_hidden = any(part.startswith(".") for part in Path(file.name).parts)
+        is_output = skipped is not None and f"{top}/{file.name}".startswith(skipped)
+        if not is_hidden and not (is_output and skipped != f"{top}/"):
+            yield Path(file.name), file
+
+
+def _inputs_among(files: Mapping[Path, Path | RemoteFile], top: Path | str) -> Iterator[BatchInput]:
+    """Yield the inputs among files, which are given by their relative paths."""
+    by_folder: dict[Path, list[Path]] = {}
     for path in files:
-        if extension_of(path) in WHOLE_SEQUENCES and path not in beside:
-            output = place / f"{path.stem}{OUTPUT_EXTENSION}"
-            parts = [part for one in _companions([path]) for part in _parts(one, path)]
-            parts = [path, *parts, *SEQUENCE_FORMATS[extension_of(path)].other_files(path)]
-            yield BatchInput((place / path.name).as_posix(), path, tuple(parts), output.as_posix())
+        by_folder.setdefault(path.parent, []).append(path)
+    for folder in natural_order(by_folder):
+        companions = _companions(by_folder[folder])
+        siblings = _companions(by_folder.get(folder.parent, [])) if folder.name else set()
+        if any(path.parent == folder and path in files for path in siblings):
+            continue  # the pieces of a sequence whose main file is next to the folder
+        paths = [path for path in natural_order(by_folder[folder]) if path not in companions]
+        frames = [path for path in paths if path.suffix.lower() in FRAME_FORMATS]
+        if frames:
+            # The path of the input folder itself is ".", which has no name.
+            output = folder.parent / f"{folder.name or _name_of(top)}{OUTPUT_EXTENSION}"
+            yield _input(folder, top, output, [files[path] for path in frames])
+        for path in paths:
+            if extension_of(path) in WHOLE_SEQUENCES:
+                parts = [files[part] for part in (path, *_parts(path, by_folder))]
+                if isinstance(top, Path):
+                    parts += SEQUENCE_FORMATS[extension_of(path)].other_files(top / path)
+                yield _input(path, top, folder / f"{path.stem}{OUTPUT_EXTENSION}", parts)
+
+
+def _input(path: Path, top: Path | str, output: Path, files: list[Path | RemoteFile]) -> BatchInput:
+    local = tuple(file for file in files if isinstance(file, Path))
+    remote = tuple(file for file in files if isinstance(file, RemoteFile))
+    source = top / path if isinstance(top, Path) else f"{top}/{path.as_posix()}".removesuffix("/.")
+    return BatchInput(path.as_posix(), source, local, output.as_posix(), remote)
+
+
+def _name_of(folder: Path | str) -> str:
+    return name_of(folder) if isinstance(folder, str) else folder.resolve().name
 
 
 def _companions(files: list[Path]) -> set[Path]:
     """Files that belong to another file: the mesh of a cache, binary data, a first piece."""
     formats = [(path, SEQUENCE_FORMATS.get(extension_of(path))) for path in files]
-    meshes = {
-        path.with_suffix(found.companion) for path, found in formats if found and found.companion
-    }
+    meshes = {path.with_suffix(row.companion) for path, row in formats if row and row.companion}
     return meshes.union(
-        *(found.data_files(path, 1) for path, found in formats if found and found.data_files)
+        *(row.data_files(path, 1) for path, row in formats if row and row.data_files)
     )
 
 
-def _parts(companion: Path, path: Path) -> list[Path]:
+def _parts(path: Path, by_folder: Mapping[Path, list[Path]]) -> list[Path]:
     """The existing companion of a file; if it is in a folder of pieces, all pieces."""
-    if not companion.exists():
-        return []
-    if companion.parent == path.parent:
-        return [companion]
-    return natural_order(one for one in _visible(companion.parent) if one.is_file())
-
-
-def _is_of_pieces(folder: Path) -> bool:
-    """Whether a folder contains the pieces of a sequence whose main file is next to the folder."""
-    beside = [path for path in _visible(folder.parent) if path.is_file()]
-    return any(one.parent == folder and one.exists() for one in _companions(beside))
-
-
-def _visible(folder: Path) -> list[Path]:
-    return [path for path in folder.iterdir() if not path.name.startswith(".")]
+    parts = []
+    for companion in _companions([path]):
+        listed = by_folder.get(companion.parent, [])
+        if companion in listed:
+            parts += [companion] if companion.parent == path.parent else natural_order(listed)
+    return parts

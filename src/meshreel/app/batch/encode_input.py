@@ -6,21 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from meshreel.codec.achieved import measure_stream
+from meshreel.app.encoding import encode_and_measure
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.decoder import decode
-from meshreel.codec.encoder import encode_with
-from meshreel.codec.inspect import info
-from meshreel.codec.reordering import joined_note, without_reordering
-from meshreel.codec.solver_state import solver_state_note
-from meshreel.codec.surface.payloads import order_notes
-from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.codec.surface.uv_grid import has_uvs
-from meshreel.codec.track_bounds import without_units
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.frames.selection import with_surfaces
 from meshreel.formats.load import open_for_encoding
-from meshreel.formats.notes import note_unknown_rate
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import registered
@@ -81,7 +73,7 @@ class EncodeOptions:
 
     def as_dict(self) -> dict[str, Any]:
         """Options that differ from the default, in plain types."""
-        chosen = {one.name: getattr(self.config, one.name) for one in self.config.chosen}
+        chosen = {option.name: getattr(self.config, option.name) for option in self.config.chosen}
         reading = {name: getattr(self.reading, name) for name in READ_OPTIONS}
         chosen |= {
             name: value for name, value in reading.items() if value != getattr(ReadOptions, name)
@@ -90,7 +82,7 @@ class EncodeOptions:
 
 
 @dataclass(frozen=True)
-class Encoded:
+class EncodedInput:
     """A stream and its measurements.
 
     Attributes
@@ -105,7 +97,7 @@ class Encoded:
 
 def encode_input(
     source: str, options: EncodeOptions, version: str, engine: Engine | None = None
-) -> Encoded:
+) -> EncodedInput:
     """Encode and measure the sequence at a path or an address.
 
     Writes no files: a stopped worker leaves nothing behind, and a remote worker needs access only
@@ -152,25 +144,16 @@ def _measured(
     notes: list[str],
     began: float,
     engine: Engine | None,
-) -> Encoded:
+) -> EncodedInput:
     """Encode and measure an opened input."""
-    given, config = _suited(opened, options, notes)
-    sequence = without_reordering(given, config.order)
-    notes += filter(None, [joined_note(given, sequence)])
+    sequence, config = _suited(opened, options, notes)
     tracks = _present(sequence, options, notes)
-    data = encode_with(config, sequence, tracks=tracks, engine=engine)
-    achieved = measure_stream(sequence, data, with_sted=config.is_chosen("sted"))
+    encoded = encode_and_measure(sequence, config, tracks, notes, engine=engine)
     for registration in registrations:
         from meshreel.registration.report import Report  # imports SciPy
 
-        notes += Report.measured(registration, decode(data)).notes()
-    stream = info(data)
-    surfaces = (segment.surface for segment in sequence.segments)
-    notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
-    if state := solver_state_note(stream.tracks, tracks):
-        notes.append(state)
-    note_unknown_rate(notes, sequence.n_frames, sequence.fps)
-    uv = None if config.uv_bits is None else measure_uvs(sequence, data)
+        notes += Report.measured(registration, decode(encoded.data)).notes()
+    stream, achieved = encoded.stream, encoded.achieved
     figures = {
         "seconds": round(time.perf_counter() - began, 3),
         "raw_size_bytes": stream.raw_size_bytes,
@@ -180,13 +163,17 @@ def _measured(
         "max_error_percent": _finite(achieved.max_error_percent),
         "sted": _finite(achieved.sted),
         "tracks": {
-            name: {"largest": _finite(one.largest), "rms": _finite(one.rms), "unit": one.unit}
-            for name, one in achieved.tracks.items()
+            name: {
+                "largest": _finite(errors.largest),
+                "rms": _finite(errors.rms),
+                "unit": errors.unit,
+            }
+            for name, errors in achieved.tracks.items()
         },
-        "uv_error": None if uv is None else uv.largest,
+        "uv_error": None if encoded.uv is None else encoded.uv.largest,
         "notes": notes,
     }
-    return Encoded(data, figures)
+    return EncodedInput(encoded.data, figures)
 
 
 def _suited(
@@ -203,7 +190,7 @@ def _suited(
     if config.uv_bits is not None and not any(
         has_uvs(segment.surface) for segment in sequence.segments
     ):
-        notes.append("has no texture coordinates for uv_bits= to quantize")
+        notes.append(Message("has no texture coordinates for ", Keyword("uv_bits"), " to quantize"))
         config = replace(config, uv_bits=None)
     if options.block_share < 1:
         config = _with_smaller_blocks(config, sequence, options.block_share, notes)
@@ -231,8 +218,7 @@ def _present(
     bounds, tracks = options.tracks or {}, tracks_of_all(sequence)
     if missing := [name for name in bounds if name not in tracks]:
         notes.append(f"has no track {', '.join(missing)}")
-    present = {name: bound for name, bound in bounds.items() if name in tracks}
-    return without_units(tracks, present, notes)
+    return {name: bound for name, bound in bounds.items() if name in tracks}
 
 
 def _finite(error: float | None) -> float | None:

@@ -2,13 +2,13 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from meshreel.app.batch.out_folder import OutFolder, out_folder
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.runtime.version import __version__
 
 MANIFEST_NAME = "manifest.json"
@@ -68,45 +68,22 @@ class Record:
     notes: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Summary:
-    """Totals over all records.
-
-    Attributes
-    ----------
-    done, failed, pending : int
-        Records in each state.
-    raw_size_bytes, size_bytes : int
-        Totals of the done records.
-    ratio : float or None
-        The first divided by the second; None if none is done.
-    kg_error_percent, max_error_percent : float or None
-        Maxima over the done records.
-    """
-
-    done: int
-    failed: int
-    pending: int
-    raw_size_bytes: int
-    size_bytes: int
-    ratio: float | None
-    kg_error_percent: float | None
-    max_error_percent: float | None
-
-
-def summary_of(records: Iterable[Record]) -> Summary:
-    """The summary of records."""
-    listed = list(records)
-    states = Counter(record.state for record in listed)
-    done = [record for record in listed if record.state == DONE]
-    raw, size = (sum(sizes) for sizes in (
-        (record.raw_size_bytes or 0 for record in done), (record.size_bytes or 0 for record in done)
-    ))  # fmt: skip
-    return Summary(
-        states[DONE], states[FAILED], states[PENDING], raw, size, raw / size if size else None,
-        max((one.kg_error_percent or 0.0 for one in done), default=None),
-        max((one.max_error_percent or 0.0 for one in done), default=None),
-    )  # fmt: skip
+def summary_of(records: Collection[Record]) -> dict[str, Any]:
+    """Numbers of records by state; total sizes and largest errors of those that are done."""
+    states = Counter(record.state for record in records)
+    done = [record for record in records if record.state == DONE]
+    raw = sum(record.raw_size_bytes or 0 for record in done)
+    size = sum(record.size_bytes or 0 for record in done)
+    return {
+        **{state: states[state] for state in (DONE, FAILED, PENDING)},
+        "raw_size_bytes": raw,
+        "size_bytes": size,
+        "ratio": raw / size if size else None,
+        **{
+            name: max((getattr(record, name) or 0.0 for record in done), default=None)
+            for name in ("kg_error_percent", "max_error_percent")
+        },
+    }
 
 
 @dataclass(frozen=True)
@@ -132,7 +109,7 @@ class Manifest:
             "made_by": MADE_BY,
             "layout": LAYOUT,
             "input_dir": self.input_dir,
-            "summary": asdict(summary_of(self.records.values())),
+            "summary": summary_of(self.records.values()),
         }
         lines = ",\n".join(self._line(name, record) for name, record in self.records.items())
         text = json.dumps(head, indent=1).removesuffix("\n}")
@@ -164,7 +141,7 @@ def read_manifest(input_dir: Path | str, out_dir: Path | str, *, force: bool = F
         If a remote folder cannot be read.
     """
     folder = out_folder(out_dir)
-    seen_from_out = folder.seen_to(input_dir)
+    seen_from_out = folder.relative_path_to(input_dir)
     manifest = Manifest(folder, seen_from_out, {})
     if not folder.has(MANIFEST_NAME):
         return manifest
@@ -181,6 +158,7 @@ def read_manifest(input_dir: Path | str, out_dir: Path | str, *, force: bool = F
     if facts.get("input_dir") != seen_from_out and not force:
         raise InvalidInputError(
             f"{manifest.name} is of the inputs in {facts.get('input_dir')}, seen from there, not "
-            f"of {input_dir}; name another folder for the outputs, or use --force"
+            f"of {input_dir}; name another folder for the outputs, or use ",
+            Keyword("force", True),
         )
     return Manifest(folder, seen_from_out, records)

@@ -4,7 +4,6 @@ import os
 import tempfile
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
 
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.outputs.checks import check_output_folder
@@ -13,8 +12,8 @@ from meshreel.runtime.stores.filesystem import files_below
 from meshreel.runtime.stores.transfer import check_outputs, read_whole, upload
 
 
-class OutFolder(Protocol):
-    """An output folder; names are relative paths with slashes.
+class OutFolder:
+    """A local output folder; names are relative paths with slashes.
 
     Attributes
     ----------
@@ -22,43 +21,13 @@ class OutFolder(Protocol):
         Number of files to write at the same time.
     """
 
-    n_writers: int
-
-    def check(self) -> None:
-        """Refuse a folder that is not writable."""
-
-    def has(self, name: str) -> bool:
-        """Whether a file or folder existed when the batch was planned."""
-
-    def size_bytes(self, name: str) -> int | None:
-        """Size of a file at that time; None if it did not exist."""
-
-    def is_one_of(self, name: str, files: tuple[Path, ...]) -> bool:
-        """Whether an existing file is one of these, also through links."""
-
-    def read(self, name: str) -> bytes:
-        """Return the bytes of a file."""
-
-    def write(self, name: str, data: bytes, *, overwrite: bool) -> None:
-        """Write a file atomically, and create its folders."""
-
-    def called(self, name: str) -> str:
-        """Path or address of a file, for messages."""
-
-    def seen_to(self, input_dir: Path | str) -> str:
-        """Relative path to the input folder, which stays valid if both are moved together."""
-
-
-class LocalFolder:
-    """A local folder."""
-
-    n_writers = 1
+    n_writers: int = 1
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def check(self) -> None:
-        """Refuse a path that is not a writable folder."""
+        """Refuse a folder that is not writable."""
         check_output_folder(self.path)
 
     def has(self, name: str) -> bool:
@@ -71,7 +40,7 @@ class LocalFolder:
         return path.stat().st_size if path.is_file() else None
 
     def is_one_of(self, name: str, files: tuple[Path, ...]) -> bool:
-        """Whether it is one of these files, also through links."""
+        """Whether an existing file is one of these, also through links."""
         return any((self.path / name).samefile(file) for file in files)
 
     def read(self, name: str) -> bytes:
@@ -79,18 +48,18 @@ class LocalFolder:
         return (self.path / name).read_bytes()
 
     def write(self, name: str, data: bytes, *, overwrite: bool) -> None:
-        """Write a file under a hidden name, and rename it."""
+        """Write a file atomically, and create its folders."""
         path = self.path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         with replace_when_done(path, overwrite=overwrite) as temporary:
             temporary.write_bytes(data)
 
     def called(self, name: str) -> str:
-        """Path of a file."""
+        """Path or address of a file, for messages."""
         return str(self.path / name)
 
-    def seen_to(self, input_dir: Path | str) -> str:
-        """Relative path to the input folder; the address of a remote one."""
+    def relative_path_to(self, input_dir: Path | str) -> str:
+        """Relative path to the input folder, valid if both are moved; or its remote address."""
         if not isinstance(input_dir, Path):
             return input_dir
         try:
@@ -100,8 +69,8 @@ class LocalFolder:
         return Path(relative).as_posix()
 
 
-class RemoteFolder:
-    """A remote folder, which is listed once."""
+class _RemoteFolder(OutFolder):
+    """A remote folder, which is listed once: `has` and `size_bytes` describe that moment."""
 
     n_writers = 8
 
@@ -109,45 +78,37 @@ class RemoteFolder:
         self.address = address.rstrip("/")
 
     def check(self) -> None:
-        """Refuse an address that is not writable."""
         check_outputs([self.called("manifest.json")], overwrite=True)
 
     @cached_property
     def _sizes(self) -> dict[str, int]:
-        return {one.name: one.size_bytes for one in files_below(self.address)}
+        return {file.name: file.size_bytes for file in files_below(self.address)}
 
     def has(self, name: str) -> bool:
-        """Whether a file existed when the folder was listed."""
         return name in self._sizes
 
     def size_bytes(self, name: str) -> int | None:
-        """Size of a file at that time; None if it did not exist."""
         return self._sizes.get(name)
 
     def is_one_of(self, name: str, files: tuple[Path, ...]) -> bool:
-        """Return False: the files are local."""
-        return False
+        return False  # the files are local
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of a file."""
         return read_whole(self.called(name))
 
     def write(self, name: str, data: bytes, *, overwrite: bool) -> None:
-        """Upload a file atomically."""
-        with tempfile.TemporaryDirectory(prefix="meshreel-") as place:
-            path = Path(place) / "output"
+        with tempfile.TemporaryDirectory(prefix="meshreel-") as folder:
+            path = Path(folder) / "output"
             path.write_bytes(data)
             upload(path, self.called(name), overwrite=overwrite)
 
     def called(self, name: str) -> str:
-        """Address of a file."""
         return f"{self.address}/{name}"
 
-    def seen_to(self, input_dir: Path | str) -> str:
-        """Address of the input folder, or its absolute local path."""
+    def relative_path_to(self, input_dir: Path | str) -> str:
         return input_dir if isinstance(input_dir, str) else input_dir.resolve().as_posix()
 
 
 def out_folder(folder: Path | str) -> OutFolder:
     """The output folder at a path or an address."""
-    return RemoteFolder(folder) if is_remote(folder) else LocalFolder(Path(folder))
+    return _RemoteFolder(folder) if is_remote(folder) else OutFolder(Path(folder))

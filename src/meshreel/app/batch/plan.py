@@ -10,8 +10,7 @@ from meshreel.app.batch.discovery import OUTPUT_EXTENSION, BatchInput, find_inpu
 from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
 from meshreel.app.batch.out_folder import OutFolder, out_folder
-from meshreel.app.batch.report import check_report
-from meshreel.errors import InvalidInputError, MeshReelError
+from meshreel.errors import InvalidInputError, Keyword, MeshReelError, Message
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.inspection import animations_of
 from meshreel.formats.options import ReadOptions
@@ -100,7 +99,6 @@ def plan_batch(
     if all_animations:
         inputs = every_animation(inputs, notes, allow_outside=options.reading.allow_outside)
     manifest = read_manifest(input_dir, out_dir, force=force)
-    check_report(manifest.folder, force=force)
     plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set(), notes)
     rivals = _rivals(inputs)
     for one in inputs:
@@ -145,7 +143,11 @@ def _is_up_to_date(record: Record, earlier: Record | None, folder: OutFolder) ->
 
 
 def _exists(output: str) -> str:
-    return f"{output} exists and was not made from this input; use --force to replace it"
+    return Message(
+        f"{output} exists and was not made from this input; use ",
+        Keyword("force", True),
+        " to replace it",
+    )
 
 
 def _is_input(output: str) -> str:
@@ -190,7 +192,8 @@ def every_animation(
     listed = list(inputs)
     if not any(supports(one.source, "animation") for one in listed):
         raise InvalidInputError(
-            "--animations all has no effect: there is no .glb or .gltf file among the inputs"
+            Keyword("animations"),
+            " all has no effect: there is no .glb or .gltf file among the inputs",
         )
     return [each for one in listed for each in _animations_of(one, notes, allow_outside)]
 

@@ -12,11 +12,10 @@ from time import monotonic
 from typing import Any
 
 from meshreel.app.batch.discovery import BatchInput
-from meshreel.app.batch.encode_input import Encoded, EncodeOptions, encode_input
+from meshreel.app.batch.encode_input import EncodedInput, EncodeOptions, encode_input
 from meshreel.app.batch.manifest import DONE, FAILED, Record
 from meshreel.app.batch.plan import Plan
-from meshreel.app.batch.report import write_report
-from meshreel.errors import MeshReelError, StoreError
+from meshreel.errors import Keyword, MeshReelError, Message, StoreError
 from meshreel.runtime.engine.engine import Engine, wait_for_any, worker_died
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
@@ -76,7 +75,7 @@ def run_batch(
     The stream of each input is written atomically, so finished inputs remain if the run is stopped.
     The manifest is written after each input, but slow writes (many inputs, a store) take at most a
     tenth of the time: if the run is killed, inputs that it does not list as done are encoded again.
-    Manifest and report are complete at the end, or when the run is stopped.
+    The manifest is complete at the end, or when the run is stopped.
 
     Parameters
     ----------
@@ -116,13 +115,13 @@ def _encode_all(run: "_Run", plan: Plan, engine: Engine, progress: Progress) -> 
             future.result()
 
 
-def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
+def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[EncodedInput]"]]:
     """Yield inputs in order of completion; each is encoded by one worker.
 
     An input whose worker died is retried alone at the end: it may not be the cause.
     """
     waiting = deque((source, plan.options_of(source)) for source in _largest_first(plan))
-    pending: dict[Future[Encoded], tuple[BatchInput, EncodeOptions]] = {}
+    pending: dict[Future[EncodedInput], tuple[BatchInput, EncodeOptions]] = {}
     alone: deque[tuple[BatchInput, EncodeOptions]] = deque()
     limit = max(MIN_SUBMITTED, 2 * engine.n_workers)
     try:
@@ -147,27 +146,27 @@ def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Futur
             future.cancel()
 
 
-def _submitted(executor: Executor, item: tuple[str, EncodeOptions, str]) -> "Future[Encoded]":
+def _submitted(executor: Executor, item: tuple[str, EncodeOptions, str]) -> "Future[EncodedInput]":
     """The future of an input; it has failed if the executor is broken."""
     try:
         return executor.submit(encode_input, *item)
     except BrokenExecutor as error:
-        failed: Future[Encoded] = Future()
+        failed: Future[EncodedInput] = Future()
         failed.set_exception(error)
         return failed
 
 
-def _error_of(future: "Future[Encoded]") -> BaseException | None:
+def _error_of(future: "Future[EncodedInput]") -> BaseException | None:
     return CancelledError() if future.cancelled() else future.exception()
 
 
-def _together(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[Encoded]"]]:
+def _together(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[EncodedInput]"]]:
     """Yield inputs in sequence; all workers encode blocks of the current one."""
     for source in _largest_first(plan):
         retry: EncodeOptions | None = plan.options_of(source)
         while retry is not None:
             options, retry = retry, None
-            outcome: Future[Encoded] = Future()
+            outcome: Future[EncodedInput] = Future()
             try:
                 outcome.set_result(encode_input(str(source.source), options, __version__, engine))
             except Exception as error:
@@ -196,7 +195,7 @@ class _Run:
         records.update({source.name: record for source, record in self._plan.to_encode.items()})
         self._plan.manifest.write()
 
-    def finish(self, source: BatchInput, outcome: "Future[Encoded]") -> None:
+    def finish(self, source: BatchInput, outcome: "Future[EncodedInput]") -> None:
         """Write the stream, if encoding succeeded, and the record."""
         pending = self._plan.to_encode[source]
         try:
@@ -219,9 +218,8 @@ class _Run:
                     self._next_write_s = began_s + taken_s / MANIFEST_SHARE
 
     def end(self) -> None:
-        """Write manifest and report."""
+        """Write the complete manifest."""
         self._plan.manifest.write()
-        write_report(self._plan.manifest)
 
     def report(self) -> BatchReport:
         """The inputs of this run by outcome."""
@@ -238,18 +236,23 @@ class _Run:
         self._plan.folder.write(source.output, data, overwrite=source in self._plan.replaced)
 
 
-def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> str:
+def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> Message:
     """The error in one line, without its input; paths are relative to the input folder."""
     if isinstance(error, MeshReelError):
-        text = str(error)
+        parts = error.args
     elif isinstance(error, CancelledError):
-        text = "the call was lost; check that the scheduler is running"
+        parts = ("the call was lost; check that the scheduler is running",)
     elif isinstance(error, MemoryError):
-        text = "not enough memory, even with smaller blocks; use fewer --workers"
+        parts = ("not enough memory, even with smaller blocks; use fewer workers",)
     elif isinstance(error, OSError) and error.filename:
-        text = f"{error.strerror or error}: {error.filename}"
+        parts = (f"{error.strerror or error}: {error.filename}",)
     else:
-        text = f"{type(error).__name__}: {error}"
+        parts = (f"{type(error).__name__}: {error}",)
     top = f"{input_dir.absolute()}{os.sep}" if isinstance(input_dir, Path) else f"{input_dir}/"
-    text = text.replace(top, "").removeprefix(f"{path}: ")
-    return " ".join(text.split())
+    texts = [
+        part if isinstance(part, Keyword) else part.replace(top, "").replace("\n", " ")
+        for part in parts
+    ]
+    if isinstance(texts[0], str):
+        texts[0] = texts[0].removeprefix(f"{path}: ")
+    return Message(*texts)

@@ -70,7 +70,7 @@ def main() -> None:
     except click.ClickException as error:
         _fail(_usage_message(error))
     except MeshReelError as error:
-        _fail(str(error))
+        _fail(error.message)
     except MemoryError:
         _fail("not enough memory; encode with fewer --block-frames to need less")
     except FileNotFoundError as error:

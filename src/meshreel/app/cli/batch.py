@@ -2,17 +2,18 @@
 
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.encode_options import Encoding, encode_options
+from meshreel.app.cli.encode_options import ENCODING, Encoding
 from meshreel.app.cli.messages import print_error, print_line
-from meshreel.app.cli.parameters import argument, option
-from meshreel.app.cli.read_options import READING, reading_options
-from meshreel.app.cli.track_options import track_option, track_targets
-from meshreel.codec.option import COUNT
+from meshreel.app.cli.parameters import Argument, JsonOption
+from meshreel.app.cli.read_options import READING, reading
+from meshreel.app.cli.track_options import TrackOption, track_targets
+from meshreel.codec.option import COUNT, Option
+from meshreel.errors import Message
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,62 +35,61 @@ WORKERS = "Where it runs (give one)"
 
 
 @command
-@argument(
-    "input_dir",
-    metavar="INPUT_DIR",
-    help=f"Folder to search, with its sub-folders, for animation files ({SEQUENCE_EXTENSIONS}) and "
-    f"folders of frames ({FRAME_EXTENSIONS}). Or a remote folder (s3://, gs://), whose inputs the "
-    "workers download.",
-)
-@argument(
-    "out_dir",
-    metavar="OUT_DIR",
-    help="Folder for one .reel per input, in the same sub-folders; created if missing. Or a remote "
-    "folder.",
-)
-@option(
-    "--workers",
-    type=int,
-    range=COUNT,
-    help="Number of processes on this machine; fewer need less memory. Default: one per core.",
-    panel=WORKERS,
-)
-@option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="Address of a Dask scheduler whose workers have INPUT_DIR at the same path or address "
-    "(needs [dask]).",
-    panel=WORKERS,
-)
-@encode_options()
-@track_option
-@reading_options("attributes", "fps", "merge", "skip_bad", "allow_outside", "register")
-@option(
-    "--animations",
-    type=click.Choice(["first", "all"]),
-    default="first",
-    help="Animations to encode of a glTF file with several: the first that moves a mesh, or all, "
-    "each as a separate file: man.glb with run and jump becomes man.run.reel and man.jump.reel.",
-    panel=READING,
-)
-@option(
-    "--force",
-    "-f",
-    is_flag=True,
-    help="Encode everything again, and replace existing outputs.",
-)
-@option("as_json", "--json", is_flag=True, help="Print the result of each input as JSON.")
 def batch_command(
-    input_dir: str,
-    out_dir: str,
-    workers: int | None,
-    scheduler: str | None,
-    encoding: Encoding,
-    track: tuple[str, ...],
-    reading: "ReadOptions",
-    animations: str,
-    force: bool,
-    as_json: bool,
+    input_dir: Annotated[
+        str,
+        Argument(
+            "INPUT_DIR",
+            "Folder to search, with its sub-folders, for animation files "
+            f"({SEQUENCE_EXTENSIONS}) and folders of frames ({FRAME_EXTENSIONS}). Or a remote "
+            "folder (s3://, gs://), whose inputs the workers download.",
+        ),
+    ],
+    out_dir: Annotated[
+        str,
+        Argument(
+            "OUT_DIR",
+            "Folder for one .reel per input, in the same sub-folders; created if missing. Or a "
+            "remote folder.",
+        ),
+    ],
+    encoding: Annotated[Encoding, ENCODING],
+    reading: Annotated[
+        "ReadOptions",
+        reading("attributes", "fps", "merge", "skip_bad", "allow_outside", "register"),
+    ],
+    workers: Annotated[
+        int | None,
+        Option(
+            "Number of processes on this machine; fewer need less memory. Default: one per core.",
+            range=COUNT,
+            group=WORKERS,
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        Option(
+            "Address of a Dask scheduler whose workers have INPUT_DIR at the same path or address "
+            "(needs [dask]).",
+            metavar="ADDRESS",
+            group=WORKERS,
+        ),
+    ] = None,
+    track: TrackOption = (),
+    animations: Annotated[
+        Literal["first", "all"],
+        Option(
+            "Animations to encode of a glTF file with several: the first that moves a mesh, or "
+            "all, each as a separate file: man.glb with run and jump becomes man.run.reel and "
+            "man.jump.reel.",
+            group=READING,
+        ),
+    ] = "first",
+    force: Annotated[
+        bool,
+        Option("Encode everything again, and replace existing outputs.", flag="--force -f"),
+    ] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Compress every animated mesh under a folder, on all cores or on a Dask cluster.
 
@@ -132,9 +132,11 @@ def batch_command(
     print_notes(plan.notes)
     report = _run(plan, workers, scheduler)
     records = report.encoded.items()
-    print_notes([f"{name}: {note}" for name, record in records for note in record.notes])
+    print_notes(
+        [Message.prefixed(f"{name}: ", note) for name, record in records for note in record.notes]
+    )
     for name, record in report.failed.items():
-        print_error(f"{name}: {record.error or ''}")
+        print_error(Message.prefixed(f"{name}: ", record.error or ""))
     if as_json:
         print_json({"manifest": plan.manifest.name, "notes": plan.notes, **report.as_dict()})
     else:

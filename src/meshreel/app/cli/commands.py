@@ -1,5 +1,6 @@
 """The commands of the program, each imported when it runs or shows its help."""
 
+import inspect
 import re
 from collections.abc import Callable
 from importlib import import_module
@@ -119,8 +120,15 @@ def _flag_of_synonym(option_name: str) -> str:
 
 
 def command(function: Callable[..., Any]) -> click.Command:
-    """Decorator: turn a function into a command; its docstring is the help."""
-    return click.command(function.__name__.removesuffix("_command"), cls=Command)(function)
+    """Decorator: turn a function into a command with its annotated parameters.
+
+    Its docstring is the help.
+    """
+    from meshreel.app.cli.parameters import with_parameters
+
+    params, callback = with_parameters(function)
+    name = function.__name__.removesuffix("_command")
+    return Command(name, params=params, callback=callback, help=inspect.getdoc(function))
 
 
 def command_named(name: str) -> click.Command:

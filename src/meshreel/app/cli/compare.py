@@ -1,57 +1,41 @@
 """`meshreel compare`: errors of a decoded animation relative to its original."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files
-from meshreel.app.cli.parameters import argument, option
-from meshreel.app.cli.read_options import MESHES, reading_options
-from meshreel.codec.option import Range
+from meshreel.app.cli.parameters import Argument, JsonOption
+from meshreel.app.cli.read_options import MESHES, reading
+from meshreel.codec.option import COUNT, Option
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
 
 @command
-@argument(
-    "original",
-    completion=input_files,
-    help="A file that holds an animation (see `meshreel formats`), a frame file, a folder "
-    "or a quoted glob.",
-)
-@argument("decoded", completion=input_files, help="A file or frames, as above.")
-@reading_options(*MESHES, "memory")
-@option(
-    "--surface",
-    is_flag=True,
-    help="Measure distances between the surfaces also if the faces are the same.",
-)
-@option(
-    "--samples",
-    "n_samples",
-    type=int,
-    range=Range(1, is_whole=True),
-    metavar="N",
-    help="Points on each surface of a frame from which distances are measured [default: 50000].",
-)
-@option(
-    "--plot",
-    type=Path,
-    metavar="FILE.png",
-    help="Draw the error of each frame: NMSVE, or mean distance of surfaces (needs [plot]).",
-)
-@option("--force", "-f", is_flag=True, help="Replace the plot if it exists.")
-@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def compare_command(
-    original: str,
-    decoded: str,
-    reading: "ReadOptions",
-    surface: bool,
-    n_samples: int | None,
-    plot: Path | None,
-    force: bool,
-    as_json: bool,
+    original: Annotated[
+        str,
+        Argument(
+            "ORIGINAL",
+            "A file that holds an animation (see `meshreel formats`), a frame file, a folder or a "
+            "quoted glob.",
+        ),
+    ],
+    decoded: Annotated[str, Argument("DECODED", "A file or frames, as above.")],
+    reading: Annotated["ReadOptions", reading(*MESHES, "memory")],
+    surface: Annotated[
+        bool, Option("Measure distances between the surfaces also if the faces are the same.")
+    ] = False,
+    samples: Annotated[
+        int | None,
+        Option(
+            "Points on each surface of a frame from which distances are measured.",
+            default_text="50000",
+            range=COUNT,
+            metavar="N",
+        ),
+    ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Measure the error of a decoded animation relative to its original.
 
@@ -64,14 +48,14 @@ def compare_command(
 
     - `meshreel compare shot.abc body.reel --object /root/body`
 
-    - `meshreel compare frames/ decoded.npz --plot nmsve.png --json`
+    - `meshreel compare frames/ decoded.npz --json`
 
     - `meshreel compare scan.abc remeshed.abc --surface --samples 200000`
     """
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
-    from meshreel.app.cli.figures import distance_rows, quality_rows
+    from meshreel.app.figures import distance_rows, quality_rows
     from meshreel.codec.dropped_order import MATCHED, match_order
     from meshreel.formats.load import load_any
     from meshreel.formats.needed_extras import extras_to_read
@@ -81,17 +65,12 @@ def compare_command(
     from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import Quality, measure_quality
     from meshreel.model.sequence import single_segment
-    from meshreel.rendering.plots import plot_error_per_frame
-    from meshreel.runtime.extras import PLOT, require
-    from meshreel.runtime.outputs.checks import check_extension, check_output_path
+    from meshreel.runtime.extras import require
     from meshreel.runtime.stores.address import is_remote
 
     local = [source for source in (original, decoded) if not is_remote(source)]
     files = [file for source in local for file in files_of_source(source)]
-    if plot is not None:
-        check_extension(plot, (".png",))
-        check_output_path(plot, overwrite=force, inputs=files)
-    require([*extras_to_read(files), *([PLOT] if plot is not None else [])])
+    require(extras_to_read(files))
     check_supported([original, decoded], replace(reading, animation=None))
     check_supported([original], ReadOptions(animation=reading.animation))
     notes = reading.notes
@@ -103,20 +82,12 @@ def compare_command(
         if is_matched:
             notes.append(MATCHED)
         quality = measure_quality(
-            first, second, surface=surface or None, n_samples=n_samples, progress=progress
+            first, second, surface=surface or None, n_samples=samples, progress=progress
         )
         if isinstance(quality, Quality):
-            purpose = "alignment"
-            errors, label = quality.nmsve, "NMSVE (positions in diagonals)"
-            if alignment := find_alignment(
-                *(single_segment(one, purpose) for one in (first, second))
-            ):
+            aligned = (single_segment(sequence, "alignment") for sequence in (first, second))
+            if alignment := find_alignment(*aligned):
                 notes.append(str(alignment))
-        else:
-            errors, label = quality.mean_percent_of_frames, "mean distance (% of the diagonal)"
-        if plot is not None:
-            title = f"{Path(decoded).name} against {Path(original).name}"
-            plot_error_per_frame(plot, title, errors, label=label, fps=first.fps, overwrite=force)
     print_notes(notes)
     if as_json:
         figures = {"original": original, "decoded": decoded, **quality.as_dict()}

@@ -14,8 +14,9 @@ from typing import Any, TextIO
 
 import click
 
-from meshreel.app.cli.messages import all_with_option_names, escaped, with_option_names
+from meshreel.app.cli.messages import escaped, with_options
 from meshreel.app.cli.tables import Row, table_lines, text_bar, text_width
+from meshreel.app.figures import Cell
 from meshreel.runtime.counting import singular
 from meshreel.runtime.progress import Count, Progress
 
@@ -31,10 +32,7 @@ PROGRESS_BAR = 20
 MIN_BAR, MAX_BAR = 8, 40
 """Limits of the width of the longest bar in columns; narrow terminals show no bars."""
 
-_BORDERS_AND_SHARE = "│  │  │ 100.0 % │  │"
-
-Cell = str | list[str]
-"""Text of a table cell, or its lines."""
+_SPACE_AND_SHARE = "    100.0 %    "
 
 FIRST_LINE_S, LINE_INTERVAL_S = 5.0, 10.0
 """Time until the first progress line, and between lines."""
@@ -110,28 +108,19 @@ def progress_bar() -> Iterator[Progress]:
 def print_json(figures: Mapping[str, Any]) -> None:
     """Print figures as JSON on stdout; numbers that are not finite become null.
 
-    Messages in "notes" and "error" contain option names instead of keywords.
+    Messages contain options instead of keywords.
     """
     print(json.dumps(_plain(figures), indent=2))
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {
-            str(key): _message(item) if key in ("notes", "error") else _plain(item)
-            for key, item in value.items()
-        }
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, float) and not abs(value) < float("inf"):
         return None
-    return value
-
-
-def _message(value: Any) -> Any:
-    if isinstance(value, str):
-        return with_option_names(value)
-    return all_with_option_names(value) if isinstance(value, list) else _plain(value)
+    return with_options(value) if isinstance(value, str) else value
 
 
 def print_table(title: str, rows: Mapping[str, str] | Mapping[str, Cell]) -> None:
@@ -149,23 +138,23 @@ def print_bars(title: str, sizes: Mapping[str, int]) -> None:
     total, largest = sum(sizes.values()) or 1, max(sizes.values()) or 1
     names = max(text_width(escaped(name)) for name in sizes)
     texts = max(len(f"{size} B") for size in sizes.values())
-    width = min(_terminal_width() - names - texts - len(_BORDERS_AND_SHARE), MAX_BAR)
+    width = min(_terminal_width() - names - texts - len(_SPACE_AND_SHARE), MAX_BAR)
     rows = []
     for name, size in sizes.items():
-        row = [_lines(name), [f"{size} B"], [f"{100 * size / total:.1f} %"]]
+        share = f"{100 * size / total:.1f} %"
+        row = [_lines(name), [f"{size} B".rjust(texts)], [share.rjust(len("100.0 %"))]]
         if width >= MIN_BAR:
             bar = text_bar(size / largest, width, ascii_only=_is_ascii_only(sys.stdout))
-            row.append([bar.ljust(width)])
+            row.append([bar])
         rows.append(row)
     _print_titled(title, rows)
 
 
 def _print_titled(title: str, rows: Sequence[Row], headings: Sequence[str] = ()) -> None:
-    """Print a table under its title, which is not wrapped so that paths can be copied."""
+    """Print a table under its title; nothing is wrapped, so that paths can be copied."""
     click.echo(click.style(escaped(title), bold=True))
-    ascii_only = _is_ascii_only(sys.stdout)
-    for line in table_lines(rows, headings, width=_terminal_width(), ascii_only=ascii_only):
-        click.echo(line)
+    for line in table_lines(rows, headings):
+        click.echo(f"  {line}")
 
 
 def _lines(cell: Cell) -> list[str]:
@@ -183,7 +172,7 @@ def _is_ascii_only(stream: TextIO) -> bool:
 
 def print_notes(notes: list[str]) -> None:
     """Print notes on stderr, one line each."""
-    for note in all_with_option_names(notes):
+    for note in dict.fromkeys(map(with_options, notes)):
         click.echo(escaped(f"note: {note}"), err=True)
 
 

@@ -12,7 +12,9 @@ from meshreel.runtime.progress import Progress
 
 if TYPE_CHECKING:
     from meshreel.app.cli.encoded_file import EncodedFile
+    from meshreel.formats.options import ReadOptions
     from meshreel.formats.remote import Output
+    from meshreel.formats.sources import Source
     from meshreel.model.sequence import MeshSequence
 
 
@@ -42,7 +44,7 @@ class Conversion:
     notes: list[str]
     tracks: Mapping[str, float | str] | None = None
     figures: list[dict[str, Any]] = field(default_factory=list)
-    _streams: list["EncodedFile"] = field(default_factory=list)
+    streams: list["EncodedFile"] = field(default_factory=list)
 
     def check(
         self, output: "str | os.PathLike[str]", frames: range | None, *, first: int = 0
@@ -88,7 +90,7 @@ class Conversion:
                 tracks=self.tracks, force=self.force, progress=self.progress,
                 name=self.target.name(output),
             )  # fmt: skip
-            self._streams.append(stream)
+            self.streams.append(stream)
             figures = written_figures([Path(output)], sequence, len(frames), self.target)
             self.figures.append({**figures, **stream.figures()})
             return
@@ -98,6 +100,17 @@ class Conversion:
             inputs=self.inputs, options=self.options, progress=self.progress, notes=self.notes,
         )  # fmt: skip
         self.figures.append(written_figures(written, sequence, len(frames), self.target))
+
+    def write_segments(self, source: "Source", reading: "ReadOptions") -> None:
+        """Write each segment of an input to its own output, after checking all outputs."""
+        from meshreel.formats.segments import find_segments
+
+        segments, path = find_segments(source, reading), Path(self.target.local)
+        paths = [part.path(path) for part in segments] if len(segments) > 1 else [path]
+        for part, path in zip(segments, paths, strict=True):
+            self.check(path, range(part.stop - part.start), first=part.start)
+        for part, path in zip(segments, paths, strict=True):
+            self.write(part.open(), path, first=part.start)
 
     def _number(self, output: "str | os.PathLike[str]", frames: range, first: int) -> int | None:
         """Number of the first file of an output; None for a single file."""
@@ -110,8 +123,8 @@ class Conversion:
         """Print tables of the written files."""
         from meshreel.app.cli.write_options import print_written
 
-        for stream in self._streams:
+        for stream in self.streams:
             stream.show()
-        if not self._streams:
+        if not self.streams:
             for figures in self.figures:
                 print_written(figures)

@@ -1,26 +1,20 @@
 """`meshreel convert`: write an animation in another format."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files
-from meshreel.app.cli.encode_options import Encoding, encode_options
-from meshreel.app.cli.parameters import argument, option
-from meshreel.app.cli.read_options import MESHES, reading_options, split_option
-from meshreel.app.cli.track_options import track_option, track_targets
+from meshreel.app.cli.encode_options import Encoding, encoding
+from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
+from meshreel.app.cli.read_options import MESHES, SplitOption, reading
+from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import (
-    force_option,
-    frames_option,
-    layout_option,
-    normals_option,
-    output_error_option,
-    output_option,
-    start_number_option,
-    targets_option,
-    textures_option,
+    OUTPUT_ERROR,
+    WRITING,
+    FramesOption,
+    OutputOption,
+    StartNumberOption,
 )
 
 if TYPE_CHECKING:
@@ -31,45 +25,27 @@ GENERAL_OPTIONS = ("max_error", "unit")
 
 
 @command
-@argument(
-    "inputs",
-    nargs=-1,
-    required=True,
-    metavar="INPUT...",
-    completion=input_files,
-    help="An animation file, a folder or a quoted glob of frames, or the frame files. Or "
-    "addresses (s3://, gs://, https://), which are downloaded.",
-)
-@output_option
-@frames_option
-@start_number_option
-@reading_options("fps", *MESHES, "topology", "dataset", "attributes", "register")
-@track_option
-@split_option
-@targets_option
-@normals_option
-@layout_option
-@textures_option
-@encode_options(max_error=output_error_option)
-@force_option
-@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
-@click.pass_context
 def convert_command(
-    context: click.Context,
-    inputs: tuple[str, ...],
-    output: str,
-    frames: str | None,
-    start_number: int | None,
-    reading: "ReadOptions",
-    track: tuple[str, ...],
-    split: bool,
-    targets: int | None,
-    normals: bool | None,
-    layout: str | None,
-    textures: str | None,
-    encoding: Encoding,
-    force: bool,
-    as_json: bool,
+    inputs: Annotated[
+        tuple[str, ...],
+        Argument(
+            "INPUT...",
+            "An animation file, a folder or a quoted glob of frames, or the frame files. Or "
+            "addresses (s3://, gs://, https://), which are downloaded.",
+        ),
+    ],
+    output: OutputOption,
+    reading: Annotated[
+        "ReadOptions", reading("fps", *MESHES, "topology", "dataset", "attributes", "register")
+    ],
+    writing: Annotated[dict[str, Any], WRITING],
+    encoding: Annotated[Encoding, encoding(max_error=OUTPUT_ERROR)],
+    frames: FramesOption = None,
+    start_number: StartNumberOption = None,
+    track: TrackOption = (),
+    split: SplitOption = False,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Write an animated mesh in another format, without loss as far as the format allows.
 
@@ -111,7 +87,7 @@ def convert_command(
     from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel import origin_of_file
     from meshreel.formats.remote import local_copy, uploaded
-    from meshreel.formats.segments import find_segments, open_any
+    from meshreel.formats.segments import open_any
     from meshreel.formats.sources import files_of_source, find_files
     from meshreel.runtime.extras import require
 
@@ -121,7 +97,7 @@ def convert_command(
     if split and chosen is not None:
         raise click.UsageError("--split and --frames cannot be combined; give one")
     if not is_stream(output):
-        refuse_stream_options(context, {*stream_options, "track"}, output)
+        refuse_stream_options({*stream_options, "track"}, output)
     config = config_of(**(encoding if is_stream(output) else stream_options))
     notes = reading.notes
     with ExitStack() as stack:
@@ -137,14 +113,7 @@ def convert_command(
         conversion = Conversion(
             target,
             files,
-            WriteOptions(
-                targets,
-                bound,
-                normals,
-                layout=layout,
-                textures=textures,
-                origin=origin,
-            ),
+            WriteOptions(max_error=bound, origin=origin, **writing),
             config,
             start_number,
             force,
@@ -156,13 +125,7 @@ def convert_command(
         # Check the output before the input is read, which may take long.
         conversion.check(target.local, None if split else known_frames(files, chosen))
         if split:
-            segments = find_segments(source, reading)
-            path = Path(target.local)
-            paths = [part.path(path) for part in segments] if len(segments) > 1 else [path]
-            for part, path in zip(segments, paths, strict=True):
-                conversion.check(path, range(part.stop - part.start), first=part.start)
-            for part, path in zip(segments, paths, strict=True):
-                conversion.write(part.open(), path, first=part.start)
+            conversion.write_segments(source, reading)
         else:
             conversion.write(open_any(find_files(source), reading), target.local, chosen)
     print_notes(notes)

@@ -2,19 +2,18 @@
 
 import shlex
 import sys
+from typing import Annotated
 
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.parameters import option
+from meshreel.codec.option import Option
 
 
 @command
-@option("--cflags", is_flag=True, help="Print compiler flags: the folder of `meshreel.h`.")
-@option("--libs", is_flag=True, help="Print linker flags: the library of this package.")
 def core_command(
-    cflags: bool,
-    libs: bool,
+    cflags: Annotated[bool, Option("Print compiler flags: the folder of `meshreel.h`.")] = False,
+    libs: Annotated[bool, Option("Print linker flags: the library of this package.")] = False,
 ) -> None:
     """Print how to compile and link programs in C or C++ that decode .reel files.
 

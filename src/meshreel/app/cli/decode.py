@@ -1,74 +1,53 @@
 """`meshreel decode`: decode a .reel to another format."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import reel_files
-from meshreel.app.cli.encode_options import encode_option
-from meshreel.app.cli.parameters import argument, option
-from meshreel.app.cli.read_options import memory_option, segment_option
+from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
+from meshreel.app.cli.read_options import MemoryOption, SegmentOption
 from meshreel.app.cli.write_options import (
     GLTF_AND_TEXTURES,
-    force_option,
-    frames_option,
-    gltf_error_option,
-    layout_option,
-    normals_option,
-    output_option,
-    start_number_option,
-    targets_option,
-    textures_option,
+    WRITING,
+    FramesOption,
+    GltfErrorOption,
+    OutputOption,
+    StartNumberOption,
 )
+from meshreel.codec.option import Option
 from meshreel.codec.options import option_named
 
-if TYPE_CHECKING:
-    pass
+UNIT = replace(option_named("unit"), group=GLTF_AND_TEXTURES)
 
 
 @command
-@argument(
-    "source",
-    metavar="FILE.reel",
-    completion=reel_files,
-    help="The stream to decode, or its address (s3://, gs://, https://). With --frames only the "
-    "blocks of those frames are downloaded.",
-)
-@output_option
-@frames_option
-@start_number_option
-@option(
-    "--modes",
-    type=int,
-    help="Number of leading modes that move, for a coarser animation that decodes faster; further "
-    "modes keep their mean. Default: all.",
-)
-@segment_option
-@memory_option
-@targets_option
-@gltf_error_option
-@encode_option(option_named("unit"), GLTF_AND_TEXTURES)
-@normals_option
-@layout_option
-@textures_option
-@force_option
-@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def decode_command(
-    source: str,
-    output: str,
-    frames: str | None,
-    start_number: int | None,
-    modes: int | None,
-    segment: int | None,
-    memory: str | None,
-    targets: int | None,
-    max_error: str | None,
-    unit: str | None,
-    normals: bool | None,
-    layout: str | None,
-    textures: str | None,
-    force: bool,
-    as_json: bool,
+    source: Annotated[
+        str,
+        Argument(
+            "FILE.reel",
+            "The stream to decode, or its address (s3://, gs://, https://). With --frames only the "
+            "blocks of those frames are downloaded.",
+        ),
+    ],
+    output: OutputOption,
+    writing: Annotated[dict[str, Any], WRITING],
+    frames: FramesOption = None,
+    start_number: StartNumberOption = None,
+    modes: Annotated[
+        int | None,
+        Option(
+            "Number of leading modes that move, for a coarser animation that decodes faster; "
+            "further modes keep their mean. Default: all."
+        ),
+    ] = None,
+    segment: SegmentOption = None,
+    memory: MemoryOption = None,
+    max_error: GltfErrorOption = None,
+    unit: Annotated[str | None, UNIT] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Decode the animation of a .reel file.
 
@@ -109,7 +88,7 @@ def decode_command(
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)
     refuse_stream(output)
-    options = WriteOptions(targets, bound, normals, layout=layout, textures=textures)
+    options = WriteOptions(max_error=bound, **writing)
     notes: list[str] = []
     with (
         uploaded(output, overwrite=force) as target,

@@ -1,10 +1,11 @@
 """`meshreel demo`: encode, decode and compare the simulated flag."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.parameters import option
+from meshreel.app.cli.parameters import JsonOption
+from meshreel.codec.option import Option
 
 if TYPE_CHECKING:
     from meshreel.rendering.scenes import Scene
@@ -15,21 +16,13 @@ N_POSES = 3
 
 
 @command
-@option(
-    "--out",
-    "-o",
-    type=Path,
-    default=Path("meshreel-demo"),
-    help="Folder for the results; created if missing.",
-)
-@option("--frames", type=int, default=300, help="Number of frames, 1 or more.")
-@option("--force", "-f", is_flag=True, help="Replace results of an earlier run.")
-@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def demo_command(
-    out: Path,
-    frames: int,
-    force: bool,
-    as_json: bool,
+    out: Annotated[
+        Path, Option("Folder for the results; created if missing.", flag="--out -o")
+    ] = Path("meshreel-demo"),
+    frames: Annotated[int, Option("Number of frames, 1 or more.")] = 300,
+    force: Annotated[bool, Option("Replace results of an earlier run.", flag="--force -f")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Simulate a flag, compress and decompress it, and show the error.
 
@@ -41,8 +34,8 @@ def demo_command(
     - `meshreel demo --frames 100 --out /tmp/flag`
     """
     from meshreel.app.cli.console import print_json, print_table, progress_bar
-    from meshreel.app.cli.figures import quality_rows, size_figures, size_rows
     from meshreel.app.cli.messages import print_line
+    from meshreel.app.figures import quality_rows, size_figures, size_rows
     from meshreel.codec.decoder import decode
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info

@@ -1,14 +1,12 @@
 """Command-line options for encoding, derived from `codec.options`."""
 
-from collections.abc import Callable, Sequence
-from functools import wraps
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, get_origin
 
 import click
 
-from meshreel.app.cli.completing import names_of
-from meshreel.app.cli.messages import flag_of
-from meshreel.app.cli.parameters import Decorator, option
+from meshreel.app.cli.parameters import Group
 from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
 
@@ -16,53 +14,20 @@ Encoding = dict[str, Any]
 """Values of the options for encoding, by name."""
 
 
-def encode_options(**replacements: Decorator) -> Decorator:
-    """Decorator: add all options for encoding to a command.
-
-    The command receives them as a dictionary in its parameter `encoding`.
+def encoding(**other_help: str) -> Group:
+    """All options for encoding.
 
     Parameters
     ----------
-    **replacements
-        Options with another meaning in this command, by name.
+    **other_help
+        Help of options with another meaning in a command, by name.
     """
-
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        @wraps(function)
-        def with_encoding(*context: click.Context, **values: Any) -> None:
-            encoding = {row.name: _value(row, values.pop(row.name)) for row in all_options()}
-            function(*context, **values, encoding=encoding)
-
-        decorated: Callable[..., Any] = with_encoding
-        for row in reversed(all_options()):
-            decorated = replacements.get(row.name, encode_option(row))(decorated)
-        return decorated
-
-    return decorate
+    options = all_options()
+    shown = [replace(row, help=other_help.get(row.name, row.help)) for row in options]
+    return Group(shown, lambda values: {row.name: _value(row, values[row.name]) for row in options})
 
 
-def encode_option(row: Option, panel: str | None = None) -> Decorator:
-    """The command-line option of an encoding option, by default in the panel of its group."""
-    help_text = row.help_naming(flag_of)
-    if row.names and not row.metavar:
-        help_text = help_text.replace(".", f": {', '.join(row.names)}.", 1)
-    if row.default_text:
-        help_text += f" [default: {row.default_text}]"
-    kind = row.types[0] if len(row.types) == 1 else str
-    return option(
-        row.name,
-        row.flag,
-        type=None if kind is bool else kind,
-        is_flag=kind is bool,
-        default=row.default,
-        range=row.range,
-        unit=row.unit,
-        help=help_text,
-        show_default=not row.default_text,
-        metavar=row.metavar or None,
-        completion=names_of(row.names) if row.names else None,
-        panel=row.group if panel is None else panel,
-    )
+ENCODING = encoding()
 
 
 def _value(row: Option, value: Any) -> Any:

@@ -1,12 +1,13 @@
 """`meshreel evaluate`: compare our methods with other codecs, on any sequences."""
 
 from pathlib import Path
+from typing import Annotated
 
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files
-from meshreel.app.cli.parameters import argument, option
+from meshreel.app.cli.parameters import Argument, JsonOption
+from meshreel.codec.option import Option
 
 METHODS = "pca-qp, pca, pca-q, v2v, pca-qs, blocks, gft, reel, lossless, grid"
 DEFAULT = "reel,pca-qp,v2v"
@@ -16,56 +17,46 @@ TRACK_PEERS = "sz3,zfp,pco,fpzip"
 
 
 @command
-@argument(
-    "inputs",
-    nargs=-1,
-    required=True,
-    metavar="INPUT...",
-    completion=input_files,
-    help="Sequences: .npz or .reel files, or folders or quoted globs of frames.",
-)
-@option(
-    "--out",
-    "-o",
-    type=Path,
-    default=Path("evaluation"),
-    help="Folder for results, plots and report; created if missing.",
-)
-@option(
-    "--track",
-    metavar="NAME",
-    help="Compare a track of the sequences with array compressors, at equal largest error. "
-    "Default: compare positions.",
-)
-@option(
-    "--methods",
-    metavar="A,B,...",
-    help=f"Our methods: {METHODS}. Default: {DEFAULT}.",
-)
-@option(
-    "--peers",
-    metavar="A,B,...",
-    help=f"Other codecs, or 'none'. Default: {PEERS}; for a track {TRACK_PEERS}.",
-)
-@option(
-    "--reference",
-    type=Path,
-    metavar="FILE.csv",
-    help="Points measured elsewhere, added for sequences of equal name, vertices and frames. "
-    "Columns: sequence, n, k, m, codec, params, bytes_total, bytes_connectivity, "
-    "bpvf_total, kg_error_percent, max_err_over_diag, enc_s, dec_s, rms_err_over_diag.",
-)
-@option("--quick", is_flag=True, help="Run few settings of each codec.")
-@option("as_json", "--json", is_flag=True, help="Print all figures as JSON.")
 def evaluate_command(
-    inputs: tuple[str, ...],
-    out: Path,
-    track: str | None,
-    methods: str | None,
-    peers: str | None,
-    reference: Path | None,
-    quick: bool,
-    as_json: bool,
+    inputs: Annotated[
+        tuple[str, ...],
+        Argument(
+            "INPUT...", "Sequences: .npz or .reel files, or folders or quoted globs of frames."
+        ),
+    ],
+    out: Annotated[
+        Path,
+        Option("Folder for results, plots and report; created if missing.", flag="--out -o"),
+    ] = Path("evaluation"),
+    track: Annotated[
+        str | None,
+        Option(
+            "Compare a track of the sequences with array compressors, at equal largest error. "
+            "Default: compare positions.",
+            metavar="NAME",
+        ),
+    ] = None,
+    methods: Annotated[
+        str | None, Option(f"Our methods: {METHODS}. Default: {DEFAULT}.", metavar="A,B,...")
+    ] = None,
+    peers: Annotated[
+        str | None,
+        Option(
+            f"Other codecs, or 'none'. Default: {PEERS}; for a track {TRACK_PEERS}.",
+            metavar="A,B,...",
+        ),
+    ] = None,
+    reference: Annotated[
+        Path | None,
+        Option(
+            "Points measured elsewhere, added for sequences of equal name, vertices and frames. "
+            "Columns: sequence, n, k, m, codec, params, bytes_total, bytes_connectivity, "
+            "bpvf_total, kg_error_percent, max_err_over_diag, enc_s, dec_s, rms_err_over_diag.",
+            metavar="FILE.csv",
+        ),
+    ] = None,
+    quick: Annotated[bool, Option("Run few settings of each codec.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Compare rate, distortion and speed of our methods with other codecs, on your data.
 

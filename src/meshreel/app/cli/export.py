@@ -1,19 +1,14 @@
 """`meshreel export`: write a .reel and its player as a web page."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import pages
-from meshreel.app.cli.parameters import option
-from meshreel.app.cli.player import (
-    original_option,
-    shown_track_option,
-    source_argument,
-    texture_option,
-)
-from meshreel.app.cli.read_options import MESHES, reading_options
-from meshreel.app.cli.track_options import colormap_option, component_option, range_option
+from meshreel.app.cli.parameters import JsonOption
+from meshreel.app.cli.player import OriginalOption, ShownTrackOption, SourceArgument, TextureOption
+from meshreel.app.cli.read_options import MESHES, reading
+from meshreel.app.cli.track_options import ColormapOption, ComponentOption, RangeOption
+from meshreel.codec.option import Option
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
@@ -23,43 +18,22 @@ OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictu
 
 
 @command
-@source_argument
-@option(
-    "--output",
-    "-o",
-    type=Path,
-    required=True,
-    metavar="PAGE.html",
-    completion=pages,
-    help="The page to write.",
-)
-@original_option
-@shown_track_option
-@component_option
-@range_option
-@colormap_option
-@reading_options(*MESHES, "memory")
-@option("--force", "-f", is_flag=True, help="Replace the page if it exists.")
-@option(
-    "--split",
-    is_flag=True,
-    help="Write script, stream, original and texture as separate files next to the page.",
-)
-@texture_option
-@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def export_command(
-    source: Path,
-    output: Path,
-    original: str | None,
-    track: str | None,
-    component: str | None,
-    range: str | None,
-    colormap: str | None,
-    reading: "ReadOptions",
-    force: bool,
-    split: bool,
-    texture: Path | None,
-    as_json: bool,
+    source: SourceArgument,
+    output: Annotated[Path, Option("The page to write.", flag="--output -o", metavar="PAGE.html")],
+    reading: Annotated["ReadOptions", reading(*MESHES, "memory")],
+    original: OriginalOption = None,
+    track: ShownTrackOption = None,
+    component: ComponentOption = None,
+    range: RangeOption = None,
+    colormap: ColormapOption = None,
+    force: Annotated[bool, Option("Replace the page if it exists.", flag="--force -f")] = False,
+    split: Annotated[
+        bool,
+        Option("Write script, stream, original and texture as separate files next to the page."),
+    ] = False,
+    texture: TextureOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Write a .reel file and its player as one HTML file, to mail or to put on any web server.
 

@@ -3,13 +3,12 @@
 from typing import Any
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.parameters import option
+from meshreel.app.cli.parameters import JsonOption
 
 
 @command
-@option("as_json", "--json", is_flag=True, help="Print the list as JSON.")
 def formats_command(
-    as_json: bool,
+    as_json: JsonOption = False,
 ) -> None:
     """List the file formats, and the extras that install missing ones.
 

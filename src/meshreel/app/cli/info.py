@@ -1,28 +1,21 @@
 """`meshreel info`: show the contents of a file."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-from meshreel.app.cli.figures import fps_text, mesh_text, surface_rows
-from meshreel.runtime.counting import counted, size_text
-
-if TYPE_CHECKING:
-    from meshreel.app.cli.console import Cell
-    from meshreel.formats.animations import AnimationInfo
-    from meshreel.formats.inspection import MeshInfo, SourceInfo
-
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files
-from meshreel.app.cli.parameters import argument, option
-from meshreel.app.cli.read_options import MESHES, reading_options, segment_option
+from meshreel.app.cli.parameters import Argument, JsonOption
+from meshreel.app.cli.read_options import MESHES, SegmentOption, reading
+from meshreel.app.figures import fps_text, mesh_text, surface_rows
+from meshreel.runtime.counting import counted, size_text
 
 if TYPE_CHECKING:
+    from meshreel.app.figures import Cell
+    from meshreel.formats.animations import AnimationInfo
+    from meshreel.formats.inspection import MeshInfo, SourceInfo
     from meshreel.formats.options import ReadOptions
 
 
@@ -32,24 +25,19 @@ MAX_MESHES = 100
 
 
 @command
-@argument(
-    "inputs",
-    nargs=-1,
-    required=True,
-    metavar="FILE...",
-    completion=input_files,
-    help="A .reel or another animation file (see `meshreel formats`), a folder or a quoted glob of "
-    "frames, or the frame files. Or an address (s3://, gs://, https://); of a .reel only its index "
-    "and section headers are downloaded.",
-)
-@reading_options("fps", *MESHES, "topology", "dataset", "memory")
-@segment_option
-@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def info_command(
-    inputs: tuple[str, ...],
-    reading: "ReadOptions",
-    segment: int | None,
-    as_json: bool,
+    inputs: Annotated[
+        tuple[str, ...],
+        Argument(
+            "FILE...",
+            "A .reel or another animation file (see `meshreel formats`), a folder or a quoted glob "
+            "of frames, or the frame files. Or an address (s3://, gs://, https://); of a .reel "
+            "only its index and section headers are downloaded.",
+        ),
+    ],
+    reading: Annotated["ReadOptions", reading("fps", *MESHES, "topology", "dataset", "memory")],
+    segment: SegmentOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Show the contents of a file: meshes, frames, bounding boxes, and contents that are ignored.
 
@@ -82,7 +70,7 @@ def _show_stream(
     path: str, segment: int | None, memory: float | str | None, *, as_json: bool
 ) -> None:
     from meshreel.app.cli.console import print_bars, print_columns, print_json, print_table
-    from meshreel.app.cli.figures import SEGMENT_HEADINGS, info_rows, segment_columns
+    from meshreel.app.figures import SEGMENT_HEADINGS, info_rows, segment_columns
     from meshreel.formats.reel import read_info
 
     stream = read_info(path, segment, memory)

@@ -4,17 +4,14 @@ Options replace keywords of Python, and control characters are escaped.
 """
 
 import re
-from collections.abc import Iterable
 from functools import cache
 
 import click
 
+from meshreel.errors import Keyword, Message
+
 RENAMED = {"overwrite": "--force", "n_frames": "--frames", "n_samples": "--samples"}
 """Keywords with options of other names, in addition to those of encoding."""
-
-_BOTH = re.compile(r"(--[a-z][a-z-]*(?: [^\s()]+)?) \(\w+=\w*\)")
-_CHOICE = re.compile(r"(?<![\w./'\"-])([a-z]\w*)=\"(\w+)\"")
-_KEYWORD = re.compile(r"(?<![\w./'\"-])([a-z]\w*)=(?:True|False)?(?=[\s),;:.]|$)")
 
 _CONTROLS = re.compile(
     "[\x00-\x1f\x7f-\x9f"  # C0, DEL and C1
@@ -25,26 +22,20 @@ _CONTROLS = re.compile(
 _LINE_BREAK = re.compile(r"\s*\n\s*")
 
 
-def with_option_names(message: str) -> str:
-    """The message with option names instead of keywords.
-
-    "--force (overwrite=True)" and "overwrite=True" become "--force", "object=" becomes
-    "--object", 'order="drop"' becomes "--order drop", and "max_error" "--max-error".
-    """
-    message = _BOTH.sub(r"\1", message)
-    message = _CHOICE.sub(lambda match: f"{flag_of(match[1])} {match[2]}", message)
-    message = _KEYWORD.sub(lambda match: flag_of(match[1]), message)
-    return _names().sub(lambda match: flag_of(match[1]), message)
+def with_options(text: str) -> str:
+    """The text with options in place of the keywords of a message."""
+    return text.naming(option_text) if isinstance(text, Message) else text
 
 
-def all_with_option_names(notes: Iterable[str]) -> list[str]:
-    """Notes with option names instead of keywords, without duplicates."""
-    return list(dict.fromkeys(map(with_option_names, notes)))
+def option_text(keyword: Keyword) -> str:
+    """The option of a keyword, with its value."""
+    flag = flag_of(keyword.name)
+    return flag if keyword.value in (None, True) else f"{flag} {keyword.value}"
 
 
-def flag_of(keyword: str) -> str:
-    """The option of a keyword."""
-    return _flags().get(keyword, f"--{keyword.replace('_', '-')}")
+def flag_of(name: str) -> str:
+    """The option of a keyword's name."""
+    return _flags().get(name, f"--{name.replace('_', '-')}")
 
 
 @cache
@@ -53,13 +44,6 @@ def _flags() -> dict[str, str]:
     from meshreel.codec.options import all_options
 
     return {**RENAMED, **{option.name: option.flag for option in all_options()}}
-
-
-@cache
-def _names() -> re.Pattern[str]:
-    """Pattern of keywords that are not English words, such as "n_modes"."""
-    keywords = "|".join(name for name in _flags() if "_" in name)
-    return re.compile(rf"(?<![\w./'\"=-])({keywords})(?![\w./'\"=-])")
 
 
 def escaped(text: str) -> str:
@@ -76,6 +60,6 @@ def print_line(text: str) -> None:
 
 
 def print_error(message: str) -> None:
-    """Print an error on stderr as one line, with option names instead of keywords."""
-    line = _LINE_BREAK.sub(" ", with_option_names(message).strip())
+    """Print an error on stderr as one line, with options instead of keywords."""
+    line = _LINE_BREAK.sub(" ", with_options(message).strip())
     click.echo(f"meshreel: {escaped(line)}", err=True)

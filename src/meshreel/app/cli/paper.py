@@ -1,88 +1,69 @@
 """`meshreel paper`: run the paper's evaluation on any sequences."""
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files, names_of
-from meshreel.app.cli.parameters import argument, option
-from meshreel.codec.option import COUNT
+from meshreel.app.cli.parameters import Argument, JsonOption
+from meshreel.codec.option import COUNT, Option
 
 METHODS = "pca,pca-q,v2v,pca-qs,pca-qp,blocks,gft"
-PRESET_NAMES = ("usual", "printed")
-ALLOCATIONS = ("energy", "constant")
-"""Names of `paper.sweeps` and `codec.config`, repeated so that the help need not import them."""
+"""Names of `paper.sweeps`, repeated so that the help need not import them."""
 
 
 @command
-@argument(
-    "inputs",
-    nargs=-1,
-    required=False,
-    metavar="INPUT...",
-    completion=input_files,
-    help="Sequences: .npz or .reel files, or folders or quoted globs of frames. Default: the "
-    "simulated flag.",
-)
-@option(
-    "--out",
-    "-o",
-    type=Path,
-    default=Path("report"),
-    help="Folder for results, figures and report; created if missing.",
-)
-@option("--frames", type=int, default=300, help="Number of frames of the flag, without INPUT.")
-@option("--methods", default=METHODS, metavar="A,B,...", help="Run only these methods.")
-@option(
-    "--preset",
-    default=PRESET_NAMES[0],
-    help="Modes and bits in the tables: usual (20 modes, 8 bits, one step for all rows), or "
-    "printed (8 modes of 4 bits each, close to the rates that the paper prints for Samba).",
-    completion=names_of(PRESET_NAMES),
-)
-@option(
-    "--modes",
-    type=int,
-    range=COUNT,
-    help="Number of modes per axis in the tables, the paper's k_l.",
-)
-@option(
-    "--block-modes",
-    type=int,
-    range=COUNT,
-    help="Number of modes per axis and block of method `blocks`.",
-)
-@option("--bits", type=int, help="Bits of coefficients in the tables; pca always uses 16.")
-@option(
-    "--allocation",
-    metavar="energy|constant",
-    help="How bits are distributed over the rows of the tables: energy (one step for all), or "
-    "constant (the same bits in every row). Default: that of the preset.",
-    completion=names_of(ALLOCATIONS),
-)
-@option("--anchors", type=float, metavar="SHARE", help="Fraction of the vertices that are anchors.")
-@option(
-    "--choices",
-    default="",
-    metavar="NAME=VALUE[,...]",
-    help="Choices that the paper leaves open; see `meshreel encode --help`.",
-)
-@option("--quick", is_flag=True, help="Run few points of the rate-distortion plots.")
-@option("as_json", "--json", is_flag=True, help="Print a summary as JSON.")
 def paper_command(
-    inputs: tuple[str, ...],
-    out: Path,
-    frames: int,
-    methods: str,
-    preset: str,
-    modes: int | None,
-    block_modes: int | None,
-    bits: int | None,
-    allocation: str | None,
-    anchors: float | None,
-    choices: str,
-    quick: bool,
-    as_json: bool,
+    inputs: Annotated[
+        tuple[str, ...],
+        Argument(
+            "INPUT...",
+            "Sequences: .npz or .reel files, or folders or quoted globs of frames. Default: the "
+            "simulated flag.",
+        ),
+    ] = (),
+    out: Annotated[
+        Path,
+        Option("Folder for results, figures and report; created if missing.", flag="--out -o"),
+    ] = Path("report"),
+    frames: Annotated[int, Option("Number of frames of the flag, without INPUT.")] = 300,
+    methods: Annotated[str, Option("Run only these methods.", metavar="A,B,...")] = METHODS,
+    preset: Annotated[
+        Literal["usual", "printed"],
+        Option(
+            "Modes and bits in the tables: usual (20 modes, 8 bits, one step for all rows), or "
+            "printed (8 modes of 4 bits each, close to the rates that the paper prints for Samba)."
+        ),
+    ] = "usual",
+    modes: Annotated[
+        int | None,
+        Option("Number of modes per axis in the tables, the paper's k_l.", range=COUNT),
+    ] = None,
+    block_modes: Annotated[
+        int | None,
+        Option("Number of modes per axis and block of method `blocks`.", range=COUNT),
+    ] = None,
+    bits: Annotated[
+        int | None, Option("Bits of coefficients in the tables; pca always uses 16.")
+    ] = None,
+    allocation: Annotated[
+        Literal["energy", "constant"] | None,
+        Option(
+            "How bits are distributed over the rows of the tables: energy (one step for all), or "
+            "constant (the same bits in every row). Default: that of the preset."
+        ),
+    ] = None,
+    anchors: Annotated[
+        float | None, Option("Fraction of the vertices that are anchors.", metavar="SHARE")
+    ] = None,
+    choices: Annotated[
+        str,
+        Option(
+            "Choices that the paper leaves open; see `meshreel encode --help`.",
+            metavar="NAME=VALUE[,...]",
+        ),
+    ] = "",
+    quick: Annotated[bool, Option("Run few points of the rate-distortion plots.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Run the variants of the paper, and write its tables and figures as a report.
 
@@ -119,9 +100,6 @@ def paper_command(
     from meshreel.studies.study import checked_names
 
     chosen = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
-    (preset,) = checked_names([preset], PRESET_NAMES, "preset")
-    if allocation is not None:
-        (allocation,) = checked_names([allocation], ALLOCATIONS, "allocation")
     changes: dict[str, Any] = {
         "modes": modes,
         "block_modes": block_modes,

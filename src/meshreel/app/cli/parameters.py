@@ -1,22 +1,57 @@
-"""Arguments and options of commands: those of Click, with help panels and number ranges."""
+"""Parameters of commands, derived from the annotations of their functions.
 
-from collections.abc import Callable, Sequence
-from functools import partial
+    def convert_command(
+        inputs: Annotated[tuple[str, ...], Argument("INPUT...", "The files to read.")],
+        fps: Annotated[float | None, Option("Frames per second.")] = None,
+    ) -> None:
+
+`meshreel.codec.option.Option` describes an option, as for the fields of `EncoderConfig`.
+"""
+
+import inspect
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Annotated, Any, Literal, NewType, Union, get_args, get_origin
 
 import click
 from click.shell_completion import CompletionItem
 
-from meshreel.codec.option import Range
+from meshreel.app.cli.messages import flag_of
+from meshreel.codec.option import Option, Range
 from meshreel.errors import InvalidInputError
 
-Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-Completion = Callable[[str], list[str]]
-"""A function from an incomplete word to its completions."""
+File = NewType("File", str)
+"""Path or address of a file; the shell completes names of files."""
 
-FILE = "file"
-"""Completion type that makes the shell complete file names."""
+
+@dataclass(frozen=True)
+class Argument:
+    """A positional argument: its placeholder and help."""
+
+    metavar: str
+    help: str
+
+
+@dataclass(frozen=True)
+class Group:
+    """Options that a command receives as one value.
+
+    Attributes
+    ----------
+    options : sequence of Option
+        With their names, annotations and defaults.
+    record : callable
+        Makes the value from a dictionary of those of the options.
+    """
+
+    options: Sequence[Option]
+    record: Callable[[dict[str, Any]], Any]
+
+
+ForceOption = Annotated[bool, Option("Replace existing outputs.", flag="--force -f")]
+JsonOption = Annotated[bool, Option("Print the figures as JSON.", flag="--json")]
 
 
 class Number(click.ParamType):  # type: ignore[type-arg]  # not generic in older Click
@@ -52,70 +87,116 @@ class Number(click.ParamType):  # type: ignore[type-arg]  # not generic in older
         return number
 
 
-class Option(click.Option):
-    """An option with its help panel.
+class ClickOption(click.Option):
+    """An option with the title of its help panel; the first panel of options if empty."""
 
-    Parameters
-    ----------
-    names : sequence of str
-        The option, after the name of the function's parameter if that differs.
-    type : type
-        str, int, float or Path.
-    panel : str
-        Title of the help panel; the first panel of options if empty.
-    completion : function, optional
-    range, unit : Range and str, optional
-        Range of numbers; see `Number`.
-    **settings
-        Arguments of `click.Option`.
-    """
-
-    def __init__(
-        self,
-        names: Sequence[str],
-        type: Any = None,
-        panel: str = "",
-        completion: Completion | None = None,
-        range: Range | None = None,
-        unit: str = "",
-        **settings: Any,
-    ) -> None:
-        kind = Number(type, range, unit) if type in (int, float) else _click_type(type)
-        super().__init__(names, type=kind, shell_complete=_completing(completion), **settings)
-        self.panel = panel
+    panel = ""
 
 
-class Argument(click.Argument):
-    """A positional argument with help; see `Option`."""
+class ClickArgument(click.Argument):
+    """A positional argument with help."""
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        help: str,
-        type: Any = None,
-        completion: Completion | None = None,
-        **settings: Any,
-    ) -> None:
-        kind = _click_type(type)
-        super().__init__(names, type=kind, shell_complete=_completing(completion), **settings)
-        self.help = help
+    help = ""
 
 
-option: Callable[..., Decorator] = partial(click.option, cls=Option)
-argument: Callable[..., Decorator] = partial(click.argument, cls=Argument)
+def with_parameters(
+    function: Callable[..., Any],
+) -> tuple[list[click.Parameter], Callable[..., Any]]:
+    """Parameters of a function, and a function that takes their values."""
+    parameters: list[click.Parameter] = []
+    groups: dict[str, Group] = {}
+    for parameter in inspect.signature(function).parameters.values():
+        annotation, described = get_args(parameter.annotation)
+        if isinstance(described, Group):
+            groups[parameter.name] = described
+            parameters += map(click_option, described.options)
+        elif isinstance(described, Argument):
+            is_required = parameter.default is inspect.Parameter.empty
+            parameters.append(
+                _click_argument(parameter.name, annotation, described, required=is_required)
+            )
+        else:
+            default = parameter.default
+            is_required = default is inspect.Parameter.empty
+            option = replace(
+                described,
+                name=parameter.name,
+                annotation=_value_type(annotation),
+                default=None if is_required else default,
+                flag=described.flag or f"--{parameter.name.replace('_', '-')}",
+            )
+            parameters.append(click_option(option, required=is_required))
+
+    def called(**values: Any) -> Any:
+        for name, group in groups.items():
+            values[name] = group.record(
+                {option.name: values.pop(option.name) for option in group.options}
+            )
+        return function(**values)
+
+    return parameters, called
 
 
-def _click_type(kind: Any) -> Any:
-    return click.Path(path_type=Path) if kind is Path else kind
+def click_option(option: Option, *, required: bool = False) -> click.Option:
+    """The option as Click defines it."""
+    help_text = option.help_naming(flag_of)
+    if option.names and not option.metavar:
+        help_text = help_text.replace(".", f": {', '.join(option.names)}.", 1)
+    if option.default_text:
+        help_text += f" [default: {option.default_text}]"
+    is_list = get_origin(option.types[0]) is tuple
+    kind = str if is_list or len(option.types) > 1 else option.types[0]
+    made = ClickOption(
+        [option.name, *option.flag.split()],
+        type=None if kind is bool else _click_type(kind, option),
+        is_flag=kind is bool,
+        multiple=is_list,
+        required=required,
+        help=help_text,
+        show_default=not option.default_text,
+        metavar=option.metavar or None,
+        shell_complete=_completing(option.names) if option.names else None,
+        **({} if required else {"default": option.default}),
+    )
+    made.panel = option.group
+    return made
 
 
-def _completing(completion: Completion | None) -> Any:
-    """The completion as Click calls it; without a match the shell completes file names."""
-    if completion is None:
-        return None
+def _value_type(annotation: Any) -> Any:
+    """The type of a value other than None."""
+    if get_origin(annotation) not in (Union, UnionType):
+        return annotation
+    (kind,) = [kind for kind in get_args(annotation) if kind is not type(None)]
+    return kind
+
+
+def _click_argument(
+    name: str, annotation: Any, described: Argument, *, required: bool
+) -> click.Argument:
+    is_list = get_origin(annotation) is tuple
+    argument = ClickArgument(
+        [name],
+        type=click.Path(path_type=Path if annotation is Path else str),
+        nargs=-1 if is_list else 1,
+        required=required,
+        metavar=described.metavar,
+    )
+    argument.help = described.help
+    return argument
+
+
+def _click_type(kind: Any, option: Option) -> Any:
+    if get_origin(kind) is Literal:
+        return click.Choice(get_args(kind))
+    if kind in (int, float):
+        return Number(kind, option.range, option.unit)
+    return click.Path(path_type=Path if kind is Path else str) if kind in (Path, File) else str
+
+
+def _completing(names: Iterable[str]) -> Any:
+    """A function that completes names for Click."""
 
     def complete(_context: Any, _param: Any, incomplete: str) -> list[CompletionItem]:
-        items = [CompletionItem(word) for word in completion(incomplete)]
-        return items or [CompletionItem(incomplete, type=FILE)]
+        return [CompletionItem(name) for name in names if name.startswith(incomplete)]
 
     return complete

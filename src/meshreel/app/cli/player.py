@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from meshreel.app.cli.completing import input_files, reel_files
-from meshreel.app.cli.parameters import Decorator, argument, option
+from meshreel.app.cli.parameters import Argument, File
 from meshreel.app.cli.read_options import MESHES
 from meshreel.app.cli.track_options import COLORS
+from meshreel.codec.option import Option
+from meshreel.errors import Keyword
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.api import Api
@@ -17,29 +18,26 @@ if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
     from meshreel.rendering.track_colors import TrackLook
 
-source_argument: Decorator = argument(
-    "source", type=Path, metavar="FILE.reel", completion=reel_files, help="The stream to play."
-)
-original_option: Decorator = option(
-    "--original",
-    metavar="INPUT",
-    completion=input_files,
-    help="The original (any input of `encode`), shown alongside with heat maps of the error.",
-)
-
-shown_track_option: Decorator = option(
-    "--track",
-    metavar="NAME",
-    help="Color the mesh initially by a track, such as stress; color tracks are shown directly.",
-    panel=COLORS,
-)
-
-texture_option = option(
-    "--texture",
-    type=Path,
-    metavar="FILE",
-    help="Image to show on the mesh, or video that plays in sync with it.",
-)
+SourceArgument = Annotated[Path, Argument("FILE.reel", "The stream to play.")]
+OriginalOption = Annotated[
+    File | None,
+    Option(
+        "The original (any input of `encode`), shown alongside with heat maps of the error.",
+        metavar="INPUT",
+    ),
+]
+ShownTrackOption = Annotated[
+    str | None,
+    Option(
+        "Color the mesh initially by a track, such as stress; color tracks are shown directly.",
+        metavar="NAME",
+        group=COLORS,
+    ),
+]
+TextureOption = Annotated[
+    Path | None,
+    Option("Image to show on the mesh, or video that plays in sync with it.", metavar="FILE"),
+]
 
 
 @contextmanager
@@ -51,7 +49,7 @@ def opened_player(
     texture: Path | None = None,
 ) -> Iterator["Api"]:
     """Open a file and its original for the player."""
-    from meshreel.app.cli.figures import measured_rows, player_rows
+    from meshreel.app.figures import measured_rows, player_rows
     from meshreel.app.viewer.api import Api
     from meshreel.app.viewer.playable import reencoding_text
     from meshreel.errors import ConnectivityChangeError
@@ -67,7 +65,9 @@ def opened_player(
             if original and file.n_segments > 1:
                 raise ConnectivityChangeError(
                     "the faces change; a comparison in the player needs the same faces in every "
-                    "frame: leave --original out"
+                    "frame: leave ",
+                    Keyword("original"),
+                    " out",
                 )
         comparison = _comparison(first, original, reading) if original else None
         with errors_naming(source):
@@ -98,7 +98,8 @@ def _check_options_of_original(original: str | None, reading: "ReadOptions") -> 
     unused = [name for name in MESHES if getattr(reading, name)]
     if unused and not original:
         raise InvalidInputError(
-            f"--{unused[0].replace('_', '-')} applies to the original; give it with --original"
+            f"--{unused[0].replace('_', '-')} applies to the original; give it with ",
+            Keyword("original"),
         )
 
 

@@ -1,138 +1,121 @@
 """Inputs of commands, and options for reading them."""
 
-from collections.abc import Callable, Sequence
-from functools import wraps
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import click
-
-from meshreel.app.cli.parameters import Decorator, option
+from meshreel.app.cli.parameters import Group
+from meshreel.codec.option import Option
 from meshreel.runtime.stores.address import is_remote, name_of, without_query
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import ReadOptions
 
 READING = "Input"
 
-memory_option: Decorator = option(
-    "--memory",
+MEMORY = Option(
+    "Memory limit for decoding a .reel (its mesh, a block, or the frames needed at once), such as "
+    "500MB or 20GiB; a larger file is rejected before decoding.",
+    default_text="8GiB",
     metavar="SIZE",
-    help="Memory limit for decoding a .reel (its mesh, a block, or the frames needed at once), "
-    "such as 500MB or 20GiB; a larger file is rejected before decoding. [default: 8GiB]",
-    panel=READING,
+    annotation=str,
+    group=READING,
 )
-segment_option: Decorator = option(
-    "--segment",
-    type=int,
-    metavar="NUMBER",
-    help="One segment of a .reel with several, from 0 (`meshreel info` lists them).",
-    panel=READING,
-)
-split_option: Decorator = option(
-    "--split",
-    is_flag=True,
-    help="If the faces change, write one file per segment: consecutive frames with the same faces.",
-    panel=READING,
-)
+MemoryOption = Annotated[str | None, MEMORY]
+SegmentOption = Annotated[
+    int | None,
+    Option(
+        "One segment of a .reel with several, from 0 (`meshreel info` lists them).",
+        metavar="NUMBER",
+        group=READING,
+    ),
+]
+SplitOption = Annotated[
+    bool,
+    Option(
+        "If the faces change, write one file per segment: consecutive frames with the same faces.",
+        group=READING,
+    ),
+]
 
 MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
 """Options that select meshes of a file, by their names in `ReadOptions`."""
 
+
+def _option(annotation: Any, help: str, metavar: str = "", default: Any = None) -> Option:
+    return Option(help, metavar=metavar, annotation=annotation, default=default, group=READING)
+
+
 _OPTIONS = {
-    "fps": option(
-        "--fps", type=float, help="Frames per second. Default: that of the input.", panel=READING
+    "fps": _option(float, "Frames per second. Default: that of the input."),
+    "object": _option(
+        str,
+        "The mesh to read from a file with several (without this option, the error lists them).",
+        "PATH",
     ),
-    "object": option(
-        "--object",
-        metavar="PATH",
-        help="The mesh to read from a file with several (without this option, the error lists "
-        "them).",
-        panel=READING,
+    "merge": _option(
+        bool,
+        "Read all meshes of a file as one; they are separated again on output.",
+        default=False,
     ),
-    "merge": option(
-        "--merge",
-        is_flag=True,
-        help="Read all meshes of a file as one; they are separated again on output.",
-        panel=READING,
+    "skip_bad": _option(bool, "Skip meshes of a file that cannot be read.", default=False),
+    "allow_outside": _option(
+        bool,
+        "Read referenced files outside the folder of the input: USD layers, glTF buffers, files of "
+        "a .pvd or .xdmf.",
+        default=False,
     ),
-    "skip_bad": option(
-        "--skip-bad",
-        is_flag=True,
-        help="Skip meshes of a file that cannot be read.",
-        panel=READING,
+    "animation": _option(
+        str,
+        "Animation to read from a glTF file with several: its name or its number from 0 (`meshreel "
+        "info` lists them). Default: the first that moves a mesh.",
+        "NAME",
     ),
-    "allow_outside": option(
-        "--allow-outside",
-        is_flag=True,
-        help="Read referenced files outside the folder of the input: USD layers, glTF buffers, "
-        "files of a .pvd or .xdmf.",
-        panel=READING,
+    "memory": MEMORY,
+    "topology": _option(
+        Path,
+        "Mesh file with the faces of a point cache (.pc2, .mdd). Default: the mesh file of the "
+        "same name in its folder.",
+        "MESH",
     ),
-    "animation": option(
-        "--animation",
-        metavar="NAME",
-        help="Animation to read from a glTF file with several: its name or its number from 0 "
-        "(`meshreel info` lists them). Default: the first that moves a mesh.",
-        panel=READING,
-    ),
-    "memory": memory_option,
-    "topology": option(
-        "--topology",
-        type=Path,
-        metavar="MESH",
-        help="Mesh file with the faces of a point cache (.pc2, .mdd). Default: the mesh file of "
-        "the same name in its folder.",
-        panel=READING,
-    ),
-    "dataset": option(
-        "--dataset",
-        metavar="NAME",
-        help="Dataset with the positions (.h5, .npz). Default: vertices.",
-        panel=READING,
-    ),
-    "register": option(
-        "--register",
-        metavar="TOLERANCE",
-        help="Follow the surface of a raw capture, which has a new mesh in every frame, with few "
+    "dataset": _option(str, "Dataset with the positions (.h5, .npz). Default: vertices.", "NAME"),
+    "register": _option(
+        str,
+        "Follow the surface of a raw capture, which has a new mesh in every frame, with few "
         "meshes, up to this distance: 0.2% of the diagonal, or 0.5u in model units (needs "
         "[register]; see `meshreel register`).",
-        panel=READING,
+        "TOLERANCE",
     ),
-    "attributes": option(
-        "--attributes",
-        default="all",
-        metavar="all|none|NAME,...",
-        help="Attributes and groups to read, by name or kind: uv, color, material, ... Polygons "
-        "and parts are always read.",
-        panel=READING,
+    "attributes": _option(
+        str,
+        "Attributes and groups to read, by name or kind: uv, color, material, ... Polygons and "
+        "parts are always read.",
+        "all|none|NAME,...",
+        "all",
     ),
 }
 """By name in `ReadOptions`."""
 
 
-def reading_options(*names: str) -> Decorator:
-    """Decorator: add options for reading to a command.
-
-    The command receives them as a `ReadOptions` in its parameter `reading`.
+def reading(*names: str) -> Group:
+    """Options for reading, in the order of the help; a command receives a `ReadOptions`.
 
     Parameters
     ----------
     *names
-        Fields of `ReadOptions`, in the order of the help.
+        Fields of `ReadOptions`.
     """
+    options = [
+        replace(_OPTIONS[name], name=name, flag=f"--{name.replace('_', '-')}") for name in names
+    ]
+    return Group(options, _read_options)
 
-    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-        @wraps(function)
-        def with_reading(*context: click.Context, **values: Any) -> None:
-            from meshreel.formats.options import ReadOptions
 
-            reading = ReadOptions(**{name: values.pop(name) for name in names})
-            function(*context, **values, reading=reading)
+def _read_options(values: dict[str, Any]) -> "ReadOptions":
+    from meshreel.formats.options import ReadOptions
 
-        decorated: Callable[..., Any] = with_reading
-        for name in reversed(names):
-            decorated = _OPTIONS[name](decorated)
-        return decorated
-
-    return decorate
+    return ReadOptions(**values)
 
 
 def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":

@@ -1,70 +1,63 @@
 """`meshreel register`: follow the surface of a raw capture, and encode the result."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files
-from meshreel.app.cli.encode_options import Encoding, encode_options
-from meshreel.app.cli.parameters import argument, option
-from meshreel.app.cli.read_options import MESHES, reading_options
-from meshreel.app.cli.write_options import stream_option
+from meshreel.app.cli.encode_options import ENCODING, Encoding
+from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
+from meshreel.app.cli.read_options import MESHES, reading
+from meshreel.app.cli.write_options import StreamOption
+from meshreel.codec.option import Option
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
 
 @command
-@argument(
-    "inputs",
-    nargs=-1,
-    required=True,
-    metavar="RAW...",
-    completion=input_files,
-    help="A raw capture, with a new mesh in every frame: a folder or a quoted glob of frames, the "
-    "frame files (.drc, .obj, .ply, ...), or an animation file (.abc, .usd, .vtkhdf, ...). Or "
-    "addresses (s3://, gs://, https://), which are downloaded.",
-)
-@stream_option
-@option(
-    "--tolerance",
-    default="0.2%",
-    show_default=True,
-    metavar="LENGTH",
-    help="Largest distance between the registered and the raw surface: percent of the diagonal of "
-    "the box of all frames (0.2%), model units (0.5u), or a length (1mm, with --unit). In every "
-    "frame, 99 % of both surfaces are within it, and no connected patch beyond it is larger than a "
-    "square of ten tolerances.",
-)
-@option(
-    "--texture",
-    metavar="IMAGES",
-    help="Textures of the raw frames: a folder or a quoted glob of images in frame order, or a "
-    "video. They are baked into the texture coordinates of the segments.",
-)
-@option(
-    "--texture-output",
-    type=Path,
-    metavar="FILE",
-    help="The video (walk.mp4, needs [video]) or the images (walk_%04d.png) to write with "
-    "--texture. Default: a video named after the output.",
-)
-@reading_options("fps", *MESHES, "dataset", "attributes")
-@encode_options()
-@option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
-@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def register_command(
-    inputs: tuple[str, ...],
-    output: str | None,
-    tolerance: str,
-    texture: str | None,
-    texture_output: Path | None,
-    reading: "ReadOptions",
-    encoding: Encoding,
-    force: bool,
-    as_json: bool,
+    inputs: Annotated[
+        tuple[str, ...],
+        Argument(
+            "RAW...",
+            "A raw capture, with a new mesh in every frame: a folder or a quoted glob of frames, "
+            "the frame files (.drc, .obj, .ply, ...), or an animation file (.abc, .usd, .vtkhdf, "
+            "...). Or addresses (s3://, gs://, https://), which are downloaded.",
+        ),
+    ],
+    reading: Annotated["ReadOptions", reading("fps", *MESHES, "dataset", "attributes")],
+    encoding: Annotated[Encoding, ENCODING],
+    output: StreamOption = None,
+    tolerance: Annotated[
+        str,
+        Option(
+            "Largest distance between the registered and the raw surface: percent of the diagonal "
+            "of the box of all frames (0.2%), model units (0.5u), or a length (1mm, with --unit). "
+            "In every frame, 99 % of both surfaces are within it, and no connected patch beyond it "
+            "is larger than a square of ten tolerances.",
+            metavar="LENGTH",
+        ),
+    ] = "0.2%",
+    texture: Annotated[
+        str | None,
+        Option(
+            "Textures of the raw frames: a folder or a quoted glob of images in frame order, or a "
+            "video. They are baked into the texture coordinates of the segments.",
+            metavar="IMAGES",
+        ),
+    ] = None,
+    texture_output: Annotated[
+        Path | None,
+        Option(
+            "The video (walk.mp4, needs [video]) or the images (walk_%04d.png) to write with "
+            "--texture. Default: a video named after the output.",
+            metavar="FILE",
+        ),
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Compress a raw capture, which has a new mesh in every frame, into one .reel file.
 
@@ -112,7 +105,7 @@ def register_command(
 
     if texture_output is not None and texture is None:
         raise click.UsageError("--texture-output names the textures of --texture; give both")
-    output = output or f"{output_stem(inputs[0])}.reel"
+    output = output or File(f"{output_stem(inputs[0])}.reel")
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
     is_length = tolerance.strip().lower().endswith(tuple(METERS))
     bound = bound_of(tolerance, encoding["unit"] if is_length else None, "tolerance")
@@ -140,7 +133,7 @@ def register_command(
         if job is not None:
             registration = job.prepared(registration, notes)
         notes += [*registration.changes, *registration.listed_cuts()]
-        encoded = encode_file(
+        result = encode_file(
             registration.sequence,
             path,
             config,
@@ -156,13 +149,13 @@ def register_command(
         shutil.rmtree(folder)
     print_notes(notes)
     if as_json:
-        figures = encoded.figures() | report.figures()
+        figures = result.figures() | report.figures()
         if job is not None:
             figures["texture"] = {"output": target.name(job.output), "size_px": list(job.size)}
         print_json({**figures, "notes": notes})
         return
-    encoded.show()
-    rows = report.rows(encoded.stream.size_bytes)
+    result.show()
+    rows = report.rows(result.encoded.stream.size_bytes)
     if job is not None:
         width, height = job.size
         rows["textures"] = f"{target.name(job.output)}, {width} x {height} texels"

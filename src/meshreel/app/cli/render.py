@@ -1,15 +1,15 @@
 """`meshreel render`: pictures and films of an animation."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.completing import input_files, names_of, pictures
-from meshreel.app.cli.parameters import argument, option
-from meshreel.app.cli.read_options import MESHES, reading_options
-from meshreel.app.cli.track_options import COLORS, colormap_option, component_option, range_option
+from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
+from meshreel.app.cli.read_options import MESHES, reading
+from meshreel.app.cli.track_options import COLORS, ColormapOption, ComponentOption, RangeOption
+from meshreel.codec.option import Option, Range
 from meshreel.runtime.counting import counted
 
 if TYPE_CHECKING:
@@ -24,108 +24,94 @@ EXTENSIONS = (".png", ".mp4", ".gif")
 SHEET_FRAMES, COMPARED_FRAMES = 8, 3
 """Default numbers of frames on a contact sheet, and in a comparison with the original."""
 MAX_TURN_S = 3600.0
-VIEW, BACKGROUND = "30,12", "white"
 
 
 @command
-@argument(
-    "source",
-    metavar="FILE",
-    completion=input_files,
-    help="A .reel or another animation file (see `meshreel formats`), or a folder or a quoted glob "
-    "of frames.",
-)
-@option(
-    "--output",
-    "-o",
-    type=Path,
-    required=True,
-    completion=pictures,
-    help="A picture (.png) or a film (.mp4, .gif).",
-)
-@option(
-    "--original",
-    metavar="INPUT",
-    completion=input_files,
-    help="The original of FILE, shown alongside.",
-)
-@option(
-    "--heatmap",
-    metavar="distance|angle|sted|track",
-    completion=names_of(["distance", "angle", "sted", "track"]),
-    help="Color the decoded mesh by its error: vertex distance, angle between normals, local STED, "
-    "or error of --track in its unit. If the meshes differ, distance is that to the surface of the "
-    "original.",
-)
-@option(
-    "--track",
-    metavar="NAME",
-    help="Color the mesh by a track, such as stress, with a color bar; color tracks are shown "
-    "directly.",
-    panel=COLORS,
-)
-@component_option
-@range_option
-@colormap_option
-@option(
-    "--frames",
-    metavar="A:B|N,N,...",
-    help="Only frames A to B - 1, or the listed ones. A picture shows "
-    f"{SHEET_FRAMES} frames of a range ({COMPARED_FRAMES} with an original), evenly spaced.",
-)
-@option(
-    "--turntable", type=float, metavar="SECONDS", help="Films: time of one turn around the mesh."
-)
-@option(
-    "--view",
-    default=VIEW,
-    metavar="AZ,EL",
-    help="View direction: front, side, top, or degrees to the right and up.",
-    panel=LOOK,
-)
-@option(
-    "--up",
-    metavar="x|y|z",
-    completion=names_of(["x", "y", "z"]),
-    help="The up axis. Default: z for meshes that stand on z = 0, else y.",
-    panel=LOOK,
-)
-@option(
-    "--follow/--no-follow",
-    default=None,
-    help="Whether the camera follows the mesh. Default: if the mesh would look small, "
-    "or off-center in a picture.",
-    panel=LOOK,
-)
-@option(
-    "--size",
-    metavar="WxH",
-    help="Size of the whole picture in pixels. Default: depends on the content.",
-    panel=LOOK,
-)
-@option("--background", default=BACKGROUND, metavar="COLOR", help="A name, or #rrggbb.", panel=LOOK)
-@reading_options("fps", *MESHES, "memory")
-@option("--force", "-f", is_flag=True, help="Replace the output if it exists.")
-@option("as_json", "--json", is_flag=True, help="Print the figures as JSON.")
 def render_command(
-    source: str,
-    output: Path,
-    original: str | None,
-    heatmap: str | None,
-    track: str | None,
-    component: str | None,
-    range: str | None,
-    colormap: str | None,
-    frames: str | None,
-    turntable: float | None,
-    view: str,
-    up: str | None,
-    follow: bool | None,
-    size: str | None,
-    background: str,
-    reading: "ReadOptions",
-    force: bool,
-    as_json: bool,
+    source: Annotated[
+        str,
+        Argument(
+            "FILE",
+            "A .reel or another animation file (see `meshreel formats`), or a folder or a quoted "
+            "glob of frames.",
+        ),
+    ],
+    output: Annotated[Path, Option("A picture (.png) or a film (.mp4, .gif).", flag="--output -o")],
+    reading: Annotated["ReadOptions", reading("fps", *MESHES, "memory")],
+    original: Annotated[
+        File | None, Option("The original of FILE, shown alongside.", metavar="INPUT")
+    ] = None,
+    heatmap: Annotated[
+        Literal["distance", "angle", "sted", "track"] | None,
+        Option(
+            "Color the decoded mesh by its error: vertex distance, angle between normals, local "
+            "STED, or error of --track in its unit. If the meshes differ, distance is that to the "
+            "surface of the original."
+        ),
+    ] = None,
+    track: Annotated[
+        str | None,
+        Option(
+            "Color the mesh by a track, such as stress, with a color bar; color tracks are shown "
+            "directly.",
+            metavar="NAME",
+            group=COLORS,
+        ),
+    ] = None,
+    component: ComponentOption = None,
+    range: RangeOption = None,
+    colormap: ColormapOption = None,
+    frames: Annotated[
+        str | None,
+        Option(
+            f"Only frames A to B - 1, or the listed ones. A picture shows {SHEET_FRAMES} frames of "
+            f"a range ({COMPARED_FRAMES} with an original), evenly spaced.",
+            metavar="A:B|N,N,...",
+        ),
+    ] = None,
+    turntable: Annotated[
+        float | None,
+        Option(
+            "Films: time of one turn around the mesh.",
+            metavar="SECONDS",
+            range=Range(0, MAX_TURN_S, is_open=True),
+            unit="in seconds",
+        ),
+    ] = None,
+    view: Annotated[
+        str,
+        Option(
+            "View direction: front, side, top, or degrees to the right and up.",
+            metavar="AZ,EL",
+            group=LOOK,
+        ),
+    ] = "30,12",
+    up: Annotated[
+        Literal["x", "y", "z"] | None,
+        Option("The up axis. Default: z for meshes that stand on z = 0, else y.", group=LOOK),
+    ] = None,
+    follow: Annotated[
+        bool | None,
+        Option(
+            "Whether the camera follows the mesh. Default: if the mesh would look small, or "
+            "off-center in a picture.",
+            flag="--follow/--no-follow",
+            group=LOOK,
+        ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        Option(
+            "Size of the whole picture in pixels. Default: depends on the content.",
+            metavar="WxH",
+            group=LOOK,
+        ),
+    ] = None,
+    background: Annotated[
+        str, Option("A name, or #rrggbb.", metavar="COLOR", group=LOOK)
+    ] = "white",
+    force: ForceOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Draw an animation into a picture or a film.
 
@@ -133,7 +119,7 @@ def render_command(
     --original, each frame has a row: original, decoded and, with --heatmap, the error. --track
     colors the mesh by one of its tracks. The faces may change.
 
-    Pictures and .gif need the extra [render], and .mp4 needs [video].
+    Pictures and .gif need the extra [render], .mp4 needs [video].
 
     Examples:
 
@@ -255,10 +241,6 @@ def _check_combination(
     *,
     is_film: bool,
 ) -> None:
-    from meshreel.rendering.scenes import HEAT_NAMES
-
-    if heatmap is not None and heatmap not in HEAT_NAMES:
-        raise click.UsageError(f"--heatmap takes {', '.join(HEAT_NAMES)}; got {heatmap!r}")
     if heatmap is not None and original is None:
         raise click.UsageError(
             "--heatmap shows the error of FILE relative to its original; give that with --original"
@@ -269,10 +251,6 @@ def _check_combination(
         )
     if turntable is not None and follow is not None:
         raise click.UsageError("--turntable always follows the mesh; omit --follow and --no-follow")
-    if turntable is not None and not 0 < turntable <= MAX_TURN_S:
-        raise click.UsageError(
-            f"--turntable takes seconds above 0 and up to {MAX_TURN_S:g}; got {turntable:g}"
-        )
 
 
 def _print_figures(figures: dict[str, Any]) -> None:

@@ -1,47 +1,54 @@
 """Options for the error bounds of tracks, and for coloring meshes by tracks."""
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import click
 
-from meshreel.app.cli.completing import names_of
-from meshreel.app.cli.parameters import Decorator, option
+from meshreel.codec.option import Option
 
-track_option: Decorator = option(
-    "--track",
-    multiple=True,
-    metavar="NAME=BOUND",
-    help="Error bound of a track, once per track: stress=0.1% (of its range), stress=500Pa or "
-    "=500 (in its unit), normal=0.5deg, color=8bit, id=exact, velocity=drop. Default: normals "
-    "0.5deg, colors 8bit, integers exact, all others 0.1%.",
-    panel="Tracks",
-)
+TrackOption = Annotated[
+    tuple[str, ...],
+    Option(
+        "Error bound of a track, once per track: stress=0.1% (of its range), stress=500Pa or =500 "
+        "(in its unit), normal=0.5deg, color=8bit, id=exact, velocity=drop. Default: normals "
+        "0.5deg, colors 8bit, integers exact, all others 0.1%.",
+        metavar="NAME=BOUND",
+        group="Tracks",
+    ),
+]
 
 COLORS = "Coloring by a track"
-component_option: Decorator = option(
-    "--component",
-    metavar="x|y|z|magnitude|INDEX",
-    completion=names_of(["x", "y", "z", "magnitude"]),
-    help="Component of the values; INDEX counts from 0. Default: the magnitude of vectors, x of "
-    "normals.",
-    panel=COLORS,
-)
-range_option: Decorator = option(
-    "--range",
-    metavar="LOW:HIGH",
-    help="Ends of the color range, numbers or percentiles of the frames shown, such as 0:500 or "
-    "2%:98%. Percentiles of opposite sign give a range symmetric about 0. Default: 2%:98%; for "
-    "normals -1:1.",
-    panel=COLORS,
-)
-colormap_option: Decorator = option(
-    "--colormap",
-    metavar="sequential|diverging",
-    completion=names_of(["sequential", "diverging"]),
-    help="Violet to yellow, or blue over gray to red. Default: diverging if 0 is inside the "
-    "range, else sequential.",
-    panel=COLORS,
-)
+ComponentOption = Annotated[
+    str | None,
+    Option(
+        "Component of the values; INDEX counts from 0. Default: the magnitude of vectors, x of "
+        "normals.",
+        names=("x", "y", "z", "magnitude"),
+        metavar="x|y|z|magnitude|INDEX",
+        group=COLORS,
+    ),
+]
+RangeOption = Annotated[
+    str | None,
+    Option(
+        "Ends of the color range, numbers or percentiles of the frames shown, such as 0:500 or "
+        "2%:98%. Percentiles of opposite sign give a range symmetric about 0. Default: 2%:98%; for "
+        "normals -1:1.",
+        metavar="LOW:HIGH",
+        group=COLORS,
+    ),
+]
+ColormapOption = Annotated[
+    str | None,
+    Option(
+        "Violet to yellow, or blue over gray to red. Default: diverging if 0 is inside the range, "
+        "else sequential.",
+        names=("sequential", "diverging"),
+        metavar="sequential|diverging",
+        group=COLORS,
+    ),
+]
 
 
 def track_targets(texts: Sequence[str] | None) -> dict[str, float | str] | None:

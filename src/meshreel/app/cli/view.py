@@ -1,21 +1,14 @@
 """`meshreel view`: play a .reel in the browser."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.parameters import option
-from meshreel.app.cli.player import (
-    original_option,
-    shown_track_option,
-    source_argument,
-    texture_option,
-)
-from meshreel.app.cli.read_options import MESHES, reading_options
-from meshreel.app.cli.track_options import colormap_option, component_option, range_option
-from meshreel.codec.option import Range
+from meshreel.app.cli.player import OriginalOption, ShownTrackOption, SourceArgument, TextureOption
+from meshreel.app.cli.read_options import MESHES, reading
+from meshreel.app.cli.track_options import ColormapOption, ComponentOption, RangeOption
+from meshreel.codec.option import Option, Range
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.server import ViewerServer
@@ -23,39 +16,26 @@ if TYPE_CHECKING:
 
 
 @command
-@source_argument
-@original_option
-@shown_track_option
-@component_option
-@range_option
-@colormap_option
-@texture_option
-@reading_options(*MESHES, "memory")
-@option("--no-open", is_flag=True, help="Do not open the browser; only print the address.")
-@option(
-    "--port",
-    type=int,
-    range=Range(0, 65535, is_whole=True),
-    default=0,
-    help="Port to listen on; 0 selects a free port.",
-)
-@option(
-    "--host",
-    default="127.0.0.1",
-    help="Address or name of this machine to listen on; others can watch if they can reach it.",
-)
 def view_command(
-    source: Path,
-    original: str | None,
-    track: str | None,
-    component: str | None,
-    range: str | None,
-    colormap: str | None,
-    texture: Path | None,
-    reading: "ReadOptions",
-    no_open: bool,
-    port: int,
-    host: str,
+    source: SourceArgument,
+    reading: Annotated["ReadOptions", reading(*MESHES, "memory")],
+    original: OriginalOption = None,
+    track: ShownTrackOption = None,
+    component: ComponentOption = None,
+    range: RangeOption = None,
+    colormap: ColormapOption = None,
+    texture: TextureOption = None,
+    no_open: Annotated[bool, Option("Do not open the browser; only print the address.")] = False,
+    port: Annotated[
+        int,
+        Option("Port to listen on; 0 selects a free port.", range=Range(0, 65535, is_whole=True)),
+    ] = 0,
+    host: Annotated[
+        str,
+        Option(
+            "Address or name of this machine to listen on; others can watch if they can reach it."
+        ),
+    ] = "127.0.0.1",
 ) -> None:
     """Play a .reel file in the browser until ctrl-C.
 

@@ -1,15 +1,15 @@
 """Options for writing files of other formats, and figures of the written files."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
-from meshreel.app.cli.completing import layout_names, output_files, streams, texture_kinds
-from meshreel.app.cli.parameters import Decorator, option
-from meshreel.codec.targets import DIAGONAL_OF_ALL, GROUP
+from meshreel.app.cli.parameters import File, Group
+from meshreel.codec.option import Option
+from meshreel.codec.targets import DIAGONAL_OF_ALL
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
@@ -19,78 +19,91 @@ GLTF = "glTF output"
 GLTF_AND_TEXTURES = "glTF and .vat output"
 TEXTURES = "Vertex animation textures (.vat output)"
 
-output_option: Decorator = option(
-    "--output",
-    "-o",
-    required=True,
-    completion=output_files,
-    help="A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`); a pattern "
-    "such as out/frame_%04d.obj for one file per frame, in a folder that is created if missing; or "
-    "a folder such as walk.vat/ for vertex animation textures. Or such an address (s3://, gs://).",
+OutputOption = Annotated[
+    File,
+    Option(
+        "A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`); a pattern "
+        "such as out/frame_%04d.obj for one file per frame, in a folder that is created if "
+        "missing; or a folder such as walk.vat/ for vertex animation textures. Or such an address "
+        "(s3://, gs://).",
+        flag="--output -o",
+    ),
+]
+StreamOption = Annotated[
+    File | None,
+    Option(
+        "The .reel to write, or its address (s3://...). Default: named after the input, in the "
+        "current folder.",
+        flag="--output -o",
+    ),
+]
+FramesOption = Annotated[str | None, Option("Only frames A to B - 1. Default: all.", metavar="A:B")]
+StartNumberOption = Annotated[
+    int | None,
+    Option("Number of the first file of a pattern. Default: number of its frame.", metavar="N"),
+]
+GltfErrorOption = Annotated[
+    str | None,
+    Option(
+        "Error bound relative to the original if the .reel has an error bound itself; else bound "
+        "of the error that morph targets or textures add. 0.1 or 0.1%: percent "
+        f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see --unit.",
+        metavar="BOUND",
+        group=GLTF_AND_TEXTURES,
+    ),
+]
+OUTPUT_ERROR = (
+    "Error bound of every vertex in every frame of a .reel. For glTF and .vat: bound of the error "
+    f"that morph targets or textures add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; 0.5u: model "
+    "units; 0.5mm: a length, see {unit}."
 )
-stream_option: Decorator = option(
-    "--output",
-    "-o",
-    completion=streams,
-    help="The .reel to write, or its address (s3://...). Default: named after the input, in the "
-    "current folder.",
+"""Help of `--max-error` for all outputs."""
+
+
+def _option(name: str, kind: type, group: str, help: str, **details: Any) -> Option:
+    details = {"default": False if kind is bool else None, "flag": f"--{name}", **details}
+    return Option(help, name=name, annotation=kind, group=group, **details)
+
+
+WRITING = Group(
+    (
+        _option(
+            "targets",
+            int,
+            GLTF,
+            "Number of morph targets. Default: as many as the error bound needs.",
+        ),
+        _option(
+            "normals",
+            bool,
+            GLTF_AND_TEXTURES,
+            "glTF: write normals of all meshes, changed by all targets; or none, so that viewers "
+            "shade faces flat. Default: smooth meshes have normals, changed by enough targets for "
+            "a mean error of about 3.5 degrees. .vat: write the normals of every frame (default) "
+            "or none.",
+            flag="--normals/--no-normals",
+            default=None,
+        ),
+        _option(
+            "layout",
+            str,
+            TEXTURES,
+            "Layout for the shaders that play the textures: openvat, openvat-unity, labs (axes of "
+            "glTF), labs-unity or labs-unreal. Default: openvat.",
+            metavar="NAME",
+        ),
+        _option(
+            "textures",
+            str,
+            TEXTURES,
+            "exr: 16-bit floats, or 32-bit if --max-error needs them; png: 8 or 16 bits. Default: "
+            "exr, which engines read directly.",
+            metavar="KIND",
+        ),
+    ),
+    dict,
 )
-frames_option: Decorator = option(
-    "--frames", metavar="A:B", help="Only frames A to B - 1. Default: all."
-)
-start_number_option: Decorator = option(
-    "--start-number",
-    type=int,
-    metavar="N",
-    help="Number of the first file of a pattern. Default: number of its frame.",
-)
-targets_option: Decorator = option(
-    "--targets",
-    type=int,
-    help="Number of morph targets. Default: as many as the error bound needs.",
-    panel=GLTF,
-)
-gltf_error_option: Decorator = option(
-    "--max-error",
-    metavar="BOUND",
-    help="Error bound relative to the original if the .reel has an error bound itself; else bound "
-    f"of the error that morph targets or textures add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; "
-    "0.5u: model units; 0.5mm: a length, see --unit.",
-    panel=GLTF_AND_TEXTURES,
-)
-output_error_option: Decorator = option(
-    "--max-error",
-    metavar="BOUND",
-    help="Error bound of every vertex in every frame of a .reel. For glTF and .vat: bound of the "
-    f"error that morph targets or textures add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; "
-    "0.5u: model units; 0.5mm: a length, see --unit.",
-    panel=GROUP,
-)
-normals_option: Decorator = option(
-    "--normals/--no-normals",
-    default=None,
-    help="glTF: write normals of all meshes, changed by all targets; or none, so that viewers "
-    "shade faces flat. Default: smooth meshes have normals, changed by enough targets for a mean "
-    "error of about 3.5 degrees. .vat: write the normals of every frame (default) or none.",
-    panel=GLTF_AND_TEXTURES,
-)
-layout_option: Decorator = option(
-    "--layout",
-    metavar="NAME",
-    completion=layout_names,
-    help="Layout for the shaders that play the textures: openvat, openvat-unity, labs (axes of "
-    "glTF), labs-unity or labs-unreal. Default: openvat.",
-    panel=TEXTURES,
-)
-textures_option: Decorator = option(
-    "--textures",
-    metavar="KIND",
-    completion=texture_kinds,
-    help="exr: 16-bit floats, or 32-bit if --max-error needs them; png: 8 or 16 bits. Default: "
-    "exr, which engines read directly.",
-    panel=TEXTURES,
-)
-force_option: Decorator = option("--force", "-f", is_flag=True, help="Replace existing outputs.")
+"""Options for other formats, by field of `WriteOptions`."""
 
 
 def checked_bound(text: str | None, unit: str | None) -> float | str | None:
@@ -126,8 +139,9 @@ def is_stream(output: "str | os.PathLike[str]") -> bool:
     return Path(output).suffix.lower() == ".reel"
 
 
-def refuse_stream_options(context: click.Context, names: Iterable[str], output: str) -> None:
+def refuse_stream_options(names: Collection[str], output: str) -> None:
     """Reject options of these names on the command line, as they do not apply to the output."""
+    context = click.get_current_context()
     for param in context.command.params:
         source = context.get_parameter_source(param.name or "")
         if param.name in names and source is not None and source.name == "COMMANDLINE":

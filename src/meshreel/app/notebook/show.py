@@ -9,7 +9,8 @@ from importlib import import_module
 from io import BytesIO
 from typing import Any
 
-from meshreel.app.notebook.html import html_of, player_html, stream_rows
+from meshreel.app.figures import player_rows
+from meshreel.app.notebook.html import html_of, player_html
 from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import Comparison
 from meshreel.app.viewer.original import Original
@@ -59,7 +60,7 @@ def serve(animation: MeshSequence | ReelFile) -> ViewerServer:
         reel = ReelFile(BytesIO(encode(animation)), memory=OWN_STREAM)
         if animation.n_segments == 1:
             comparison = Comparison(reel, Original(animation, reel))
-    server = ViewerServer(Api(reel, animation.name, stream_rows, comparison))
+    server = ViewerServer(Api(reel, animation.name, player_rows, comparison))
     if server.api.measuring is not None:
         server.api.measuring.start()
     serve = partial(server.serve_forever, poll_interval=0.1)  # seconds until `shutdown` is noticed

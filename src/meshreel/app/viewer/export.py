@@ -15,7 +15,7 @@ from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.encoder import encode
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track, TrackKind
@@ -240,7 +240,8 @@ def _free_bytes_for_tracks(reel: ReelFile) -> int:
     size_bytes = 24 * reel.n_frames * reel.n_verts
     if size_bytes > MAX_ORIGINAL_BYTES:
         raise InvalidInputError(
-            f"the original has {size_bytes / 1e9:.1f} GB of positions, too many for a page; "
-            "omit --original, or use meshreel view"
+            f"the original has {size_bytes / 1e9:.1f} GB of positions, too many for a page; omit ",
+            Keyword("original"),
+            ", or use meshreel view",
         )
     return MAX_ORIGINAL_BYTES - size_bytes

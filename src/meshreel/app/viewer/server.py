@@ -32,7 +32,7 @@ TEXT = "text/plain; charset=utf-8"
 Reader = Callable[[int, int], bytes]
 """Returns the bytes of a range of a file."""
 
-FORBIDDEN = "this player answers local requests only; to open it elsewhere, start it with --host"
+FORBIDDEN = "this player answers local requests only; start it on another host to open it here"
 
 
 class ViewerServer(ThreadingHTTPServer):
@@ -228,7 +228,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 def _cannot_listen(host: str, port: int, error: Exception) -> str:
     if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-        return f"port {port} is in use; choose another with --port, or omit it to use a free one"
+        return f"port {port} is in use; choose another, or 0 for a free one"
     reason = error.strerror if isinstance(error, OSError) else error
     return f"the player cannot listen on {host}, port {port}: {reason}"
 

@@ -15,7 +15,7 @@ from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.targets import TargetKind
 from meshreel.codec.track_bounds import TrackTargets
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.files import FrameDecoder
 from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
@@ -125,7 +125,7 @@ class ReelMethod:
             If `n_modes` is below 1.
         """
         if n_modes is not None:
-            COUNT.check(n_modes, "n_modes")
+            COUNT.check(n_modes, Keyword("n_modes"))
         return FrameDecoder(opened.file, n_modes or 0)
 
 
@@ -185,7 +185,9 @@ class LosslessMethod(ReelMethod):
             If `n_modes` is given.
         """
         if n_modes is not None:
-            raise InvalidInputError(f"a stream of method {self.name} has no modes; omit n_modes=")
+            raise InvalidInputError(
+                f"a stream of method {self.name} has no modes; omit ", Keyword("n_modes")
+            )
         return FrameDecoder(opened.file)
 
 
@@ -199,7 +201,10 @@ class GridMethod(LosslessMethod):
         assert isinstance(config, ReelOptions)
         if config.target.kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
             raise InvalidInputError(
-                f"method {self.name} rounds positions to a grid; set max_error= or step="
+                f"method {self.name} rounds positions to a grid; set ",
+                Keyword("max_error"),
+                " or ",
+                Keyword("step"),
             )
 
     def _encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:

@@ -17,6 +17,7 @@ from meshreel.codec.surface.materials import write_image, write_material
 from meshreel.codec.surface.references import encode_corner_references, encode_references
 from meshreel.codec.surface.rows import distinct_rows, faces_of_rows, places_of
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
+from meshreel.errors import Keyword, Message
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
 from meshreel.model.geometry.polygons import fan_corners, join_fans
@@ -134,8 +135,11 @@ def order_notes(surfaces: Iterable[Surface], kept: str, *, is_chosen: bool) -> l
         if Order.DROP not in orders:
             return []
         return [
-            "omitted: the order of vertices and faces, which has no meaning in these files "
-            '(order="keep" keeps it)'
+            Message(
+                "omitted: the order of vertices and faces, which has no meaning in these files (",
+                Keyword("order", "keep"),
+                " keeps it)",
+            )
         ]
     (order,) = orders
     notes = dict.fromkeys(order_loss_note(surface, order) for surface in surfaces)

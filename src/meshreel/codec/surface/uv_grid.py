@@ -9,7 +9,7 @@ import numpy as np
 
 from meshreel.arrays import Integers
 from meshreel.codec.entropy.multiples import MAX_INTEGER
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.surface import Attribute, Kind, Surface
 
 
@@ -32,7 +32,9 @@ def check_uvs(surface: Surface, bits: int) -> None:
         If it has none, or as in `uv_integers`.
     """
     if not has_uvs(surface):
-        raise InvalidInputError("there are no texture coordinates to quantize; omit uv_bits=")
+        raise InvalidInputError(
+            "there are no texture coordinates to quantize; omit ", Keyword("uv_bits")
+        )
     for attribute in filter(is_quantized, surface.attributes):
         uv_integers(attribute, bits)
 
@@ -50,7 +52,10 @@ def uv_integers(attribute: Attribute, bits: int) -> Integers:
         row = int(np.argmin(np.isfinite(values).all(axis=1)))
         raise InvalidInputError(
             f"texture coordinates {attribute.name!r} have {values[row].tolist()} in row {row}, "
-            "which cannot be quantized; omit uv_bits=, or select others with attributes="
+            "which cannot be quantized; omit ",
+            Keyword("uv_bits"),
+            ", or select others with ",
+            Keyword("attributes"),
         )
     largest = float(np.abs(values).max(initial=0))
     if largest > MAX_INTEGER >> bits:

@@ -64,10 +64,10 @@ def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:
     try:
         return read()
     except MeshReelError as error:
-        kind, reason = type(error), str(error)
+        kind, parts = type(error), error.args
 
     def fail(frame: int) -> NoReturn:
-        raise kind(reason)
+        raise kind(*parts)
 
     return SceneMesh(name, np.zeros(1), fail)
 

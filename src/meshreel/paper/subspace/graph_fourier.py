@@ -10,7 +10,7 @@ from scipy.sparse.linalg import eigsh
 from meshreel.arrays import Floats
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.subspace.pca import fix_signs
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.runtime.counting import counted, duration_text, size_text
 from meshreel.runtime.progress import Progress, silent
 
@@ -76,7 +76,11 @@ def graph_fourier_basis(
     if needed > allowed:
         raise InvalidInputError(
             f"{_frequencies_text(n_verts, n_modes)} take {size_text(needed)} of memory, and "
-            f"{size_text(allowed)} are allowed; allow more with memory=, or use fewer (n_modes=)"
+            f"{size_text(allowed)} are allowed; allow more with ",
+            Keyword("memory"),
+            ", or use fewer (",
+            Keyword("n_modes"),
+            ")",
         )
     stage = f"decomposing {counted(n_modes, 'graph frequency')} with {size_text(needed)}"
     if progress is not silent and _work(n_verts, n_modes) > MAX_WORK:
@@ -133,9 +137,11 @@ def check_basis_size(n_verts: int, n_modes: int) -> None:
         return
     possible = min(int((MAX_WORK / n_verts) ** 0.5), n_verts // 3)
     raise InvalidInputError(
-        f"{_frequencies_text(n_verts, n_modes)} may take many minutes; use at most {possible} "
-        "(n_modes=). If you accept the time, encode with n_modes=, or decode with "
-        "meshreel.paper.read and its option all_frequencies"
+        f"{_frequencies_text(n_verts, n_modes)} may take many minutes; use at most {possible} (",
+        Keyword("n_modes"),
+        "). If you accept the time, encode with ",
+        Keyword("n_modes"),
+        ", or decode with meshreel.paper.read and its option all_frequencies",
     )
 
 
@@ -146,7 +152,9 @@ def _work(n_verts: int, n_modes: int) -> int:
 
 def _check_range(n_verts: int, n_modes: int) -> None:
     if not 1 <= n_modes <= n_verts:
-        raise InvalidInputError(f"n_modes must be in 1..{n_verts}, the vertices; got {n_modes}")
+        raise InvalidInputError(
+            Keyword("n_modes"), f" must be in 1..{n_verts}, the vertices; got {n_modes}"
+        )
 
 
 def _frequencies_text(n_verts: int, n_modes: int) -> str:

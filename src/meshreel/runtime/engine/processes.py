@@ -17,7 +17,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, TypeVar
 
-from meshreel.errors import InvalidInputError, WorkerDiedError
+from meshreel.errors import InvalidInputError, Keyword, WorkerDiedError
 from meshreel.runtime.threads import limit_cores, n_cores, one_blas_thread
 
 Result = TypeVar("Result")
@@ -91,7 +91,8 @@ class ProcessExecutor(Executor):
                 raise
         raise WorkerDiedError(
             f"{MAX_DEATHS} worker processes died during this call; if memory is short, use fewer "
-            "workers or a smaller block_frames"
+            "workers or a smaller ",
+            Keyword("block_frames"),
         )
 
     def _worker(self) -> "_Worker":

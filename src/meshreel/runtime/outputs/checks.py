@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.runtime.outputs.hidden_folders import hidden_folder
 
 
@@ -76,7 +76,7 @@ def check_replaceable(path: Path, *, overwrite: bool) -> None:
         return
     if not overwrite:
         raise InvalidInputError(
-            f"{path} already exists; use --force (overwrite=True) to replace it"
+            f"{path} already exists; use ", Keyword("overwrite", True), " to replace it"
         )
     if path.exists() and not path.is_file():
         raise InvalidInputError(f"{path} is a device or a pipe, not a file; name a file")

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from meshreel.errors import InvalidInputError, StoreError
+from meshreel.errors import InvalidInputError, Keyword, StoreError
 from meshreel.runtime.stores.address import folder_of, is_web, scheme_of, without_query
 from meshreel.runtime.stores.filesystem import errors_in_words, filesystem_of
 
@@ -67,7 +67,7 @@ def check_outputs(addresses: Iterable[str], *, overwrite: bool) -> None:
 def _refuse_existing(address: str) -> None:
     if exists(address):
         raise InvalidInputError(
-            f"{address} already exists; use --force (overwrite=True) to replace it"
+            f"{address} already exists; use ", Keyword("overwrite", True), " to replace it"
         )
 
 

@@ -42,7 +42,7 @@ def test_rerun_completes_a_batch_killed_at_any_moment(tmp_path):
     for one in seen:
         assert one["states"] == ["done", "done"]
         assert one["streams"] == expected
-        assert one["others"] == ["manifest.json", "report.html"]
+        assert one["others"] == ["manifest.json"]
 
 
 WORKING = """

@@ -19,7 +19,7 @@ def test_bars_are_aligned_and_complete_on_narrow_terminals(monkeypatch, capsys, 
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= columns
     rows = [line for line in lines if " B " in line]
-    assert len({len(row) for row in rows}) == 1
+    assert len({row.index(" B ") for row in rows}) == 1
     for (name, size), row in zip(SIZES.items(), rows, strict=True):
         assert name in row
         assert f"{size} B" in row

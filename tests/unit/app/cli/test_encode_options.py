@@ -2,6 +2,7 @@
 
 import json
 import re
+from typing import Annotated
 
 import click
 import pytest
@@ -10,7 +11,9 @@ from click.testing import CliRunner
 import meshreel
 from meshreel.app.cli.app import app
 from meshreel.app.cli.commands import command_named
-from meshreel.app.cli.encode_options import encode_options
+from meshreel.app.cli.encode_options import ENCODING
+from meshreel.app.cli.parameters import with_parameters
+from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
 from meshreel.errors import InvalidInputError
 from samples.meshes import waving_grid
@@ -45,14 +48,15 @@ def test_names_are_completed(command, name):
 def received_by_command(*arguments):
     """Return the values that a command receives for these arguments."""
 
-    @click.command()
-    @encode_options()
-    @click.option("--twice", is_flag=True)
-    def small(encoding: dict, twice: bool) -> None:
+    def small(
+        encoding: Annotated[dict, ENCODING], twice: Annotated[bool, Option("Again.")] = False
+    ) -> None:
         click.echo(json.dumps([encoding, twice]))
 
+    params, callback = with_parameters(small)
+    command = click.Command("small", params=params, callback=callback)
     settings = {"catch_exceptions": False, "standalone_mode": False}
-    return json.loads(CliRunner().invoke(small, arguments, **settings).output)
+    return json.loads(CliRunner().invoke(command, arguments, **settings).output)
 
 
 def test_command_receives_defaults():

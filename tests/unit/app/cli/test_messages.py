@@ -1,14 +1,16 @@
 """Keywords in messages of the library become options on the command line."""
 
 import ast
-import re
+import copy
+import pickle
 from pathlib import Path
 
 import pytest
 
 import meshreel
 from meshreel.app.cli.commands import COMMANDS, command_named
-from meshreel.app.cli.messages import all_with_option_names, with_option_names
+from meshreel.app.cli.messages import flag_of, with_options
+from meshreel.errors import InvalidInputError, Keyword, Message
 
 ROOT = Path(meshreel.__file__).parent
 OPTIONS = {
@@ -17,70 +19,45 @@ OPTIONS = {
     for param in command_named(command).params
     for option in param.opts
 }
-KEYWORD_LEFT = re.compile(r"(?<![\w./'\"-])[a-z]\w*=(?:True|False|\"\w+\")?(?=[\s),;:.]|$)")
+PYTHON_ONLY = {"texture_output"}
+"""Keywords of checks that the command line makes itself."""
 
 
-def sentences(path):
-    """Yield the strings of a module except docstrings; "fps" replaces formatted values."""
-    nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
-    pieces = {id(part) for node in nodes if isinstance(node, ast.JoinedStr)
-              for part in ast.walk(node)}  # fmt: skip
-    documents = {
-        id(node.value) for node in nodes
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-    }  # fmt: skip
-    left_out = pieces | documents
-    for node in nodes:
-        if isinstance(node, ast.JoinedStr):
-            yield "".join(
-                str(part.value) if isinstance(part, ast.Constant) else "fps" for part in node.values
-            )
-        elif isinstance(value := getattr(node, "value", 0), str) and id(node) not in left_out:
-            yield value
+def keywords(path):
+    """Names of the keywords in the messages of a module, as far as they are literals."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        match node:
+            case ast.Call(func=ast.Name("Keyword"), args=[ast.Constant(name), *_]):
+                yield name
 
 
-@pytest.fixture(scope="module")
-def messages():
-    """Messages of the library with keywords."""
-    return {
-        text
-        for path in ROOT.rglob("*.py")
-        if "cli" not in path.relative_to(ROOT).parts
-        for text in sentences(path)
-        if " " in text and text[0] != "<" and with_option_names(text) != text
-    }
-
-
-def test_library_has_messages_with_keywords(messages):
-    assert len(messages) > 15
-    assert any("overwrite=True" in text for text in messages)
-
-
-def test_messages_name_existing_options_on_the_command_line(messages):
-    converted = [with_option_names(text) for text in sorted(messages)]
-    assert [text for text in converted if KEYWORD_LEFT.search(text)] == []
-    named = [(text, set(re.findall(r"--[a-z][a-z-]*", text))) for text in converted]
-    assert [(text, names - OPTIONS) for text, names in named if names - OPTIONS] == []
+def test_keywords_of_messages_are_options_of_the_command_line():
+    names = {name for path in ROOT.rglob("*.py") for name in keywords(path)}
+    assert len(names) > 15
+    assert {name for name in names - PYTHON_ONLY if flag_of(name) not in OPTIONS} == set()
 
 
 @pytest.mark.parametrize(
-    ("message", "expected"),
+    ("parts", "python", "command_line"),
     [
-        ("exists; use --force (overwrite=True)", "exists; use --force"),
-        ("name it with --topology a.obj (topology=), or", "name it with --topology a.obj, or"),
-        ("exists; use overwrite=True", "exists; use --force"),
-        ("choose one with object=, or merge=True.", "choose one with --object, or --merge."),
-        ("kg= and n_modes= exclude each other", "--kg and --modes exclude each other"),
-        ('leave the order out (order="drop")', "leave the order out (--order drop)"),
-        ("allow a larger error (max_error)", "allow a larger error (--max-error)"),
-        ("dir/max_error.npz: no faces", "dir/max_error.npz: no faces"),
-        ("there is no file 'fps='; check it", "there is no file 'fps='; check it"),
-        ("x=3 is too much", "x=3 is too much"),
+        (("use ", Keyword("overwrite", True)), "use overwrite=True", "use --force"),
+        ((Keyword("n_modes"), " must be 1"), "n_modes must be 1", "--modes must be 1"),
+        (("a (", Keyword("order", "drop"), ")"), 'a (order="drop")', "a (--order drop)"),
+        (("max_error.npz: damaged",), "max_error.npz: damaged", "max_error.npz: damaged"),
     ],
-)
-def test_keywords_are_replaced_by_options(message, expected):
-    assert with_option_names(message) == expected
+)  # fmt: skip
+def test_message_names_keywords_in_python_and_options_on_the_command_line(
+    parts, python, command_line
+):
+    error = InvalidInputError(*parts)
+    for message in (Message(*parts), error.message, pickle.loads(pickle.dumps(error)).message,
+                    copy.deepcopy(error.message)):  # fmt: skip
+        assert message == python
+        assert with_options(message) == command_line
+    assert str(error) == python
+    assert with_options(Message.prefixed("x: ", error.message)) == f"x: {command_line}"
 
 
-def test_notes_that_become_equal_are_merged():
-    assert all_with_option_names(["give fps=", "give --fps (fps=)"]) == ["give --fps"]
+def test_plain_text_is_unchanged():
+    assert with_options("use overwrite=True") == "use overwrite=True"
+    assert Message.prefixed("x: ", "fps=") == "x: fps="

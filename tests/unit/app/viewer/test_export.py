@@ -74,7 +74,7 @@ def test_existing_page_is_replaced_only_with_overwrite(tmp_path):
 def test_original_is_rejected_when_it_is_too_large(tmp_path, monkeypatch):
     monkeypatch.setattr(export, "MAX_ORIGINAL_BYTES", 1000)
     grid = waving_grid(5)
-    message = r"0\.0 GB of positions, too many for a page; omit --original"
+    message = r"0\.0 GB of positions, too many for a page; omit original"
     with opened_api(grid, grid) as api, pytest.raises(InvalidInputError, match=message):
         export_page(api, tmp_path / "p.html", page=PAGE)
     assert list(tmp_path.iterdir()) == []

@@ -57,7 +57,7 @@ def test_signs_are_fixed_in_every_column(n_modes, monkeypatch):
     ],
 )
 def test_basis_is_refused_when_it_takes_too_much_memory(laplacian, n_modes, memory, wanted):
-    with pytest.raises(InvalidInputError, match=f"{wanted}.* memory="):
+    with pytest.raises(InvalidInputError, match=f"{wanted}.* memory"):
         graph_fourier_basis(laplacian, n_modes, memory=memory)
 
 

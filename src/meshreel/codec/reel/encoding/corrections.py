@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.frames import JointFrames
 
 Floats = npt.NDArray[np.float64]
@@ -49,9 +49,10 @@ def check_error_bound(bound: float, rounding: float, dtype: np.dtype[np.floating
         return
     remedy = "" if dtype == np.float64 else "give positions as float64, "
     raise InvalidInputError(
-        f"max_error {100 * bound:g} cannot be guaranteed: positions of type {dtype} at these "
+        Keyword("max_error"),
+        f" {100 * bound:g} cannot be guaranteed: positions of type {dtype} at these "
         f"coordinates are rounded by up to {100 * rounding:.2g} percent of the diagonal; "
-        f"{remedy}encode losslessly, or set at least {101 * least:.2g}"
+        f"{remedy}encode losslessly, or set at least {101 * least:.2g}",
     )
 
 

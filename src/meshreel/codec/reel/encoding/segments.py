@@ -14,7 +14,7 @@ from meshreel.codec.reel.encoding.target_step import FIRST_QUALITY, step_within_
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress, silent
@@ -59,7 +59,8 @@ def encode_segments(
     if kind is TargetKind.STED:
         raise InvalidInputError(
             "sted compares each frame with the one before, and connectivity changes between "
-            f"{len(sources)} segments; give kg, quality or max_error"
+            f"{len(sources)} segments; give kg, quality or ",
+            Keyword("max_error"),
         )
     if kind in JOINT_TARGETS:
         encode = partial(whole.encode, step=_common_step(sources, progress))

@@ -4,7 +4,7 @@ A `RateModel`, of a whole sequence or of the first block of a live one, provides
 model, and the size or error of a stream for each step.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Protocol
 
@@ -15,7 +15,7 @@ from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step, qu
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.targets import Target, TargetKind
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 FIRST_QUALITY = 75.0
 """Quality at which the search for an error or a size starts."""
@@ -152,8 +152,9 @@ def step_within_limit(
     step = meet_limit(measured, target.value, start, rises=not target.kind.is_budget)
     if step is None:
         raise InvalidInputError(
-            f"{target.kind.value} {target.value:g} cannot be met: "
-            f"{_best(target.kind, min(trials.values()))}; {_remedy(config, has_tracks)}"
+            Keyword(target.kind.value),
+            f" {target.value:g} cannot be met: {_best(target.kind, min(trials.values()))}; ",
+            *_remedy(config, has_tracks),
         )
     return step
 
@@ -167,12 +168,11 @@ def _best(kind: TargetKind, reached: float) -> str:
     return f"the smallest error is {reached:g}"
 
 
-def _remedy(config: ReelOptions, has_tracks: bool) -> str:
+def _remedy(config: ReelOptions, has_tracks: bool) -> Iterator[str | Keyword]:
     if not config.target.kind.is_budget:
-        return "positions come back no nearer than their number type; allow more"
-    remedies = ["allow more"]
-    if config.order != "drop":
-        remedies.append('leave the order out (order="drop")')
-    if has_tracks:
-        remedies.append("drop tracks or allow larger errors of them")
-    return ", or ".join(remedies)
+        yield "positions come back no nearer than their number type; "
+    yield "allow more"
+    if config.target.kind.is_budget and config.order != "drop":
+        yield from (", or leave the order out (", Keyword("order", "drop"), ")")
+    if config.target.kind.is_budget and has_tracks:
+        yield ", or drop tracks or allow larger errors of them"

@@ -32,7 +32,7 @@ from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.codec.tracks import ROTATION_COLUMNS, Coding, TrackHeader, write_track
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.extent import Extent
 from meshreel.model.surface import Domain
@@ -351,8 +351,9 @@ def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph
         return ItemGraph(mesh.faces, mesh.n_verts), mesh.order
     if mesh.order_kept is not Order.KEEP:
         raise InvalidInputError(
-            f"track {name!r} has a value per {track.domain}, whose order would be lost; keep it "
-            '(order="keep"), or drop the track'
+            f"track {name!r} has a value per {track.domain}, whose order would be lost; keep it (",
+            Keyword("order", "keep"),
+            "), or drop the track",
         )
     graph = item_graph(track.domain, mesh.output_faces, mesh.surface, mesh.n_verts)
     return graph, None

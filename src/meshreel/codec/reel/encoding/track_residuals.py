@@ -138,7 +138,7 @@ def residuals(
         try:
             result[piece] = find_rotations(expected, normals)
         except InvalidInputError as error:
-            raise UnreachableError(str(error)) from error
+            raise UnreachableError(*error.args) from error
         result[piece][is_missing.any(axis=2)] = np.nan
 
     in_threads(fill, chunks(len(values), max(1, MAX_VALUES_PER_TASK // values.shape[1])))

@@ -33,7 +33,7 @@ from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
-from meshreel.errors import InvalidInputError, SolverError
+from meshreel.errors import InvalidInputError, Keyword, SolverError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.engine.engine import Engine
@@ -98,8 +98,9 @@ def encode(
         )
         if achieved.max_error_percent > 100.0 * bound:
             raise SolverError(
-                f"max_error {100.0 * bound:g} was not kept: the stream decodes to "
-                f"{achieved.max_error_percent:g}; nothing is written; please report this sequence"
+                Keyword("max_error"),
+                f" {100.0 * bound:g} was not kept: the stream decodes to "
+                f"{achieved.max_error_percent:g}; nothing is written; please report this sequence",
             )
     return data
 
@@ -333,7 +334,10 @@ class RateSearch:
         if not self._keeps_blocks:
             raise InvalidInputError(
                 "sted compares frames of the whole sequence, which do not fit into the memory "
-                "allowed; allow more, or use kg= or quality="
+                "allowed; allow more, or use ",
+                Keyword("kg"),
+                " or ",
+                Keyword("quality"),
             )
         return StedMeter(self._source.mesh.faces)
 

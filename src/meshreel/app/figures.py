@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 from meshreel.runtime.counting import counted, size_text
 
 if TYPE_CHECKING:
-    from meshreel.app.cli.console import Cell
     from meshreel.app.viewer.measuring import Measured
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
@@ -16,6 +15,9 @@ if TYPE_CHECKING:
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
     from meshreel.metrics.track_errors import TrackErrors
+
+Cell = str | list[str]
+"""Text of a table cell, or its lines."""
 
 SEGMENT_HEADINGS = ("segment", "frames", "vertices", "faces", "size")
 MAX_SEGMENTS = 12

@@ -1,0 +1,70 @@
+"""Encoding of a sequence, with measured errors and notes for the user."""
+
+from dataclasses import dataclass
+
+from meshreel.codec.achieved import Achieved, measure_stream
+from meshreel.codec.config import EncoderConfig
+from meshreel.codec.encoder import encode_with
+from meshreel.codec.inspect import StreamInfo, info
+from meshreel.codec.reordering import joined_note, without_reordering
+from meshreel.codec.solver_state import solver_state_note
+from meshreel.codec.surface.payloads import order_notes
+from meshreel.codec.surface.uv_errors import UvErrors, measure_uvs
+from meshreel.codec.track_bounds import TrackTargets, without_units
+from meshreel.formats.notes import note_unknown_rate
+from meshreel.model.sequence import MeshSequence, tracks_of_all
+from meshreel.runtime.engine.engine import Engine
+from meshreel.runtime.progress import Progress, silent
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """A stream and its measured errors.
+
+    Attributes
+    ----------
+    uv : UvErrors or None
+        Errors of texture coordinates; None if they are exact.
+    n_meshes : int
+        Number of distinct meshes among the segments.
+    """
+
+    data: bytes
+    stream: StreamInfo
+    achieved: Achieved
+    uv: UvErrors | None
+    n_meshes: int
+
+
+def encode_and_measure(
+    given: MeshSequence,
+    config: EncoderConfig,
+    tracks: TrackTargets | None,
+    notes: list[str],
+    *,
+    progress: Progress = silent,
+    engine: Engine | None = None,
+) -> Encoded:
+    """Encode a sequence, and measure the errors of the stream.
+
+    Parameters
+    ----------
+    tracks : mapping of str to float or str, or None
+        Error bounds of tracks.
+    notes : list of str
+        Receives notes on changes, and on what the stream omits.
+    engine : Engine, optional
+        Its workers encode blocks of frames.
+    """
+    sequence = without_reordering(given, config.order)
+    notes += filter(None, [joined_note(given, sequence)])
+    tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
+    data = encode_with(config, sequence, tracks=tracks, progress=progress, engine=engine)
+    achieved = measure_stream(sequence, data, with_sted=config.is_chosen("sted"), progress=progress)
+    stream = info(data)
+    surfaces = (segment.surface for segment in sequence.segments)
+    notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
+    notes += filter(None, [solver_state_note(stream.tracks, tracks)])
+    note_unknown_rate(notes, sequence.n_frames, sequence.fps)
+    uv = None if config.uv_bits is None else measure_uvs(sequence, data)
+    return Encoded(data, stream, achieved, uv, sequence.n_meshes)
