@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, Keyword
 from meshreel.runtime.stores.transfer import download, exists, sibling
 
 DOWNLOADED: dict[Path, str] = {}
@@ -44,7 +44,8 @@ def outside_error(reference: str) -> FormatError:
     """Error for a reference to a file outside the folder."""
     return FormatError(
         f"refers to the file {reference[:200]!r} outside its folder; move it into the folder, or "
-        "allow it with --allow-outside (allow_outside=)"
+        "allow it with ",
+        Keyword("allow_outside"),
     )
 
 

@@ -2,7 +2,9 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import StrEnum
+from typing import Any
 
+from meshreel.errors import Keyword, Message, parts_of
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.runtime.counting import counted
 
@@ -37,8 +39,8 @@ class NoteKind(StrEnum):
 _BEGINNINGS = {NoteKind.LEFT_OUT: "left out: "}
 
 
-class Note(str):
-    """A sentence for the user; a value that never changes.
+class Note(Message):
+    """A sentence for the user, which may name keywords.
 
     Parameters
     ----------
@@ -51,8 +53,6 @@ class Note(str):
         The sentence; default: the subject with the names.
     """
 
-    __slots__ = ("kind", "names", "subject")
-
     kind: NoteKind
     subject: str
     names: tuple[str, ...]
@@ -62,17 +62,12 @@ class Note(str):
     ) -> "Note":
         """Return a note."""
         contents = f"{subject}: {listed(names)}" if names else subject
-        note = super().__new__(cls, text or _BEGINNINGS.get(kind, "") + contents)
-        for name, value in (("kind", kind), ("subject", subject), ("names", tuple(names))):
-            object.__setattr__(note, name, value)
+        note = super().__new__(cls, *parts_of(text or _BEGINNINGS.get(kind, "") + contents))
+        note.kind, note.subject, note.names = kind, subject, tuple(names)
         return note
 
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"a note cannot be changed; {name!r} was assigned")
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Return the arguments of `__new__`, for pickles."""
-        return Note, (self.kind, self.subject, self.names, str(self))
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return self.kind, self.subject, self.names, Message(*self.parts)
 
     @property
     def contents(self) -> str:
@@ -173,20 +168,19 @@ def combined(notes: Iterable[str]) -> list[str]:
 def _with_similar(first: str, others: Collection[str]) -> str:
     if not others or not isinstance(first, Note):
         return first
-    text = f"{first}; other segments similarly"
+    text = Message(*first.parts, "; other segments similarly")
     return Note(first.kind, first.subject, first.names, text)
 
 
 def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
     """Add a note if an animation has no frame rate."""
     if n_frames > 1 and not fps:
-        add_note(
-            notes,
-            NoteKind.UNKNOWN,
-            "frame rate",
+        text = Message(
             "the frame rate is unknown, and stored as unknown: players assume "
-            f"{ASSUMED_FPS} frames per second; set it with --fps (fps=)",
+            f"{ASSUMED_FPS} frames per second; set it with ",
+            Keyword("fps"),
         )
+        add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
 
 
 def note_written_rate(notes: list[str], fps: float) -> None:

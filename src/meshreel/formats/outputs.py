@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.kinds import FolderFormat, SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.options import WriteOptions
@@ -177,13 +177,12 @@ def _check_start_number(path: Path, start_number: int | None) -> None:
     if start_number is None:
         return
     if start_number < 0:
-        raise InvalidInputError(
-            f"--start-number (start_number=) must be 0 or more; got {start_number}"
-        )
+        raise InvalidInputError(Keyword("start_number"), f" must be 0 or more; got {start_number}")
     if not is_pattern(path):
         raise InvalidInputError(
-            f"--start-number (start_number=) numbers the files of a pattern, but {path} is none; "
-            f"use a pattern such as {path.with_name('frame_%04d.obj')}"
+            Keyword("start_number"),
+            f" numbers the files of a pattern, but {path} is none; "
+            f"use a pattern such as {path.with_name('frame_%04d.obj')}",
         )
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import ArrayFrames, Description, changed_error
@@ -61,9 +61,10 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
         text = f"samples are {interval:g} frames apart; each is read as one frame"
         add_note(options.notes, NoteKind.CHANGED, "samples", text)
     if first_frame and not fps:
-        text = (
+        text = Message(
             f"begins at frame {first_frame:g} of unknown rate, which is read as 0 s; set the rate "
-            "with --fps (fps=)"
+            "with ",
+            Keyword("fps"),
         )
         add_note(options.notes, NoteKind.UNKNOWN, "start", text)
     start_s = first_frame / (fps * interval) if fps else 0.0
@@ -94,7 +95,9 @@ def _first_frame(stream: FrameStream) -> float:
             f"start_s of {stream.start_s:g} is too large for PC2, which stores float32"
         )
     if stream.fps:
-        text = f"PC2 has no frame rate: set {stream.fps:g} fps when reading it (--fps)"
+        text = Message(
+            f"PC2 has no frame rate: set {stream.fps:g} fps when reading it (", Keyword("fps"), ")"
+        )
         add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", text)
     if first_frame / fps != stream.start_s or (stream.start_s and not stream.fps):
         text = (
@@ -297,8 +300,9 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     if options.topology is None and not path.is_file():
         raise InvalidInputError(
             f"{cache} has positions of {counted(n_verts, 'vertex')} without faces; give the mesh "
-            f"file with the faces by --topology mesh.obj (topology=), or store it as {path.name} "
-            "in the same folder"
+            "file with the faces by ",
+            Keyword("topology", "mesh.obj"),
+            f", or store it as {path.name} in the same folder",
         )
     mesh_format = FRAME_FORMATS.get(path.suffix.lower())
     if mesh_format is None or mesh_format.has_unshared_vertices:

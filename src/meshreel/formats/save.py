@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError
+from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.segmented_stream import (
     SegmentedStream,
@@ -217,7 +217,9 @@ def save_frames(
         `FrameStream`.
     """
     if n_frames < 1:
-        raise InvalidInputError(f"a sequence needs at least one frame; got n_frames {n_frames}")
+        raise InvalidInputError(
+            "a sequence needs at least one frame; got ", Keyword("n_frames"), f" {n_frames}"
+        )
     paths = _checked_paths(
         output,
         n_frames,
@@ -263,7 +265,9 @@ def _checked_paths(
         raise ConnectivityChangeError(
             f"{output}: the faces change: {n_frames} frames in {n_segments} segments, but "
             f"{found.extension} stores the same faces in every frame; write one output per "
-            f"segment (convert --split, or decode --segment), one file per frame, or {others}"
+            "segment (convert --split, or decode ",
+            Keyword("segment"),
+            f"), one file per frame, or {others}",
         )
     return paths
 

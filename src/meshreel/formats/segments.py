@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 
-from meshreel.errors import ConnectivityChangeError, InvalidInputError
+from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.selection import select_attributes
@@ -203,7 +203,9 @@ def find_segments(source: Source | SourceFiles, options: ReadOptions) -> list[Fo
         As `meshreel.load`.
     """
     if options.register is not None:
-        raise InvalidInputError("register= joins segments; it cannot be combined with split")
+        raise InvalidInputError(
+            Keyword("register"), " joins segments; it cannot be combined with split"
+        )
     found = source if isinstance(source, SourceFiles) else find_files(source)
     check_read_options(found.format, options)
     if not isinstance(source, SourceFiles):

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 from typing import get_args
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.kinds import (
     FolderFormat,
     FrameFormat,
@@ -63,8 +63,10 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
     """
     if options.skip_bad and options.object is not None:
         raise InvalidInputError(
-            "--object (object=) selects one mesh, so --skip-bad (skip_bad=) has no effect; use "
-            "only one of them"
+            Keyword("object"),
+            " selects one mesh, so ",
+            Keyword("skip_bad"),
+            " has no effect; use only one of them",
         )
     # Merging a single static mesh changes nothing; allowing it lets batches merge whole folders.
     requested = [one for one in get_args(ReadOption) if getattr(options, one) and one != "merge"]
@@ -101,10 +103,9 @@ def _supported(found: FrameFormat | SequenceFormat | FolderFormat) -> frozenset[
 
 
 def _no_effect(option: str, inputs: str) -> InvalidInputError:
-    """Error for an option, in its spelling for the command line and for Python."""
+    """Error for an option that a format does not support."""
     every = (*FORMATS.values(), *FOLDER_FORMATS.values())
     allowed = [one.extension for one in every if option in _supported(one)]
     return InvalidInputError(
-        f"--{option.replace('_', '-')} ({option}=) has no effect on {inputs}; "
-        f"it is for {', '.join(allowed)}"
+        Keyword(option), f" has no effect on {inputs}; it is for {', '.join(allowed)}"
     )

@@ -1,7 +1,6 @@
 import pickle
 
-import pytest
-
+from meshreel.errors import Keyword, Message
 from meshreel.formats.notes import (
     Note,
     NoteKind,
@@ -46,9 +45,11 @@ def test_note_knows_kind_and_subject_after_pickling():
     assert not is_about(str(note), "curves")
 
 
-def test_note_cannot_be_changed():
-    with pytest.raises(AttributeError, match="cannot be changed; 'kind'"):
-        Note(NoteKind.CHANGED, "fps", text="read as 24").kind = NoteKind.LEFT_OUT
+def test_note_knows_its_keywords_after_pickling():
+    text = Message("read as 24 fps; set another with ", Keyword("fps"))
+    note = pickle.loads(pickle.dumps(Note(NoteKind.UNKNOWN, "frame rate", text=text)))
+    assert note == "read as 24 fps; set another with fps"
+    assert note.naming(lambda keyword: f"--{keyword.name}") == text[:-3] + "--fps"
 
 
 def test_notes_of_several_segments_become_one_when_only_details_differ():

@@ -73,7 +73,7 @@ def test_pc2_round_trips_a_start_at_a_whole_frame(tmp_path, fps, extension):
 def test_save_notes_that_pc2_has_no_frame_rate(tmp_path):
     found, notes = round_trip(tmp_path, plain_sequence(fps=25.0), "pc2")
     assert found.fps == found.start_s == 0
-    assert notes == ["PC2 has no frame rate: set 25 fps when reading it (--fps)"]
+    assert notes == ["PC2 has no frame rate: set 25 fps when reading it (fps)"]
 
 
 def test_load_notes_a_later_first_frame_of_pc2(tmp_path):
@@ -176,7 +176,7 @@ def test_reading_frames_fails_if_the_cache_has_changed(tmp_path, extension):
 def test_error_without_topology_gives_the_remedy(tmp_path, extension):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     mesh.unlink()
-    message = r"has positions of 11 vertices without faces; .* --topology .* store it as walk.obj"
+    message = r"has positions of 11 vertices without faces; .* topology=.* store it as walk.obj"
     with pytest.raises(InvalidInputError, match=message):
         load(cache)
 
@@ -284,7 +284,7 @@ def test_error_names_the_vertex_of_a_non_finite_position(tmp_path, extension):
 
 def test_topology_option_is_rejected_for_other_formats(tmp_path):
     save(plain_sequence(), tmp_path / "a.npz")
-    with pytest.raises(InvalidInputError, match=r"--topology .* it is for \.pc2, \.mdd"):
+    with pytest.raises(InvalidInputError, match=r"topology .* it is for \.pc2, \.mdd"):
         load(tmp_path / "a.npz", topology=tmp_path / "a.obj")
 
 

@@ -130,7 +130,7 @@ def test_start_number_numbers_the_files(tmp_path, make_sequence):
 
 @pytest.mark.parametrize(("name", "number"), [("a.npz", 1), ("a.obj", 0), ("f_%d.obj", -1)])
 def test_start_number_without_pattern_is_rejected(tmp_path, make_sequence, name, number):
-    with pytest.raises(InvalidInputError, match=r"--start-number \(start_number=\)"):
+    with pytest.raises(InvalidInputError, match=r"start_number"):
         save(make_sequence(1), tmp_path / name, start_number=number)
     assert listing(tmp_path) == []
 
@@ -138,10 +138,10 @@ def test_start_number_without_pattern_is_rejected(tmp_path, make_sequence, name,
 @pytest.mark.parametrize(
     ("name", "options", "word"),
     [
-        ("a.npz", WriteOptions(targets=3), r"--targets \(targets=\).* \.npz .* \.glb, \.gltf"),
-        ("a.reel", WriteOptions(normals=True), r"--normals .* \.reel file"),
-        ("a.glb", WriteOptions(lossless=True), r"--lossless .* \.glb file; it is for \.reel$"),
-        ("f_%d.obj", WriteOptions(max_error=1), r"--max-error .* \.reel, \.glb, \.gltf"),
+        ("a.npz", WriteOptions(targets=3), r"targets.* \.npz .* \.glb, \.gltf"),
+        ("a.reel", WriteOptions(normals=True), r"normals .* \.reel file"),
+        ("a.glb", WriteOptions(lossless=True), r"lossless .* \.glb file; it is for \.reel$"),
+        ("f_%d.obj", WriteOptions(max_error=1), r"max_error .* \.reel, \.glb, \.gltf"),
     ],
 )
 def test_options_without_effect_are_rejected(tmp_path, make_sequence, name, options, word):
@@ -166,7 +166,7 @@ def test_lossless_option_writes_a_lossless_stream(tmp_path):
     save(waving_grid(), path, options=WriteOptions(lossless=True), notes=notes)
     assert path.read_bytes() == meshreel.encode(waving_grid(), lossless=True)
     assert notes == ["encoded losslessly"]
-    with pytest.raises(InvalidInputError, match="max_error= has no effect with lossless="):
+    with pytest.raises(InvalidInputError, match="max_error has no effect with lossless"):
         save(
             waving_grid(),
             path,

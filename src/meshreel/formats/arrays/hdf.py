@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.arrays.named_arrays import (
     RESERVED_NAMES,
     Layout,
@@ -233,7 +233,8 @@ def _find_positions(root: Node, options: ReadOptions) -> Dataset:
     which = "" if options.dataset is None else f"has no dataset {options.dataset!r}; it "
     raise InvalidInputError(
         f"{which}holds positions in {len(names)} datasets: {', '.join(names[:MAX_LISTED])}{more}; "
-        "choose one with --dataset (dataset=)"
+        "choose one with ",
+        Keyword("dataset"),
     )
 
 

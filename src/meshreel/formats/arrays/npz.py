@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, Keyword
 from meshreel.formats.arrays.named_arrays import (
     RESERVED_NAMES,
     Layout,
@@ -366,7 +366,8 @@ def read_arrays(
             raise FormatError(
                 f"has no array {' and no array '.join(map(repr, missing))}; it contains "
                 f"{', '.join(names) or 'nothing'}; save vertices, faces and fps with np.savez, or "
-                "name the array of positions with --dataset (dataset=)"
+                "name the array of positions with ",
+                Keyword("dataset"),
             )
     wanted = [name for name in dict.fromkeys(names) if RESERVED_NAMES.fullmatch(name)]
     if with_positions and positions not in wanted:

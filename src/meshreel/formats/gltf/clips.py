@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.animation import Channel, Curves, read_channels, read_curves, read_keys
@@ -123,8 +123,11 @@ class Clips:
                 selected = clip
                 if others := [one for one in self.names if one != name and one not in malformed]:
                     notes.append(
-                        f"read the animation {name}, not {listed(others, MAX_LISTED)}; choose "
-                        "with --animation (animation=)"
+                        Message(
+                            f"read the animation {name}, not {listed(others, MAX_LISTED)}; choose "
+                            "with ",
+                            Keyword("animation"),
+                        )
                     )
                 break
         if malformed:
@@ -146,8 +149,11 @@ class Clips:
                 return number
         if not self.names:
             raise InvalidInputError(
-                f"has no animation {wanted!r}; it contains no animations; omit --animation "
-                "(animation=)"
+                f"has no animation {wanted!r}; it contains no animations; omit ",
+                Keyword("animation"),
+                " (",
+                Keyword("animation"),
+                ")",
             )
         raise InvalidInputError(
             f"has no animation {wanted!r}; it contains {listed(self.names, MAX_LISTED)}; choose "

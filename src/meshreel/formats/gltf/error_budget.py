@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.gltf.morph_mesh import MARGIN
 from meshreel.formats.options import Origin
 
@@ -87,9 +87,11 @@ def share_budget(
     remaining = budget.added - origin.error - MARGIN * smaller
     if remaining <= 0:
         raise InvalidInputError(
-            f"max_error {allowed:g} % leaves nothing for {consumer}: the stream itself has an "
+            Keyword("max_error"),
+            f" {allowed:g} % leaves nothing for {consumer}: the stream itself has an "
             f"error of up to {_round_up(budget.percent(origin.error))} % of the diagonal; allow a "
-            "larger error, or encode the original with a smaller max_error"
+            "larger error, or encode the original with a smaller ",
+            Keyword("max_error"),
         )
     return ErrorBudget(remaining, smaller, origin)
 

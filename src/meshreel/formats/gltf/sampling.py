@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, Keyword, Message
 from meshreel.formats.scenes.timing import frame_times
 
 DEFAULT_FPS = 30.0
@@ -129,8 +129,11 @@ def _choose_rate(keys_s: Floats, is_curved: bool, notes: list[str]) -> float:
         f"at {rate:g} per second with curved motion between them" if rate else "not evenly spaced"
     )
     notes.append(
-        f"keys of the animation are {reason}; sampled at {DEFAULT_FPS:g} frames per second; "
-        "choose another rate with --fps (fps=)"
+        Message(
+            f"keys of the animation are {reason}; sampled at {DEFAULT_FPS:g} frames per second; "
+            "choose another rate with ",
+            Keyword("fps"),
+        )
     )
     return DEFAULT_FPS
 
@@ -140,7 +143,8 @@ def _count_frames(span_s: float, fps: float, rounding_s: float, notes: list[str]
     if n_intervals >= MAX_FRAMES:
         raise FormatError(
             f"its animation takes {span_s:g} s, which is {n_intervals:.0f} frames at {fps:g} per "
-            f"second; the limit is {MAX_FRAMES}; choose a lower rate with --fps (fps=)"
+            f"second; the limit is {MAX_FRAMES}; choose a lower rate with ",
+            Keyword("fps"),
         )
     nearest = round(n_intervals)
     tolerance = min(max(TOLERANCE, n_intervals * 1e-6, rounding_s * fps), MAX_TOLERANCE)

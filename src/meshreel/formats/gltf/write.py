@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
@@ -179,7 +179,9 @@ def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
         bound = f"{remaining:.4g} % of {allowed:g} % remain" if is_shared else f"{allowed:g} % is"
         raise InvalidInputError(
             f"{_describe_error(result)} with {counted(scene.n_targets[-1], 'morph target')}; "
-            f"{bound} allowed; use more targets, or allow a larger error (max_error)"
+            f"{bound} allowed; use more targets, or allow a larger error (",
+            Keyword("max_error"),
+            ")",
         )
     return result
 
@@ -238,8 +240,12 @@ def _note_achieved(notes: list[str], result: _Result, size_bytes: int) -> None:
     notes += result.budget.describe(added)
     if counts[-1] > MAX_COMMON_TARGETS:
         notes.append(
-            f"some viewers play at most {MAX_COMMON_TARGETS} morph targets per mesh; "
-            "allow a larger error (max_error) for fewer"
+            Message(
+                f"some viewers play at most {MAX_COMMON_TARGETS} morph targets per mesh; "
+                "allow a larger error (",
+                Keyword("max_error"),
+                ") for fewer",
+            )
         )
 
 

@@ -8,7 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError, MeshReelError
+from meshreel.errors import (
+    ConnectivityChangeError,
+    FormatError,
+    InvalidInputError,
+    Keyword,
+    MeshReelError,
+)
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.notes import listed, note_kinds, note_uneven_times
@@ -62,8 +68,10 @@ def select_mesh(
         meshes = selected_meshes(read_meshes, path, options, may_change=may_change)
         if len(meshes) > 1:
             raise InvalidInputError(
-                f"holds {_listed(meshes)}; choose one with --object (object=), or merge all "
-                "with --merge (merge=True)"
+                f"holds {_listed(meshes)}; choose one with ",
+                Keyword("object"),
+                ", or merge all with ",
+                Keyword("merge", True),
             )
         return meshes[0]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from meshreel.arrays import Floats, Singles
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, Keyword
 from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
@@ -452,7 +452,8 @@ def _ascending(times: Floats, options: ReadOptions) -> Floats:
     index = int(np.flatnonzero(np.diff(times) <= 0)[0])
     raise FormatError(
         f"has step {index} at time {times[index]:g} and step {index + 1} at "
-        f"{times[index + 1]:g}; times must ascend; read the steps in file order with --fps (fps=)"
+        f"{times[index + 1]:g}; times must ascend; read the steps in file order with ",
+        Keyword("fps"),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers, Values
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, Keyword
 from meshreel.formats.frames.field_tracks import NORMALS, Key
 from meshreel.formats.notes import CAGES, GatheredNote, NoteKind
 from meshreel.formats.scenes.quantities import (
@@ -572,7 +572,8 @@ class StageMesh:
         if not n_instances:
             raise FormatError(
                 f"{self.path} has no instance at time code {code:g}, so its frame would be "
-                "empty; remove such time codes, or select another mesh with --object (object=)"
+                "empty; remove such time codes, or select another mesh with ",
+                Keyword("object"),
             )
         n_verts = n_instances * len(mesh.vertices)
         size_bytes = 24 * n_verts + 4 * n_instances * len(mesh.corners)

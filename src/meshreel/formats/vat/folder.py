@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.error_bounds import bound_of
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
 from meshreel.formats.gltf.quantized import IDENTITY, check_range
@@ -135,7 +135,7 @@ def _types(options: WriteOptions) -> Sequence[TexelType]:
     kind = options.textures or DEFAULT_TEXTURES
     if kind not in TEXEL_TYPES:
         raise InvalidInputError(
-            f"--textures (textures=) must be one of {', '.join(TEXEL_TYPES)}; got {kind!r}"
+            Keyword("textures"), f" must be one of {', '.join(TEXEL_TYPES)}; got {kind!r}"
         )
     return TEXEL_TYPES[kind]
 
@@ -144,7 +144,7 @@ def _layout(options: WriteOptions) -> Layout:
     name = options.layout or DEFAULT_LAYOUT
     if name not in LAYOUTS:
         raise InvalidInputError(
-            f"--layout (layout=) must be one of {', '.join(LAYOUTS)}; got {name!r}"
+            Keyword("layout"), f" must be one of {', '.join(LAYOUTS)}; got {name!r}"
         )
     return LAYOUTS[name]
 
@@ -257,7 +257,9 @@ def _smallest_texture(
     advice = ", or choose textures 'exr'" if texel_type.is_integer else ""
     raise InvalidInputError(
         f"the error with {texel_type.title} is {min_error:.4g} model units; at most {bound:.4g} "
-        f"are allowed; allow a larger error (max_error){advice}"
+        "are allowed; allow a larger error (",
+        Keyword("max_error"),
+        f"){advice}",
     )
 
 

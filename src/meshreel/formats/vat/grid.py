@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.vat.textures import Texels
 
 WIDTHS = (8192, 16384)
@@ -86,7 +86,8 @@ def fit_grid(n_verts: int, n_frames: int, *, frame_by_frame: bool, n_halves: int
     if grid.height > MAX_HEIGHT:
         raise InvalidInputError(
             f"{n_frames} frames of {n_verts} vertices need textures of {grid.width} x "
-            f"{grid.height} texels; GPUs support {MAX_HEIGHT} rows; use fewer frames (--frames), "
-            "or fewer vertices"
+            f"{grid.height} texels; GPUs support {MAX_HEIGHT} rows; use fewer frames (",
+            Keyword("frames"),
+            "), or fewer vertices",
         )
     return grid

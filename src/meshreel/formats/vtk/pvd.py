@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.field_tracks import (
@@ -95,8 +95,10 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
         if not fps:
             raise InvalidInputError(
                 f"lists {len(pieces[several])} files for the time {several:g} without part "
-                "numbers; merge the files of each time into one mesh with --merge (merge=True), "
-                "or read each file as a frame, in file order, with --fps (fps=)"
+                "numbers; merge the files of each time into one mesh with ",
+                Keyword("merge", True),
+                ", or read each file as a frame, in file order, with ",
+                Keyword("fps"),
             )
         frames, times = [[file] for _, file in files], file_order_times(len(files), fps)
         note_file_order(options.notes, fps)

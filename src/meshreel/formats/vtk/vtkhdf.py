@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.arrays.named_arrays import RESERVED_NAMES, read_description, read_surface
 from meshreel.formats.hdf import (
     Node,
@@ -56,7 +56,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     """
     if options.dataset is not None:
         raise InvalidInputError(
-            "is a VTKHDF file, where --dataset (dataset=) has no effect; leave it out"
+            "is a VTKHDF file, where ", Keyword("dataset"), " has no effect; leave it out"
         )
     with hdf_errors():
         root = open_hdf(path)

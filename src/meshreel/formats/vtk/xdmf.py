@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, Keyword, Message
 from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
 from meshreel.formats.notes import NoteKind, add_note, note_file_order
@@ -94,7 +94,9 @@ def _times(
     elif (shared := collection.find("Time")) is not None:
         times = _shared_times(shared, len(steps), items)
     else:
-        text = "has no times; read as one frame per second: set the rate with --fps (fps=)"
+        text = Message(
+            "has no times; read as one frame per second: set the rate with ", Keyword("fps")
+        )
         add_note(options.notes, NoteKind.UNKNOWN, "frame rate", text)
         times = np.arange(len(steps), dtype=np.float64)
     if len(times) != len(steps):
@@ -109,7 +111,8 @@ def _times(
         raise FormatError(
             f"has grid {index} at time {times[index]:g} and grid {index + 1} at "
             f"{times[index + 1]:g}; the grid times of a collection must be ascending; read the "
-            "grids in file order with --fps (fps=)"
+            "grids in file order with ",
+            Keyword("fps"),
         )
     return times
 

@@ -144,11 +144,10 @@ def test_skip_bad_works_for_gltf(tmp_path):
 @pytest.mark.parametrize("option", ["skip_bad", "allow_outside"])
 def test_skip_bad_is_rejected_for_single_mesh_formats(tmp_path, name, option):
     meshreel.save(waving_grid(1), tmp_path / name)
-    flag = option.replace("_", "-")
-    with pytest.raises(InvalidInputError, match=rf"--{flag} \({option}=\) has no effect on a"):
+    with pytest.raises(InvalidInputError, match=f"^{option} has no effect on a"):
         load(tmp_path / name, **{option: True})
 
 
 def test_skip_bad_is_rejected_with_object(usd_file):
-    with pytest.raises(InvalidInputError, match=r"--object .* selects one mesh, so --skip"):
+    with pytest.raises(InvalidInputError, match=r"object selects one mesh, so skip"):
         load(usd_file, object="good", skip_bad=True)

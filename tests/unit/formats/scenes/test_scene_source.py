@@ -58,7 +58,7 @@ def test_large_frames_stay_in_the_file():
 
 def test_error_lists_the_meshes_if_none_is_selected():
     meshes = [scene_mesh(quad_sheet(), name) for name in ("/a", "/b")]
-    with pytest.raises(InvalidInputError, match=r"2 meshes: /a, /b; choose one with --object"):
+    with pytest.raises(InvalidInputError, match=r"2 meshes: /a, /b; choose one with object"):
         opened(meshes)
 
 

@@ -103,7 +103,7 @@ def test_existing_images_are_not_replaced_without_overwrite(tmp_path):
     (tmp_path / "x_textures").mkdir()
     kept = tmp_path / "x_textures" / "photo.jpg"
     kept.write_bytes(b"mine")
-    with pytest.raises(InvalidInputError, match=r"photo\.jpg already exists; use --force"):
+    with pytest.raises(InvalidInputError, match=r"photo\.jpg already exists; use overwrite=True"):
         save(dressed_sheet(), tmp_path / "x.usda")
     assert kept.read_bytes() == b"mine"
     assert sorted(tmp_path.rglob("*")) == [tmp_path / "x_textures", kept]

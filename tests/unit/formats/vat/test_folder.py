@@ -68,14 +68,14 @@ def test_textures_of_another_kind_are_not_added_to_a_folder(tmp_path):
         (
             "a.vat",
             {"layout": "opengl"},
-            r"--layout .* openvat, .* labs, .*; got 'opengl'",
+            r"layout .* openvat, .* labs, .*; got 'opengl'",
         ),
-        ("a.vat", {"textures": "tga"}, r"--textures .* exr, png; got 'tga'"),
-        ("a.vat", {"targets": 3}, r"--targets .* no effect on a \.vat folder"),
-        ("a.vat", {"lossless": True}, r"--lossless .* no effect on a \.vat folder"),
-        ("a.vat", {"max_error": "far"}, "max_error= takes"),
-        ("a.glb", {"layout": "labs"}, r"--layout .* no effect on a \.glb file; it is for \.vat"),
-        ("a.npz", {"textures": "png"}, r"--textures .* it is for \.vat"),
+        ("a.vat", {"textures": "tga"}, r"textures .* exr, png; got 'tga'"),
+        ("a.vat", {"targets": 3}, r"targets .* no effect on a \.vat folder"),
+        ("a.vat", {"lossless": True}, r"lossless .* no effect on a \.vat folder"),
+        ("a.vat", {"max_error": "far"}, "max_error takes"),
+        ("a.glb", {"layout": "labs"}, r"layout .* no effect on a \.glb file; it is for \.vat"),
+        ("a.npz", {"textures": "png"}, r"textures .* it is for \.vat"),
         ("a_%d.vat", {}, "has a number field"),
     ],
 )
@@ -86,7 +86,7 @@ def test_invalid_options_are_rejected_before_writing(tmp_path, output, options, 
 
 
 def test_start_number_and_a_file_at_the_folder_path_are_rejected(tmp_path):
-    with pytest.raises(InvalidInputError, match="--start-number"):
+    with pytest.raises(InvalidInputError, match="start_number"):
         check_output(tmp_path / "a.vat", overwrite=False, start_number=3)
     (tmp_path / "a.vat").touch()
     with pytest.raises(InvalidInputError, match="is a file; name a folder"):

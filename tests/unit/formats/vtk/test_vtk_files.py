@@ -418,7 +418,7 @@ def unnamed_pieces(folder, times=(0, 0, 1, 1)):
 @pytest.mark.parametrize("choice", [{}, {"object": "walk"}])
 def test_load_suggests_merging_files_of_one_time(tmp_path, choice):
     path, _ = unnamed_pieces(tmp_path)
-    with pytest.raises(InvalidInputError, match=r"lists 2 files for the time 0 .* with --merge"):
+    with pytest.raises(InvalidInputError, match=r"lists 2 files for the time 0 .* with merge"):
         load(path, **choice)
 
 
@@ -446,7 +446,7 @@ def test_files_of_a_time_keep_the_order_of_the_collection(tmp_path):
 @pytest.mark.parametrize("read", [load, open_source])
 def test_frame_rate_reads_files_of_equal_times_in_file_order(tmp_path, read, times):
     path, positions = unnamed_pieces(tmp_path, times)
-    with pytest.raises(InvalidInputError, match=r"or read each file as a frame, .* with --fps"):
+    with pytest.raises(InvalidInputError, match=r"or read each file as a frame, .* with fps"):
         read(path)
     notes = []
     found = read(path, fps=12, notes=notes)

@@ -197,7 +197,7 @@ def test_missing_times_are_noted(tmp_path):
 def test_frame_rate_reads_unordered_steps_in_file_order(tmp_path, times):
     steps = [step(points, time) for points, time in zip(POSITIONS, times, strict=True)]
     path = store(tmp_path, temporal(*steps))
-    with pytest.raises(FormatError, match=r"must be ascending; .* in file order with --fps"):
+    with pytest.raises(FormatError, match=r"must be ascending; .* in file order with fps"):
         load(path)
     notes = []
     found = load(path, fps=12, notes=notes)
