@@ -75,7 +75,7 @@ def require(extras: Iterable[Extra]) -> None:
     first, *others = errors
     if not others:
         raise errors[first]
-    reasons = dict.fromkeys(f"{one.library} ({errors[one].__cause__})" for one in errors)
+    reasons = dict.fromkeys(f"{extra.library} ({errors[extra].__cause__})" for extra in errors)
     *names, last = reasons
     libraries = f"{', '.join(names)} and {last}" if names else last
     pronoun = "them" if names else "it"

@@ -57,9 +57,9 @@ class Plan:
     replaced: set[BatchInput]
     notes: list[str] = field(default_factory=list)
 
-    def options_of(self, one: BatchInput) -> EncodeOptions:
+    def options_of(self, batch_input: BatchInput) -> EncodeOptions:
         """The options for an input."""
-        reading = replace(self.options.reading, animation=one.animation)
+        reading = replace(self.options.reading, animation=batch_input.animation)
         return replace(self.options, reading=reading)
 
 
@@ -94,30 +94,38 @@ def plan_batch(
     """
     out_folder(out_dir).check()
     inputs = find_inputs(input_dir, but_not=out_dir)
-    check_supported([one.source for one in inputs], options.reading)
+    check_supported([batch_input.source for batch_input in inputs], options.reading)
     notes: list[str] = []
     if all_animations:
         inputs = every_animation(inputs, notes, allow_outside=options.reading.allow_outside)
     manifest = read_manifest(input_dir, out_dir, force=force)
     plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set(), notes)
     rivals = _rivals(inputs)
-    for one in inputs:
-        earlier = manifest.records.get(one.name)
+    for batch_input in inputs:
+        earlier = manifest.records.get(batch_input.name)
         record = Record(
-            PENDING, one.output, True, one.fingerprint(), plan.options_of(one).as_dict()
+            PENDING,
+            batch_input.output,
+            True,
+            batch_input.fingerprint(),
+            plan.options_of(batch_input).as_dict(),
         )
-        folder, is_there = plan.folder, plan.folder.has(one.output)
-        if one in rivals:
-            plan.refused[one.name] = _refused(record, earlier, rivals[one])
+        folder, is_there = plan.folder, plan.folder.has(batch_input.output)
+        if batch_input in rivals:
+            plan.refused[batch_input.name] = _refused(record, earlier, rivals[batch_input])
         elif not force and _is_up_to_date(record, earlier, folder):
-            plan.up_to_date.append(one.name)
-        elif is_there and folder.is_one_of(one.output, one.files):
-            plan.refused[one.name] = _refused(record, earlier, _is_input(folder.called(one.output)))
+            plan.up_to_date.append(batch_input.name)
+        elif is_there and folder.is_one_of(batch_input.output, batch_input.files):
+            plan.refused[batch_input.name] = _refused(
+                record, earlier, _is_input(folder.called(batch_input.output))
+            )
         elif is_there and not force and not _owns(earlier):
-            plan.refused[one.name] = _refused(record, earlier, _exists(folder.called(one.output)))
+            plan.refused[batch_input.name] = _refused(
+                record, earlier, _exists(folder.called(batch_input.output))
+            )
         else:
-            plan.to_encode[one] = record
-            plan.replaced.update([one] if is_there else [])
+            plan.to_encode[batch_input] = record
+            plan.replaced.update([batch_input] if is_there else [])
     return plan
 
 
@@ -157,14 +165,14 @@ def _is_input(output: str) -> str:
 def _rivals(inputs: list[BatchInput]) -> dict[BatchInput, str]:
     """Inputs that share an output, each with the reason to refuse it."""
     of_output = defaultdict(list)
-    for one in inputs:
-        of_output[one.output].append(one)
+    for batch_input in inputs:
+        of_output[batch_input.output].append(batch_input)
     return {
-        one: f"{' and '.join(other.name for other in group)} would both become {output}; "
+        batch_input: f"{' and '.join(rival.name for rival in group)} would both become {output}; "
         "rename one of them"
         for output, group in of_output.items()
         if len(group) > 1
-        for one in group
+        for batch_input in group
     }
 
 
@@ -190,37 +198,48 @@ def every_animation(
         If no input has a format that supports several animations.
     """
     listed = list(inputs)
-    if not any(supports(one.source, "animation") for one in listed):
+    if not any(supports(batch_input.source, "animation") for batch_input in listed):
         raise InvalidInputError(
             Keyword("animations"),
             " all has no effect: there is no .glb or .gltf file among the inputs",
         )
-    return [each for one in listed for each in _animations_of(one, notes, allow_outside)]
+    return [
+        part for batch_input in listed for part in _animations_of(batch_input, notes, allow_outside)
+    ]
 
 
-def _animations_of(one: BatchInput, notes: list[str], allow_outside: bool) -> Iterator[BatchInput]:
-    if not supports(one.source, "animation"):
-        yield one
+def _animations_of(
+    batch_input: BatchInput, notes: list[str], allow_outside: bool
+) -> Iterator[BatchInput]:
+    if not supports(batch_input.source, "animation"):
+        yield batch_input
         return
     try:
-        with local_copy(one.source) as files:
-            found = animations_of(find_files(files), ReadOptions(allow_outside=allow_outside))
+        with local_copy(batch_input.source) as files:
+            animations = animations_of(find_files(files), ReadOptions(allow_outside=allow_outside))
     except MeshReelError:
-        found = ()  # encoding will report the error
-    moving = [animation for animation in found if animation.moves_mesh]
+        animations = ()  # encoding will report the error
+    moving = [animation for animation in animations if animation.moves_mesh]
     if len(moving) < 2:
-        yield one
+        yield batch_input
         return
-    notes += [f"{one.name}: {_why_left_out(each)}" for each in found if not each.moves_mesh]
-    stem = one.output.removesuffix(OUTPUT_EXTENSION)
-    for animation, word in zip(moving, _file_words([each.name for each in moving]), strict=True):
+    notes += [
+        f"{batch_input.name}: {_why_left_out(animation)}"
+        for animation in animations
+        if not animation.moves_mesh
+    ]
+    stem = batch_input.output.removesuffix(OUTPUT_EXTENSION)
+    for animation, word in zip(
+        moving, _file_words([animation.name for animation in moving]), strict=True
+    ):
         if word != animation.name:
             notes.append(
-                f"{one.name}: the animation {animation.name!r} is called {word} in its output"
+                f"{batch_input.name}: the animation {animation.name!r} is called {word} in its "
+                "output"
             )
         yield replace(
-            one,
-            name=f"{one.name}#{animation.name}",
+            batch_input,
+            name=f"{batch_input.name}#{animation.name}",
             output=f"{stem}.{word}{OUTPUT_EXTENSION}",
             animation=animation.name,
         )

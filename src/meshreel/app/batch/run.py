@@ -105,8 +105,8 @@ def _encode_all(run: "_Run", plan: Plan, engine: Engine, progress: Progress) -> 
     # Ctrl-C does not interrupt these threads, and waits for them: every stream gets its record.
     with ThreadPoolExecutor(n_writers, "meshreel-write") as writers:
         writing: deque[Future[None]] = deque()
-        for n_encoded, (source, outcome) in enumerate(outcomes, start=1):
-            writing.append(writers.submit(run.finish, source, outcome))
+        for n_encoded, (batch_input, outcome) in enumerate(outcomes, start=1):
+            writing.append(writers.submit(run.finish, batch_input, outcome))
             del outcome  # releases its stream during the wait for the next
             if len(writing) == n_writers:
                 writing.popleft().result()
@@ -120,7 +120,9 @@ def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Futur
 
     An input whose worker died is retried alone at the end: it may not be the cause.
     """
-    waiting = deque((source, plan.options_of(source)) for source in _largest_first(plan))
+    waiting = deque(
+        (batch_input, plan.options_of(batch_input)) for batch_input in _largest_first(plan)
+    )
     pending: dict[Future[EncodedInput], tuple[BatchInput, EncodeOptions]] = {}
     alone: deque[tuple[BatchInput, EncodeOptions]] = deque()
     limit = max(MIN_SUBMITTED, 2 * engine.n_workers)
@@ -129,17 +131,17 @@ def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Futur
             if not (waiting or pending):
                 waiting.append(alone.popleft())
             while waiting and len(pending) < limit:
-                source, options = waiting.popleft()
-                item = str(source.source), options, __version__
-                pending[_submitted(engine.executor, item)] = source, options
+                batch_input, options = waiting.popleft()
+                item = str(batch_input.source), options, __version__
+                pending[_submitted(engine.executor, item)] = batch_input, options
             for future in wait_for_any(pending):
-                source, options = pending.pop(future)
+                batch_input, options = pending.pop(future)
                 error = _error_of(future)
                 smaller = options.smaller(error) if error else None
                 if error is None or smaller is None:
-                    yield source, future
+                    yield batch_input, future
                 else:
-                    (alone if worker_died(error) else waiting).append((source, smaller))
+                    (alone if worker_died(error) else waiting).append((batch_input, smaller))
                 del future  # releases its stream during the wait for the next
     finally:
         for future in pending:
@@ -162,22 +164,24 @@ def _error_of(future: "Future[EncodedInput]") -> BaseException | None:
 
 def _together(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[EncodedInput]"]]:
     """Yield inputs in sequence; all workers encode blocks of the current one."""
-    for source in _largest_first(plan):
-        retry: EncodeOptions | None = plan.options_of(source)
+    for batch_input in _largest_first(plan):
+        retry: EncodeOptions | None = plan.options_of(batch_input)
         while retry is not None:
             options, retry = retry, None
             outcome: Future[EncodedInput] = Future()
             try:
-                outcome.set_result(encode_input(str(source.source), options, __version__, engine))
+                outcome.set_result(
+                    encode_input(str(batch_input.source), options, __version__, engine)
+                )
             except Exception as error:
                 outcome.set_exception(error)
                 retry = options.smaller(error)
-        yield source, outcome
+        yield batch_input, outcome
 
 
 def _largest_first(plan: Plan) -> list[BatchInput]:
     """The inputs by descending file size: a long one that started last would run alone."""
-    return sorted(plan.to_encode, key=lambda source: -source.size_bytes)
+    return sorted(plan.to_encode, key=lambda batch_input: -batch_input.size_bytes)
 
 
 class _Run:
@@ -192,25 +196,27 @@ class _Run:
         """Record all outputs as pending, so that a rerun after a stop knows that it owns them."""
         records = self._plan.manifest.records
         records.update(self._plan.refused)
-        records.update({source.name: record for source, record in self._plan.to_encode.items()})
+        records.update(
+            {batch_input.name: record for batch_input, record in self._plan.to_encode.items()}
+        )
         self._plan.manifest.write()
 
-    def finish(self, source: BatchInput, outcome: "Future[EncodedInput]") -> None:
+    def finish(self, batch_input: BatchInput, outcome: "Future[EncodedInput]") -> None:
         """Write the stream, if encoding succeeded, and the record."""
-        pending = self._plan.to_encode[source]
+        pending = self._plan.to_encode[batch_input]
         try:
             encoded = outcome.result()
-            self._write_stream(source, encoded.data)
+            self._write_stream(batch_input, encoded.data)
             record = replace(pending, state=DONE, **encoded.figures)
         except Exception as error:
             record = replace(
                 pending,
                 state=FAILED,
-                owns_output=source in self._plan.replaced,
-                error=_reason_of(error, source.path, self._plan.input_dir),
+                owns_output=batch_input in self._plan.replaced,
+                error=_reason_of(error, batch_input.path, self._plan.input_dir),
             )
         with self._lock:
-            self._plan.manifest.records[source.name] = record
+            self._plan.manifest.records[batch_input.name] = record
             if (began_s := monotonic()) >= self._next_write_s:
                 with suppress(StoreError):  # the next write, or the last, may succeed
                     self._plan.manifest.write()
@@ -224,7 +230,7 @@ class _Run:
     def report(self) -> BatchReport:
         """The inputs of this run by outcome."""
         plan, records = self._plan, self._plan.manifest.records
-        tried = {source.name: records[source.name] for source in plan.to_encode}
+        tried = {batch_input.name: records[batch_input.name] for batch_input in plan.to_encode}
         return BatchReport(
             {name: records[name] for name in plan.up_to_date},
             {name: record for name, record in tried.items() if record.state == DONE},
@@ -232,8 +238,10 @@ class _Run:
                                 if record.state == FAILED}},
         )  # fmt: skip
 
-    def _write_stream(self, source: BatchInput, data: bytes) -> None:
-        self._plan.folder.write(source.output, data, overwrite=source in self._plan.replaced)
+    def _write_stream(self, batch_input: BatchInput, data: bytes) -> None:
+        self._plan.folder.write(
+            batch_input.output, data, overwrite=batch_input in self._plan.replaced
+        )
 
 
 def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> Message:
