@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Message(str):
 
     parts: tuple[str | Keyword, ...]
 
-    def __new__(cls, *parts: str | Keyword) -> "Message":
+    def __new__(cls, *parts: str | Keyword) -> Self:
         """Join the parts."""
         message = super().__new__(cls, "".join(map(str, parts)))
         message.parts = parts

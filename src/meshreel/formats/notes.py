@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import StrEnum
-from typing import Any
+from typing import Any, Self
 
 from meshreel.errors import Keyword, Message, parts_of
 from meshreel.model.surface import Attribute, FaceGroups, Surface
@@ -59,7 +59,7 @@ class Note(Message):
 
     def __new__(
         cls, kind: NoteKind, subject: str, names: Sequence[str] = (), text: str = ""
-    ) -> "Note":
+    ) -> Self:
         """Return a note."""
         contents = f"{subject}: {listed(names)}" if names else subject
         note = super().__new__(cls, *parts_of(text or _BEGINNINGS.get(kind, "") + contents))

@@ -95,10 +95,10 @@ def _first_frame(stream: FrameStream) -> float:
             f"start_s of {stream.start_s:g} is too large for PC2, which stores float32"
         )
     if stream.fps:
-        text = Message(
+        advice = Message(
             f"PC2 has no frame rate: set {stream.fps:g} fps when reading it (", Keyword("fps"), ")"
         )
-        add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", text)
+        add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", advice)
     if first_frame / fps != stream.start_s or (stream.start_s and not stream.fps):
         text = (
             f"PC2 stores the start at {stream.start_s!r} s as frame {first_frame:g} at "

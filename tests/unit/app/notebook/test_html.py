@@ -62,14 +62,6 @@ def test_player_shows_changing_faces(kind):
     assert carried(framed_page(html))["stream"] == data
 
 
-def test_figures_of_changing_faces_are_the_largest(monkeypatch):
-    monkeypatch.setattr(notebook, "MAX_ENCODED", 0)
-    html = MeshSequence.of_segments([waving_grid(4), waving_grid(3, 5, 6)])._repr_html_()
-    assert "iframe" not in html
-    assert "<b>frames</b> 7" in html
-    assert "<b>vertices</b> 99" in html
-
-
 @pytest.mark.parametrize("limit", ["MAX_PLAYED", "MAX_HTML_BYTES"])
 def test_figures_are_shown_when_the_player_is_too_large(reel, monkeypatch, limit):
     monkeypatch.setattr(notebook, limit, 100)
@@ -93,15 +85,6 @@ def test_name_is_escaped_when_it_contains_html():
     html = named._repr_html_()
     assert "<script>" not in html
     assert "</iframe><" not in html.removesuffix("</iframe>")
-
-
-@pytest.mark.parametrize("kind", ["sequence", "file"])
-def test_player_shows_changing_faces(kind):
-    sequence = MeshSequence.of_segments([waving_grid(4), waving_grid(3, 5, 6)])
-    data = encode(sequence)
-    with ReelFile(BytesIO(data)) as opened:
-        html = (opened if kind == "file" else sequence)._repr_html_()
-    assert carried(framed_page(html))["stream"] == data
 
 
 @pytest.mark.parametrize("kind", ["sequence", "file"])
