@@ -24,7 +24,7 @@ def install_viewer(load: Callable[[], Viewer]) -> None:
 
 
 def notebook_html(sequence: Any) -> str:
-    """HTML for a notebook: properties, with the player or a picture.
+    """HTML for a notebook: properties, with the player of a small one.
 
     Parameters
     ----------

@@ -161,7 +161,7 @@ def test_a_warning_names_what_was_removed(raw):
 def test_tolerances_are_lengths_or_percent(raw):
     found = meshreel.register(raw[:2], tolerance="20mm", unit="m")
     assert found.n_segments == 1
-    with pytest.raises(InvalidInputError, match="tolerance= takes percent"):
+    with pytest.raises(InvalidInputError, match="tolerance takes percent"):
         meshreel.register(raw, tolerance="fine")
     with pytest.raises(InvalidInputError, match="tolerance 5mm is a length"):
         meshreel.register(raw, tolerance="5mm")
