@@ -21,8 +21,7 @@ import numpy.typing as npt
 
 import meshreel
 from measuring import machine_text, print_table, store
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.gltf.buffer_writer import BufferWriter
 from meshreel.formats.gltf.quantized import place_frames
 from meshreel.formats.gltf.write import write_glb
@@ -95,12 +94,11 @@ def ours(
 ) -> Size:
     """Write our file, and read error and number of morph targets from its notes."""
     notes: list[str] = []
-    stream = FrameStream(
-        [sequence.vertices], sequence.faces, n_frames=sequence.n_frames, fps=25.0, notes=notes
-    )
+    plain = meshreel.MeshSequence(sequence.vertices, sequence.faces, fps=25.0)
+    stream = SegmentedStream(plain, notes=notes)
     start_s = time.perf_counter()
     options = WriteOptions(max_error=max_error, normals=normals)
-    write_glb(folder / "ours.glb", SegmentedStream.of(stream), options)
+    write_glb(folder / "ours.glb", stream, options)
     words = next(note for note in notes if note.startswith("the largest error is")).split()
     n_morphs, error_percent = int(words[words.index("morph") - 1]), float(words[4])
     name = f"our .glb, at most {max_error:g} %{NORMALS[normals]}"

@@ -24,7 +24,7 @@ import numpy as np
 
 import meshreel
 from measuring import machine_text, print_table, store
-from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.folder import write_vat
 from meshreel.formats.vat.textures import TexelType, read_texture, texel_type_of
@@ -139,10 +139,8 @@ def costs(sequence: meshreel.MeshSequence, max_error: float) -> Iterable[Cost]:
 
 def stream_of(sequence: meshreel.MeshSequence, notes: list[str]) -> FrameStream:
     """The sequence in the form that writers accept."""
-    return FrameStream(
-        [sequence.vertices], sequence.faces,
-        n_frames=sequence.n_frames, fps=sequence.fps, surface=sequence.surface, notes=notes,
-    )  # fmt: skip
+    stream = SegmentedStream(sequence.replace(tracks={}), notes=notes)
+    return next(stream.segments())
 
 
 def noted_error(notes: Iterable[str]) -> float:

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.gltf.write import write_glb
 from meshreel.formats.options import WriteOptions
 
@@ -16,18 +15,8 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def stream_of(sequence, notes=None):
-    """Return a stream of all frames of a sequence, one by one."""
-    frames = FrameStream(
-        (sequence.read(index, index + 1) for index in range(sequence.n_frames)),
-        sequence.faces,
-        n_frames=sequence.n_frames,
-        fps=sequence.fps,
-        name=sequence.name,
-        start_s=sequence.start_s,
-        surface=sequence.surface,
-        notes=notes,
-    )
-    return SegmentedStream.of(frames)
+    """Return a stream of all frames of a sequence, without tracks."""
+    return SegmentedStream(sequence, notes=notes, supported_tracks=lambda tracks, notes: {})
 
 
 def written(folder, sequence, notes=None, **options):

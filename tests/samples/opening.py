@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import open_for_purpose
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
@@ -19,3 +20,17 @@ def open_source(source, *, topology=None, max_loaded_bytes=0, **options):
 def open_same_faces(source, **options):
     """Open a sequence whose faces must not change."""
     return open_for_purpose(source, ReadOptions(**options), "this test")
+
+
+def stored(sequence, read_range, n_frames=None):
+    """Return the mesh of a sequence with frames that `read_range` reads from start to stop."""
+    return StoredFrames(
+        n_frames=n_frames or sequence.n_frames,
+        n_verts=sequence.n_verts,
+        faces=sequence.faces,
+        fps=sequence.fps,
+        name=sequence.name,
+        dtype=sequence.dtype,
+        extent=sequence.extent,
+        read_range=read_range,
+    )

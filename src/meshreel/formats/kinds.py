@@ -7,8 +7,7 @@ from typing import Literal
 
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.frames.frame import Frame
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.model.sequence import FrameSource, Vertices

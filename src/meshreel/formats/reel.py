@@ -18,7 +18,7 @@ from meshreel.codec.memory import memory_limit
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import FrameSurvey
 from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
 from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of

@@ -1,21 +1,13 @@
 """Saving of sequences and of streamed frames in any format."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-import numpy.typing as npt
-
-from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError, Keyword
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.segmented_stream import (
-    SegmentedStream,
-    SegmentMesh,
-    StreamedSegment,
-)
+from meshreel.errors import ConnectivityChangeError, FormatError, Keyword
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.notes import note_unwritten_materials, note_unwritten_tracks
@@ -30,17 +22,15 @@ from meshreel.formats.registry import (
 from meshreel.formats.remote import uploaded
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
-from meshreel.model.frame_choice import start_of
 from meshreel.model.materials import Image
-from meshreel.model.sequence import MeshSequence, Vertices, frames_by_segment
-from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.sequence import MeshSequence, Vertices
+from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import plural
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.options import AnySource
     from meshreel.model.sequence import FrameSource
 
@@ -144,114 +134,20 @@ def save_part(
         sequence = MeshSequence.of_segments([cast("FrameSource", sequence)])
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
-    segments = list(_segments_in(sequence, wanted))
-    return _save(
-        SegmentedStream(
-            segments,
-            fps=sequence.fps,
-            name=sequence.name,
-            start_s=start_of(wanted, sequence.start_s, sequence.fps),
-            progress=progress,
-            notes=notes,
-            supported_tracks=partial(_supported_tracks, output),
-        ),
-        _checked_paths(
-            output,
-            len(wanted),
-            n_segments=len(segments),
-            overwrite=overwrite,
-            start_number=numbering(output, wanted, start_number),
-            inputs=(*inputs, *getattr(sequence, "files", ())),
-            options=options,
-        ),
-        output,
-        overwrite=overwrite,
-        options=options,
+    supported = partial(_supported_tracks, output)
+    stream = SegmentedStream(
+        sequence, wanted, progress=progress, notes=notes, supported_tracks=supported
     )
-
-
-def save_frames(
-    blocks: Iterable[Vertices],
-    faces: npt.NDArray[np.integer],
-    output: AnyPath,
-    *,
-    n_frames: int,
-    fps: float = 0.0,
-    name: str = "",
-    start_s: float = 0.0,
-    surface: Surface = PLAIN,
-    tracks: Mapping[str, TrackSource] | None = None,
-    overwrite: bool = False,
-    start_number: int | None = None,
-    inputs: Iterable[Path] = (),
-    options: WriteOptions = DEFAULT_OPTIONS,
-    progress: Progress = silent,
-    notes: list[str] | None = None,
-) -> list[Path]:
-    """Save streamed frames; return the written files in frame order.
-
-    Needs memory for one block and one frame; only ``.reel`` and glTF need all frames. All files
-    appear together when the last one is complete; on an error none appears.
-
-    Parameters
-    ----------
-    blocks : iterable of float32 or float64 arrays of shape (T, V, 3)
-        Positions in model units, in order, all of one type. Blocks may differ in T.
-    faces : integer array of shape (M, 3)
-        Vertex indices of each triangle, in 0..V-1.
-    output, overwrite, start_number, options, progress, notes
-        As in `save`.
-    inputs : iterable of Path
-        Input files, which are never replaced.
-    n_frames : int
-        Total of all blocks.
-    fps, name, start_s, surface
-        As in `MeshSequence`.
-    tracks : mapping of str to TrackSource, optional
-        Tracks with `n_frames` frames; those that the format cannot store are left out with a note.
-
-    Raises
-    ------
-    FormatError, InvalidInputError
-        As `meshreel.formats.outputs.check_output`, before the first block is read; also as
-        `FrameStream`.
-    """
-    if n_frames < 1:
-        raise InvalidInputError(
-            "a sequence needs at least one frame; got ", Keyword("n_frames"), f" {n_frames}"
-        )
     paths = _checked_paths(
         output,
-        n_frames,
+        len(wanted),
+        n_segments=stream.n_segments,
         overwrite=overwrite,
-        start_number=start_number,
-        inputs=inputs,
+        start_number=numbering(output, wanted, start_number),
+        inputs=(*inputs, *getattr(sequence, "files", ())),
         options=options,
     )
-    stream = FrameStream(
-        blocks,
-        faces,
-        n_frames=n_frames,
-        fps=fps,
-        name=name,
-        start_s=start_s,
-        surface=surface,
-        progress=progress,
-        notes=notes,
-        tracks=_supported_tracks(output, tracks or {}, notes if notes is not None else []),
-    )
-    whole = SegmentedStream.of(stream)
-    return _save(whole, paths, output, overwrite=overwrite, options=options)
-
-
-def _segments_in(sequence: "AnySource", wanted: range) -> Iterator[StreamedSegment]:
-    """Yield the wanted frames of each segment that has some."""
-
-    def opening(number: int) -> "Callable[[], FrameSource | ReelFile]":
-        return lambda: sequence.segments[number]
-
-    for number, frames in frames_by_segment(sequence.starts, wanted):
-        yield StreamedSegment(opening(number), frames)
+    return _save(stream, paths, output, overwrite=overwrite, options=options)
 
 
 def _checked_paths(
@@ -358,7 +254,7 @@ def _write_sequence(
     if found.write_segments is not None:
         if not found.holds_materials:
 
-            def note_materials(mesh: SegmentMesh) -> SegmentMesh:
+            def note_materials(mesh: FrameStream) -> FrameStream:
                 note_unwritten_materials(mesh.surface, found.extension, stream.notes)
                 return mesh
 

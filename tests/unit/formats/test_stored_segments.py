@@ -10,7 +10,7 @@ import meshreel
 from meshreel.codec import reel_file
 from meshreel.codec.reel_file import MAX_OPEN_SEGMENTS, ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from meshreel.formats.frames import segmented_stream
+from meshreel.formats.frames import frame_stream
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import StoredSegment
 from meshreel.formats.segments import find_segments, open_any
@@ -126,7 +126,7 @@ def test_a_damaged_segment_is_named_with_its_file_when_it_is_read(path):
 
 @pytest.mark.parametrize(("limit", "n_decodings"), [(1 << 26, 1), (0, 3)])
 def test_meshes_are_decoded_once_if_they_are_small(path, tmp_path, monkeypatch, limit, n_decodings):
-    monkeypatch.setattr(segmented_stream, "MAX_KEPT_BYTES", limit)
+    monkeypatch.setattr(frame_stream, "MAX_KEPT_BYTES", limit)
     monkeypatch.setattr(reel_file, "MAX_OPEN_SEGMENTS", 1)
     surface_of, numbers = vars(StoredSegment)["surface"].fget, []
 

@@ -22,7 +22,7 @@ from meshreel.formats.alembic.attributes import (
     UVS,
     VELOCITIES,
 )
-from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.notes import (
     note_name,
@@ -606,7 +606,7 @@ def check_free_space(path: Path, stream: SegmentedStream) -> None:
         )
 
 
-def _max_file_bytes(mesh: SegmentMesh) -> int:
+def _max_file_bytes(mesh: FrameStream) -> int:
     """Return an upper bound on the size of a segment in an Alembic file."""
     surface = mesh.surface
     n_parts = max(1, len(surface.parts))

@@ -1,111 +1,106 @@
-"""Frames streamed to a writer as they are produced."""
+"""What a writer receives: the frames of a sequence, in segments of constant connectivity."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain
+from collections.abc import Callable, Iterator, Mapping
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Values
-from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import Faces, MeshSequence, Vertices
-from meshreel.model.surface import PLAIN, Surface
-from meshreel.model.tracks import TrackSource, check_tracks, read_track
-from meshreel.model.validation import (
-    validate_faces,
-    validate_finite,
-    validate_fps,
-    validate_start,
-    validate_vertices,
-)
-from meshreel.runtime.counting import counted
+from meshreel.model.frame_choice import start_of
+from meshreel.model.sequence import Faces, MeshSequence, Vertices, frames_by_segment
+from meshreel.model.surface import Surface
+from meshreel.model.tracks import TrackPart, TrackSource, read_track
+from meshreel.model.validation import validate_finite
 from meshreel.runtime.progress import Count, Progress, silent
 
+if TYPE_CHECKING:
+    from meshreel.formats.options import AnySource
 
+Tracks = Mapping[str, TrackSource]
+
+MAX_KEPT_BYTES = 1 << 26
+"""Faces and surfaces up to this size are decoded once, though writers go over them several times;
+positions and tracks are always read again."""
+
+
+@dataclass(frozen=True, eq=False)
 class FrameStream:
-    """A sequence whose positions can be read once, in blocks of frames.
+    """Consecutive frames with the same faces; positions and values are read when asked for.
 
     Parameters
     ----------
-    blocks : iterable of float arrays of shape (T, V, 3)
-        Positions in model units, in order. The first block with frames is read immediately.
-        Blocks may differ in T, and T may be 0.
-    faces : integer array of shape (M, 3)
-    n_frames : int
-        Total of all blocks.
-    fps, name, start_s, surface
+    source : FrameSource or ReelFile
+        A segment of the sequence.
+    numbers : range
+        Frames of the segment.
+    faces : int32 array of shape (M, 3)
+    surface : Surface
+    tracks : mapping of str to TrackSource
+        Those that the format supports.
+    fps, name, start_s
         As in `MeshSequence`.
-    progress : Progress, default silent
+    progress : Progress
         Called after every frame.
-    notes : list of str, optional
+    notes : list of str
         Receives a sentence for each thing that a format cannot store exactly.
-    tracks : mapping of str to TrackSource, optional
-        Tracks to write.
-
-    Attributes
-    ----------
     wants_notes : bool
-        Whether the caller passed a list for notes.
-    n_verts : int
-    dtype : dtype
-        Type of all positions.
-    first : float array of shape (V, 3)
-        Positions of the first frame, available before `frames` is read.
-    image_folder : str
-        Name of the folder next to the file for the images of the surface, whose file names are
-        those of `meshreel.formats.surfaces.images.image_names`; empty if there is none.
-    data_files : list of tuple of str and Path
-        Further files that the file refers to: name in the file, and path to write.
-
-    Raises
-    ------
-    InvalidInputError
-        As `MeshSequence` and for invalid tracks; also while frames are read, if blocks differ in
-        vertex count or type, a position is not finite, or the number of frames is not `n_frames`.
+        Whether the caller of the writer reads the notes.
+    image_folder, data_files
+        As of `SegmentedStream`.
     """
 
-    def __init__(
-        self,
-        blocks: Iterable[Vertices],
-        faces: npt.NDArray[np.integer],
-        *,
-        n_frames: int,
-        fps: float = 0.0,
-        name: str = "",
-        start_s: float = 0.0,
-        surface: Surface = PLAIN,
-        progress: Progress = silent,
-        notes: list[str] | None = None,
-        tracks: Mapping[str, TrackSource] | None = None,
-    ) -> None:
-        arrays: Iterator[Any] = (np.asarray(block) for block in blocks)
-        filled = (block for block in arrays if block.size > 0)
-        if (first := next(filled, None)) is None:
-            raise InvalidInputError("a sequence needs at least one frame; got none")
-        self.n_frames = n_frames
-        self.n_verts: int = validate_vertices(first).shape[1]
-        self.dtype: np.dtype[np.floating] = first.dtype
-        self.faces: Faces = validate_faces(faces, self.n_verts)
-        self.fps: float = validate_fps(fps)
-        self.name: str = name
-        self.start_s: float = validate_start(start_s)
-        self.surface: Surface = surface.validated(self.n_verts, len(self.faces))
-        self.tracks: dict[str, TrackSource] = dict(tracks or {})
-        check_tracks(self.tracks, n_frames, self.n_verts, len(self.faces), self.surface)
-        self.first: Vertices = first[0]
-        self.wants_notes: bool = notes is not None
-        self.notes: list[str] = notes if notes is not None else []
-        self._blocks: Iterator[Vertices] = chain([first], filled)
-        self.progress = progress
-        self.image_folder = ""
-        self.data_files: list[tuple[str, Path]] = []
+    source: Any
+    numbers: range
+    faces: Faces
+    surface: Surface
+    tracks: Tracks
+    fps: float
+    name: str
+    start_s: float
+    progress: Progress
+    notes: list[str]
+    wants_notes: bool
+    image_folder: str
+    data_files: list[tuple[str, Path]]
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames, T."""
+        return len(self.numbers)
+
+    @property
+    def n_verts(self) -> int:
+        """Number of vertices, V."""
+        return int(self.source.n_verts)
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Type of all positions."""
+        dtype: np.dtype[np.floating] = self.source.dtype
+        return dtype
+
+    @cached_property
+    def first(self) -> Vertices:
+        """Positions of the first frame, of shape (V, 3)."""
+        first: Vertices = next(_blocks(self.source, self.numbers[:1]))[0]
+        return first
 
     def frames(self) -> Iterator[Vertices]:
-        """Yield the positions of each frame, of shape (V, 3); can be called only once."""
+        """Yield the positions of each frame, of shape (V, 3).
+
+        Raises
+        ------
+        InvalidInputError
+            If a position is not finite.
+        """
         index = 0
-        for block in self._checked_blocks():
+        for block in _blocks(self.source, self.numbers):
+            validate_finite(block, first_frame=index)
             for frame in block:
                 yield frame
                 index += 1
@@ -116,29 +111,154 @@ class FrameStream:
         return {name: track.read(index, index + 1)[0] for name, track in self.tracks.items()}
 
     def gather(self) -> MeshSequence:
-        """Load all frames into memory; can be called only once."""
-        vertices = np.concatenate(list(self._checked_blocks()))
-        tracks = {name: read_track(one, range(self.n_frames)) for name, one in self.tracks.items()}
+        """Load all frames into memory."""
+        vertices = self.source.read(self.numbers.start, self.numbers.stop)
+        tracks = {
+            name: read_track(track, range(self.n_frames)) for name, track in self.tracks.items()
+        }
         return MeshSequence(
             vertices, self.faces, self.fps, self.name, self.start_s, self.surface, tracks
         )
 
-    def _checked_blocks(self) -> Iterator[Vertices]:
-        n_seen = 0
-        for block in self._blocks:
-            expected = (len(block), self.n_verts, 3)
-            if block.shape != expected or block.dtype != self.dtype:
-                raise InvalidInputError(
-                    f"the block at frame {n_seen} has shape {block.shape} and type {block.dtype}; "
-                    f"expected {expected} and {self.dtype}"
-                )
-            validate_finite(block, first_frame=n_seen)
-            n_seen += len(block)
-            if n_seen > self.n_frames:
-                break
-            yield block
-        if n_seen != self.n_frames:
-            received = f"{n_seen} or more" if n_seen > self.n_frames else str(n_seen)
-            raise InvalidInputError(
-                f"expected {counted(self.n_frames, 'frame')}; received {received}"
-            )
+
+def _all_tracks(tracks: Tracks, notes: list[str]) -> Tracks:
+    return tracks
+
+
+def _unchanged(segment: FrameStream) -> FrameStream:
+    return segment
+
+
+class SegmentedStream:
+    """A range of frames of a sequence, read in order, a segment at a time.
+
+    Parameters
+    ----------
+    sequence : MeshSequence or ReelFile
+    wanted : range, optional
+        Consecutive frame numbers; the start time is adjusted. Default: all.
+    progress : Progress, default silent
+        Called after every frame.
+    notes : list of str, optional
+        Receives a sentence for each thing that a format cannot store exactly.
+    supported_tracks : function of tracks and a list of notes, optional
+        Returns the tracks to write; the notes list the others. Default: all.
+
+    Attributes
+    ----------
+    n_frames, n_segments : int
+    starts : tuple of int
+        First frame of each segment, and the number of all frames.
+    fps, name, start_s
+        As in `MeshSequence`.
+    image_folder : str
+        Name of the folder next to the file for the images of the surface, whose file names are
+        those of `meshreel.formats.surfaces.images.image_names`; empty if there is none.
+    data_files : list of tuple of str and Path
+        Further files that the file refers to: name in the file, and path to write.
+    """
+
+    def __init__(
+        self,
+        sequence: "AnySource",
+        wanted: range | None = None,
+        *,
+        progress: Progress = silent,
+        notes: list[str] | None = None,
+        supported_tracks: Callable[[Tracks, list[str]], Tracks] = _all_tracks,
+    ) -> None:
+        wanted = range(sequence.n_frames) if wanted is None else wanted
+        self._sequence: Any = sequence
+        self._parts = tuple(frames_by_segment(self._sequence.starts, wanted))
+        sizes = (len(frames) for _, frames in self._parts)
+        self.starts: tuple[int, ...] = (0, *accumulate(sizes))
+        self.fps: float = sequence.fps
+        self.name: str = sequence.name
+        self.start_s: float = start_of(wanted, sequence.start_s, sequence.fps)
+        self.n_segments: int = len(self._parts)
+        self.n_frames: int = len(wanted)
+        self.progress = progress
+        self.wants_notes: bool = notes is not None
+        self.notes: list[str] = notes if notes is not None else []
+        self.image_folder = ""
+        self.data_files: list[tuple[str, Path]] = []
+        self._supported_tracks = supported_tracks
+        self._change: Callable[[FrameStream], FrameStream] = _unchanged
+        self._kept: dict[int, tuple[Faces, Surface]] = {}
+        self._kept_bytes = 0
+
+    def changed(self, change: Callable[[FrameStream], FrameStream]) -> "SegmentedStream":
+        """Return the stream with another surface and other tracks in each segment."""
+        changed, before = copy(self), self._change
+        changed._change = lambda segment: change(before(segment))
+        return changed
+
+    @property
+    def dtype(self) -> np.dtype[np.floating]:
+        """Number type that holds the positions of all segments."""
+        segments = self._sequence.segments
+        return np.result_type(*(segments[number].dtype for number, _ in self._parts))
+
+    def frames(self) -> Iterator[Vertices]:
+        """Yield the positions of all frames, without decoding surfaces."""
+        for number, frames in self._parts:
+            for block in _blocks(self._sequence.segments[number], frames):
+                yield from block
+
+    def meshes(self) -> Iterator[FrameStream]:
+        """Yield each segment for its mesh, without notes and progress."""
+        for number, frames in self._parts:
+            yield self._stream(number, frames, [], silent, self.start_s)
+
+    def segments(self) -> Iterator[FrameStream]:
+        """Yield each segment in order; read its frames before the next one."""
+        for first, (number, frames) in zip(self.starts, self._parts, strict=False):
+            notes: list[str] = self.notes if self.n_segments == 1 else []
+            start_s = start_of(range(first, first + 1), self.start_s, self.fps)
+            progress = partial(self._report, first)
+            yield self._stream(number, frames, notes, progress, start_s)
+            if notes is not self.notes:
+                self.notes.extend(note for note in notes if note not in self.notes)
+
+    def time_of(self, frame: int, assumed_fps: float) -> float:
+        """Return the time of a frame in seconds, at a frame rate to assume if it is unknown."""
+        return self.start_s + frame / (self.fps or assumed_fps)
+
+    def _stream(
+        self, number: int, frames: range, notes: list[str], progress: Progress, start_s: float
+    ) -> FrameStream:
+        source = self._sequence.segments[number]
+        tracks = {
+            name: track if len(frames) == track.shape[0] else TrackPart(track, frames)
+            for name, track in self._supported_tracks(source.tracks, notes).items()
+        }
+        stream = FrameStream(
+            source, frames, *self._mesh(number, source), tracks, self.fps, self.name, start_s,
+            progress, notes, self.wants_notes, self.image_folder, self.data_files,
+        )  # fmt: skip
+        return self._change(stream)
+
+    def _mesh(self, number: int, source: Any) -> tuple[Faces, Surface]:
+        """Return the faces and the surface of a segment."""
+        if number in self._kept:
+            return self._kept[number]
+        faces, surface = source.faces, source.surface
+        size_bytes = faces.nbytes + surface.size_bytes
+        if self._kept_bytes + size_bytes <= MAX_KEPT_BYTES:
+            self._kept[number] = faces, surface
+            self._kept_bytes += size_bytes
+        return faces, surface
+
+    def _report(self, first: int, stage: str, share: float) -> None:
+        """Count frames of the segment that begins at frame `first` as frames of the sequence."""
+        if isinstance(share, Count) and share.unit == "frames":
+            share = Count(first + share.done, self.n_frames, share.unit)
+        self.progress(stage, share)
+
+
+def _blocks(source: Any, frames: range) -> Iterator[Vertices]:
+    """Yield the positions of consecutive frames, in as large blocks as the source decodes."""
+    if hasattr(source, "pieces"):
+        yield from (block for _, block in source.pieces(frames))
+    else:
+        yield from (source.read(index, index + 1) for index in frames)

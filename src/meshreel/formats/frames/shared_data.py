@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.notes import NoteKind, add_note, listed, note_unwritten_tracks
 from meshreel.formats.scenes.merging import MaterialTable
 from meshreel.model.surface import Attribute, FaceGroups, Surface
@@ -50,7 +50,7 @@ class SharedData:
     other_tracks: tuple[str, ...]
 
     @classmethod
-    def of(cls, meshes: Iterable[SegmentMesh]) -> "SharedData":
+    def of(cls, meshes: Iterable[FrameStream]) -> "SharedData":
         """Compare the segments of a stream."""
         shared: list[dict[Key, None]] = []
         others: list[dict[str, None]] = [{}, {}, {}]
@@ -108,7 +108,7 @@ class SharedData:
         found = _tracks(tracks)
         return {str(key[0]): found[key] for key in self.tracks}
 
-    def only(self, mesh: SegmentMesh) -> SegmentMesh:
+    def only(self, mesh: FrameStream) -> FrameStream:
         """Return the mesh of a segment without data that other segments lack."""
         attributes = tuple(self.attributes_of(mesh.surface).values())
         groups = tuple(self.groups_of(mesh.surface).values())
@@ -126,7 +126,7 @@ class SharedData:
 
 
 def sharing_materials(
-    stream: SegmentedStream, visit: Callable[[SegmentMesh], None] | None = None
+    stream: SegmentedStream, visit: Callable[[FrameStream], None] | None = None
 ) -> tuple[SegmentedStream, SharedData]:
     """Return the stream with the materials and images of all segments in each, and what they share.
 
@@ -135,13 +135,13 @@ def sharing_materials(
     """
     table = MaterialTable()
 
-    def collect() -> Iterator[SegmentMesh]:
+    def collect() -> Iterator[FrameStream]:
         for mesh in stream.meshes():
             if visit is not None:
                 visit(mesh)
             yield replace(mesh, surface=table.add(mesh.surface)) if has_several else mesh
 
-    def share(mesh: SegmentMesh) -> SegmentMesh:
+    def share(mesh: FrameStream) -> FrameStream:
         surface = table.add(mesh.surface)
         surface = replace(surface, materials=table.materials, images=table.images)
         return replace(mesh, surface=surface)
@@ -159,7 +159,7 @@ def _with_indices(attribute: Attribute, *, is_indexed: bool) -> Attribute:
     return replace(attribute, values=attribute.per_item(), indices=indices)
 
 
-def _keys(mesh: SegmentMesh) -> Iterable[Iterable[Key]]:
+def _keys(mesh: FrameStream) -> Iterable[Iterable[Key]]:
     return _attributes(mesh.surface), _groups(mesh.surface), _tracks(mesh.tracks)
 
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword, Message
-from meshreel.formats.frames.segmented_stream import SegmentedStream, SegmentMesh
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
 from meshreel.formats.gltf.container import write_container
@@ -144,7 +144,7 @@ class _Result:
 def _build_result(stream: SegmentedStream, options: WriteOptions) -> _Result:
     _check_options(options)
 
-    def note_losses(mesh: SegmentMesh) -> None:
+    def note_losses(mesh: FrameStream) -> None:
         losses = [*describe_losses(mesh.surface)]
         losses.append(describe_fans(mesh.surface.sizes(len(mesh.faces))))
         stream.notes.extend(loss for loss in losses if loss and loss not in stream.notes)

@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData, sharing_materials
 from meshreel.formats.notes import note_written_rate
 from meshreel.formats.options import WriteOptions

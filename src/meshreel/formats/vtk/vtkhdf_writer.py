@@ -9,8 +9,7 @@ import numpy.typing as npt
 from meshreel.formats.arrays.named_arrays import surface_arrays
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import NORMALS
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.hdf import HdfOutput, Node, describe_track, hdf_output, write_array
 from meshreel.formats.notes import (

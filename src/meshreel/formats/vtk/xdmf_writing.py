@@ -8,8 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.hdf import HdfOutput, Node, hdf_output
 from meshreel.formats.notes import note_written_rate
 from meshreel.formats.options import WriteOptions

@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.formats.frames.segmented_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.notes import note_written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import POLYGON

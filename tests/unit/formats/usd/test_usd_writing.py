@@ -7,9 +7,9 @@ import pytest
 from pxr import Usd, UsdGeom
 
 import meshreel
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.save import save, save_frames
+from meshreel.formats.save import save
 from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -201,16 +201,6 @@ def test_save_leaves_no_other_files(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         f"x.{one}" for one in sorted(EXTENSIONS)
     ]
-
-
-@pytest.mark.parametrize("extension", EXTENSIONS)
-def test_failed_save_leaves_no_files(tmp_path, extension):
-    sheet = sheets()
-    with pytest.raises(InvalidInputError, match="expected 4 frames; received 2"):
-        save_frames(
-            [sheet.vertices[:2]], sheet.faces, tmp_path / f"x.{extension}", n_frames=4, fps=24
-        )
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_save_replaces_an_open_file(tmp_path):
