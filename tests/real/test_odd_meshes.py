@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import WriteOptions
 from meshreel.formats.save import save
-from meshreel.formats.segments import find_segments
 from samples.glb import Glb, largest_error_percent
 
 pytestmark = pytest.mark.real
@@ -109,9 +108,9 @@ def test_vtkhdf_parts_with_shared_empty_groups_match_vtk(odd):
 
 def test_pvd_files_without_part_numbers_are_merged_at_each_time(odd):
     path = odd / "dualSphereAnimation4NoPart.pvd"
-    with pytest.raises(InvalidInputError, match=r"lists 2 files for the time 1 .* with --merge"):
+    with pytest.raises(InvalidInputError, match=r"lists 2 files for the time 1 .* with merge=True"):
         load(path)
-    first, rest = (segment.open() for segment in find_segments(path, ReadOptions(merge=True)))
+    first, rest = load(path, merge=True).segments
     assert (first.n_frames, first.n_verts, len(first.faces)) == (1, 50, 96)
     assert (rest.n_frames, rest.n_verts, len(rest.faces)) == (4, 112, 192)
     for index in range(4):

@@ -1,11 +1,9 @@
 """Opening of the files of a sequence, in segments if its faces change."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import accumulate
-from pathlib import Path
+from dataclasses import replace
 
-from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
+from meshreel.errors import ConnectivityChangeError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.selection import select_attributes
@@ -13,7 +11,7 @@ from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import NoteKind, add_note, combined, listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_source import open_mesh, select_mesh
-from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.formats.sources import SourceFiles
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.matching.segments import match_segments
 from meshreel.model.sequence import FrameSource, MeshSequence, single_segment
@@ -163,58 +161,3 @@ def _describe_match(given: Sequence[FrameSource], matched: Sequence[FrameSource]
         f"matched {counted(len(given), 'segment')} that differ only in the order of vertices and "
         f"faces, which leaves {counted(len(matched), 'segment')}{added}"
     )
-
-
-@dataclass(frozen=True)
-class FoundSegment:
-    """Consecutive frames of a sequence with the same vertices and faces.
-
-    Attributes
-    ----------
-    start, stop : int
-        Range of frames in the whole sequence.
-    sequence : FrameSource
-    """
-
-    start: int
-    stop: int
-    sequence: MeshSequence
-
-    def open(self) -> MeshSequence:
-        """Return the frames."""
-        return self.sequence
-
-    def path(self, whole: Path) -> Path:
-        """Return the path of this segment, given that of the whole: ``walk_0-41.reel``."""
-        return whole.with_name(f"{whole.stem}_{self.start}-{self.stop - 1}{whole.suffix}")
-
-
-def find_segments(source: Source | SourceFiles, options: ReadOptions) -> list[FoundSegment]:
-    """Open the segments of a sequence, in order; one if its faces never change.
-
-    Parameters
-    ----------
-    source : str, Path, list or tuple of them, or SourceFiles
-        As in `meshreel.load`. Only frame files, scene files and ``.reel`` can have changing faces.
-
-    Raises
-    ------
-    InvalidInputError, FormatError
-        As `meshreel.load`.
-    """
-    if options.register is not None:
-        raise InvalidInputError(
-            Keyword("register"), " joins segments; it cannot be combined with split"
-        )
-    found = source if isinstance(source, SourceFiles) else find_files(source)
-    check_read_options(found.format, options)
-    if not isinstance(source, SourceFiles):
-        options = _at_rate(found, options)
-    segments = [
-        select_attributes(run, options.attributes, found.paths[0]) for run in _runs(found, options)
-    ]
-    stops = accumulate(segment.n_frames for segment in segments)
-    return [
-        FoundSegment(stop - segment.n_frames, stop, MeshSequence.of_segments([segment]))
-        for segment, stop in zip(segments, stops, strict=True)
-    ]

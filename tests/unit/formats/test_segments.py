@@ -2,15 +2,11 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
-from meshreel.formats.segments import find_segments
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
-from samples.datasets import positions_of
 from samples.meshes import quad_sheet, waving_grid
 from samples.tracks import assert_same_tracks
 
@@ -24,11 +20,12 @@ def changing(tmp_path):
 
 
 def test_changing_faces_begin_a_new_segment(changing):
-    first, second = find_segments(changing, ReadOptions(fps=10))
-    assert (first.start, first.stop, second.start, second.stop) == (0, 3, 3, 5)
-    np.testing.assert_array_equal(positions_of(first.open()), waving_grid(3).vertices)
-    np.testing.assert_array_equal(positions_of(second.open()), quad_sheet(2).vertices)
-    assert (second.open().start_s, second.open().fps) == (0.3, 10)
+    sequence = load(changing, fps=10)
+    assert sequence.starts == (0, 3, 5)
+    first, second = sequence.segments
+    np.testing.assert_array_equal(first.vertices, waving_grid(3).vertices)
+    np.testing.assert_array_equal(second.vertices, quad_sheet(2).vertices)
+    assert (second.start_s, second.fps) == (0.3, 10)
 
 
 def test_progress_counts_the_frames_of_all_segments(changing):
@@ -38,25 +35,7 @@ def test_progress_counts_the_frames_of_all_segments(changing):
         stages.setdefault(stage, []).append((share.done, share.total))
 
     load(changing, progress=progress)
-    assert stages["reading"][-4:] == [(one, 5) for one in range(2, 6)]
-
-
-def test_segment_paths_have_frame_ranges(changing, tmp_path):
-    first, second = find_segments(changing, ReadOptions())
-    assert first.path(tmp_path / "walk.reel").name == "walk_0-2.reel"
-    assert second.path(tmp_path / "walk.reel").name == "walk_3-4.reel"
-
-
-def test_constant_faces_give_one_segment(tmp_path):
-    save(waving_grid(4), tmp_path / "a.npz")
-    (segment,) = find_segments(tmp_path / "a.npz", ReadOptions())
-    assert (segment.start, segment.stop) == (0, 4)
-    np.testing.assert_array_equal(positions_of(segment.open()), waving_grid(4).vertices)
-
-
-def test_missing_source_of_segments_is_an_error(tmp_path):
-    with pytest.raises(InvalidInputError, match="there is no file"):
-        find_segments(tmp_path / "none.abc", ReadOptions())
+    assert stages["reading"][-4:] == [(n_read, 5) for n_read in range(2, 6)]
 
 
 @pytest.mark.parametrize("extension", [".ply", ".vtp"])
@@ -67,9 +46,8 @@ def test_each_segment_has_its_tracks(tmp_path, extension):
         heat = rng.random((sheet.n_frames, sheet.n_verts)).astype(np.float32)
         wholes.append(sheet.replace(tracks={"heat": Track(heat)}))
         save(wholes[-1], tmp_path / f"{name}_%02d{extension}")
-    found = [one.open() for one in find_segments(tmp_path, ReadOptions())]
-    for one, whole in zip(found, wholes, strict=True):
-        assert_same_tracks(one.tracks, whole.tracks)
+    for segment, whole in zip(load(tmp_path).segments, wholes, strict=True):
+        assert_same_tracks(segment.tracks, whole.tracks)
 
 
 @pytest.fixture

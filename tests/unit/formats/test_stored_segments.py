@@ -13,7 +13,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStre
 from meshreel.formats.frames import frame_stream
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import StoredSegment
-from meshreel.formats.segments import find_segments, open_any
+from meshreel.formats.segments import open_any
 from meshreel.formats.sources import find_files
 from meshreel.model.tracks import Track
 from samples.meshes import assert_same_surface, quad_sheet, waving_grid
@@ -91,14 +91,6 @@ def test_few_segments_are_decoded_at_a_time_while_a_file_is_written(tmp_path, mo
     meshreel.save(opened(tmp_path / "a.reel"), tmp_path / "f_%02d.ply", progress=count)
     assert 1 <= max(counts) <= MAX_OPEN_SEGMENTS + 1
     assert len(counts) >= 24
-
-
-def test_split_finds_the_segments_of_a_stream(path):
-    found = find_segments(path, ReadOptions(max_loaded_bytes=0))
-    assert [(one.start, one.stop) for one in found] == [(0, 4), (4, 7), (7, 9)]
-    assert [one.open().n_verts for one in found] == [
-        one.n_verts for one in meshreel.load(path).segments
-    ]
 
 
 def test_an_incomplete_file_is_refused_when_it_is_opened(path):

@@ -2,9 +2,12 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import click
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.formats.options import WriteOptions
@@ -103,14 +106,24 @@ class Conversion:
 
     def write_segments(self, source: "Source", reading: "ReadOptions") -> None:
         """Write each segment of an input to its own output, after checking all outputs."""
-        from meshreel.formats.segments import find_segments
+        from meshreel.formats.segments import open_any
+        from meshreel.formats.sources import find_files
+        from meshreel.model.sequence import MeshSequence
 
-        segments, path = find_segments(source, reading), Path(self.target.local)
-        paths = [part.path(path) for part in segments] if len(segments) > 1 else [path]
-        for part, path in zip(segments, paths, strict=True):
-            self.check(path, range(part.stop - part.start), first=part.start)
-        for part, path in zip(segments, paths, strict=True):
-            self.write(part.open(), path, first=part.start)
+        if reading.register is not None:
+            raise click.UsageError("--register joins segments; it cannot be combined with --split")
+        sequence = open_any(find_files(source), replace(reading, matches_frames=False))
+        whole, ranges = Path(self.target.local), [*starmap(range, pairwise(sequence.starts))]
+        paths = [
+            whole.with_name(f"{whole.stem}_{frames[0]}-{frames[-1]}{whole.suffix}")
+            if len(ranges) > 1
+            else whole
+            for frames in ranges
+        ]
+        for frames, path in zip(ranges, paths, strict=True):
+            self.check(path, range(len(frames)), first=frames[0])
+        for segment, frames, path in zip(sequence.segments, ranges, paths, strict=True):
+            self.write(MeshSequence.of_segments([segment]), path, first=frames[0])
 
     def _number(self, output: "str | os.PathLike[str]", frames: range, first: int) -> int | None:
         """Number of the first file of an output; None for a single file."""

@@ -4,8 +4,6 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.ply import read_ply
-from meshreel.formats.options import ReadOptions
-from meshreel.formats.segments import find_segments
 
 LINES = (
     "ply", "format binary_little_endian 1.0", "element vertex 3", "property float x",
@@ -51,11 +49,12 @@ def test_misspelled_properties_are_rejected(line):
         read_ply(ply("\n", lines=(*LINES[:6], line, *LINES[6:])))
 
 
-def test_skipped_lines_are_noted_once_for_a_split_sequence(tmp_path):
+def test_skipped_lines_are_noted_once_for_several_segments(tmp_path):
     lines = (*LINES[:2], "made by hand", *LINES[2:])
     (tmp_path / "0.ply").write_bytes(ply("\n", lines=lines))
     flipped = ply("\n", lines=lines)[: -len(FACE)] + FACE[:1] + np.array([0, 2, 1], "<i4").tobytes()
     (tmp_path / "1.ply").write_bytes(flipped)
-    options = ReadOptions()
-    assert [one.open().n_frames for one in find_segments(tmp_path, options)] == [1, 1]
-    assert options.notes == ["left out: lines of the header: line 3 'made by hand'"]
+    notes = []
+    assert load(tmp_path, notes=notes).starts == (0, 1, 2)
+    assert notes[0] == "left out: lines of the header: line 3 'made by hand'"
+    assert sum("lines of the header" in note for note in notes) == 1

@@ -7,7 +7,6 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.segments import find_segments
 from meshreel.model.surface import Domain
 from samples.opening import open_same_faces
 
@@ -206,8 +205,8 @@ def test_load_rejects_masks_that_change_the_vertices_and_segments_separate_them(
     )
     with pytest.raises(InvalidInputError, match=r"frame 1 of /many/m has 8 vertices; expected 12"):
         open_same_faces(path)
-    found = [one.open() for one in find_segments(path, ReadOptions())]
-    assert [(one.n_frames, one.n_verts) for one in found] == [(1, 12), (1, 8)]
+    segments = load(path).segments
+    assert [(segment.n_frames, segment.n_verts) for segment in segments] == [(1, 12), (1, 8)]
 
 
 def test_load_notes_different_rendered_instances_of_equal_number(stage_file):

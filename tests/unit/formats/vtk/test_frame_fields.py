@@ -8,8 +8,6 @@ import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
-from meshreel.formats.segments import find_segments
 from meshreel.model.tracks import TrackKind
 from samples.opening import open_source
 
@@ -301,7 +299,6 @@ def test_segments_have_their_part_of_a_track(tmp_path):
     array.SetName("heat")
     mesh.GetPointData().AddArray(array)
     write_mesh(vtkXMLPolyDataWriter(), mesh, tmp_path / "f_2.vtp")
-    segments = find_segments(path, ReadOptions())
-    found = [one.open().tracks["heat"].read(0, 3)[..., 0] for one in segments]
+    found = [segment.tracks["heat"].read(0, 3)[..., 0] for segment in load(path).segments]
     assert [len(values) for values in found] == [2, 1]
     assert np.array_equal(np.concatenate(found), heat)

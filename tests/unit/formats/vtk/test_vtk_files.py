@@ -6,9 +6,7 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
-from meshreel.formats.segments import find_segments
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.model.surface import Domain, Kind
 from samples.datasets import damaged_versions, plain_sequence, positions_of
@@ -468,13 +466,12 @@ def test_merge_joins_files_of_a_time_at_a_given_rate(tmp_path):
 
 def test_merge_does_not_invent_missing_pieces(tmp_path):
     path, positions = unnamed_pieces(tmp_path, (0, 1, 1, 2, 3, 3))
-    options = ReadOptions(merge=True)
     with pytest.raises(InvalidInputError, match=r"frame 1 of walk has 20 vertices; expected 10"):
         open_same_faces(path, merge=True)
-    found = [one.open() for one in find_segments(path, options)]
-    shapes = [(one.n_frames, one.n_verts, one.start_s) for one in found]
+    segments = load(path, merge=True).segments
+    shapes = [(segment.n_frames, segment.n_verts, segment.start_s) for segment in segments]
     assert shapes == [(1, 10, 0), (1, 20, 1), (1, 10, 2), (1, 20, 3)]
-    read = np.concatenate([one.read(0, 1).reshape(-1, 3) for one in found])
+    read = np.concatenate([segment.read(0, 1).reshape(-1, 3) for segment in segments])
     assert read.tobytes() == positions.tobytes()
 
 
