@@ -214,9 +214,15 @@ def claims() -> str:
         cells = []
         for sequence in sequences:
             found = next((one for one in sequence["findings"] if one["claim"] == claim), None)
-            cells.append("-" if found is None else f"**{found['verdict']}**: {found['figure']}")
+            cells.append("-" if found is None else verdict(found))
         rows.append((claim, *cells))
     return source("paper", table(("claim", *(one["name"] for one in sequences)), rows))
+
+
+def verdict(finding: dict[str, Any]) -> str:
+    """The verdict on a claim, with the measure that decides it."""
+    value = finding["value"]
+    return f"**{finding['verdict']}**" + ("" if value is None else f" {value:.3g}")
 
 
 def claim_rows() -> str:
@@ -255,24 +261,31 @@ def alternatives() -> str:
     """KG error and rate of each choice that the paper leaves open, over those of the usual one."""
     sequences = results("paper")["sequences"]
     labels = list(dict.fromkeys(one["label"] for each in sequences for one in each["alternatives"]))
-    rows = []
+    groups: dict[str, list[str]] = {}
     for label in labels:
-        cells = []
-        for sequence in sequences:
-            rows_here = {
-                one["label"]: one for one in (*sequence["variants"], *sequence["alternatives"])
-            }
-            other, usual = rows_here.get(label), rows_here.get(label.split(" (")[0])
-            if other is None or usual is None or "refused" in other or "refused" in usual:
-                cells.append("-")
-                continue
-            error, rate = (
-                100 * (other[name] / usual[name] - 1)
-                for name in ("kg_error_percent", "rate_order_dropped_bpvf")
-            )
-            cells.append(f"{error:+.1f}, {rate:+.1f}")
-        rows.append((f"`{label}`", *cells))
+        groups.setdefault(re.sub(r" \d\)$", ", mean of three sets)", label), []).append(label)
+    rows = [
+        (f"`{name}`", *(_changes(sequence, group) for sequence in sequences))
+        for name, group in groups.items()
+    ]
     return source("paper", table(("variant", *(one["name"] for one in sequences)), rows))
+
+
+def _changes(sequence: dict[str, Any], labels: Sequence[str]) -> str:
+    """Mean changes of KG error and rate by alternatives, in percent."""
+    measured = {one["label"]: one for one in (*sequence["variants"], *sequence["alternatives"])}
+    pairs = [(measured.get(label), measured.get(label.split(" (")[0])) for label in labels]
+    changes = [
+        [
+            100 * (other[name] / usual[name] - 1)
+            for name in ("kg_error_percent", "rate_order_dropped_bpvf")
+        ]
+        for other, usual in pairs
+        if other and usual and "refused" not in other and "refused" not in usual
+    ]
+    if not changes:
+        return "-"
+    return ", ".join(f"{sum(column) / len(changes):+.1f}" for column in zip(*changes, strict=True))
 
 
 def search_rows() -> str:
@@ -446,7 +459,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "vertex-bits": vertex_bits,
 }
 """Tables of the pages, by name."""
-
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["--write"]:
