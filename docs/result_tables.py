@@ -388,7 +388,8 @@ def laplacians() -> str:
 
 
 OTHER_LAPLACIANS = ("combinatorial", "cotangent")
-ANCHOR_SHARES = ("0 (one each component)", "0.5 %", "1 %", "3 %", "10 %")
+ANCHOR_SHARES = {"0 (one each component)": 0, "1 %": 2, "3 %": 3}
+"""The shares in the table, and their places among those of `stored_results.choice_figures`."""
 
 
 def anchor_shares() -> str:
@@ -399,36 +400,13 @@ def anchor_shares() -> str:
             kind,
             *(
                 f"{significant(each['kg_error_percent'])} ({each['rate_bpvf']:.3f})"
-                for each in one["anchors"][kind]
+                for each in map(one["anchors"][kind].__getitem__, ANCHOR_SHARES.values())
             ),
         )
         for one in results("choices")["sequences"]
         for kind in KINDS_OF_ANCHORS
     ]
     return source("choices", table(("sequence", "anchors as", *ANCHOR_SHARES), rows))
-
-
-def vertex_bits() -> str:
-    """KG error, STED and rate of `v2v` with 20 modes by bits."""
-    sequences = results("choices")["sequences"]
-    rows = [
-        (
-            one["name"],
-            *(
-                f"{significant(points[PLACE_OF_20]['kg_error_percent'])}, "
-                f"{significant(points[PLACE_OF_20]['sted'])} "
-                f"({points[PLACE_OF_20]['rate_bpvf']:.2f})"
-                for points in one["vertex_bits"].values()
-            ),
-        )
-        for one in sequences
-    ]
-    header = ("sequence", *(f"{bits} bits" for bits in sequences[0]["vertex_bits"]))
-    return source("choices", table(header, rows))
-
-
-PLACE_OF_20 = 2
-"""Of 20 modes among those of `stored_results.choice_figures`."""
 
 
 def _bd_text(
@@ -456,7 +434,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "bd-rates": bd_rates,
     "laplacians": laplacians,
     "anchor-shares": anchor_shares,
-    "vertex-bits": vertex_bits,
 }
 """Tables of the pages, by name."""
 
