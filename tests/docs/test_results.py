@@ -52,3 +52,17 @@ def test_stored_figures_still_hold(method, flag):
     assert meshreel.info(data).rate_bpvf == pytest.approx(stored["rate_bpvf"], rel=TOLERANCE)
     assert quality.kg_error_percent == pytest.approx(stored["kg_error_percent"], rel=TOLERANCE)
     assert quality.sted == pytest.approx(stored["sted"], rel=TOLERANCE)
+
+
+def test_changes_of_an_alternative_are_means_over_its_sets():
+    error, rate = "kg_error_percent", "rate_order_dropped_bpvf"
+    labels = [f"pca-qp (random anchors {number})" for number in (1, 2, 3)]
+    alternatives = [
+        {"label": labels[0], error: 1.2, rate: 2.0},
+        {"label": labels[1], error: 1.4, rate: 2.2},
+        {"label": labels[2], "refused": "too few vertices"},
+    ]
+    variants = [{"label": "pca-qp", error: 1.0, rate: 2.0}]
+    sequence = {"variants": variants, "alternatives": alternatives}
+    assert SCRIPT["_changes"](sequence, labels) == "+30.0, +5.0"
+    assert SCRIPT["_changes"](sequence, labels[2:]) == "-"
