@@ -2,7 +2,7 @@
 
 Errors of normals are visible relative to how much normals change from face to face: an error that
 is invisible among the facets of a scan is a dent in a cloth. So the step of a quality is finer on
-surfaces smoother than those on which qualities were judged. docs/codec.md, "What a quality means".
+surfaces smoother than those on which qualities were judged. docs/codec.md, "What the user sets".
 """
 
 import numpy as np
