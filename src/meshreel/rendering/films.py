@@ -1,4 +1,4 @@
-"""Films of selected frames, with a static, following or circling camera."""
+"""Films of selected frames, with a static or following camera."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from meshreel.rendering.shots import (
     scene_words,
     spread_frames,
 )
-from meshreel.rendering.views import View, swept_points, turntable
+from meshreel.rendering.views import View
 from meshreel.runtime.progress import Progress, silent
 
 FILM_PX, GIF_PX = (1280, 720), (800, 450)
@@ -68,7 +68,6 @@ def film(
     numbers: Sequence[int],
     view: View,
     *,
-    turn_s: float | None = None,
     size: Size | None = None,
     max_size: Size = FILM_PX,
     is_followed: bool | None = None,
@@ -82,16 +81,12 @@ def film(
         Plays at `UNKNOWN_FPS` if its frame rate is unknown.
     numbers : sequence of int
         Frame numbers, at least one.
-    turn_s : float, optional
-        Seconds per turn of a circling camera. The film lasts for the frames, repeated, or for one
-        turn, whichever is longer. Default: the camera does not circle.
     size : tuple of 2 ints, optional
         Width and height in pixels. Default: fits the content.
     max_size : tuple of 2 ints
         Limit of the default size.
     is_followed : bool, optional
-        Whether a camera that does not circle follows the mesh. Default: if the mesh would
-        otherwise be small.
+        Whether the camera follows the mesh. Default: if the mesh would otherwise be small.
     progress : Progress, default silent
         Called while the frames of a heat map are measured.
 
@@ -104,19 +99,9 @@ def film(
     scales = scene.scales(numbers, progress)
     labels = [frame_labels(scene, number)[0] for number in numbers]
     words = scene_words(scene, scales, labels)
-    frames = ChosenFrames(scene.framed, numbers)
-    if turn_s is None:
-        sample = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
-        framing = framing_of(view, sample, is_followed=is_followed)
-        layout = plan_sheet(words, len(words.titles), framing.aspect(sample), size, max_size)
-        shots = list(zip(numbers, framing.cameras(frames, *layout.view_size), strict=True))
-    else:
-        swept = swept_points(frames, view.up)
-        layout = plan_sheet(words, len(words.titles), view.aspect([swept]), size, max_size)
-        circle, n_per_turn = turntable(view, swept, *layout.view_size), max(1, round(turn_s * fps))
-        cameras = [circle.camera(360 * step / n_per_turn) for step in range(n_per_turn)]
-        shots = [
-            (numbers[step % len(numbers)], cameras[step % n_per_turn])
-            for step in range(max(len(numbers), n_per_turn))
-        ]
+    sample = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
+    framing = framing_of(view, sample, is_followed=is_followed)
+    layout = plan_sheet(words, len(words.titles), framing.aspect(sample), size, max_size)
+    cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
+    shots = list(zip(numbers, cameras, strict=True))
     return Film(scene, scales, Sheet(layout, words, scene.background), shots, fps)

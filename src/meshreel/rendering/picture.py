@@ -25,13 +25,6 @@ Panel = npt.NDArray[np.uint8] | PillowImage.Image
 _SHEET = (255, 255, 255)
 
 
-def side_by_side(
-    panels: Sequence[Panel], titles: Sequence[str], *, caption: str = ""
-) -> PillowImage.Image:
-    """One row of panels with titles above and a caption below; see `contact_sheet`."""
-    return contact_sheet([panels], column_titles=titles, caption=caption)
-
-
 def contact_sheet(
     rows: Sequence[Sequence[Panel]],
     *,

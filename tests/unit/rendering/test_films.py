@@ -1,6 +1,3 @@
-import numpy as np
-import pytest
-
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.films import UNKNOWN_FPS, film
 from meshreel.rendering.scenes import Scene
@@ -15,28 +12,6 @@ def test_static_film_has_a_picture_for_each_frame(grid):
     assert [number for number, _ in result.shots] == list(range(2, 9))
     assert len({id(camera) for _, camera in result.shots}) == 1
     assert {picture.size for picture in result.pictures()} == {SIZE}
-
-
-@pytest.mark.parametrize(
-    ("turn_s", "n_pictures"),
-    [(2.0, 50), (0.2, 12)],  # 50 pictures per turn at 25 fps; 12 frames are more than 5
-)
-def test_turntable_film_lasts_for_the_longer_of_turn_and_frames(grid, turn_s, n_pictures):
-    result = film(Scene(grid), range(12), VIEW, turn_s=turn_s, size=SIZE)
-    assert result.n_pictures == n_pictures
-    assert [number for number, _ in result.shots] == [step % 12 for step in range(n_pictures)]
-    eyes = np.array([camera.eye for _, camera in result.shots])
-    n_per_turn = round(turn_s * 25)
-    assert len(np.unique(eyes.round(9), axis=0)) == n_per_turn
-
-
-def test_film_of_one_frame_turns_by_equal_angles(grid):
-    result = film(Scene(grid), [4], VIEW, turn_s=0.32, size=SIZE)  # 8 pictures
-    forward = np.array([camera.axes[2] for _, camera in result.shots])
-    forward[:, 1] = 0
-    forward /= np.linalg.norm(forward, axis=1, keepdims=True)
-    angles = np.degrees(np.arccos(np.einsum("na,na->n", forward, np.roll(forward, -1, axis=0))))
-    assert angles == pytest.approx([45.0] * 8)
 
 
 def test_film_of_unknown_rate_plays_at_the_default_rate(grid):

@@ -3,7 +3,7 @@ import pytest
 from PIL import Image
 
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.picture import contact_sheet, save_png, side_by_side
+from meshreel.rendering.picture import contact_sheet, save_png
 
 RED, BLUE = (200, 10, 10), (10, 10, 200)
 
@@ -20,31 +20,31 @@ def ink_rows(sheet):
     return np.flatnonzero((np.asarray(sheet).max(axis=2) < 140).any(axis=1))
 
 
-def test_side_by_side_shows_every_pixel_of_different_panels():
-    sheet = side_by_side([panel(), panel(BLUE, 40, 200)], ["a", "b"])
+def test_contact_sheet_shows_every_pixel_of_different_panels():
+    sheet = contact_sheet([[panel(), panel(BLUE, 40, 200)]], column_titles=["a", "b"])
     assert (count(sheet, RED), count(sheet, BLUE)) == (160 * 120, 40 * 200)
 
 
-def test_side_by_side_writes_titles_above_the_panels():
-    sheet = side_by_side([panel((250, 250, 250))], ["original"])
+def test_contact_sheet_writes_titles_above_the_panels():
+    sheet = contact_sheet([[panel((250, 250, 250))]], column_titles=["original"])
     assert ink_rows(sheet).max() < sheet.height - 120
 
 
-def test_side_by_side_writes_the_caption_below_the_panels():
-    bare = side_by_side([panel((250, 250, 250))], [""])
-    sheet = side_by_side([panel((250, 250, 250))], [""], caption="flag")
+def test_contact_sheet_writes_the_caption_below_the_panels():
+    bare = contact_sheet([[panel((250, 250, 250))]])
+    sheet = contact_sheet([[panel((250, 250, 250))]], caption="flag")
     assert sheet.height > bare.height
     assert ink_rows(sheet).min() > 120
 
 
-def test_side_by_side_wraps_wide_captions():
-    short, long = (side_by_side([panel()], [""], caption="word " * n_words) for n_words in (2, 40))
+def test_contact_sheet_wraps_wide_captions():
+    short, long = (contact_sheet([[panel()]], caption="word " * n_words) for n_words in (2, 40))
     assert long.width == short.width
     assert long.height > short.height
 
 
-def test_side_by_side_has_a_white_border():
-    sheet = np.asarray(side_by_side([panel()], ["title"], caption="caption"))
+def test_contact_sheet_has_a_white_border():
+    sheet = np.asarray(contact_sheet([[panel()]], column_titles=["title"], caption="caption"))
     border = np.concatenate([sheet[0], sheet[-1], sheet[:, 0], sheet[:, -1]])
     assert (border == 255).all()
 

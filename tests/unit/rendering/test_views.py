@@ -8,8 +8,6 @@ from meshreel.rendering.views import (
     View,
     guess_up,
     parse_view,
-    swept_points,
-    turntable,
 )
 
 CLOUD = np.random.default_rng(4).normal(size=(5, 40, 3)) * [1, 2, 0.5] + [10, -3, 4]
@@ -43,27 +41,6 @@ def test_parse_view_lists_the_views_when_the_text_is_invalid(text):
 )
 def test_guess_up_is_z_when_the_mesh_is_only_on_that_floor(low, high, up):
     assert guess_up(Extent(np.array(low, float), np.array(high, float), 1.0)) == up
-
-
-@pytest.mark.parametrize("up", ["x", "y", "z"])
-def test_turntable_sees_everything_at_every_angle(up):
-    view = View(up, 30.0, 12.0)
-    circle = turntable(view, swept_points(CLOUD, up), 300, 200)
-    for angle_deg in range(0, 360, 15):
-        points, depths = circle.camera(angle_deg).project(CLOUD)
-        assert depths.min() > 0
-        assert (points >= 0).all()
-        assert (points <= [300, 200]).all()
-
-
-@pytest.mark.parametrize("up", ["x", "y", "z"])
-def test_turntable_equals_a_view_with_a_larger_azimuth(up):
-    swept = swept_points(CLOUD, up)
-    turned = turntable(View(up, 30.0, 12.0), swept, 300, 200).camera(45.0)
-    expected = View(up, 75.0, 12.0).camera([swept], 300, 200)
-    assert turned.axes == pytest.approx(expected.axes)
-    scale = np.ptp(swept)
-    assert turned.eye == pytest.approx(expected.eye, abs=0.02 * scale)
 
 
 @pytest.mark.parametrize(("size", "aspect"), [((4, 1, 0), 4.0), ((1, 2, 0), 0.5)])

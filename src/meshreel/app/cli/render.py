@@ -9,7 +9,7 @@ from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
 from meshreel.app.cli.read_options import MESHES, reading
 from meshreel.app.cli.track_options import COLORS, ColormapOption, ComponentOption, RangeOption
-from meshreel.codec.option import Option, Range
+from meshreel.codec.option import Option
 from meshreel.runtime.counting import counted
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ LOOK = "Look"
 EXTENSIONS = (".png", ".mp4", ".gif")
 SHEET_FRAMES, COMPARED_FRAMES = 8, 3
 """Default numbers of frames on a contact sheet, and in a comparison with the original."""
-MAX_TURN_S = 3600.0
 
 
 @command
@@ -67,15 +66,6 @@ def render_command(
             f"Only frames A to B - 1, or the listed ones. A picture shows {SHEET_FRAMES} frames of "
             f"a range ({COMPARED_FRAMES} with an original), evenly spaced.",
             metavar="A:B|N,N,...",
-        ),
-    ] = None,
-    turntable: Annotated[
-        float | None,
-        Option(
-            "Films: time of one turn around the mesh.",
-            metavar="SECONDS",
-            range=Range(0, MAX_TURN_S, is_open=True),
-            unit="in seconds",
         ),
     ] = None,
     view: Annotated[
@@ -132,8 +122,6 @@ def render_command(
     - `meshreel render walk.reel -o walk.mp4 --original walk.npz --heatmap angle`
 
     - `meshreel render crash.reel -o stress.png --track stress --range 0:500`
-
-    - `meshreel render walk.reel -o turn.gif --frames 17 --turntable 4`
     """
     from dataclasses import replace
 
@@ -154,8 +142,11 @@ def render_command(
     from meshreel.runtime.extras import require
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
-    is_film = check_extension(output, EXTENSIONS) != ".png"
-    _check_combination(original, heatmap, turntable, follow, is_film=is_film)
+    check_extension(output, EXTENSIONS)
+    if heatmap is not None and original is None:
+        raise click.UsageError(
+            "--heatmap shows the error of FILE relative to its original; give that with --original"
+        )
     look = track_look(track, component, range, colormap, heatmap)
     files = [file for path in (source, original) if path for file in files_of_source(path)]
     require([*_drawing_extras(output), *extras_to_read(files)])
@@ -175,7 +166,7 @@ def render_command(
         parsed_view = parse_view(view, up or guess_up(scene.framed.extent))
         figures = _draw(
             scene, numbers, parsed_view, output,
-            size=size_px, turn_s=turntable, follow=follow,
+            size=size_px, follow=follow,
             is_range=is_range(frames), force=force, progress=progress,
         )  # fmt: skip
     print_notes(notes)
@@ -193,7 +184,6 @@ def _draw(
     output: Path,
     *,
     size: tuple[int, int] | None,
-    turn_s: float | None,
     follow: bool | None,
     is_range: bool,
     force: bool,
@@ -210,7 +200,7 @@ def _draw(
     if extension != ".png":
         pictures = film(
             scene, numbers, view,
-            turn_s=turn_s, size=size,
+            size=size,
             max_size=GIF_PX if extension == ".gif" else FILM_PX,
             is_followed=follow, progress=progress,
         )  # fmt: skip
@@ -231,26 +221,6 @@ def _drawing_extras(output: Path) -> list["Extra"]:
     from meshreel.runtime.extras import RENDER, VIDEO, VIDEO_PILLOW
 
     return [VIDEO, VIDEO_PILLOW] if output.suffix.lower() == ".mp4" else [RENDER]
-
-
-def _check_combination(
-    original: str | None,
-    heatmap: str | None,
-    turntable: float | None,
-    follow: bool | None,
-    *,
-    is_film: bool,
-) -> None:
-    if heatmap is not None and original is None:
-        raise click.UsageError(
-            "--heatmap shows the error of FILE relative to its original; give that with --original"
-        )
-    if turntable is not None and not is_film:
-        raise click.UsageError(
-            "--turntable applies to films; write .mp4 or .gif, or turn a picture with --view"
-        )
-    if turntable is not None and follow is not None:
-        raise click.UsageError("--turntable always follows the mesh; omit --follow and --no-follow")
 
 
 def _print_figures(figures: dict[str, Any]) -> None:
