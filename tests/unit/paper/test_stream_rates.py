@@ -57,11 +57,6 @@ def test_q_d_counts_the_bits_of_the_dictionary(bits):
     assert found.eq13.q_d == found.q_d_per_block == pytest.approx(bits * K / N)
 
 
-@pytest.mark.parametrize(("n_verts", "printed"), [(9971, 0.2808), (10002, 0.2799)])
-def test_q_d_of_one_block_is_that_of_table_1(n_verts, printed):
-    assert 16 * 175 / n_verts == pytest.approx(printed, abs=5e-5)
-
-
 def test_q_d_counts_a_short_last_block_by_its_own_frames():
     # 12 frames in blocks of 5, 5 and 2.
     data = encoded("blocks", n_modes=2, block_frames=5)

@@ -5,7 +5,6 @@ import pytest
 from meshreel.model.flag import simulate_flag
 from meshreel.paper.study.study import PaperStudy
 from meshreel.studies.study import evaluate
-from samples import paper_results
 
 
 @pytest.fixture(scope="session")
@@ -31,15 +30,3 @@ def results(evaluation):
 @pytest.fixture(scope="session")
 def pictures(evaluation):
     return evaluation.measured[0][1]
-
-
-@pytest.fixture
-def made_result():
-    """Function that creates results."""
-    return paper_results.made_result
-
-
-@pytest.fixture
-def made_sequence():
-    """Function that combines results of variants to those of a sequence."""
-    return paper_results.made_sequence

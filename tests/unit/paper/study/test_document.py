@@ -5,6 +5,7 @@ import pytest
 from meshreel.paper.study.study import PaperStudy
 from meshreel.rendering.documents import Paragraph
 from meshreel.studies.study import document, publish
+from samples.paper_results import made_result, made_sequence
 
 
 @pytest.mark.slow
@@ -43,7 +44,7 @@ def test_report_contains_the_required_statements(evaluation):
         assert words in html, words
 
 
-def test_report_contains_refusals(made_sequence, made_result, tmp_path):
+def test_report_contains_refusals(tmp_path):
     refused = {**made_result("gft"), "refused": "too <many> vertices"}
     results = made_sequence("samba", [made_result("pca"), refused])
     markdown, html = publish(document(PaperStudy(), [(results, [])], "meshreel paper"), tmp_path)
@@ -53,7 +54,7 @@ def test_report_contains_refusals(made_sequence, made_result, tmp_path):
     )
 
 
-def test_report_distinguishes_jumping_from_handstand(made_sequence, made_result):
+def test_report_distinguishes_jumping_from_handstand():
     results = made_sequence("jumping", [made_result("pca")])
     parts = document(PaperStudy(), [(results, [])], "x").parts
     texts = [part.text for part in parts if isinstance(part, Paragraph)]
@@ -70,7 +71,7 @@ def test_report_distinguishes_jumping_from_handstand(made_sequence, made_result)
         ),
     ],
 )
-def test_note_below_the_seconds_explains_all_frequencies(made_sequence, made_result, full, words):
+def test_note_below_the_seconds_explains_all_frequencies(full, words):
     results = made_sequence("samba", [made_result("gft")], full_decomposition=full)
     parts = document(PaperStudy(), [(results, [])], "x").parts
     assert any(words in part.text for part in parts if isinstance(part, Paragraph))

@@ -136,41 +136,49 @@ def _contains(corner, size, point):
     )
 
 
-def test_detail_shows_where_variants_differ():
-    vertices, faces = _squares([0.0])
+def _at_lower_right(vertices, *angles_deg):
+    return [_near(vertices, 0.6, -0.6, angle_deg) for angle_deg in angles_deg]
+
+
+def _at_upper_left(vertices, angle_deg):
+    return _near(vertices, -0.6, 0.6, angle_deg)
+
+
+@pytest.mark.parametrize(
+    ("distances", "angles_of"),
+    [
+        pytest.param(
+            [0.0],
+            lambda v: [_at_upper_left(v, 10.0) + each for each in _at_lower_right(v, 0.0, 10, 20)],
+            id="where variants differ",
+        ),
+        pytest.param(
+            [0.0],
+            lambda v: [*_at_lower_right(v, 0.0, 0.0, 5.0, 5.0), _at_upper_left(v, 60.0)],
+            id="without a single bad variant",
+        ),
+        pytest.param(
+            [0.0],
+            lambda v: [
+                np.zeros(441),
+                np.maximum(_at_lower_right(v, 8.0)[0], np.where(v[:, 0] < 0, 4.0, 0.0)),
+            ],
+            id="few large differences rather than many small ones",
+        ),
+        pytest.param(
+            [0.0, 0.5],
+            lambda v: [np.where(v[:, 2] < 0, _at_upper_left(v, 90.0), _at_lower_right(v, 1.0)[0])],
+            id="visible differences only",
+        ),
+    ],
+)
+def test_detail_shows(distances, angles_of):
+    vertices, faces = _squares(distances)
     camera = _front_camera(vertices)
-    equal = _near(vertices, -0.6, 0.6, 10.0)
-    angles = [equal + _near(vertices, 0.6, -0.6, angle) for angle in (0.0, 10.0, 20.0)]
-    corner = detail_corner(vertices, faces, angles, camera, (40, 40))
+    corner = detail_corner(vertices, faces, angles_of(vertices), camera, (40, 40))
     right, wrong = camera.project(np.array([[0.6, -0.6, 0.0], [-0.6, 0.6, 0.0]]))[0]
     assert _contains(corner, (40, 40), right)
     assert not _contains(corner, (40, 40), wrong)
-
-
-def test_detail_ignores_a_single_bad_variant():
-    vertices, faces = _squares([0.0])
-    camera = _front_camera(vertices)
-    angles = [_near(vertices, 0.6, -0.6, angle) for angle in (0.0, 0.0, 5.0, 5.0)]
-    bad = _near(vertices, -0.6, 0.6, 60.0)
-    corner = detail_corner(vertices, faces, [*angles, bad], camera, (40, 40))
-    assert _contains(corner, (40, 40), camera.project(np.array([0.6, -0.6, 0.0]))[0])
-
-
-def test_detail_prefers_few_large_differences_to_many_small_ones():
-    vertices, faces = _squares([0.0])
-    camera = _front_camera(vertices)
-    angle = np.maximum(_near(vertices, 0.6, -0.6, 8.0), np.where(vertices[:, 0] < 0, 4.0, 0.0))
-    corner = detail_corner(vertices, faces, [np.zeros(441), angle], camera, (40, 40))
-    assert _contains(corner, (40, 40), camera.project(np.array([0.6, -0.6, 0.0]))[0])
-
-
-def test_detail_ignores_hidden_differences():
-    vertices, faces = _squares([0.0, 0.5])
-    camera = _front_camera(vertices)
-    is_hidden = vertices[:, 2] < 0
-    angle = np.where(is_hidden, _near(vertices, -0.6, 0.6, 90.0), _near(vertices, 0.6, 0.6, 1.0))
-    corner = detail_corner(vertices, faces, [angle], camera, (40, 40))
-    assert _contains(corner, (40, 40), camera.project(np.array([0.6, 0.6, 0.0]))[0])
 
 
 def test_detail_without_differences_is_on_the_mesh():

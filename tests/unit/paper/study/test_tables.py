@@ -10,6 +10,7 @@ from meshreel.paper.study.tables import (
     seconds_table,
 )
 from meshreel.paper.sweeps import COEFFICIENTS
+from samples.paper_results import made_result, made_sequence
 
 EACH = {"seconds_each": 2.0, "processor_seconds_each": 3.0}
 FULL = {"n_verts": 9971, "seconds": 200.0, "processor_seconds": 300.0, "memory_bytes": 1.6e9}
@@ -17,7 +18,7 @@ ALL_FREQUENCIES = "gft, all frequencies, decomposed for each frame *"
 
 
 @pytest.fixture
-def refused(made_result):
+def refused():
     return {**made_result("gft"), "refused": "500 frequencies need 7 GB"}
 
 
@@ -25,7 +26,7 @@ def cells(table):
     return {row[0]: dict(zip(table.header[1:], row[1:], strict=True)) for row in table.rows}
 
 
-def test_rates_of_samba_are_next_to_the_printed_ones(made_sequence, made_result):
+def test_rates_of_samba_are_next_to_the_printed_ones():
     table = rate_table(made_sequence("samba", [made_result("pca-qp"), made_result("blocks")]))
     assert cells(table)["pca-qp"]["q, paper"] == "0.1827"
     assert cells(table)["pca-qp"]["q"] == "0.4000"
@@ -33,7 +34,7 @@ def test_rates_of_samba_are_next_to_the_printed_ones(made_sequence, made_result)
     assert cells(table)["blocks"]["q_s, paper"] == "0.6155"
 
 
-def test_half_of_the_anchors_has_no_printed_figure(made_sequence, made_result):
+def test_half_of_the_anchors_has_no_printed_figure():
     results = made_sequence("samba", [made_result("pca-qp", anchors=0.005)])
     for table in (rate_table(results), seconds_table(results)):
         row = cells(table)["pca-qp (0.5 %)"]
@@ -41,13 +42,13 @@ def test_half_of_the_anchors_has_no_printed_figure(made_sequence, made_result):
 
 
 @pytest.mark.parametrize("name", ["jumping", "flag", "my samba"])
-def test_other_sequences_have_no_printed_figures(name, made_sequence, made_result):
+def test_other_sequences_have_no_printed_figures(name):
     results = made_sequence(name, [made_result("pca-qp")])
     for table in (rate_table(results), seconds_table(results)):
         assert not any("paper" in heading for heading in table.header)
 
 
-def test_seconds_of_handstand_are_next_to_the_printed_ones(made_sequence, made_result):
+def test_seconds_of_handstand_are_next_to_the_printed_ones():
     variants = [made_result("pca-qs", seconds=(0.5, 15.42))]
     table = seconds_table(made_sequence("handstand", variants, n_verts=10002))
     found = list(cells(table)["pca-qs"].values())
@@ -64,14 +65,12 @@ def test_seconds_of_handstand_are_next_to_the_printed_ones(made_sequence, made_r
         ("flag", 2704, "2.38", "2.37"),
     ],
 )
-def test_every_mesh_of_table_2_has_its_printed_seconds(
-    made_sequence, made_result, name, n_verts, encode, decode
-):
+def test_every_mesh_of_table_2_has_its_printed_seconds(name, n_verts, encode, decode):
     table = seconds_table(made_sequence(name, [made_result("pca-qp")], n_verts=n_verts))
     assert list(cells(table)["pca-qp"].values())[-2:] == [encode, decode]
 
 
-def test_alternatives_are_below_their_variant(made_sequence, made_result):
+def test_alternatives_are_below_their_variant():
     results = made_sequence(
         "x",
         [made_result("pca-qp"), made_result("blocks")],
@@ -81,9 +80,7 @@ def test_alternatives_are_below_their_variant(made_sequence, made_result):
     assert labels == ["pca-qp", "pca-qp (coefficients of anchors)"]
 
 
-def test_printed_per_mesh_figure_is_next_to_the_row_with_all_frequencies(
-    made_sequence, made_result
-):
+def test_printed_per_mesh_figure_is_next_to_the_row_with_all_frequencies():
     graph = made_result("gft", seconds=(6.0, 50.0))
     results = made_sequence("samba", [graph], decompositions=EACH, full_decomposition=FULL)
     rows = cells(seconds_table(results))
@@ -106,9 +103,7 @@ def test_printed_per_mesh_figure_is_next_to_the_row_with_all_frequencies(
 
 
 @pytest.mark.parametrize("full", [None, {"refused": "too slow"}])
-def test_row_with_all_frequencies_has_printed_figures_when_none_are_measured(
-    made_sequence, made_result, full
-):
+def test_row_with_all_frequencies_has_printed_figures_when_none_are_measured(full):
     made = {
         name: cells(
             seconds_table(made_sequence(name, [made_result("gft")], full_decomposition=full))
@@ -120,7 +115,7 @@ def test_row_with_all_frequencies_has_printed_figures_when_none_are_measured(
     assert ALL_FREQUENCIES not in made["x"]
 
 
-def test_row_with_all_frequencies_is_complete_without_a_printed_figure(made_sequence, made_result):
+def test_row_with_all_frequencies_is_complete_without_a_printed_figure():
     for name, n_verts in (("dinosaur", 20218), ("x", 9971)):
         results = made_sequence(
             name, [made_result("gft")], n_verts=n_verts, full_decomposition=FULL
@@ -130,14 +125,14 @@ def test_row_with_all_frequencies_is_complete_without_a_printed_figure(made_sequ
         assert ALL_FREQUENCIES in cells(table)
 
 
-def test_rows_of_refused_variants_are_complete(made_sequence, made_result, refused):
+def test_rows_of_refused_variants_are_complete(refused):
     results = made_sequence("samba", [made_result("pca"), refused])
     for table in (rate_table(results), quality_table(results), seconds_table(results)):
         assert {len(row) for row in table.rows} == {len(table.header)}
         assert "refused" in table.rows[1]
 
 
-def test_refusal_states_its_reason(made_sequence, made_result, refused):
+def test_refusal_states_its_reason(refused):
     assert refusals(made_sequence("samba", [made_result("pca"), refused])) == [
         "`gft` refused samba: 500 frequencies need 7 GB"
     ]

@@ -23,16 +23,6 @@ def test_projection_with_all_rows_returns_the_deltas():
         np.testing.assert_allclose(back.T, deltas, atol=1e-13)
 
 
-def test_laplacian_and_projection_commute():
-    sequence = waving_grid()
-    matrices = to_matrices(sequence.vertices, bounding_frame(sequence.extent))
-    _, basis = eigen_trajectories(autocorrelation(matrices), 4)
-    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=True)
-    deltas_first = project(basis[0], delta_coordinates(laplacian, matrices[0].T).T)
-    projected_first = delta_coordinates(laplacian, project(basis[0], matrices[0]).T).T
-    np.testing.assert_allclose(deltas_first, projected_first, atol=1e-13)
-
-
 @pytest.mark.parametrize(
     ("share", "expected"), [(0.5, 1), (0.88, 1), (0.89, 2), (0.99, 3), (1.0, 3)]
 )
