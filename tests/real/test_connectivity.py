@@ -1,8 +1,5 @@
 """Face lists of real sequences, with the structure that programs give them."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -10,10 +7,7 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from samples.coded_meshes import decode_connectivity, decode_order
 
-pytestmark = [
-    pytest.mark.real,
-    pytest.mark.skipif("MESHREEL_DATA" not in os.environ, reason="MESHREEL_DATA is not set"),
-]
+pytestmark = pytest.mark.real
 
 # Limits in bits per vertex of faces and order: measured figures plus 2 %.
 LIMITS = {
@@ -48,9 +42,9 @@ def name(request):
 
 
 @pytest.fixture
-def mesh(name):
-    with np.load(Path(os.environ["MESHREEL_DATA"]) / f"{name}.npz") as data:
-        return data["faces"], data["vertices"].shape[1]
+def mesh(sequence_named, name):
+    sequence = sequence_named(name, 1)
+    return sequence.faces, sequence.n_verts
 
 
 def sorted_triangles(faces, n_verts):

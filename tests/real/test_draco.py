@@ -1,8 +1,5 @@
 """Draco frames of a capture, whose faces change in every frame."""
 
-import os
-from pathlib import Path
-
 import DracoPy
 import numpy as np
 import pytest
@@ -15,13 +12,8 @@ FRAMES = (0, 40, 80)
 
 
 @pytest.fixture(scope="module")
-def paths():
-    name = os.environ.get("MESHREEL_DATA")
-    if not name:
-        pytest.skip("MESHREEL_DATA is not set")
-    folder = Path(name) / "capture" / "liam"
-    if not folder.is_dir():
-        pytest.skip("the folder capture/liam is missing")
+def paths(existing):
+    folder = existing("capture/liam")
     return [folder / f"{number:05d}.drc" for number in FRAMES]
 
 

@@ -1,38 +1,83 @@
-"""A real sequence round-trips through every frame format."""
-
-import os
-from pathlib import Path
+"""Real sequences round-trip through files of every format, and as other programs read them."""
 
 import numpy as np
 import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.sequence import MeshSequence
+from samples.opening import open_source
 
 pytestmark = pytest.mark.real
 
+FRAMES = ("obj", "ply", "off", "stl")
+"""Formats of single frames, without a frame rate."""
 
-@pytest.fixture(scope="module")
-def samba():
-    folder = os.environ.get("MESHREEL_DATA")
-    if not folder:
-        pytest.skip("MESHREEL_DATA is not set")
-    whole = load(Path(folder) / "samba.npz")
-    return MeshSequence(whole.vertices[:5], whole.faces, whole.fps, whole.name)
+WHOLE = ("npz", "h5", "vtkhdf", "pc2", "mdd")
+SCENES = ("abc", "usd", "usda", "usdc", "usdz")
 
 
-@pytest.mark.parametrize("extension", ["obj", "ply", "off"])
-def test_text_and_ply_frames_round_trip_exactly(tmp_path, samba, extension):
-    save(samba, tmp_path / f"samba_%04d.{extension}")
-    found = load(tmp_path)
-    assert found.vertices.dtype == samba.vertices.dtype
-    np.testing.assert_array_equal(found.vertices, samba.vertices)
-    np.testing.assert_array_equal(found.faces, samba.faces)
+@pytest.fixture(scope="module", params=["horse_gallop", "chicken", "samba"])
+def sequence(request, sequence_named):
+    return sequence_named(request.param, 40).replace(fps=29.97, start_s=1.5)
 
 
-def test_stl_frames_round_trip_the_geometry(tmp_path, samba):
-    save(samba, tmp_path / "samba_%04d.stl")
-    found = load(tmp_path)
-    assert found.n_verts <= samba.n_verts
-    np.testing.assert_array_equal(found.vertices[:, found.faces], samba.vertices[:, samba.faces])
+@pytest.mark.parametrize("extension", [*FRAMES, *WHOLE])
+def test_sequences_round_trip_exactly(tmp_path, sequence, extension):
+    name = f"a_%04d.{extension}" if extension in FRAMES else f"a.{extension}"
+    path, *_ = save(sequence, tmp_path / name)
+    for read in (load, open_source):
+        found = read(tmp_path / "*" if extension in FRAMES else path)
+        vertices = found.read(0, 40)
+        if extension == "stl":
+            assert found.n_verts <= sequence.n_verts
+            corners = sequence.vertices[:, sequence.faces]
+            np.testing.assert_array_equal(vertices[:, found.faces], corners)
+            continue
+        assert (vertices.dtype, vertices.tobytes()) == (sequence.dtype, sequence.vertices.tobytes())
+        np.testing.assert_array_equal(found.faces, sequence.faces)
+        assert found.fps == (0 if extension in (*FRAMES, "pc2") else 29.97)
+        if extension in ("npz", "h5", "vtkhdf"):
+            assert (found.start_s, found.name) == (1.5, sequence.name)
+
+
+@pytest.mark.parametrize("extension", SCENES)
+@pytest.mark.parametrize("name", ["bone.abc", "balloons.abc", "cesium_man.usdz"])
+def test_scenes_of_other_programs_round_trip_exactly(tmp_path, existing, name, extension):
+    given, notes = load(existing(f"native/{name}")), []
+    save(given, tmp_path / f"x.{extension}", notes=notes)
+    found = load(tmp_path / f"x.{extension}")
+    np.testing.assert_array_equal(found.vertices, given.vertices)
+    np.testing.assert_array_equal(found.faces, given.faces)
+    np.testing.assert_array_equal(found.surface.face_sizes, given.surface.face_sizes)
+    assert (found.fps, found.start_s) == (given.fps, given.start_s)
+    assert name.endswith("abc") or extension == "abc" or notes == []
+    for back, attribute in zip(found.surface.attributes, given.surface.attributes, strict=True):
+        assert back.domain == attribute.domain
+        np.testing.assert_array_equal(back.per_item(), attribute.per_item())
+
+
+@pytest.mark.parametrize("name", ["cesium_man.glb", "cesium_man.usdz"])
+def test_walks_are_sampled_between_their_frames_and_read_on_demand(existing, name):
+    path = existing(f"native/{name}")
+    walk, finer = load(path), load(path, fps=48)
+    assert (finer.n_frames, finer.fps, finer.start_s) == (95, 48, walk.start_s)
+    np.testing.assert_array_equal(finer.vertices[::2], walk.vertices)
+    opened = open_source(path)
+    assert opened.read(0, walk.n_frames).tobytes() == walk.vertices.tobytes()
+    assert opened.read(30, 31).tobytes() == walk.vertices[30:31].tobytes()
+
+
+def test_vtk_reads_exact_positions_from_our_vtkhdf(tmp_path, sequence):
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    save(sequence, tmp_path / "a.vtkhdf")
+    reader = vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "a.vtkhdf"))
+    for step in (0, 17, 39):
+        reader.UpdateInformation()
+        reader.SetStep(step)
+        reader.Update()
+        points = vtk_to_numpy(reader.GetOutput().GetPoints().GetData())
+        assert points.tobytes() == sequence.vertices[step].tobytes()

@@ -1,15 +1,11 @@
 """A skinned glTF walk matches the same walk baked by other programs."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import meshreel
 from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.formats.load import load
-from samples.opening import open_source
 
 pytestmark = pytest.mark.real
 
@@ -18,31 +14,23 @@ TOLERANCE = 1e-6
 
 
 @pytest.fixture(scope="module")
-def folder():
-    name = os.environ.get("MESHREEL_DATA")
-    if not name:
-        pytest.skip("MESHREEL_DATA is not set")
-    return Path(name)
+def walk(data):
+    return load(data / "native" / "cesium_man.glb")
 
 
-@pytest.fixture(scope="module")
-def walk(folder):
-    return load(folder / "native" / "cesium_man.glb")
-
-
-def test_walk_matches_the_baked_frames(folder, walk):
-    baked = load(folder / "cesium_man.npz")  # z is up, in glTF it is y
+def test_walk_matches_the_baked_frames(data, walk):
+    baked = load(data / "cesium_man.npz")  # z is up, in glTF it is y
     rotated = baked.vertices[:, :, [0, 2, 1]] * [1, 1, -1]
     np.testing.assert_array_equal(walk.faces, baked.faces)
     np.testing.assert_allclose(walk.vertices, rotated, rtol=0, atol=TOLERANCE)
     assert (walk.fps, walk.start_s) == (baked.fps, 1 / 24)
 
 
-def test_walk_matches_openusd_skinning(folder, walk):
+def test_walk_matches_openusd_skinning(data, walk):
     usd, geom, skel, vt = (
         pytest.importorskip(f"pxr.{name}") for name in ("Usd", "UsdGeom", "UsdSkel", "Vt")
     )
-    stage = usd.Stage.Open(str(folder / "native" / "cesium_man.usdz"))
+    stage = usd.Stage.Open(str(data / "native" / "cesium_man.usdz"))
     prims = {prim.GetTypeName(): prim for prim in stage.Traverse()}
     cache = skel.Cache()
     cache.Populate(skel.Root(prims["SkelRoot"]), usd.PrimDefaultPredicate)
@@ -61,21 +49,9 @@ def test_walk_matches_openusd_skinning(folder, walk):
         np.testing.assert_allclose(found, expected[corners], rtol=0, atol=TOLERANCE)
 
 
-def test_fps_samples_the_walk_between_its_keys(folder, walk):
-    found = load(folder / "native" / "cesium_man.glb", fps=48)
-    assert (found.n_frames, found.fps, found.start_s) == (95, 48, walk.start_s)
-    np.testing.assert_array_equal(found.vertices[::2], walk.vertices)
-
-
-def test_frames_on_demand_equal_loaded_frames(folder, walk):
-    opened = open_source(folder / "native" / "cesium_man.glb", max_loaded_bytes=0)
-    assert opened.read(0, walk.n_frames).tobytes() == walk.vertices.tobytes()
-    assert opened.read(30, 31).tobytes() == walk.vertices[30:31].tobytes()
-
-
-def test_welded_vertices_keep_seams_at_corners(folder, walk):
+def test_welded_vertices_keep_seams_at_corners(data, walk):
     notes = []
-    load(folder / "native" / "cesium_man.glb", notes=notes)
+    load(data / "native" / "cesium_man.glb", notes=notes)
     assert "welded 3273 vertices, split at seams, to 2338" in notes
     [uv] = walk.surface.attributes
     assert (uv.name, uv.domain, len(uv.values)) == ("uv", "corner", 2612)

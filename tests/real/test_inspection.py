@@ -1,8 +1,5 @@
 """`meshreel info` on files of other programs."""
 
-import os
-from pathlib import Path
-
 import pytest
 
 from meshreel.formats.inspection import inspect_source
@@ -12,18 +9,8 @@ from meshreel.formats.options import ReadOptions
 pytestmark = pytest.mark.real
 
 
-@pytest.fixture
-def native():
-    folder = Path(os.environ.get("MESHREEL_DATA", "nowhere")) / "native"
-    if not folder.is_dir():
-        pytest.skip("MESHREEL_DATA has no folder native")
-    return folder
-
-
-def test_both_meshes_of_a_package_are_listed(native):
-    path = native / "odd" / "BoxAnimated.usdz"
-    if not path.is_file():
-        pytest.skip(f"{path.name} is missing")
+def test_both_meshes_of_a_package_are_listed(existing):
+    path = existing("native/odd/BoxAnimated.usdz")
     found = inspect_source(path, ReadOptions()).meshes
     assert [(mesh.name.rpartition("/")[2], mesh.n_verts, mesh.n_faces) for mesh in found] == [
         ("node_3", 224, 192),
@@ -32,11 +19,10 @@ def test_both_meshes_of_a_package_are_listed(native):
 
 
 @pytest.mark.parametrize("name", ["bone.abc", "cesium_man.glb", "cesium_man.usdz"])
-def test_reported_figures_match_the_loaded_sequence(native, name):
-    if not (native / name).is_file():
-        pytest.skip(f"{name} is missing")
-    sequence = load(native / name)
-    [found] = inspect_source(native / name, ReadOptions()).meshes
+def test_reported_figures_match_the_loaded_sequence(existing, name):
+    path = existing(f"native/{name}")
+    sequence = load(path)
+    [found] = inspect_source(path, ReadOptions()).meshes
     assert (found.n_frames, found.n_verts, found.n_faces) == (
         sequence.n_frames,
         sequence.n_verts,
@@ -47,10 +33,8 @@ def test_reported_figures_match_the_loaded_sequence(native, name):
     assert found.high == tuple(sequence.extent.high.tolist())
 
 
-def test_the_root_selects_its_only_mesh(native):
-    path = native / "bone.abc"
-    if not path.is_file():
-        pytest.skip(f"{path.name} is missing")
+def test_the_root_selects_its_only_mesh(existing):
+    path = existing("native/bone.abc")
     [found] = inspect_source(path, ReadOptions()).meshes
     root = "/" + found.name.strip("/").partition("/")[0]
     assert inspect_source(path, ReadOptions(object=root)).meshes == (found,)

@@ -1,8 +1,6 @@
 """Real sequences round-trip bit for bit, in fewer bytes than with general compressors."""
 
 import lzma
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,13 +14,10 @@ NAMES = ("samba", "cow", "dance", "horse_gallop", "chicken", "balloons", "bone",
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_real_sequences_round_trip_bit_for_bit(name):
-    folder = os.environ.get("MESHREEL_DATA")
-    if not folder:
-        pytest.skip("MESHREEL_DATA is not set")
-    whole = meshreel.load(Path(folder) / f"{name}.npz")
+def test_real_sequences_round_trip_bit_for_bit(sequence_named, name):
+    whole = sequence_named(name, 20)
     for dtype in (np.float32, np.float64):
-        vertices = whole.vertices[:20].astype(dtype)
+        vertices = whole.vertices.astype(dtype)
         original = MeshSequence(vertices, whole.faces, whole.fps)
         data = meshreel.encode(original, lossless=True, block_frames=12)
         found = meshreel.decode(data)

@@ -1,17 +1,11 @@
 """Rates and errors of real sequences, in the folder MESHREEL_DATA."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import meshreel
 
-pytestmark = [
-    pytest.mark.real,
-    pytest.mark.skipif("MESHREEL_DATA" not in os.environ, reason="MESHREEL_DATA is not set"),
-]
+pytestmark = pytest.mark.real
 
 # Bits per vertex and frame (order dropped), KG error in percent and STED of quality 80: measured
 # figures plus 4 %.
@@ -28,13 +22,9 @@ LIMITS = {
 }
 
 
-def load(name):
-    return meshreel.load(Path(os.environ["MESHREEL_DATA"]) / f"{name}.npz")
-
-
 @pytest.mark.parametrize("name", LIMITS)
-def test_default_encoding_stays_within_its_limits(name):
-    sequence = load(name)
+def test_default_encoding_stays_within_its_limits(sequence_named, name):
+    sequence = sequence_named(name)
     data = meshreel.encode(sequence)
     decoded = meshreel.decode(data)
     np.testing.assert_array_equal(decoded.faces, sequence.faces)
@@ -46,26 +36,14 @@ def test_default_encoding_stays_within_its_limits(name):
     assert quality.sted < sted_limit
 
 
-def test_samba_round_trips_through_obj_files(tmp_path):
-    """Other tests cover coding of the same arrays."""
-    sequence = load("samba")
-    sequence = sequence.replace(vertices=sequence.vertices[:40])
-    (tmp_path / "frames").mkdir()
-    meshreel.save(sequence, tmp_path / "frames" / "samba_%d.obj")
-    from_files = meshreel.load(tmp_path / "frames", fps=sequence.fps)
-    np.testing.assert_array_equal(from_files.vertices, sequence.vertices)
-    np.testing.assert_array_equal(from_files.faces, sequence.faces)
-    assert from_files.fps == sequence.fps
-
-
 # Targets, and the smallest share of each that the stream must use.
 TARGETS = [("kg", 0.5, 0.97), ("sted", 0.03, 0.97), ("bpvf", 0.6, 0.97), ("max_error", 0.1, 0.9)]
 
 
 @pytest.mark.parametrize("name", ["cow", "bone"])
 @pytest.mark.parametrize(("target", "limit", "min_share"), TARGETS)
-def test_targets_are_met_closely(name, target, limit, min_share):
-    sequence = load(name)
+def test_targets_are_met_closely(sequence_named, name, target, limit, min_share):
+    sequence = sequence_named(name)
     data = meshreel.encode(sequence, **{target: limit})
     quality = meshreel.compare(sequence, meshreel.decode(data))
     measured = {
@@ -78,9 +56,9 @@ def test_targets_are_met_closely(name, target, limit, min_share):
 
 
 @pytest.mark.parametrize("step", [1e-4, 1e-6])
-def test_large_weights_do_not_amplify_errors(step):
+def test_large_weights_do_not_amplify_errors(sequence_named, step):
     """Values grow 30-fold per resolution: without a limit, feedback caused errors of 7,500."""
-    sequence = load("hostile/growing")
+    sequence = sequence_named("hostile/growing")
     decoded = meshreel.decode(meshreel.encode(sequence, step=step))
     error = np.linalg.norm(decoded.vertices - sequence.vertices, axis=2).max()
     assert error <= 30 * step * np.linalg.norm(sequence.extent.high - sequence.extent.low)

@@ -4,10 +4,6 @@ Decoded = round(v / q) q with q = 1e-3 of the diagonal of the whole sequence. Th
 six decimals, so half of the last one is added to the relative tolerance.
 """
 
-import os
-from functools import cache
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -23,26 +19,15 @@ EXPECTED = {
     "samba": (2.873780, 0.294317, 0.076309, 0.303553, 0.076309, 0.086444),
     "chicken": (19.068631, 1.438135, 0.284383, 0.470420, 0.284383, 0.086402),
 }
-CASES = [
-    pytest.param(name, figure, value, id=f"{name}-{figure}")
-    for name, row in EXPECTED.items()
-    for figure, value in zip(FIGURES, row, strict=True)
-]
 
 
-@cache
-def rounded_quality(name):
-    folder = os.environ.get("MESHREEL_DATA")
-    if not folder or not Path(folder, f"{name}.npz").exists():
-        pytest.skip(f"MESHREEL_DATA contains no {name}.npz")
-    with np.load(Path(folder, f"{name}.npz")) as arrays:
-        vertices, faces = arrays["vertices"].astype(np.float64), arrays["faces"]
+@pytest.mark.parametrize("name", EXPECTED)
+def test_compare_agrees_with_the_cross_check(sequence_named, name):
+    sequence = sequence_named(name)
+    vertices, faces = sequence.vertices.astype(np.float64), sequence.faces
     step = 1e-3 * np.linalg.norm(np.ptp(vertices, axis=(0, 1)))
     decoded = np.round(vertices / step) * step
-    return compare(MeshSequence(vertices, faces), MeshSequence(decoded, faces))
-
-
-@pytest.mark.parametrize(("name", "figure", "expected"), CASES)
-def test_compare_agrees_with_the_cross_check(name, figure, expected):
-    found = getattr(rounded_quality(name), figure)
-    assert found == pytest.approx(expected, rel=1e-5, abs=5.1e-7)
+    quality = compare(MeshSequence(vertices, faces), MeshSequence(decoded, faces))
+    for figure, expected in zip(FIGURES, EXPECTED[name], strict=True):
+        found = getattr(quality, figure)
+        assert found == pytest.approx(expected, rel=1e-5, abs=5.1e-7), figure

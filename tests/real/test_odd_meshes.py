@@ -1,8 +1,6 @@
 """Files of other programs that were once misread or refused, compared with other readers."""
 
-import os
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,18 +18,8 @@ pytestmark = pytest.mark.real
 
 
 @pytest.fixture(scope="module")
-def folder():
-    name = os.environ.get("MESHREEL_DATA")
-    if not name:
-        pytest.skip("MESHREEL_DATA is not set")
-    if not (Path(name) / "native" / "odd").is_dir():
-        pytest.skip("the folder native/odd is missing")
-    return Path(name)
-
-
-@pytest.fixture(scope="module")
-def odd(folder):
-    return folder / "native" / "odd"
+def odd(existing):
+    return existing("native/odd")
 
 
 def sorted_triangles(vertices, faces):
@@ -145,8 +133,10 @@ def test_utf_16_text_is_refused(odd):
 
 @pytest.mark.parametrize("name", ["cesium_man", "balloons"])
 @pytest.mark.parametrize("bound", [None, 0.2])
-def test_glb_of_a_stream_with_a_bound_is_within_the_stated_total(folder, tmp_path, name, bound):
-    original = load(folder / f"{name}.npz")
+def test_glb_of_a_stream_with_a_bound_is_within_the_stated_total(
+    sequence_named, tmp_path, name, bound
+):
+    original = sequence_named(name)
     (tmp_path / "a.reel").write_bytes(meshreel.encode(original, max_error=0.1))
     notes = []
     with meshreel.open(tmp_path / "a.reel") as reel:

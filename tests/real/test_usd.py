@@ -1,16 +1,12 @@
 """USD files of other programs match baked frames, or those computed by USD."""
 
 import math
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
-from samples.opening import open_source
 
 pytestmark = pytest.mark.real
 
@@ -19,28 +15,12 @@ UNITS_IN_THE_LAST_PLACE = 8
 
 
 @pytest.fixture(scope="module")
-def folder():
-    found = os.environ.get("MESHREEL_DATA")
-    if not found:
-        pytest.skip("MESHREEL_DATA is not set")
-    return Path(found)
+def walk(data):
+    return load(data / "native" / "cesium_man.usdz")
 
 
-def odd(folder, name):
-    """Return the path of a file that was once misread or refused."""
-    path = folder / "native" / "odd" / name
-    if not path.exists():
-        pytest.skip(f"{name} is missing")
-    return path
-
-
-@pytest.fixture(scope="module")
-def walk(folder):
-    return load(folder / "native" / "cesium_man.usdz")
-
-
-def test_skeletal_animation_matches_the_baked_walk(folder, walk):
-    baked = load(folder / "cesium_man.npz")
+def test_skeletal_animation_matches_the_baked_walk(data, walk):
+    baked = load(data / "cesium_man.npz")
     # The baked walk has z up and welded vertices, at time codes 1 to 48.
     rotated = np.stack([walk.vertices[..., 0], -walk.vertices[..., 2], walk.vertices[..., 1]], -1)
     error = np.abs(rotated[:, walk.faces] - baked.vertices[:, baked.faces]).max()
@@ -48,29 +28,6 @@ def test_skeletal_animation_matches_the_baked_walk(folder, walk):
     assert (walk.fps, walk.start_s, walk.n_frames) == (24.0, 1 / 24, 48)
     assert [one.name for one in walk.surface.attributes] == ["st"]
     assert walk.surface.groups[0].labels == ("Cesium_Man_effect",)
-
-
-def test_fps_samples_the_walk_between_its_frames(folder, walk):
-    finer = load(folder / "native" / "cesium_man.usdz", fps=48)
-    assert (finer.fps, finer.n_frames) == (48.0, 95)
-    np.testing.assert_array_equal(finer.vertices[::2], walk.vertices)
-
-
-def test_usd_frames_on_demand_equal_loaded_frames(folder, walk):
-    found = open_source(folder / "native" / "cesium_man.usdz", max_loaded_bytes=0)
-    np.testing.assert_array_equal(found.read(0, 48), walk.vertices)
-
-
-@pytest.mark.parametrize("extension", ["usd", "usda", "usdc", "usdz"])
-def test_usd_round_trips_the_walk(tmp_path, walk, extension):
-    notes = []
-    save(walk, tmp_path / f"x.{extension}", notes=notes)
-    found = load(tmp_path / f"x.{extension}")
-    np.testing.assert_array_equal(found.vertices, walk.vertices)
-    np.testing.assert_array_equal(found.faces, walk.faces)
-    assert (found.fps, found.start_s, notes) == (walk.fps, walk.start_s, [])
-    for one, other in zip(found.surface.attributes, walk.surface.attributes, strict=True):
-        np.testing.assert_array_equal(one.values, other.values)
 
 
 def placed_by_usd(path, mesh, codes):
@@ -94,8 +51,8 @@ def placed_by_usd(path, mesh, codes):
     ],
 )
 @pytest.mark.parametrize("fps", [None, 48, 10])
-def test_rotation_between_distant_keys_matches_usd(folder, name, mesh, n_frames, fps):
-    path = odd(folder, name)
+def test_rotation_between_distant_keys_matches_usd(existing, name, mesh, n_frames, fps):
+    path = existing(f"native/odd/{name}")
     found = load(path, object=mesh, fps=fps)
     rate = fps or 24
     expected_frames = math.ceil((n_frames - 1) * rate / 24) + 1  # the last shows the final key
@@ -105,10 +62,10 @@ def test_rotation_between_distant_keys_matches_usd(folder, name, mesh, n_frames,
     np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=2e-7 * size)
 
 
-def test_a_unit_stored_as_float_is_read(folder):
+def test_a_unit_stored_as_float_is_read(existing):
     from pxr import Usd, UsdGeom
 
-    path, notes = odd(folder, "suzanne.usdc"), []
+    path, notes = existing("native/odd/suzanne.usdc"), []
     found = load(path, notes=notes)
     stage = Usd.Stage.Open(str(path))
     points = UsdGeom.Mesh(stage.GetPrimAtPath("/Suzanne/Suzanne")).GetPointsAttr().Get()
@@ -116,25 +73,25 @@ def test_a_unit_stored_as_float_is_read(folder):
     assert any("z points up" in note and "a unit is" not in note for note in notes)
 
 
-def test_the_error_names_a_mesh_that_is_empty_in_its_first_frame(folder):
-    path = odd(folder, "color_opacity_primvar.usda")
+def test_the_error_names_a_mesh_that_is_empty_in_its_first_frame(existing):
+    path = existing("native/odd/color_opacity_primvar.usda")
     with pytest.raises(FormatError, match="EmptyColorNoOpacity has 0 vertices and 1 face"):
         load(path, merge=True)
 
 
-def test_a_rate_of_zero_is_refused_before_the_library_hangs(folder):
+def test_a_rate_of_zero_is_refused_before_the_library_hangs(existing):
     with pytest.raises(FormatError, match="has 0 as timeCodesPerSecond; expected"):
-        load(odd(folder, "timeCodesPerSecond_0.usda"))
+        load(existing("native/odd/timeCodesPerSecond_0.usda"))
 
 
 @pytest.mark.parametrize(
     ("name", "mesh", "n_faces"),
     [("pyramid.usda", "/Pyramid/geo/shape", 24), ("CubeWithHoles.usda", "/Cube/Geom/Cube", 8)],
 )
-def test_holes_of_a_mesh_stay_open(folder, name, mesh, n_faces):
+def test_holes_of_a_mesh_stay_open(existing, name, mesh, n_faces):
     from pxr import Usd, UsdGeom
 
-    path, notes = odd(folder, name), []
+    path, notes = existing(f"native/odd/{name}"), []
     found = load(path, notes=notes)
     stage = Usd.Stage.Open(str(path))
     prim = UsdGeom.Mesh(stage.GetPrimAtPath(mesh))
@@ -145,8 +102,8 @@ def test_holes_of_a_mesh_stay_open(folder, name, mesh, n_faces):
     assert f"left out: subdivision, whose cages are read: {mesh}" in notes
 
 
-def test_skip_bad_leaves_out_bad_meshes(folder):
-    path, notes = odd(folder, "color_opacity_primvar.usda"), []
+def test_skip_bad_leaves_out_bad_meshes(existing):
+    path, notes = existing("native/odd/color_opacity_primvar.usda"), []
     found = load(path, merge=True, skip_bad=True, notes=notes)
     assert [part.n_verts for part in found.surface.parts] == [8] * 13 + [482]
     assert sum("EmptyColorNoOpacity" in note for note in notes) == 1
