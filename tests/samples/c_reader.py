@@ -1,9 +1,12 @@
 """The C library of `core/include/meshreel.h`, called through ctypes."""
 
 import ctypes
+import re
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import byref, c_char_p, c_double, c_int, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
 from enum import IntEnum
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,174 +48,62 @@ TASK = ctypes.CFUNCTYPE(None, c_void_p, c_uint32)
 RUN = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_void_p, c_uint32)
 
 
-def fields(**types):
-    """Fields of a structure; two underscores separate fields of the same type."""
-    return [(name, kind) for names, kind in types.items() for name in names.split("__")]
-
-
-class Text(ctypes.Structure):
-    """`meshreel_text`."""
-
-    _fields_ = fields(bytes=c_void_p, size=c_size_t)
-
+class _Text(ctypes.Structure):
     def __str__(self):
         return ctypes.string_at(self.bytes, self.size).decode() if self.size else ""
 
 
-class CError(ctypes.Structure):
-    """`meshreel_error`."""
-
-    _fields_ = fields(code=c_int32, reserved=c_uint32, offset__size=c_uint64, message=c_char_p)
-
-
-class Source(ctypes.Structure):
-    """`meshreel_source`."""
-
-    _fields_ = fields(bytes=c_char_p, size=c_uint64, read=READ, user=c_void_p, announce=c_void_p)
-
-
-class CHost(ctypes.Structure):
-    """`meshreel_host`."""
-
-    _fields_ = fields(
-        user=c_void_p, allocate=ALLOCATE, release=RELEASE, run=RUN, n_threads__reserved=c_uint32,
-        memory_limit=c_uint64,
-    )  # fmt: skip
-
-
-class Info(ctypes.Structure):
-    """`meshreel_info`."""
-
-    _fields_ = fields(
-        name=Text, fps__start_s__error_bound_percent=c_double, center=c_double * 3,
-        diagonal=c_double, size=c_uint64,
-        n_frames__n_verts__n_triangles__n_faces__n_corners=c_uint32,
-        n_blocks__longest_block__n_tracks__number_bytes__method__laplacian__order=c_uint32,
-        is_whole__n_segments=c_uint32, damage=CError,
-    )  # fmt: skip
-
-
-class Segment(ctypes.Structure):
-    """`meshreel_segment`."""
-
-    _fields_ = fields(first_frame__n_frames__n_verts__n_triangles=c_uint32, offset__size=c_uint64)
-
-
-class Section(ctypes.Structure):
-    """`meshreel_section`."""
-
-    _fields_ = fields(id__is_known=c_uint32, offset__size__payload__payload_size=c_uint64)
-
-
-class Block(ctypes.Structure):
-    """`meshreel_block`."""
-
-    _fields_ = fields(first_frame__n_frames=c_uint32, offset__size=c_uint64)
-
-
-class CAttribute(ctypes.Structure):
-    """`meshreel_attribute`."""
-
-    _fields_ = fields(
-        name=Text, kind__domain__type__width__n_rows__n_items__is_indexed__reserved=c_uint32,
-        values__rows=c_void_p,
-    )  # fmt: skip
-
-
-class CGroups(ctypes.Structure):
-    """`meshreel_groups`."""
-
-    _fields_ = fields(
-        name=Text, n_labels__reserved=c_uint32, labels=ctypes.POINTER(Text), of_faces=c_void_p
-    )
-
-
-class CPart(ctypes.Structure):
-    """`meshreel_part`."""
-
-    _fields_ = fields(name=Text, n_verts__n_faces=c_uint32)
-
-
-class CTexture(ctypes.Structure):
-    """`meshreel_texture`."""
-
-    _fields_ = fields(
-        image__channels__wrap_u__wrap_v__magnified__shrunk=c_uint32, uv=Text, offset=c_double * 2,
-        rotation=c_double, scale=c_double * 2,
-    )  # fmt: skip
-
-
-class CMaterial(ctypes.Structure):
-    """`meshreel_material`."""
-
-    _fields_ = fields(
-        name=Text, alpha_mode__is_double_sided__is_unlit__reserved=c_uint32,
-        base_color=c_double * 4, metallic__roughness=c_double, emissive=c_double * 3,
-        normal_scale__occlusion_strength__alpha_cutoff=c_double, textures=CTexture * len(SLOTS),
-    )  # fmt: skip
-
-
-class CImage(ctypes.Structure):
-    """`meshreel_image`."""
-
-    _fields_ = fields(name__media_type=Text, offset__size=c_uint64)
-
-
-class CSurface(ctypes.Structure):
-    """`meshreel_surface`."""
-
-    _fields_ = fields(
-        face_sizes=c_void_p, attributes=ctypes.POINTER(CAttribute),
-        groups=ctypes.POINTER(CGroups), parts=ctypes.POINTER(CPart),
-        materials=ctypes.POINTER(CMaterial), images=ctypes.POINTER(CImage),
-        hard_edges=c_void_p,
-        n_attributes__n_groups__n_parts__n_materials__n_images__n_hard_edges=c_uint32,
-    )  # fmt: skip
-
-
-class Track(ctypes.Structure):
-    """`meshreel_track`."""
-
-    _fields_ = fields(
-        name__unit=Text, kind__domain__type__n_columns__n_items__coding=c_uint32,
-        is_exact__reserved=c_uint32, bound=c_double,
-    )  # fmt: skip
-
+class _Track(ctypes.Structure):
     @property
     def dtype(self):
         """Number type of its values."""
         return NUMBER_TYPES[self.type]
 
 
-class Group(ctypes.Structure):
-    """`meshreel_group`."""
+BASES = {"text": _Text, "track": _Track}
+MEMBERS = {"read": READ, "allocate": ALLOCATE, "release": RELEASE, "run": RUN, "message": c_char_p,
+           "source.bytes": c_char_p}  # fmt: skip
+"""Types of callbacks and of pointers to strings; other pointers to values are `c_void_p`."""
 
-    _fields_ = fields(key_block__n_modes=c_uint32, n_corrections=c_uint64, step=c_double)
+NUMBERS = {"int32_t": c_int32, "uint32_t": c_uint32, "uint64_t": c_uint64, "size_t": c_size_t,
+           "double": c_double}  # fmt: skip
 
 
-class CModes(ctypes.Structure):
-    """`meshreel_modes`."""
+def structures(header):
+    """Return the structures that a header in C declares, by their names without `meshreel_`."""
+    header = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
+    counts = dict(re.findall(r"(\w+) = (\d+)", header))
+    declared: dict[str, Any] = {}
+    for body, name in re.findall(
+        r"typedef struct \w+ \{(.*?)\} meshreel_(\w+);", header, re.DOTALL
+    ):
+        fields = []
+        for declaration in body.split(";")[:-1]:
+            kind, members = re.match(r"\s*(?:const )?(\w+) (.*)", declaration, re.DOTALL).groups()
+            for member in [members] if "(" in members else members.split(","):
+                pointer, field, count = re.match(
+                    r"\s*(\*?)(?:\(\*)?(\w+)(?:\[(\w+)\])?", member
+                ).groups()
+                type_ = NUMBERS.get(kind) or declared.get(kind.removeprefix("meshreel_"))
+                if pointer or "(" in members:
+                    is_structure = kind.startswith("meshreel_")
+                    type_ = ctypes.POINTER(type_) if is_structure else c_void_p
+                    type_ = MEMBERS.get(field) or MEMBERS.get(f"{name}.{field}", type_)
+                fields.append((field, type_ * int(counts.get(count, count)) if count else type_))
+        base = BASES.get(name, ctypes.Structure)
+        declared[name] = type(name, (base,), {"_fields_": fields})
+    return declared
 
-    _fields_ = fields(
-        n_frames__n_modes__n_columns__n_items__has_missing__reserved=c_uint32,
-        step__scale=c_double,
-        origin__values__rows__basis__shared__correction_starts__corrected__corrections=c_void_p,
+
+HEADER = Path(__file__).parents[2] / "core" / "include" / "meshreel.h"
+STRUCTURES = structures(HEADER.read_text(encoding="utf-8"))
+(CError, Source, CHost, Info, Segment, Section, Block, CSurface, Track, Group, CModes, Layout) = (
+    STRUCTURES[name]
+    for name in (
+        "error", "source", "host", "info", "segment", "section", "block", "surface", "track",
+        "group", "modes", "layout",
     )
-
-
-class Layout(ctypes.Structure):
-    """`meshreel_layout`."""
-
-    _fields_ = fields(type__reserved=c_uint32, value_stride__frame_stride=c_size_t)
-
-
-STRUCTURES = {
-    "error": CError, "source": Source, "host": CHost, "text": Text, "info": Info,
-    "segment": Segment, "section": Section, "block": Block, "attribute": CAttribute,
-    "groups": CGroups, "part": CPart, "texture": CTexture, "material": CMaterial, "image": CImage,
-    "surface": CSurface, "track": Track, "group": Group, "modes": CModes, "layout": Layout,
-}  # fmt: skip
-"""By their names in the header, without `meshreel_`."""
+)  # fmt: skip
 
 libc = ctypes.CDLL(None)
 libc.aligned_alloc.restype = c_void_p
