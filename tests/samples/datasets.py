@@ -67,15 +67,26 @@ def assert_same_positions(found, expected):
 
 
 def damaged_versions(data, n_damaged=120, n_header=200, seed=1):
-    """Yield random truncations, changed bytes and changed header bytes of a file."""
+    """Yield files with some bytes changed, or a range removed, doubled or zeroed."""
     rng = np.random.default_rng(seed)
     for index in range(draws(n_damaged)):
         damaged = bytearray(data)
-        if index % 3 == 0:
-            del damaged[int(rng.integers(0, len(data))) :]
-        elif index % 3 == 1:
-            for position in rng.integers(0, len(data), rng.integers(1, 4)):
-                damaged[position] = rng.integers(256)
-        else:
-            damaged[rng.integers(min(len(data), n_header))] = rng.integers(256)
+        begin, end = sorted(rng.integers(0, len(data) + 1, 2))
+        in_header = rng.integers(min(len(data), n_header))
+        match index % 7:
+            case 0:
+                del damaged[begin:]
+            case 1:
+                for position in rng.integers(0, len(data), rng.integers(1, 4)):
+                    damaged[position] = rng.integers(256)
+            case 2:
+                damaged[in_header] = rng.integers(256)
+            case 3:
+                damaged[in_header] = rng.choice(list(b"0123456789-. \n\r\\#elnv/fo"))
+            case 4:
+                del damaged[begin : begin + 30]
+            case 5:
+                damaged[begin:end] = damaged[begin:end] * 2
+            case 6:
+                damaged[begin : begin + 60] = bytes(len(damaged[begin : begin + 60]))
         yield bytes(damaged)

@@ -46,24 +46,3 @@ def two_cubes(n_frames=3):
     parts = (Part("/root/left", 8, 7), Part("/root/right", 8, 7))
     surface = Surface(np.array(CUBE_SIZES * 2), parts=parts)
     return MeshSequence(vertices, faces, surface=surface)
-
-
-def described(surface):
-    """Return a surface as plain values, for comparison."""
-    sizes = None if surface.face_sizes is None else surface.face_sizes.tolist()
-    return {
-        "sizes": sizes,
-        "attributes": [
-            (
-                one.name,
-                one.kind,
-                one.domain,
-                one.values.dtype,
-                one.values.tolist(),
-                None if one.indices is None else one.indices.tolist(),
-            )
-            for one in surface.attributes
-        ],
-        "groups": [(one.name, one.labels, one.numbers.tolist()) for one in surface.groups],
-        "parts": surface.parts,
-    }

@@ -7,15 +7,14 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from samples.meshes import waving_grid
-from samples.opening import open_same_faces
+from samples.opening import open_same_faces, open_source
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
 
-def write_frames(folder, *texts, extension="obj"):
+def write_frames(folder, *texts):
     for index, text in enumerate(texts):
-        (folder / f"frame_{index}.{extension}").write_text(text)
-    return folder
+        (folder / f"frame_{index}.obj").write_text(text)
 
 
 @pytest.mark.parametrize("extension", ["obj", "ply", "off"])
@@ -38,36 +37,29 @@ def test_frame_formats_round_trip(tmp_path, make_sequence, extension, dtype, off
     np.testing.assert_array_equal(found.faces, sequence.faces)
 
 
-@pytest.mark.parametrize("extension", ["obj", "off", "stl"])
-def test_decimal_text_near_the_origin_loads_as_float32(tmp_path, make_sequence, extension):
+@pytest.mark.parametrize(
+    ("extension", "expected"),
+    [("obj", np.float32), ("off", np.float32), ("stl", np.float32), ("ply", np.float64)],
+)
+def test_float64_near_the_origin_is_float32_in_decimal_text(
+    tmp_path, make_sequence, extension, expected
+):
     save(make_sequence(2, np.float64), tmp_path / f"f_%d.{extension}")
-    assert load(tmp_path).vertices.dtype == np.float32
+    assert load(tmp_path).vertices.dtype == expected
 
 
-@pytest.mark.parametrize(("dtype"), [np.float32, np.float64])
-def test_load_keeps_the_declared_type(tmp_path, make_sequence, dtype):
-    save(make_sequence(2, dtype), tmp_path / "f_%d.ply")
-    assert load(tmp_path).vertices.dtype == dtype
-
-
-def test_stl_frames_round_trip_geometry(tmp_path, make_sequence):
-    sequence = make_sequence(3)
+@pytest.mark.parametrize("read", [load, open_source])
+def test_stl_frames_round_trip_geometry_with_a_note_on_the_weld(tmp_path, make_sequence, read):
+    sequence, notes = make_sequence(3), []
     save(sequence, tmp_path / "f_%d.stl")
-    found = load(tmp_path)
-    assert found.n_verts == sequence.n_verts
-    np.testing.assert_array_equal(
-        found.vertices[:, found.faces], sequence.vertices[:, sequence.faces]
-    )
-
-
-def test_load_notes_the_weld_of_stl(tmp_path, make_sequence):
-    save(make_sequence(3), tmp_path / "f_%d.stl")
-    notes = []
-    load(tmp_path, notes=notes)
+    found = read(tmp_path, notes=notes)
+    vertices = found.read(0, 3)
+    assert vertices.shape == sequence.vertices.shape
+    np.testing.assert_array_equal(vertices[:, found.faces], sequence.vertices[:, sequence.faces])
     assert notes == ["welded 24 STL corners to 6 vertices"]
 
 
-def test_load_keeps_quads(tmp_path):
+def test_load_keeps_quads_without_a_note(tmp_path):
     write_frames(tmp_path, *[SQUARE + "f 1 2 3 4\n"] * 2)
     notes = []
     found = load(tmp_path, notes=notes)
@@ -75,36 +67,21 @@ def test_load_keeps_quads(tmp_path):
     assert (found.surface.face_sizes.tolist(), notes) == ([4], [])
 
 
-def test_unchanged_load_adds_no_notes(tmp_path, make_sequence):
-    save(make_sequence(2), tmp_path / "f_%d.obj")
-    notes = []
-    load(tmp_path, notes=notes)
-    assert notes == []
+@pytest.mark.parametrize(
+    ("name", "fps", "expected"),
+    [("f_%d.obj", None, 0), ("f_%d.obj", 24, 24), ("a.npz", None, 30), ("a.npz", 24, 24)],
+)
+def test_fps_argument_precedes_the_rate_of_the_file(tmp_path, make_sequence, name, fps, expected):
+    save(make_sequence(2, fps=30), tmp_path / name)
+    assert load(tmp_path / name.replace("%d", "*"), fps=fps).fps == expected
 
 
-@pytest.mark.parametrize(("fps", "expected"), [(None, 0), (24, 24)])
-def test_fps_argument_sets_the_rate_of_frame_files(tmp_path, make_sequence, fps, expected):
-    save(make_sequence(2), tmp_path / "f_%d.obj")
-    assert load(tmp_path, fps=fps).fps == expected
-
-
-@pytest.mark.parametrize(("fps", "expected"), [(None, 30), (24, 24)])
-def test_fps_argument_overrides_the_file(tmp_path, make_sequence, fps, expected):
-    save(make_sequence(2, fps=30), tmp_path / "a.npz")
-    assert load(tmp_path / "a.npz", fps=fps).fps == expected
-
-
-def test_single_mesh_loads_as_one_frame(tmp_path, make_sequence):
-    sequence = make_sequence(1)
-    save(sequence, tmp_path / "still.ply")
-    found = load(str(tmp_path / "still.ply"))
-    assert (found.name, found.vertices.tobytes()) == ("still", sequence.vertices.tobytes())
-
-
-def test_load_reports_progress_for_every_frame(tmp_path, make_sequence):
-    save(make_sequence(4), tmp_path / "f_%d.obj")
+@pytest.mark.parametrize("read", [load, open_source])
+@pytest.mark.parametrize("extension", ["obj", "stl"])
+def test_progress_is_reported_for_every_frame(tmp_path, make_sequence, read, extension):
+    save(make_sequence(4), tmp_path / f"f_%d.{extension}")
     seen = []
-    load(tmp_path, progress=lambda stage, fraction: seen.append((stage, fraction)))
+    read(tmp_path, progress=lambda stage, fraction: seen.append((stage, fraction)))
     assert seen == [("reading", 0.25), ("reading", 0.5), ("reading", 0.75), ("reading", 1.0)]
 
 
@@ -118,7 +95,7 @@ def test_later_float64_frame_widens_the_sequence(tmp_path, make_sequence):
 @pytest.mark.parametrize(
     ("second", "message"),
     [
-        (SQUARE + "v 2 2 2\nf 1 2 3\n", r"frame_1\.obj \(frame 1\) has 5 vertices; expected 4 as"),
+        (SQUARE + "v 2 2 2\nf 1 2 3\n", "has 5 vertices; expected 4 as"),
         (SQUARE + "f 1 2 3\nf 1 3 4\n", "has 2 faces; expected 1 as in frame 0"),
         (SQUARE + "f 1 2 3 4\n", "has 4 corners in face 0; expected 3 as"),
         (SQUARE + "f 1 2 4\n", "has vertex 3 in face 0; expected vertex 2 as"),
@@ -126,24 +103,26 @@ def test_later_float64_frame_widens_the_sequence(tmp_path, make_sequence):
 )
 def test_error_names_file_and_frame_with_other_faces(tmp_path, second, message):
     write_frames(tmp_path, SQUARE + "f 1 2 3\n", second)
-    with pytest.raises(InvalidInputError, match=message):
+    with pytest.raises(InvalidInputError, match=rf"frame_1\.obj \(frame 1\) {message}"):
         open_same_faces(tmp_path)
 
 
 def test_error_names_the_stl_frame_with_other_triangles(tmp_path, make_sequence):
     save(make_sequence(1), tmp_path / "f_0.stl")
     (tmp_path / "f_1.stl").write_bytes(bytes(84 - 4) + b"\1\0\0\0" + bytes(50))
-    with pytest.raises(
-        InvalidInputError, match=r"f_1\.stl \(frame 1\) has 3 vertices; expected 24"
-    ):
+    message = r"f_1\.stl \(frame 1\) has 3 vertices; expected 24"
+    with pytest.raises(InvalidInputError, match=message):
         open_same_faces(tmp_path)
 
 
-def test_error_names_frame_and_vertex_of_a_non_finite_position(tmp_path):
+@pytest.mark.parametrize("bad", ["nan", "inf", "-inf"])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_error_names_file_and_vertex_of_a_non_finite_position(tmp_path, read, bad):
     good = SQUARE + "f 1 2 3\n"
-    write_frames(tmp_path, good, good.replace("v 1 1 0", "v 1 nan 0"))
-    with pytest.raises(InvalidInputError, match="vertex 2 of frame 1 has y = nan"):
-        load(tmp_path)
+    write_frames(tmp_path, good, good.replace("v 1 1 0", f"v 1 {bad} 0"), good)
+    message = rf"frame_1\.obj: every position must be finite; vertex 2 of frame 1 has y = {bad}"
+    with pytest.raises(InvalidInputError, match=message):
+        read(tmp_path)
 
 
 def test_parse_error_names_the_file(tmp_path):
@@ -159,9 +138,10 @@ def test_error_for_an_empty_file_names_it(tmp_path, extension):
         load(tmp_path)
 
 
-def test_load_reads_reel_streams(tmp_path):
+@pytest.mark.parametrize("read", [load, open_source])
+def test_reel_streams_are_decoded_at_the_given_rate(tmp_path, read):
     sequence = waving_grid()
     save(sequence, tmp_path / "a.reel")
-    loaded = load(tmp_path / "a.reel", fps=50)
-    np.testing.assert_array_equal(loaded.vertices, decode(encode(sequence)).vertices)
-    assert (loaded.fps, loaded.name) == (50, "grid")
+    found = read(tmp_path / "a.reel", fps=50)
+    np.testing.assert_array_equal(found.read(0, 12), decode(encode(sequence)).vertices)
+    assert (found.fps, found.name) == (50, "grid")

@@ -18,34 +18,27 @@ def names(paths):
     return [path.name for path in paths]
 
 
-def listing_by_number(folder):
-    return sorted(listing(folder), key=lambda name: (len(name), name))
-
-
 def listing(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.parametrize(
-    ("pattern", "expected"),
+    ("pattern", "options", "expected"),
     [
-        ("f_%04d.obj", ["f_0000.obj", "f_0001.obj"]),
-        ("%d.ply", ["0.ply", "1.ply"]),
-        ("a%2dz.OFF", ["a 0z.OFF", "a 1z.OFF"]),
-        ("50%_%03d.stl", ["50%_000.stl", "50%_001.stl"]),
+        ("f_%04d.obj", {}, ["f_0000.obj", "f_0001.obj"]),
+        ("%d.ply", {}, ["0.ply", "1.ply"]),
+        ("a%2dz.OFF", {}, ["a 0z.OFF", "a 1z.OFF"]),
+        ("50%_%03d.stl", {}, ["50%_000.stl", "50%_001.stl"]),
+        ("new/er/f_%d.obj", {}, ["f_0.obj", "f_1.obj"]),
+        ("f_%02d.obj", {"start_number": 99}, ["f_99.obj", "f_100.obj"]),
+        ("a.npz", {}, ["a.npz"]),
     ],
 )
-def test_pattern_numbers_files_from_zero(tmp_path, make_sequence, pattern, expected):
-    paths = save(make_sequence(2), tmp_path / pattern)
-    assert (names(paths), listing(tmp_path)) == (expected, sorted(expected))
-
-
-def test_save_writes_all_frames_to_one_npz(tmp_path, make_sequence):
-    assert names(save(make_sequence(5), str(tmp_path / "a.npz"))) == ["a.npz"]
-
-
-def test_single_frame_needs_no_pattern(tmp_path, make_sequence):
-    assert names(save(make_sequence(1), tmp_path / "a.obj")) == ["a.obj"]
+def test_files_are_numbered_by_the_pattern(tmp_path, make_sequence, pattern, options, expected):
+    checked = check_output(tmp_path / pattern, 2, overwrite=False, **options)
+    paths = save(make_sequence(2), str(tmp_path / pattern), **options)
+    assert (names(checked), names(paths)) == (expected, expected)
+    assert sorted(listing(paths[0].parent)) == sorted(expected)
 
 
 def test_save_reports_progress_for_every_frame(tmp_path, make_sequence):
@@ -54,17 +47,13 @@ def test_save_reports_progress_for_every_frame(tmp_path, make_sequence):
     assert seen == [("writing", 0.5), ("writing", 1.0)]
 
 
-def test_overwrite_replaces_files(tmp_path, make_sequence):
-    (tmp_path / "f_1.obj").write_text("old")
-    save(make_sequence(2), tmp_path / "f_%d.obj", overwrite=True)
-    assert (tmp_path / "f_1.obj").read_text().startswith("v ")
-
-
-def test_save_writes_nothing_if_a_file_exists(tmp_path, make_sequence):
+def test_existing_files_are_replaced_only_if_allowed(tmp_path, make_sequence):
     (tmp_path / "f_1.obj").write_text("old")
     with pytest.raises(InvalidInputError, match=r"f_1\.obj already exists"):
         save(make_sequence(3), tmp_path / "f_%d.obj")
     assert (listing(tmp_path), (tmp_path / "f_1.obj").read_text()) == (["f_1.obj"], "old")
+    save(make_sequence(2), tmp_path / "f_%d.obj", overwrite=True)
+    assert (tmp_path / "f_1.obj").read_text().startswith("v ")
 
 
 def test_failed_save_leaves_the_folder_unchanged(tmp_path, make_sequence):
@@ -85,47 +74,24 @@ def test_check_output_suggests_a_pattern_for_a_folder(tmp_path, output, n_frames
         check_output(f"{tmp_path}/{output}", n_frames, overwrite=True)
 
 
-def test_check_output_suggests_a_pattern_for_several_frames(tmp_path):
-    with pytest.raises(
-        InvalidInputError, match=r"there are 2; use a pattern such as .*a_%04d\.obj"
-    ):
-        check_output(tmp_path / "a.obj", 2, overwrite=False)
-
-
-def test_check_output_rejects_two_number_fields(tmp_path):
-    with pytest.raises(InvalidInputError, match="has 2 number fields"):
-        check_output(tmp_path / "%d_%d.obj", 2, overwrite=False)
-
-
-def test_check_output_rejects_a_number_field_for_npz(tmp_path):
-    with pytest.raises(InvalidInputError, match=r"a \.npz file contains all frames"):
-        check_output(tmp_path / "f_%d.npz", overwrite=False)
-
-
-def test_check_output_lists_the_known_extensions(tmp_path):
-    with pytest.raises(FormatError, match=r"unknown file extension \.txt; known are \.obj, \.ply"):
-        check_output(tmp_path / "a.txt", overwrite=False)
-
-
-def test_check_output_lists_formats_that_other_programs_exchange(tmp_path):
-    with pytest.raises(FormatError, match=r"with other programs as Alembic .*, USD .* or glTF"):
-        check_output(tmp_path / "a.fbx", overwrite=False)
-
-
-def test_check_output_names_a_missing_folder(tmp_path):
-    with pytest.raises(InvalidInputError, match=r"the output folder .*none does not exist"):
-        check_output(tmp_path / "none" / "a.npz", overwrite=False)
-
-
-def test_save_creates_the_folder_of_a_pattern(tmp_path, make_sequence):
-    paths = save(make_sequence(2), tmp_path / "new" / "er" / "f_%d.obj")
-    assert [path.is_file() for path in paths] == [True, True]
-    assert listing(tmp_path / "new" / "er") == ["f_0.obj", "f_1.obj"]
-
-
-def test_start_number_numbers_the_files(tmp_path, make_sequence):
-    paths = save(make_sequence(3), tmp_path / "f_%02d.obj", start_number=99)
-    assert names(paths) == listing_by_number(tmp_path) == ["f_99.obj", "f_100.obj", "f_101.obj"]
+@pytest.mark.parametrize(
+    ("name", "n_frames", "error", "message"),
+    [
+        ("a.obj", 2, InvalidInputError, r"there are 2; use a pattern such as .*a_%04d\.obj"),
+        ("%d_%d.obj", 2, InvalidInputError, "has 2 number fields"),
+        ("f_%d.npz", None, InvalidInputError, r"a \.npz file contains all frames"),
+        ("a.txt", None, FormatError, r"unknown file extension \.txt; known are \.obj, \.ply"),
+        ("a.fbx", None, FormatError, r"with other programs as Alembic .*, USD .* or glTF"),
+        ("none/a.npz", None, InvalidInputError, r"the output folder .*none does not exist"),
+        ("old.npz", None, InvalidInputError, "already exists"),
+        ("old_%d.obj", None, InvalidInputError, "already exists"),
+    ],
+)
+def test_check_output_explains_unsuitable_outputs(tmp_path, name, n_frames, error, message):
+    for existing in ("old.npz", "old_0.obj"):
+        (tmp_path / existing).touch()
+    with pytest.raises(error, match=message):
+        check_output(tmp_path / name, n_frames, overwrite=False)
 
 
 @pytest.mark.parametrize(("name", "number"), [("a.npz", 1), ("a.obj", 0), ("f_%d.obj", -1)])
@@ -195,18 +161,6 @@ def test_save_never_replaces_its_input_stream(tmp_path):
     ):
         save(reel, tmp_path / "a.reel", overwrite=True)
     assert (tmp_path / "a.reel").read_bytes() == data
-
-
-@pytest.mark.parametrize(("name", "first"), [("a.npz", "a.npz"), ("f_%d.obj", "f_0.obj")])
-def test_check_output_rejects_an_existing_first_file(tmp_path, name, first):
-    (tmp_path / first).touch()
-    with pytest.raises(InvalidInputError, match="already exists"):
-        check_output(tmp_path / name, overwrite=False)
-
-
-def test_check_output_returns_the_files(tmp_path):
-    found = check_output(tmp_path / "f_%02d.obj", 3, overwrite=False)
-    assert names(found) == ["f_00.obj", "f_01.obj", "f_02.obj"]
 
 
 @pytest.mark.parametrize(

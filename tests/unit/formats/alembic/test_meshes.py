@@ -73,17 +73,6 @@ def test_load_rejects_a_hierarchy_that_is_too_deep(tmp_path):
         load(tmp_path / "a.abc")
 
 
-def test_load_lists_several_meshes_and_selects_one_by_path(tmp_path):
-    top = sample.archive(tmp_path / "a.abc").getTop()
-    for name, frames in (("left", MOVES[:1]), ("right", MOVES[1:2])):
-        sample.add_mesh(sample.add_transform(top, name, []), "body", frames)
-    del top
-    with pytest.raises(InvalidInputError, match="2 meshes: /left/body, /right/body;"):
-        load(tmp_path / "a.abc")
-    found = load(tmp_path / "a.abc", object="/right/body")
-    np.testing.assert_array_equal(found.vertices[0], MOVES[1])
-
-
 def test_load_transforms_instances(tmp_path):
     top = sample.archive(tmp_path / "a.abc").getTop()
     shift = [([("kTranslateOperation", sample.vector(5, 0, 0))], True)]

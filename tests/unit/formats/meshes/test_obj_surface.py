@@ -1,23 +1,22 @@
 import numpy as np
 import pytest
 
-from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind, Part, Surface
-from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
+from samples.meshes import assert_same_surface
+from samples.surfaces import attribute, groups, rich_cube, two_cubes
 
 SQUARE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 UVS = b"vt 0 0\nvt 0.1 0\nvt 0.1 0.7\nvt 9 9\n"
 
 
-def attributes(data):
-    return described(read_obj(data).surface)["attributes"]
-
-
 def groups_of(data):
-    return described(read_obj(data).surface)["groups"]
+    return [
+        (group.name, group.labels, group.numbers.tolist())
+        for group in read_obj(data).surface.groups
+    ]
 
 
 def uv_rows(data):
@@ -69,7 +68,7 @@ def test_parse_obj_surface_reads_vertex_colors(numbers, expected):
 
 
 def test_colors_of_only_some_vertices_are_ignored():
-    assert attributes(b"v 0 0 0 1 1 1\nv 1 0 0\nv 2 0 0 1 1 1\nf 1 2 3\n") == []
+    assert read_obj(b"v 0 0 0 1 1 1\nv 1 0 0\nv 2 0 0 1 1 1\nf 1 2 3\n").surface.is_plain
 
 
 def test_usemtl_assigns_faces_to_materials():
@@ -105,70 +104,20 @@ def test_disjoint_objects_are_parts():
     ],
 )
 def test_other_objects_are_groups(data, expected):
-    found = described(read_obj(data).surface)
-    assert (found["groups"], found["parts"]) == ([("object", *expected)], ())
+    assert groups_of(data) == [("object", *expected)]
+    assert read_obj(data).surface.parts == ()
 
 
 def test_single_object_is_neither_part_nor_group():
     assert read_obj(b"o a\n" + SQUARE + b"s 1\nf 1 2 3\no unused\n").surface.is_plain
 
 
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (SQUARE + b"vt x 0\nf 1/1 2/1 3/1\n", "line 5: expected a number; got 'x'"),
-        (SQUARE + b"vt 0 0\n\nf 1/1 2/x 3/1\n", "line 7: expected an integer; got 'x'"),
-    ],
-)
-def test_parse_obj_surface_error_names_the_line(data, message):
-    with pytest.raises(FormatError, match=message):
-        read_obj(data)
-
-
-SURFACES = {
-    "polygons": {},
-    "texture": {"attributes": [attribute(Kind.UV, "corner", 2, rows=9)]},
-    "colors": {"attributes": [attribute(Kind.COLOR, "vertex", 3, name="color")]},
-    "materials": {"groups": [groups("material", ["a b", "50%", "c"], [-1, 0, 0, 1, -1, 0, 2])]},
-    "all": {
-        "attributes": [
-            attribute(Kind.UV, "corner", 2, rows=40),
-            attribute(Kind.COLOR, "vertex", 3, name="color"),
-        ],
-        "groups": [
-            groups("material", ["m", "n"], [0, 0, 1, 1, 1, 0, 0]),
-            groups("group", ["g"], [0, 0, 0, -1, -1, -1, 0]),
-            groups("object", ["x", "y"], [0, 0, 1, 1, 0, 0, 0]),
-        ],
-    },
-}
-
-
-@pytest.mark.parametrize("name", SURFACES)
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_obj_surface_round_trips(tmp_path, name, dtype):
-    sequence, notes = rich_cube(**SURFACES[name], dtype=dtype), []
-    save(sequence, tmp_path / "f_%d.obj", notes=notes)
-    found = load(tmp_path)
-    assert described(found.surface) == described(sequence.surface)
-    np.testing.assert_array_equal(found.vertices, sequence.vertices.astype(np.float32))
-    np.testing.assert_array_equal(found.faces, sequence.faces)
-    assert notes == []
-
-
 def test_obj_parts_round_trip(tmp_path):
     sequence = two_cubes()
     save(sequence, tmp_path / "f_%d.obj")
     found = load(tmp_path)
-    assert described(found.surface) == described(sequence.surface)
+    assert_same_surface(found.surface, sequence.surface)
     np.testing.assert_array_equal(found.vertices, sequence.vertices)
-
-
-def test_every_obj_frame_stores_the_surface(tmp_path):
-    sequence = rich_cube(**SURFACES["all"])
-    paths = save(sequence, tmp_path / "f_%d.obj")
-    for path in paths:
-        assert described(load(path).surface) == described(sequence.surface)
 
 
 def test_obj_encoder_restates_groups_for_each_part(tmp_path):
@@ -177,7 +126,7 @@ def test_obj_encoder_restates_groups_for_each_part(tmp_path):
     surface = Surface(sequence.surface.face_sizes, (), (material,), sequence.surface.parts)
     rich = type(sequence)(sequence.vertices, sequence.faces, surface=surface)
     (path,) = save(rich, tmp_path / "f.obj")
-    assert described(load(path).surface) == described(surface)
+    assert_same_surface(load(path).surface, surface)
 
 
 def test_byte_colors_are_written_as_floats(tmp_path):
@@ -202,13 +151,3 @@ def test_obj_encoder_replaces_special_characters_of_names(tmp_path):
     material = groups("material", ["a#b\nc\\"], [0] * 7)
     (path,) = save(rich_cube(1, groups=[material]), tmp_path / "f.obj")
     assert load(path).surface.groups[0].labels == ("a_b c_",)
-
-
-def test_save_notes_what_obj_cannot_store(tmp_path):
-    weight = attribute(Kind.OTHER, "vertex", 2, name="weight")
-    sequence = rich_cube(1, attributes=[weight], groups=[groups("skin", ["a"], [0] * 7)])
-    notes = []
-    save(sequence, tmp_path / "f.obj", notes=notes)
-    assert notes == [
-        "left out, as .obj files cannot store it: 'weight' (other) of each vertex, groups 'skin'"
-    ]

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
 
-from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.off import read_off
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
-from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
+from samples.surfaces import attribute, rich_cube
 
 
 def triangle(keyword, *columns, face=""):
@@ -65,34 +64,6 @@ def test_colors_of_only_some_vertices_are_ignored():
     assert attributes(triangle("COFF", "0 0 0 1 2 3", "0 0 0", "0 0 0 1 2 3")) == []
 
 
-def test_parse_off_surface_error_names_the_line():
-    with pytest.raises(FormatError, match="line 4: expected a number; got 'red'"):
-        read_off(triangle("COFF", "0 0 0 1 2 3", "0 0 0 red 0 0", "0 0 0 1 2 3"))
-
-
-SURFACES = {
-    "polygons": [],
-    "bytes": [attribute(Kind.COLOR, "vertex", 4, np.uint8)],
-    "floats": [attribute(Kind.COLOR, "vertex", 3)],
-    "faces": [attribute(Kind.COLOR, "face", 3, np.uint8)],
-    "all": [
-        attribute(Kind.COLOR, "vertex", 3, np.uint8),
-        attribute(Kind.UV, "vertex", 2),
-        attribute(Kind.COLOR, "face", 4),
-    ],
-}
-
-
-@pytest.mark.parametrize("name", SURFACES)
-def test_off_surface_round_trips(tmp_path, name):
-    sequence, notes = rich_cube(attributes=SURFACES[name]), []
-    save(sequence, tmp_path / "f_%d.off", notes=notes)
-    found = load(tmp_path)
-    assert described(found.surface) == described(sequence.surface)
-    np.testing.assert_array_equal(found.vertices, sequence.vertices)
-    assert notes == []
-
-
 def test_integral_float_colors_stay_floats(tmp_path):
     ones = attribute(Kind.COLOR, "vertex", 3)
     ones.values[:] = 1
@@ -100,23 +71,3 @@ def test_integral_float_colors_stay_floats(tmp_path):
     np.testing.assert_array_equal(
         load(path).surface.attributes[0].values, np.ones((8, 3), np.float32), strict=True
     )
-
-
-def test_save_notes_what_off_cannot_store(tmp_path):
-    uv = attribute(Kind.UV, "corner", 2, rows=4)
-    cube, notes = rich_cube(1, attributes=[uv], groups=[groups("material", "a", [0] * 7)]), []
-    save(cube, tmp_path / "a.off", notes=notes)
-    save(two_cubes(1), tmp_path / "b.off", notes=notes)
-    assert notes == [
-        "left out, as .off files cannot store it: 'uv' (uv) of each corner, groups 'material'",
-        "left out, as .off files cannot store it: the names of 2 parts",
-    ]
-
-
-def test_save_notes_what_stl_cannot_store(tmp_path):
-    notes = []
-    save(rich_cube(1), tmp_path / "a.stl", notes=notes)
-    assert notes == [
-        "left out, as .stl files cannot store it: faces with more than three corners, which are "
-        "triangulated"
-    ]

@@ -5,7 +5,6 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.meshes.ply import read_ply
-from meshreel.formats.meshes.ply_writing import ply_encoder
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]])
 
@@ -26,38 +25,25 @@ def binary_faces(order, faces):
 ASCII_VERTICES = b"0 0 0\n1 0 0\n1 1 0\n0 1 0.1\n"
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_positions_and_type_round_trip_exactly(make_sequence, dtype):
-    sequence = make_sequence(1, dtype)
-    found = read_ply(ply_encoder(sequence.faces)(sequence.vertices[0])).mesh.vertices
-    assert (found.dtype, found.tobytes()) == (dtype, sequence.vertices[0].tobytes())
-
-
-def test_faces_round_trip(make_sequence):
-    sequence = make_sequence(1)
-    mesh = read_ply(ply_encoder(sequence.faces)(sequence.vertices[0])).mesh
-    np.testing.assert_array_equal(mesh.corners.reshape(-1, 3), sequence.faces)
-
-
 @pytest.mark.parametrize(("number", "dtype"), [("float", "f4"), ("double", "f8")])
 @pytest.mark.parametrize(
     ("encoding", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">")]
 )
-@pytest.mark.parametrize("faces", [[(0, 1, 2), (0, 2, 3)], [(0, 1, 2, 3), (3, 1, 2)]])
-def test_parse_ply_reads_binary_positions(number, dtype, encoding, order, faces):
+@pytest.mark.parametrize(
+    "faces",
+    [
+        [(0, 1, 2), (0, 2, 3)],
+        [(0, 1, 2, 3), (3, 1, 2)],
+        [(0, 1, 2), (0, 2, 3), (0, 1, 3), (3, 1, 2)],  # fewer corners than faces: read by columns
+    ],
+)
+def test_parse_ply_reads_binary_positions_and_lists(number, dtype, encoding, order, faces):
     body = QUAD.astype(order + dtype).tobytes() + binary_faces(order, faces)
-    mesh = read_ply(header(encoding, number=number) + body).mesh
+    mesh = read_ply(header(encoding, number=number, n_faces=len(faces)) + body).mesh
     assert mesh.vertices.dtype == dtype
     np.testing.assert_array_equal(mesh.vertices, QUAD.astype(dtype))
-
-
-@pytest.mark.parametrize(
-    ("encoding", "order"), [("binary_little_endian", "<"), ("binary_big_endian", ">")]
-)
-def test_parse_ply_reads_binary_lists_of_mixed_length(encoding, order):
-    body = QUAD.astype(order + "f4").tobytes() + binary_faces(order, [(0, 1, 2, 3), (3, 1, 2)])
-    mesh = read_ply(header(encoding) + body).mesh
-    assert (mesh.counts.tolist(), mesh.corners.tolist()) == ([4, 3], [0, 1, 2, 3, 3, 1, 2])
+    assert mesh.counts.tolist() == [len(face) for face in faces]
+    assert mesh.corners.tolist() == [corner for face in faces for corner in face]
 
 
 @pytest.mark.parametrize(("number", "dtype"), [("float", "f4"), ("float64", "f8"), ("uchar", "f4")])

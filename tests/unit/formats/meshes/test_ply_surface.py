@@ -6,7 +6,7 @@ from meshreel.formats.load import load
 from meshreel.formats.meshes.ply import read_ply
 from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
-from samples.surfaces import attribute, described, groups, rich_cube, two_cubes
+from samples.surfaces import attribute, rich_cube
 
 
 def triangle(vertex_properties, vertex_rows, face_properties=(), face_row=""):
@@ -77,35 +77,6 @@ def test_error_names_the_line_of_a_color_out_of_range():
         read_ply(data)
 
 
-SURFACES = {
-    "polygons": [],
-    "bytes": [attribute(Kind.COLOR, "vertex", 4, np.uint8)],
-    "texture": [attribute(Kind.UV, "vertex", 2)],
-    "corners": [attribute(Kind.UV, "corner", 2, np.float64)],
-    "all": [
-        attribute(Kind.COLOR, "vertex", 3),
-        attribute(Kind.UV, "vertex", 2, np.float64),
-        attribute(Kind.OTHER, "vertex", 1, np.uint8, name="quality"),
-        attribute(Kind.OTHER, "vertex", 1, np.int32, name="flags"),
-        attribute(Kind.COLOR, "face", 4, np.uint8),
-        attribute(Kind.OTHER, "face", 1, np.float64, name="area"),
-        attribute(Kind.UV, "corner", 2),
-    ],
-}
-
-
-@pytest.mark.parametrize("name", SURFACES)
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_ply_surface_round_trips(tmp_path, name, dtype):
-    sequence, notes = rich_cube(attributes=SURFACES[name], dtype=dtype), []
-    save(sequence, tmp_path / "f_%d.ply", notes=notes)
-    found = load(tmp_path)
-    assert described(found.surface) == described(sequence.surface)
-    np.testing.assert_array_equal(found.vertices, sequence.vertices, strict=True)
-    np.testing.assert_array_equal(found.faces, sequence.faces)
-    assert notes == []
-
-
 def test_indexed_values_are_expanded(tmp_path):
     color = attribute(Kind.COLOR, "vertex", 3, np.uint8, rows=3)
     (path,) = save(rich_cube(1, attributes=[color]), tmp_path / "f.ply")
@@ -122,35 +93,3 @@ def test_faces_may_have_more_than_255_corners(tmp_path):
     disc = type(cube)(vertices[np.newaxis], fan, surface=surface)
     (path,) = save(disc, tmp_path / "f.ply")
     assert load(path).surface.face_sizes.tolist() == [300]
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        attribute(Kind.OTHER, "vertex", 2, name="weights"),
-        attribute(Kind.OTHER, "vertex", 1, name="two words"),
-        attribute(Kind.OTHER, "vertex", 1, name="nx"),
-        attribute(Kind.OTHER, "corner", 1, name="weights"),
-        attribute(Kind.COLOR, "corner", 3),
-        attribute(Kind.UV, "face", 2),
-        attribute(Kind.UV, "vertex", 3),
-    ],
-)
-def test_save_notes_attributes_that_ply_cannot_store(tmp_path, other):
-    notes = []
-    (path,) = save(rich_cube(1, attributes=[other]), tmp_path / "f.ply", notes=notes)
-    assert load(path).surface.attributes == ()
-    assert notes == [
-        f"left out, as .ply files cannot store it: {other.name!r} ({other.kind}) of each "
-        f"{other.domain}"
-    ]
-
-
-def test_save_notes_groups_and_parts_for_ply(tmp_path):
-    notes = []
-    save(rich_cube(1, groups=[groups("material", "a", [0] * 7)]), tmp_path / "a.ply", notes=notes)
-    save(two_cubes(1), tmp_path / "b.ply", notes=notes)
-    assert notes == [
-        "left out, as .ply files cannot store it: groups 'material'",
-        "left out, as .ply files cannot store it: the names of 2 parts",
-    ]

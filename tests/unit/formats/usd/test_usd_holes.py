@@ -1,11 +1,14 @@
 """Holes and subdivision cages of USD meshes."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from samples.opening import open_same_faces
+from samples.usd import mesh
 
 STRIP = """point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)]
 int[] faceVertexCounts = [4, 3, 3]
@@ -27,22 +30,13 @@ def GeomSubset "right" {
 }"""
 
 
-@pytest.fixture
-def mesh_file(tmp_path):
-    """A function that writes a mesh with the given lines, and returns its file."""
-
-    def write(lines):
-        path = tmp_path / "a.usda"
-        path.write_text(f'#usda 1.0\ndef Mesh "m" {{\n{lines}\n}}\n')
-        return path
-
-    return write
+strip = partial(mesh, points=STRIP, faces="")
 
 
 @pytest.mark.parametrize("holes", ["[1]", "[1, 1]", "[1, -1, 3, 99]"])
-def test_load_removes_faces_that_are_holes(mesh_file, holes):
+def test_load_removes_faces_that_are_holes(stage_file, holes):
     notes = []
-    found = load(mesh_file(f"{STRIP}\nint[] holeIndices = {holes}"), notes=notes)
+    found = load(stage_file(strip(f"int[] holeIndices = {holes}")), notes=notes)
     np.testing.assert_array_equal(found.surface.face_sizes, [4, 3])
     np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3], [1, 5, 2]])
     assert found.n_verts == 6
@@ -50,10 +44,10 @@ def test_load_removes_faces_that_are_holes(mesh_file, holes):
 
 
 @pytest.mark.parametrize("is_reversed", [False, True])
-def test_load_removes_attributes_of_holes(mesh_file, is_reversed):
+def test_load_removes_attributes_of_holes(stage_file, is_reversed):
     orientation = "leftHanded" if is_reversed else "rightHanded"
-    lines = f'{STRIP}{PROPERTIES}\nuniform token orientation = "{orientation}"'
-    found = load(mesh_file(f"{lines}\nint[] holeIndices = [1]")).surface
+    lines = f'{PROPERTIES}\nuniform token orientation = "{orientation}"'
+    found = load(stage_file(strip(f"{lines}\nint[] holeIndices = [1]"))).surface
     values = {one.name: one.per_item() for one in found.attributes}
     heat = [0, 3, 2, 1, 7, 9, 8] if is_reversed else [0, 1, 2, 3, 7, 8, 9]
     np.testing.assert_array_equal(values["tag"][:, 0], [10, 12])
@@ -66,13 +60,13 @@ def test_load_removes_attributes_of_holes(mesh_file, is_reversed):
     ]
 
 
-def test_load_rejects_a_mesh_with_only_holes(mesh_file):
+def test_load_rejects_a_mesh_with_only_holes(stage_file):
     with pytest.raises(FormatError, match="mesh /m has 3 faces, and all of them are holes"):
-        load(mesh_file(f"{STRIP}\nint[] holeIndices = [0, 1, 2]"))
+        load(stage_file(strip("int[] holeIndices = [0, 1, 2]")))
 
 
-def test_load_names_the_frame_where_holes_change(mesh_file):
-    path = mesh_file(f"{STRIP}\nint[] holeIndices.timeSamples = {{ 0: [1], 1: [] }}")
+def test_load_names_the_frame_where_holes_change(stage_file):
+    path = stage_file(strip("int[] holeIndices.timeSamples = { 0: [1], 1: [] }"))
     with pytest.raises(InvalidInputError, match="frame 1 of /m has 3 faces; expected 2"):
         open_same_faces(path)
 
@@ -81,15 +75,14 @@ def test_load_names_the_frame_where_holes_change(mesh_file):
     ("scheme", "is_noted"),
     [("catmullClark", True), ("loop", True), ("none", False), (None, True)],
 )
-def test_load_notes_that_it_reads_the_cage_of_a_subdivision_surface(mesh_file, scheme, is_noted):
+def test_load_notes_that_it_reads_the_cage_of_a_subdivision_surface(stage_file, scheme, is_noted):
     notes = []
-    lines = f'\nuniform token subdivisionScheme = "{scheme}"' if scheme else ""
-    load(mesh_file(STRIP + lines), notes=notes)
+    lines = f'uniform token subdivisionScheme = "{scheme}"' if scheme else ""
+    load(stage_file(strip(lines)), notes=notes)
     assert ("left out: subdivision, whose cages are read: /m" in notes) == is_noted
 
 
-def test_load_notes_several_subdivision_surfaces_in_one_sentence(tmp_path):
-    path, notes = tmp_path / "a.usda", []
-    path.write_text(f'#usda 1.0\ndef Mesh "m" {{\n{STRIP}\n}}\ndef Mesh "n" {{\n{STRIP}\n}}\n')
-    load(path, merge=True, notes=notes)
+def test_load_notes_several_subdivision_surfaces_in_one_sentence(stage_file):
+    notes = []
+    load(stage_file(strip() + strip(name="n")), merge=True, notes=notes)
     assert notes == ["left out: subdivision, whose cages are read: /m, /n"]

@@ -8,12 +8,12 @@ from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.model.surface import Domain
+from samples import usd
 from samples.opening import open_same_faces
 
 pytest.importorskip("pxr")
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 3]], np.float64)
-FACES = "int[] faceVertexCounts = [4]\nint[] faceVertexIndices = [0, 1, 2, 3]"
 CORNERS = [[0, 1, 2], [0, 2, 3]]
 ROTATION = (0.5, 0.5, 0.5, 0.5)
 """Quaternion w, x, y, z of 120 degrees about (1, 1, 1): x becomes y, y becomes z, z becomes x."""
@@ -24,7 +24,7 @@ def points(rows=POINTS):
 
 
 def mesh(more="", name="m", stored=None):
-    return f'def Mesh "{name}" {{\n{points() if stored is None else stored}\n{FACES}\n{more}\n}}\n'
+    return usd.mesh(more, name=name, points=points() if stored is None else stored)
 
 
 def translated(translate, name="xform", body="", more=""):
@@ -42,20 +42,8 @@ def instancer(arrays, body, prototypes=("/many/m",), name="many", metadata=""):
     )
 
 
-@pytest.fixture
-def stage_file(tmp_path):
-    """A function that writes a stage without its header, and returns its file."""
-
-    def write(body, name="a.usda"):
-        path = tmp_path / name
-        path.write_text(f"#usda 1.0\n(\n)\n{body}")
-        return path
-
-    return write
-
-
 def translated_copies(*offsets, of=POINTS):
-    return np.concatenate([of + np.asarray(one, np.float64) for one in offsets])
+    return np.concatenate([of + np.asarray(offset, np.float64) for offset in offsets])
 
 
 THREE = "int[] protoIndices = [0, 0, 0]\npoint3f[] positions = [(0, 0, 0), (5, 0, 0), (0, 7, 0)]"
@@ -67,7 +55,7 @@ def test_load_bakes_the_instances_of_a_prototype_mesh(stage_file):
     found = load(stage_file(instancer(THREE, mesh())), notes=notes)
     assert (found.name, found.n_frames, found.dtype) == ("m", 1, np.float32)
     np.testing.assert_allclose(found.vertices[0], translated_copies(*OFFSETS), atol=1e-6)
-    expected = [[corner + 4 * one for corner in face] for one in range(3) for face in CORNERS]
+    expected = [[corner + 4 * number for corner in face] for number in range(3) for face in CORNERS]
     assert found.faces.tolist() == expected
     assert notes[0] == "baked 3 instances into one mesh per prototype mesh"
 

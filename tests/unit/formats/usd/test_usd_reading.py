@@ -5,38 +5,21 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
-from samples.opening import open_same_faces, open_source
+from samples.opening import open_source
+from samples.usd import POINTS, QUAD, mesh
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
-POINTS = "point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]"
 MOVING = """point3f[] points.timeSamples = {
     %s: [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
     %s: [(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)],
     %s: [(0, 0, 2), (1, 0, 2), (1, 1, 2), (0, 1, 2)],
 }"""
-QUAD = "int[] faceVertexCounts = [4]\nint[] faceVertexIndices = [0, 1, 2, 3]"
 TRANSLATED = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
-
-
-def mesh(points=POINTS, faces=QUAD, more="", name="m"):
-    return f'def Mesh "{name}" {{\n{points}\n{faces}\n{more}\n}}\n'
-
-
-@pytest.fixture
-def stage_file(tmp_path):
-    """A function that writes a stage without its header, and returns its file."""
-
-    def write(body, header="", name="a.usda"):
-        path = tmp_path / name
-        path.write_text(f"#usda 1.0\n(\n{header}\n)\n{body}")
-        return path
-
-    return write
 
 
 def test_load_reads_points_at_their_samples(stage_file):
     header = "timeCodesPerSecond = 30"
-    found = load(stage_file(mesh(MOVING % (1001, 1002, 1003)), header))
+    found = load(stage_file(mesh(points=MOVING % (1001, 1002, 1003)), header))
     expected = (
         SQUARE + np.array([0, 0, 1], np.float32) * np.arange(3, dtype=np.float32)[:, None, None]
     )
@@ -60,12 +43,12 @@ def test_load_reads_points_at_their_samples(stage_file):
     ],
 )
 def test_load_derives_the_frame_rate_from_even_samples(stage_file, codes, header, fps, start_s):
-    found = load(stage_file(mesh(MOVING % codes), header))
+    found = load(stage_file(mesh(points=MOVING % codes), header))
     assert (found.fps, found.start_s, found.n_frames) == (fps, start_s, 3)
 
 
 def test_load_keeps_samples_of_points_with_a_requested_rate(stage_file):
-    found = load(stage_file(mesh(MOVING % (0, 1, 2))), fps=50)
+    found = load(stage_file(mesh(points=MOVING % (0, 1, 2))), fps=50)
     assert (found.fps, found.n_frames) == (50, 3)
 
 
@@ -75,7 +58,7 @@ def test_load_keeps_samples_of_points_with_a_requested_rate(stage_file):
     + [("framesPerSecond", rate) for rate in ("inf", "1e7")],
 )
 def test_load_rejects_invalid_rates(stage_file, key, rate):
-    stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 24", name="layer.usda")
+    stage_file(mesh(points=MOVING % (0, 1, 2)), "timeCodesPerSecond = 24", name="layer.usda")
     path = stage_file("", f"subLayers = [@./layer.usda@]\n{key} = {rate}")
     with pytest.raises(FormatError, match=f"a.usda: has .* as {key}; expected 0.001 to 1e"):
         load(path)
@@ -101,14 +84,14 @@ IN_A_VARIANT = """def "m" (
     ],
 )
 def test_load_rejects_invalid_rates_of_referenced_layers(stage_file, header, body):
-    stage_file(mesh(MOVING % (0, 1, 2)), "timeCodesPerSecond = 0", name="layer.usda")
+    stage_file(mesh(points=MOVING % (0, 1, 2)), "timeCodesPerSecond = 0", name="layer.usda")
     with pytest.raises(FormatError, match=r"has 0 as timeCodesPerSecond; .* \(layer.usda\)"):
         load(stage_file(body, header))
 
 
 def test_load_fills_frames_between_sparse_samples(stage_file):
     notes = []
-    found = load(stage_file(mesh(MOVING % (1, 2, 4))), notes=notes)
+    found = load(stage_file(mesh(points=MOVING % (1, 2, 4))), notes=notes)
     np.testing.assert_array_equal(found.vertices[:, 0, 2], [0, 1, 1.5, 2])
     assert any("3 samples" in note and "4 frames" in note for note in notes)
 
@@ -162,7 +145,7 @@ def test_load_interpolates_rotations_between_keys(stage_file, header, fps, n_fra
 
 @pytest.mark.parametrize("fps", [None, 50])
 def test_load_keeps_the_frames_of_a_cache_below_an_animated_transform(stage_file, fps):
-    path = stage_file(mesh(MOVING % (0, 3, 6), more=ROTATING))
+    path = stage_file(mesh(points=MOVING % (0, 3, 6), more=ROTATING))
     found = load(path, fps=fps)
     assert (found.n_frames, found.fps) == (3, fps or 8.0)
     np.testing.assert_allclose(found.vertices[1, 1], [0.5**0.5, 0.5**0.5, 1], rtol=0, atol=1e-7)
@@ -213,15 +196,8 @@ def test_load_reverses_clockwise_faces(stage_file, more, is_reversed):
     np.testing.assert_array_equal(found.surface.attributes[0].per_item(), SQUARE[order, :2])
 
 
-def test_load_names_the_frame_where_faces_change(stage_file):
-    faces = """int[] faceVertexCounts.timeSamples = { 0: [4], 1: [4], 2: [3] }
-    int[] faceVertexIndices.timeSamples = { 0: [0, 1, 2, 3], 1: [0, 1, 2, 3], 2: [0, 1, 2] }"""
-    with pytest.raises(InvalidInputError, match="frame 2 of /m has 3 corners in face 0"):
-        open_same_faces(stage_file(mesh(MOVING % (0, 1, 2), faces)))
-
-
 def test_load_selects_and_merges_several_meshes(stage_file):
-    path = stage_file(f'def Xform "r" {{ {mesh(MOVING % (0, 1, 2))} {mesh(name="n")} }}')
+    path = stage_file(f'def Xform "r" {{ {mesh(points=MOVING % (0, 1, 2))} {mesh(name="n")} }}')
     with pytest.raises(InvalidInputError, match="holds 2 meshes: /r/m, /r/n"):
         load(path)
     assert (load(path, object="n").n_frames, load(path, object="/r/m").n_frames) == (1, 3)
@@ -231,7 +207,7 @@ def test_load_selects_and_merges_several_meshes(stage_file):
 
 
 def test_load_reads_instances_of_prims(stage_file):
-    body = f"""class "proto" {{ {mesh(MOVING % (0, 1, 2))} }}
+    body = f"""class "proto" {{ {mesh(points=MOVING % (0, 1, 2))} }}
     def Xform "a" (instanceable = true
         references = </proto>) {{ }}
     def Xform "b" (instanceable = true
@@ -246,7 +222,7 @@ def test_load_reads_instances_of_prims(stage_file):
 
 
 def test_load_applies_layer_offset_and_scale(stage_file):
-    stage_file(mesh(MOVING % (1, 2, 3)), 'defaultPrim = "m"', name="layer.usda")
+    stage_file(mesh(points=MOVING % (1, 2, 3)), 'defaultPrim = "m"', name="layer.usda")
     body = 'def "x" (references = @layer.usda@ (offset = 0.1; scale = 2)) { }'
     found = load(stage_file(body, "timeCodesPerSecond = 24"))
     assert found.n_frames == 3
@@ -257,7 +233,7 @@ def test_load_applies_layer_offset_and_scale(stage_file):
 
 def test_load_reads_value_clips(stage_file):
     for number in (1, 2):
-        stage_file(mesh(MOVING % (0, 1, 2)), 'defaultPrim = "m"', name=f"clip{number}.usda")
+        stage_file(mesh(points=MOVING % (0, 1, 2)), 'defaultPrim = "m"', name=f"clip{number}.usda")
     stage_file('over "m" {\npoint3f[] points\n}', 'defaultPrim = "m"', name="manifest.usda")
     clips = """clips = { dictionary default = {
         asset[] assetPaths = [@./clip1.usda@, @./clip2.usda@]
@@ -266,7 +242,7 @@ def test_load_reads_value_clips(stage_file):
         double2[] active = [(0, 0), (3, 1)]
         double2[] times = [(0, 0), (2, 2), (3, 0), (5, 2)]
     } }"""
-    found = load(stage_file(mesh("").replace('"m"', f'"m" ({clips})')))
+    found = load(stage_file(mesh(points="").replace('"m"', f'"m" ({clips})')))
     np.testing.assert_array_equal(found.vertices[:, 0, 2], [0, 1, 2, 0, 1, 2])
 
 
@@ -290,20 +266,6 @@ def test_load_leaves_out_meshes_that_are_not_rendered(stage_file):
         "1 mesh without points or faces, 1 BasisCurves, "
         "1 PointInstancer whose prototypes contain no mesh"
     )
-
-
-def test_load_reads_a_mesh_that_is_visible_at_some_time(stage_file):
-    more = 'token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n'
-    path, notes = stage_file(mesh(more=more + 'uniform token purpose = "render"')), []
-    assert load(path, notes=notes).name == "m"
-    assert "left out: visibility that changes over time: /m" in notes
-
-
-def test_load_notes_cameras_and_lights(stage_file):
-    notes = []
-    body = f'{mesh()}def Camera "c" {{ }}\ndef SphereLight "s" {{ }}\ndef DomeLight "d" {{ }}\n'
-    load(stage_file(body), notes=notes)
-    assert "left out: 1 Camera, 1 SphereLight, 1 DomeLight" in notes
 
 
 @pytest.mark.parametrize(
@@ -345,13 +307,13 @@ EMPTY = """point3f[] points.timeSamples = { 0: [], 1: [(0, 0, 0), (1, 0, 0), (0,
 
 def test_load_names_a_mesh_that_is_empty_in_the_first_frame(stage_file):
     more = f"double3 xformOp:translate = (5, 0, 0)\n{TRANSLATED}"
-    path = stage_file(mesh(EMPTY, "", more))
+    path = stage_file(mesh(more, points=EMPTY, faces=""))
     with pytest.raises(FormatError, match="mesh /m has 0 vertices and 0 faces at time code 0"):
         load(path)
 
 
 def test_load_rereads_a_file_that_has_changed(stage_file):
-    path = stage_file(mesh(MOVING % (0, 1, 2)))
+    path = stage_file(mesh(points=MOVING % (0, 1, 2)))
     source = open_source(path)
     assert source.n_frames == 3
     stage_file(mesh())
@@ -384,7 +346,7 @@ def test_load_rejects_transforms_that_are_not_finite(stage_file, operation, numb
     uniform token[] xformOpOrder = ["xformOp:{operation}"]"""
     points = POINTS.replace("(1, 1, 0)", "(1e38, 1, 0)")
     with pytest.raises(InvalidInputError, match="every position must be finite"):
-        load(stage_file(mesh(points, more=more)))
+        load(stage_file(mesh(more, points=points)))
 
 
 @pytest.mark.parametrize(
@@ -404,7 +366,7 @@ def test_load_rejects_transforms_that_are_not_finite(stage_file, operation, numb
 )
 def test_errors_of_invalid_meshes_name_the_mesh(stage_file, capfd, points, faces, message):
     with pytest.raises((FormatError, InvalidInputError), match=f"a.usda: .*{message}"):
-        load(stage_file(mesh(points, faces)))
+        load(stage_file(mesh(points=points, faces=faces)))
     assert capfd.readouterr().err == ""
 
 

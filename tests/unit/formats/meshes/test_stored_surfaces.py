@@ -1,0 +1,116 @@
+"""Surfaces that OBJ, OFF, PLY and STL files store, and notes on what they cannot store."""
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from meshreel.model.surface import Kind
+from samples.meshes import assert_same_surface
+from samples.surfaces import attribute, groups, rich_cube, two_cubes
+
+BYTES = attribute(Kind.COLOR, "vertex", 4, np.uint8)
+SURFACES = {
+    "obj polygons": {},
+    "obj texture": {"attributes": [attribute(Kind.UV, "corner", 2, rows=9)]},
+    "obj colors": {"attributes": [attribute(Kind.COLOR, "vertex", 3, name="color")]},
+    "obj materials": {"groups": [groups("material", ["a b", "50%", "c"], [-1, 0, 0, 1, -1, 0, 2])]},
+    "obj all": {
+        "attributes": [
+            attribute(Kind.UV, "corner", 2, rows=40),
+            attribute(Kind.COLOR, "vertex", 3, name="color"),
+        ],
+        "groups": [
+            groups("material", ["m", "n"], [0, 0, 1, 1, 1, 0, 0]),
+            groups("group", ["g"], [0, 0, 0, -1, -1, -1, 0]),
+            groups("object", ["x", "y"], [0, 0, 1, 1, 0, 0, 0]),
+        ],
+    },
+    "off polygons": {},
+    "off bytes": {"attributes": [BYTES]},
+    "off floats": {"attributes": [attribute(Kind.COLOR, "vertex", 3)]},
+    "off faces": {"attributes": [attribute(Kind.COLOR, "face", 3, np.uint8)]},
+    "off all": {
+        "attributes": [
+            attribute(Kind.COLOR, "vertex", 3, np.uint8),
+            attribute(Kind.UV, "vertex", 2),
+            attribute(Kind.COLOR, "face", 4),
+        ]
+    },
+    "ply polygons": {},
+    "ply bytes": {"attributes": [BYTES]},
+    "ply texture": {"attributes": [attribute(Kind.UV, "vertex", 2)]},
+    "ply corners": {"attributes": [attribute(Kind.UV, "corner", 2, np.float64)]},
+    "ply all": {
+        "attributes": [
+            attribute(Kind.COLOR, "vertex", 3),
+            attribute(Kind.UV, "vertex", 2, np.float64),
+            attribute(Kind.OTHER, "vertex", 1, np.uint8, name="quality"),
+            attribute(Kind.OTHER, "vertex", 1, np.int32, name="flags"),
+            attribute(Kind.COLOR, "face", 4, np.uint8),
+            attribute(Kind.OTHER, "face", 1, np.float64, name="area"),
+            attribute(Kind.UV, "corner", 2),
+        ]
+    },
+}
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_surface_round_trips_in_every_frame(tmp_path, name, dtype):
+    extension = name.split()[0]
+    sequence, notes = rich_cube(**SURFACES[name], dtype=dtype), []
+    paths = save(sequence, tmp_path / f"f_%d.{extension}", notes=notes)
+    expected = sequence.vertices if extension == "ply" else sequence.vertices.astype(np.float32)
+    for number, path in enumerate(paths):
+        found = load(path)
+        assert_same_surface(found.surface, sequence.surface)
+        np.testing.assert_array_equal(found.vertices[0], expected[number], strict=True)
+        np.testing.assert_array_equal(found.faces, sequence.faces)
+    assert_same_surface(load(tmp_path).surface, sequence.surface)
+    assert notes == []
+
+
+MATERIAL = groups("material", "a", [0] * 7)
+UNSUPPORTED = [
+    (
+        "obj",
+        rich_cube(
+            1,
+            attributes=[attribute(Kind.OTHER, "vertex", 2, name="weight")],
+            groups=[groups("skin", ["a"], [0] * 7)],
+        ),
+        "'weight' (other) of each vertex, groups 'skin'",
+    ),
+    (
+        "off",
+        rich_cube(1, attributes=[attribute(Kind.UV, "corner", 2, rows=4)], groups=[MATERIAL]),
+        "'uv' (uv) of each corner, groups 'material'",
+    ),
+    ("off", two_cubes(1), "the names of 2 parts"),
+    ("stl", rich_cube(1), "faces with more than three corners, which are triangulated"),
+    ("ply", rich_cube(1, groups=[MATERIAL]), "groups 'material'"),
+    ("ply", two_cubes(1), "the names of 2 parts"),
+    *(
+        ("ply", rich_cube(1, attributes=[other]), f"{other.name!r} ({other.kind}) of each {domain}")
+        for domain, other in (
+            ("vertex", attribute(Kind.OTHER, "vertex", 2, name="weights")),
+            ("vertex", attribute(Kind.OTHER, "vertex", 1, name="two words")),
+            ("vertex", attribute(Kind.OTHER, "vertex", 1, name="nx")),
+            ("corner", attribute(Kind.OTHER, "corner", 1, name="weights")),
+            ("corner", attribute(Kind.COLOR, "corner", 3)),
+            ("face", attribute(Kind.UV, "face", 2)),
+            ("vertex", attribute(Kind.UV, "vertex", 3)),
+        )
+    ),
+]
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize(("extension", "sequence", "words"), UNSUPPORTED)
+def test_save_notes_what_a_format_cannot_store(tmp_path, extension, sequence, words):
+    notes = []
+    [path] = save(sequence, tmp_path / f"a.{extension}", notes=notes)
+    assert load(path).surface.attributes == ()
+    assert notes == [f"left out, as .{extension} files cannot store it: {words}"]
