@@ -4,6 +4,16 @@ import pytest
 
 QUAD = "int[] faceVertexCounts = [4]\nint[] faceVertexIndices = [0, 1, 2, 3]"
 POINTS = "point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]"
+RIGID = """int[] primvars:skel:jointIndices = [%d] (
+elementSize = 1
+interpolation = "constant"
+)
+float[] primvars:skel:jointWeights = [1] (
+elementSize = 1
+interpolation = "constant"
+)
+"""
+"""Binding of all points to a joint."""
 
 
 def mesh(more="", *, points=POINTS, faces=QUAD, name="m"):

@@ -5,42 +5,28 @@ docs/guides/vertex_textures.md. Vectors come back in the axes and units of the g
 """
 
 import json
-import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from meshreel.formats.vat.textures import read_texture
+from samples.glb import Glb
 
 F = np.float32
 
 
 def read_glb(path):
     """The attributes of the first mesh, its primitives joined, its triangles, and its node."""
-    data = Path(path).read_bytes()
-    assert data[:4] == b"glTF"
-    size = struct.unpack("<I", data[12:16])[0]
-    document, binary = json.loads(data[20 : 20 + size]), data[28 + size :]
-
-    def values(number):
-        accessor = document["accessors"][number]
-        view = document["bufferViews"][accessor["bufferView"]]
-        dtype = {5126: "<f4", 5123: "<u2", 5125: "<u4", 5121: "<u1"}[accessor["componentType"]]
-        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor["type"]]
-        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        item = np.dtype(dtype).itemsize
-        stride = view.get("byteStride", width * item)
-        return np.ndarray((accessor["count"], width), dtype, binary, start, (stride, item)).copy()
-
+    file = Glb.read(Path(path).read_bytes())
     blocks, triangles, n_verts = [], [], 0
-    for primitive in document["meshes"][0]["primitives"]:
-        block = {name: values(number) for name, number in primitive["attributes"].items()}
-        triangles.append(values(primitive["indices"]).reshape(-1, 3).astype(int) + n_verts)
+    for primitive in file.document["meshes"][0]["primitives"]:
+        block = {name: file.array(number) for name, number in primitive["attributes"].items()}
+        triangles.append(file.array(primitive["indices"]).reshape(-1, 3).astype(int) + n_verts)
         n_verts += len(block["POSITION"])
         blocks.append(block)
     joined = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-    return joined, np.concatenate(triangles), document["nodes"][0]
+    return joined, np.concatenate(triangles), file.document["nodes"][0]
 
 
 def texels_at(image, u, v):

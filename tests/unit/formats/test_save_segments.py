@@ -191,8 +191,8 @@ def test_vtk_reads_the_mesh_of_each_step(textured, tmp_path):
         reader.SetStep(number)
         reader.Update()
         mesh = reader.GetOutput()
-        segment = textured.segments[segment_of_frame(textured.starts, number)[0]]
-        local = number - textured.starts[segment_of_frame(textured.starts, number)[0]]
+        segment_number, local = segment_of_frame(textured.starts, number)
+        segment = textured.segments[segment_number]
         np.testing.assert_array_equal(vtk_to_numpy(mesh.GetPoints().GetData()), frame.vertices)
         corners = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray())
         np.testing.assert_array_equal(corners.reshape(-1, 3), frame.faces)
@@ -323,10 +323,8 @@ def test_usd_has_the_faces_and_primvars_of_each_frame(textured, tmp_path):
     mesh, primvars = geometry.Mesh(prim), geometry.PrimvarsAPI(prim)
     first = stage.GetStartTimeCode()
     for number, frame in enumerate(textured):
-        segment, code = (
-            textured.segments[segment_of_frame(textured.starts, number)[0]],
-            first + number,
-        )
+        segment = textured.segments[segment_of_frame(textured.starts, number)[0]]
+        code = first + number
         np.testing.assert_array_equal(mesh.GetPointsAttr().Get(code), frame.vertices)
         corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(code)).reshape(-1, 3)
         np.testing.assert_array_equal(corners, frame.faces)

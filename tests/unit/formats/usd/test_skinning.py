@@ -5,6 +5,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
+from samples.usd import RIGID
 
 REST = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0]], np.float64)
 UPPER = np.array([0, 0.25, 1, 0.5])  # weights of the upper joint
@@ -128,16 +129,7 @@ def test_load_applies_blend_shapes_without_joint_weights(skinned_file):
 
 
 def test_load_skins_rigidly_with_constant_weights(skinned_file):
-    rigid = """
-    int[] primvars:skel:jointIndices = [1] (
-        elementSize = 1
-        interpolation = "constant"
-    )
-    float[] primvars:skel:jointWeights = [1] (
-        elementSize = 1
-        interpolation = "constant"
-    )"""
-    found = load(skinned_file(rigid))
+    found = load(skinned_file(RIGID % 1))
     np.testing.assert_array_equal(found.vertices[-1], REST + np.array([4, 0, 10]))
 
 

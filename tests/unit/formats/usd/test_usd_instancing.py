@@ -249,16 +249,7 @@ def SkelAnimation "animation" {
 %s
 }
 """
-    binding = """rel skel:skeleton = <../skeleton>
-int[] primvars:skel:jointIndices = [0] (
-elementSize = 1
-interpolation = "constant"
-)
-float[] primvars:skel:jointWeights = [1] (
-elementSize = 1
-interpolation = "constant"
-)
-"""
+    binding = f"rel skel:skeleton = <../skeleton>\n{usd.RIGID % 0}"
     bound = mesh(binding).replace('"m"', '"m" (prepend apiSchemas = ["SkelBindingAPI"])')
     body = f'{specifier} "Library" {{\n{skinned % bound}}}\n'
     path = stage_file(body + instancer(THREE, "", ["/Library/root"]))
