@@ -11,7 +11,7 @@ from alembic3d import Abc, AbcGeom
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.surface import Domain
+from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import Track, domain_sizes
 from samples import alembic as sample
 from samples.meshes import quad_sheet
@@ -104,11 +104,19 @@ def test_constant_parameters_become_attributes(tmp_path):
     values = np.tile(RNG.random(6).astype(np.float32), (N_FRAMES, 1))
 
     def fill(schema, samplings):
-        add_param(schema.getArbGeomParams(), "Float", "heat", values, "Vertex", samplings[0.1])
+        parent = schema.getArbGeomParams()
+        add_param(parent, "Float", "heat", values, "Vertex", samplings[0.1])
+        add_param(parent, "Float", "weight", values[:1], "Vertex", samplings[0.1])
+        add_param(
+            parent, "Float", "speed", values * np.float32([[1], [2], [3]]), "Vertex", samplings[0.1]
+        )
 
     found = load(file_with(tmp_path / "a.abc", fill))
-    assert found.tracks == {}
-    assert [one.name for one in found.surface.attributes] == ["heat"]
+    assert list(found.tracks) == ["speed"]
+    assert [attribute.name for attribute in found.surface.attributes] == ["heat", "weight"]
+    for attribute in found.surface.attributes:
+        assert (attribute.kind, attribute.domain) == (Kind.OTHER, Domain.VERTEX)
+        np.testing.assert_array_equal(attribute.values, values[0][:, np.newaxis])
 
 
 def test_values_are_interpolated_at_frames_between_samples(tmp_path):

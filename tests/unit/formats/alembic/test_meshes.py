@@ -4,7 +4,6 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.model.geometry.polygons import join_fans
-from meshreel.model.surface import Domain, Kind
 from samples import alembic as sample
 from samples.opening import open_same_faces, open_source
 
@@ -114,22 +113,6 @@ def test_load_explains_how_to_convert_an_hdf5_archive(tmp_path):
         load(tmp_path / "a.abc")
 
 
-def test_constant_properties_are_attributes_and_animated_ones_tracks(tmp_path):
-    mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
-    add_floats(mesh, "speed", [np.arange(6), np.arange(6) * 2])
-    add_floats(mesh, "weight", [np.arange(6)])
-    del mesh
-    found = load(tmp_path / "a.abc")
-    [attribute] = found.surface.attributes
-    assert (attribute.name, attribute.kind, attribute.domain) == (
-        "weight",
-        Kind.OTHER,
-        Domain.VERTEX,
-    )
-    np.testing.assert_array_equal(attribute.values, np.arange(6, dtype=np.float32)[:, np.newaxis])
-    assert list(found.tracks) == ["speed"]
-
-
 def test_overlapping_face_sets_become_separate_groups(tmp_path):
     mesh = sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
     for name, faces in (("red", [0]), ("blue", [1]), ("all", [0, 1])):
@@ -156,15 +139,6 @@ def test_open_source_detects_that_the_file_changed(tmp_path):
     path.write_bytes(data[:100])
     with pytest.raises(InvalidInputError, match=r"a\.abc changed after it was first read"):
         found.read(0, 1)
-
-
-def add_floats(mesh, name, samples):
-    parent = mesh.getSchema().getArbGeomParams()
-    scope = sample.AbcGeom.GeometryScope.kVertexScope
-    param = sample.AbcGeom.OFloatGeomParam(parent, name, False, scope, 1)
-    for values in samples:
-        array = sample.imath.FloatArrayFromBuffer(values.astype(np.float32))
-        param.set(sample.AbcGeom.OFloatGeomParamSample(array, scope))
 
 
 def write_late_transform(path):

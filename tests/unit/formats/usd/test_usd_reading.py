@@ -47,11 +47,6 @@ def test_load_derives_the_frame_rate_from_even_samples(stage_file, codes, header
     assert (found.fps, found.start_s, found.n_frames) == (fps, start_s, 3)
 
 
-def test_load_keeps_samples_of_points_with_a_requested_rate(stage_file):
-    found = load(stage_file(mesh(points=MOVING % (0, 1, 2))), fps=50)
-    assert (found.fps, found.n_frames) == (50, 3)
-
-
 @pytest.mark.parametrize(
     ("key", "rate"),
     [("timeCodesPerSecond", rate) for rate in ("0", "-24", "nan", "inf", "1e-300", "1e7")]
