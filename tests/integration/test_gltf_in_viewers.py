@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.formats.gltf.seams import split_at_seams
+from meshreel.formats.gltf.mesh_writer import split_at_seams
 from meshreel.formats.gltf.write import write_glb, write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions

@@ -1,20 +1,131 @@
-"""Animations of a glTF file: curves by node and property, and world transforms of the nodes."""
+"""Animations of a glTF file: their selection, curves by node, and transforms of nodes."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
+from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.interpolation import Curve, Interpolation, unit
-from meshreel.formats.gltf.json_object import JsonObject
-from meshreel.formats.gltf.nodes import Nodes
+from meshreel.formats.gltf.document import JsonObject
+from meshreel.formats.gltf.nodes import Nodes, unique_names
 from meshreel.formats.gltf.primitives import count_targets
+from meshreel.formats.notes import listed, note_left_out
+
+MIN_ARC_RAD = 1e-6
+"""Angle between rotations below which linear interpolation replaces the spherical one."""
+
+
+class Interpolation(StrEnum):
+    """Interpolation modes of glTF."""
+
+    LINEAR = "LINEAR"
+    STEP = "STEP"
+    CUBICSPLINE = "CUBICSPLINE"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Keyframes of a property.
+
+    Attributes
+    ----------
+    keys_s : float64 array of shape (N,)
+        Key times, ascending, at least one.
+    values : float64 array of shape (N, C)
+    interpolation : Interpolation
+    tangents : tuple of two float64 arrays of shape (N, C), optional
+        In-tangents and out-tangents of a cubic spline.
+    is_rotation : bool
+        Whether values are quaternions.
+    """
+
+    keys_s: Floats
+    values: Floats
+    interpolation: Interpolation
+    tangents: tuple[Floats, Floats] | None = None
+    is_rotation: bool = False
+
+    @property
+    def is_curved(self) -> bool:
+        """Whether values between two keys are not on the straight line between them."""
+        if len(self.keys_s) == 1 or self.interpolation is Interpolation.STEP:
+            return False
+        return self.is_rotation or self.interpolation is Interpolation.CUBICSPLINE
+
+    def at(self, times_s: Floats) -> Floats:
+        """Return the values at times of shape (T,), as (T, C), constant beyond the keys."""
+        last = len(self.keys_s) - 1
+        before = np.clip(np.searchsorted(self.keys_s, times_s, "right") - 1, 0, last)
+        after = np.minimum(before + 1, last)
+        if self.interpolation is Interpolation.STEP:
+            return self._unit(self.values[before])
+        span = self.keys_s[after] - self.keys_s[before]
+        elapsed = times_s - self.keys_s[before]
+        weight = np.clip(elapsed / np.where(span > 0, span, np.inf), 0, 1)[:, np.newaxis]
+        first, second = self.values[before], self.values[after]
+        if self.tangents is not None:
+            in_tangents, out_tangents = self.tangents[0][after], self.tangents[1][before]
+            span = span[:, np.newaxis]
+            return self._unit(
+                hermite(first, span * out_tangents, second, span * in_tangents, weight)
+            )
+        if self.is_rotation:
+            return self._unit(slerp(first, second, weight))
+        return (1 - weight) * first + weight * second
+
+    def _unit(self, values: Floats) -> Floats:
+        return unit(values) if self.is_rotation else values
+
+
+def hermite(
+    first: Floats, out_tangent: Floats, second: Floats, in_tangent: Floats, s: Floats
+) -> Floats:
+    """Return values of a cubic spline at parameters s from 0 to 1, all of shape (T, C).
+
+    Tangents are scaled by the interval between the keys.
+    """
+    return (
+        (2 * s**3 - 3 * s**2 + 1) * first
+        + (s**3 - 2 * s**2 + s) * out_tangent
+        + (3 * s**2 - 2 * s**3) * second
+        + (s**3 - s**2) * in_tangent
+    )
+
+
+def slerp(first: Floats, second: Floats, weight: Floats) -> Floats:
+    """Return rotations interpolated spherically along the shorter arc, of shape (T, 4).
+
+    Parameters
+    ----------
+    first, second : float64 arrays of shape (T, 4)
+        Unit quaternions.
+    weight : float64 array of shape (T, 1)
+    """
+    cosine = (first * second).sum(axis=1, keepdims=True)
+    nearer = np.where(cosine < 0, -second, second)
+    # From the chord, which is accurate for small angles, unlike the arc cosine.
+    chord = np.linalg.norm(nearer - first, axis=1, keepdims=True)
+    angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
+    is_arc = angle > MIN_ARC_RAD
+    sine = np.where(is_arc, np.sin(angle), 1)
+    before = np.where(is_arc, np.sin((1 - weight) * angle) / sine, 1 - weight)
+    after = np.where(is_arc, np.sin(weight * angle) / sine, weight)
+    interpolated: Floats = before * first + after * nearer
+    return interpolated
+
+
+def unit(quaternions: Floats) -> Floats:
+    """Return quaternions of shape (T, 4) with length 1; identity where all components are 0."""
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return np.where(lengths > 0, quaternions / np.where(lengths > 0, lengths, 1), [0.0, 0, 0, 1])
+
 
 VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
 
@@ -265,3 +376,159 @@ def rotation_matrices(quaternions: Floats) -> Matrices:
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), 2, 0)
+
+
+MAX_LISTED = 10
+"""Maximum number of animation names in a message."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """An animation with its keys and values.
+
+    Attributes
+    ----------
+    keys_s : float64 array of shape (N,)
+        Key times of all channels, ascending; empty if the animation targets no node.
+    curves : Curves
+        Curves of the channels that move a mesh.
+    """
+
+    keys_s: Floats
+    curves: Curves
+
+
+class Clips:
+    """The animations of a file.
+
+    Parameters
+    ----------
+    nodes : Nodes
+    accessors : Accessors
+    moves_mesh : function of a channel
+        Returns whether it moves a mesh that is read.
+
+    Attributes
+    ----------
+    names : list of str
+        Unique names of the animations; "animation_N" for unnamed ones.
+    """
+
+    def __init__(
+        self, nodes: Nodes, accessors: Accessors, moves_mesh: Callable[[Channel], bool]
+    ) -> None:
+        self._nodes, self._accessors, self._moves_mesh = nodes, accessors, moves_mesh
+        self._animations = accessors.document.lists["animations"]
+        stored = [one.values.get("name") for one in self._animations]
+        self.names: list[str] = unique_names(
+            [
+                name if isinstance(name, str) and name else f"animation_{number}"
+                for number, name in enumerate(stored)
+            ]
+        )
+
+    def read(self, number: int) -> Clip:
+        """Return the keys and values of an animation.
+
+        Raises
+        ------
+        FormatError
+            If it is malformed.
+        """
+        animation = self._animations[number]
+        animation.text("name", "")
+        channels = read_channels(animation, len(self._nodes.objects))
+        animated = [one for one in channels if self._moves_mesh(one)]
+        keys_s = read_keys(channels, self._accessors) if channels else np.empty(0)
+        return Clip(keys_s, read_curves(animated, self._nodes, self._accessors))
+
+    def describe(self) -> list[AnimationInfo]:
+        """Return every animation with its duration, or the problem of a malformed one."""
+        return [self._describe(number) for number in range(len(self.names))]
+
+    def select(self, wanted: str | int | None, notes: list[str]) -> Clip | None:
+        """Return an animation by name or index, or by default the first that moves a mesh.
+
+        Parameters
+        ----------
+        wanted : str, int or None
+        notes : list of str
+            Gains sentences on malformed animations, and on those not read by default.
+
+        Returns
+        -------
+        Clip, or None if no mesh would move.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such animation.
+        FormatError
+            If the requested animation is malformed.
+        """
+        if wanted is None:
+            return self._first_moving(notes)
+        number = self._index(wanted)
+        clip = self.read(number)
+        if not clip.curves:
+            notes.append(f"the animation {self.names[number]} moves no mesh; read a single frame")
+            return None
+        return clip
+
+    def _first_moving(self, notes: list[str]) -> Clip | None:
+        malformed: dict[str, str] = {}
+        selected = None
+        for number, name in enumerate(self.names):
+            try:
+                clip = self.read(number)
+            except FormatError as error:
+                malformed[name] = str(error)
+                continue
+            if clip.curves:
+                selected = clip
+                if others := [one for one in self.names if one != name and one not in malformed]:
+                    notes.append(
+                        Message(
+                            f"read the animation {name}, not {listed(others, MAX_LISTED)}; choose "
+                            "with ",
+                            Keyword("animation"),
+                        )
+                    )
+                break
+        if malformed:
+            reasons = (f"{name} ({reason})" for name, reason in malformed.items())
+            note_left_out(notes, f"malformed animations: {listed(reasons)}")
+        if selected is None and (unused := [one for one in self.names if one not in malformed]):
+            names = listed(unused, MAX_LISTED)
+            subject = f"animations {names} move" if len(unused) > 1 else f"animation {names} moves"
+            notes.append(f"the {subject} no mesh; read a single frame")
+        return selected
+
+    def _index(self, wanted: str | int) -> int:
+        """Return the index of an animation by name or index."""
+        if wanted in self.names:
+            return self.names.index(str(wanted))
+        if isinstance(wanted, int) or wanted.isdecimal():
+            number = int(wanted)
+            if 0 <= number < len(self.names):
+                return number
+        if not self.names:
+            raise InvalidInputError(
+                f"has no animation {wanted!r}; it contains no animations; omit ",
+                Keyword("animation"),
+            )
+        raise InvalidInputError(
+            f"has no animation {wanted!r}; it contains {listed(self.names, MAX_LISTED)}; choose "
+            f"one of these names, or an index from 0 to {len(self.names) - 1}"
+        )
+
+    def _describe(self, number: int) -> AnimationInfo:
+        name = self.names[number]
+        try:
+            clip = self.read(number)
+        except FormatError as error:
+            return AnimationInfo(name, problem=str(error))
+        if not len(clip.keys_s):
+            return AnimationInfo(name)
+        first, last = float(clip.keys_s[0]), float(clip.keys_s[-1])
+        return AnimationInfo(name, first, last - first, bool(clip.curves))

@@ -10,11 +10,9 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.animation import Matrices, compose
-from meshreel.formats.gltf.document import INSTANCING
+from meshreel.formats.gltf.animation import Matrices, compose, unit
+from meshreel.formats.gltf.document import INSTANCING, JsonObject
 from meshreel.formats.gltf.geometry import Geometry, reversed_triangles
-from meshreel.formats.gltf.interpolation import unit
-from meshreel.formats.gltf.json_object import JsonObject
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.surface import Attribute, Domain, Surface

@@ -4,20 +4,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
-from meshreel.formats.gltf.material_reading import IMAGE_EXTENSIONS, LIT_TEXTURES
-from meshreel.formats.gltf.material_values import (
+from meshreel.formats.gltf.container import BufferWriter, Json
+from meshreel.formats.gltf.materials import (
     ALPHA_CODES,
     FILTER_CODES,
+    IMAGE_EXTENSIONS,
+    LIT_TEXTURES,
     STRENGTH,
     TRANSFORM,
     UNLIT,
     WRAP_CODES,
 )
-from meshreel.formats.gltf.seams import uv_indices
 from meshreel.formats.notes import note_left_out
 from meshreel.model.materials import DEFAULT_MATERIAL, AlphaMode, Image, Material, Texture, Wrap
-from meshreel.model.surface import Surface
+from meshreel.model.surface import Kind, Surface
 
 CORE_TYPES = ("image/png", "image/jpeg")
 EXTENSION_OF = {mime_type: name for name, mime_type in IMAGE_EXTENSIONS.items()}
@@ -290,3 +290,11 @@ def _index_of(items: list[Json], indices: dict[str, int], item: Json) -> int:
         items.append(item)
         indices[key] = len(items) - 1
     return indices[key]
+
+
+def uv_indices(surface: Surface) -> dict[str, int]:
+    """Return the TEXCOORD set index of each UV set, by name."""
+    numbers: dict[str, int] = {}
+    for number, attribute in enumerate(surface.of_kind(Kind.UV)):
+        numbers.setdefault(attribute.name, number)
+    return numbers

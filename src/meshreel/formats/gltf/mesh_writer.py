@@ -1,16 +1,190 @@
-"""Writing a part of a sequence as a glTF mesh: primitives, morph targets and weights."""
+"""Writing a part of a sequence as a glTF mesh, with vertices split at seams."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.gltf.buffer_writer import BufferWriter, Json, VertexValues
+from meshreel.arrays import Integers
+from meshreel.formats.gltf.container import BufferWriter, Json, VertexValues
 from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.morph_mesh import MorphMesh
-from meshreel.formats.gltf.quantized import BYTE, IntegerTargets
-from meshreel.formats.gltf.seams import Primitive, SplitVertices
+from meshreel.formats.gltf.morphs import BYTE, IntegerTargets
+from meshreel.formats.scenes.parts import PartMesh
+from meshreel.model.geometry.polygons import fan_corners
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+
+Rows = npt.NDArray[Any]
+
+MATERIAL = "material"
+"""Name of the face groups that become materials."""
+
+MAX_WIDTH = 4
+"""Maximum number of components of an attribute in glTF."""
+
+
+@dataclass(frozen=True, eq=False)
+class Primitive:
+    """The triangles of one material.
+
+    Attributes
+    ----------
+    material : str, optional
+        None for faces without a material.
+    verts : slice
+        Its vertices among those of the mesh; primitives share no vertices.
+    triangles : int64 array of shape (M, 3)
+        Indices into its own vertices.
+    """
+
+    material: str | None
+    verts: slice
+    triangles: Integers
+
+
+@dataclass(frozen=True, eq=False)
+class SplitVertices:
+    """A mesh whose vertices are split where attribute values or materials differ.
+
+    Attributes
+    ----------
+    sources : int64 array of shape (N,)
+        Original vertex of each vertex.
+    rows : int64 array of shape (N,)
+        Row of its normal in `NormalRows`; the original vertex if no edge is hard.
+    attributes : dict of str to array of shape (N, C)
+        By glTF attribute name.
+    primitives : tuple of Primitive
+    """
+
+    sources: Integers
+    rows: Integers
+    attributes: dict[str, Rows]
+    primitives: tuple[Primitive, ...]
+
+    def with_indices(self, of_vertices: Integers, of_rows: Integers) -> "SplitVertices":
+        """Return the same mesh with new indices of original vertices and normal rows."""
+        return replace(self, sources=of_vertices[self.sources], rows=of_rows[self.rows])
+
+
+def split_at_seams(
+    part: PartMesh, rows_of_corners: npt.NDArray[np.integer] | None = None
+) -> SplitVertices:
+    """Return the vertices that faces use, in their original order within each material.
+
+    Parameters
+    ----------
+    part : PartMesh
+    rows_of_corners : integer array of shape (C,), optional
+        Row of the normal of each corner, if vertices have several. Default: the vertex.
+    """
+    corner_of = fan_corners(part.counts).ravel()
+    items = {
+        Domain.VERTEX: part.corners[corner_of].astype(np.int64),
+        Domain.FACE: np.repeat(np.arange(len(part.counts)), part.counts)[corner_of],
+        Domain.CORNER: corner_of.astype(np.int64),
+    }
+    labels, materials = _materials(part.surface, len(part.counts))
+    named = dict(_named_attributes(part.surface))
+    rows = {name: _distinct_rows(values, items[domain]) for name, (values, domain) in named.items()}
+    normal_rows = items[Domain.VERTEX]
+    if rows_of_corners is not None:
+        normal_rows = np.asarray(rows_of_corners, np.int64)[corner_of]
+    keys = [materials[items[Domain.FACE]], items[Domain.VERTEX], normal_rows]
+    splitting = [rows[name] for name in named if named[name][1] is not Domain.VERTEX]
+    first, new = _unique(keys + splitting)
+    attributes = {
+        name: np.ascontiguousarray(values[items[domain][first]])
+        for name, (values, domain) in named.items()
+    }
+    primitives = tuple(_primitives(keys[0][first], new.reshape(-1, 3), labels))
+    return SplitVertices(items[Domain.VERTEX][first], normal_rows[first], attributes, primitives)
+
+
+def describe_losses(surface: Surface) -> Iterator[str]:
+    """Yield a sentence for everything of a surface that glTF cannot store."""
+    for attribute in surface.of_kind(Kind.COLOR):
+        values, maximum = attribute.values, 1 if attribute.values.dtype.kind == "f" else 255
+        if values.size and (values.min() < 0 or values.max() > maximum):
+            yield f"clipped colors {attribute.name!r} to 0..{maximum}"
+    for attribute in surface.attributes:
+        if _gltf_values(attribute) is None:
+            width, dtype = attribute.values.shape[1], attribute.values.dtype
+            what = f"attribute {attribute.name!r}"
+            yield f"left out {what}: glTF does not support {width} components of {dtype}"
+    for groups in surface.groups:
+        if groups.name != MATERIAL:
+            yield f"left out face groups {groups.name!r}: glTF supports only materials"
+
+
+def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domain]]]:
+    """Yield the glTF names of attributes, with their values in glTF and domain."""
+    numbers = {Kind.UV: 0, Kind.COLOR: 0}
+    for attribute in surface.attributes:
+        if (values := _gltf_values(attribute)) is None:
+            continue
+        if attribute.kind is Kind.OTHER:
+            name = f"_{attribute.name.removeprefix('_')}"
+        else:
+            stem = "TEXCOORD" if attribute.kind is Kind.UV else "COLOR"
+            name = f"{stem}_{numbers[attribute.kind]}"
+            numbers[attribute.kind] += 1
+        yield name, (values, attribute.domain)
+
+
+def _gltf_values(attribute: Attribute) -> Rows | None:
+    """Return the values per item as glTF stores them, or None if it cannot."""
+    values = attribute.per_item()
+    if attribute.kind is Kind.UV:
+        u, v = values[:, 0].astype(np.float64), values[:, 1].astype(np.float64)
+        return np.stack([u, 1 - v], axis=1).astype(np.float32)
+    if attribute.kind is Kind.COLOR:
+        is_float = values.dtype.kind == "f"
+        clipped = values.clip(0, 1 if is_float else 255)
+        return clipped.astype(np.float32 if is_float else np.uint8)
+    is_supported = values.dtype in (np.uint8, np.float32) and values.shape[1] <= MAX_WIDTH
+    return values if is_supported else None
+
+
+def _materials(surface: Surface, n_faces: int) -> tuple[tuple[str | None, ...], Integers]:
+    """Return the labels, and the label index of each face; the last is for no material."""
+    for groups in surface.groups:
+        if groups.name == MATERIAL:
+            numbers = groups.numbers.astype(np.int64)
+            return (*groups.labels, None), np.where(numbers < 0, len(groups.labels), numbers)
+    return (None,), np.zeros(n_faces, np.int64)
+
+
+def _distinct_rows(values: Rows, items: Integers) -> Integers:
+    """Return an index of the value at each triangle corner, equal for equal bits."""
+    bits = np.ascontiguousarray(values + 0).view(
+        f"u{values.itemsize}"
+    )  # + 0 makes -0.0 and 0.0 equal
+    columns = [np.unique(column, return_inverse=True)[1].astype(np.int64) for column in bits.T]
+    return _unique(columns)[1][items]
+
+
+def _unique(keys: list[Integers]) -> tuple[Integers, Integers]:
+    """Return the first position of each distinct combination of keys, sorted, and its index."""
+    number = np.zeros(len(keys[0]), np.int64)
+    for key in keys:
+        joined = number * (int(key.max()) + 1) + key
+        _, first, number = np.unique(joined, return_index=True, return_inverse=True)
+    return first, number
+
+
+def _primitives(
+    materials: Integers, triangles: Integers, labels: tuple[str | None, ...]
+) -> Iterator[Primitive]:
+    """Yield the triangles of each material, whose vertices are contiguous."""
+    of_triangle = materials[triangles[:, 0]]
+    for number in np.unique(materials):
+        low, high = np.searchsorted(materials, [number, number + 1])
+        own = triangles[of_triangle == number] - low
+        yield Primitive(labels[number], slice(int(low), int(high)), own)
+
 
 Values = dict[str, VertexValues]
 

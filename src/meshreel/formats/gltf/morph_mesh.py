@@ -1,32 +1,226 @@
 """A part of a sequence as base mesh and morph targets."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.gltf.morphs import Morphs, fit_fixed_morphs, fit_morphs
-from meshreel.formats.gltf.normal_targets import (
-    LENGTH_ERROR,
-    POSITION_SHARES,
-    NormalChoice,
-    NormalTargets,
-    fit_normals,
-    static_normals,
-    wants_normals,
-)
-from meshreel.formats.gltf.quantized import (
+from meshreel.formats.error_budget import MARGIN
+from meshreel.formats.gltf.morphs import (
+    BYTE,
+    SHORT,
+    IntegerTargets,
+    Morphs,
     Placement,
+    fit_fixed_morphs,
+    fit_morphs,
     max_displacements,
     mean_frame,
+    measure,
     place_frames,
     place_static,
+    project,
 )
+from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces, Vertices
 
-MARGIN = 4e-7
-"""Error that float32 arithmetic may add, relative to the scale of the placement."""
+POSITION_SHARES = (0.98, 0.9)
+"""Fractions of the bound for positions before normals scale targets down, which adds rounding
+errors; the second is tried if the first exceeds the bound."""
+
+LENGTH_ERROR = 0.1
+"""Acceptable root mean square error of unit normals, about 3.5 degrees."""
+
+MAX_CREASED_SHARE = 0.25
+"""Share of creases above which a surface presumably is faceted."""
+
+CREASE_DEG = 60.0
+"""Smallest dihedral turn between two faces whose edge is a crease."""
+
+
+class NormalChoice(Enum):
+    """The meshes that get normals."""
+
+    SMOOTH = "smooth"
+    """Smooth surfaces, with normals animated by as few targets as needed."""
+    ALL = "all"
+    """All surfaces, with normals animated by all targets."""
+    NONE = "none"
+
+
+@dataclass(frozen=True, eq=False)
+class NormalTargets:
+    """Normals of the base mesh, and displacements of normals by morph targets.
+
+    Attributes
+    ----------
+    base : int8 or float32 array of shape (V, 3)
+        Integers if there are targets.
+    targets : int8 array of shape (N, V, 3)
+    numbers : int64 array of shape (N,)
+        Indices of the morph targets with normals.
+    angle_deg : float
+        Mean angle between animated and original normals.
+    """
+
+    base: npt.NDArray[Any]
+    targets: npt.NDArray[np.int8]
+    numbers: npt.NDArray[np.int64]
+    angle_deg: float = 0.0
+
+
+def wants_normals(choice: NormalChoice, frame: Vertices, faces: Faces) -> bool:
+    """Return whether a mesh gets normals, judged by one frame."""
+    if choice is NormalChoice.SMOOTH:
+        return creased_share(frame, faces) <= MAX_CREASED_SHARE
+    return choice is NormalChoice.ALL
+
+
+def static_normals(vertices: Vertices, faces: Faces) -> NormalTargets:
+    """Return the normals of a static mesh, without targets."""
+    units = _units(vertex_normals(vertices, faces)).astype(np.float32)
+    return NormalTargets(units, np.empty((0, *units.shape), np.int8), np.empty(0, np.int64))
+
+
+def fit_normals(
+    frames: Vertices,
+    faces: Faces,
+    displacements: npt.NDArray[np.float32],
+    morphs: Morphs,
+    length_error: float = 0.0,
+) -> tuple[Morphs, NormalTargets]:
+    """Return morphs of positions and normals, with one additional target, and the normals.
+
+    A weight that moves vertices a little may rotate normals a lot, but a target can add at most 1
+    to a normal. So where that is too little, targets are scaled down and weights up. The targets
+    with the largest weights get normals, as many as needed.
+
+    Normals of the base mesh must have length 1. But the displacements are relative to the mean
+    normal, which is shorter where a vertex rotates: the additional target, which moves no vertex
+    and has a constant weight, compensates for that.
+
+    Parameters
+    ----------
+    frames : float array of shape (T, R, 3)
+        Positions of vertices with one normal each, split at hard edges.
+    faces : int32 array of shape (M, 3)
+        Faces as indices into these vertices.
+    displacements : float32 array of shape (T, 3 V)
+        The displacements to which `morphs` was fitted, to measure its errors again.
+    morphs : Morphs
+    length_error : float, default 0
+        Acceptable root mean square error of unit normals; 0 to use all targets.
+    """
+    normals = np.stack([vertex_normals(frame, faces).astype(np.float32) for frame in frames])
+    base = _units(normals.mean(axis=0, dtype=np.float64))
+    offsets = (normals - base.astype(np.float32)).reshape(len(frames), -1)
+    selected = select_normal_targets(morphs.weights, offsets, length_error)
+    numbers = np.append(selected, len(morphs.targets))
+    weights = np.column_stack([morphs.weights, np.ones(len(frames), np.float32)])
+    inverse = np.linalg.pinv(weights[:, numbers].astype(np.float64))
+    fields = project(inverse.T.astype(np.float32), offsets)
+    factors = np.maximum(1, np.abs(fields).max(axis=1))
+    scaled_fields = _as_bytes(fields / factors[:, None]).reshape(len(factors), -1, 3)
+    weights[:, numbers] *= factors
+    scaled = _scaled_down(morphs.targets, selected, factors[:-1])
+    measured = measure(scaled, weights, displacements)
+    normal_targets = NormalTargets(_as_bytes(base), scaled_fields, numbers)
+    return measured, replace(
+        normal_targets, angle_deg=_mean_angle_deg(normal_targets, weights, normals)
+    )
+
+
+def select_normal_targets(
+    weights: npt.NDArray[np.float32], offsets: npt.NDArray[np.float32], length_error: float
+) -> npt.NDArray[np.int64]:
+    """Return the fewest targets, by decreasing weights, that reach the mean error of normals."""
+    order = np.argsort(-np.square(weights, dtype=np.float64).sum(axis=0), kind="stable")
+    products = (offsets @ offsets.T).astype(np.float64)
+    constant = np.ones((len(weights), 1))
+    basis, _ = np.linalg.qr(np.column_stack([constant, weights[:, order].astype(np.float64)]))
+    explained = np.cumsum(np.einsum("tk,tu,uk->k", basis, products, basis, optimize=True))
+    allowed = length_error**2 * offsets.size / 3
+    n_needed = int(np.count_nonzero(np.trace(products) - explained[:-1] > allowed))
+    return np.sort(order[:n_needed] if length_error else order)
+
+
+def _scaled_down(
+    targets: IntegerTargets, numbers: npt.NDArray[np.int64], factors: npt.NDArray[np.floating]
+) -> IntegerTargets:
+    """Return targets, some of them scaled down, and an additional one that moves no vertex."""
+    levels = np.append(targets.levels, np.float32(BYTE))
+    integers = np.concatenate([targets.integers, np.zeros_like(targets.integers[:1])])
+    smaller = numbers[factors > 1]
+    values = targets.values[smaller] * (SHORT / factors[factors > 1])[:, None]
+    integers[smaller], levels[smaller] = np.rint(values), SHORT
+    return IntegerTargets(integers, levels)
+
+
+def _mean_angle_deg(
+    normal_targets: NormalTargets,
+    weights: npt.NDArray[np.float32],
+    normals: npt.NDArray[np.float32],
+) -> float:
+    """Return the mean angle between normals decoded from bytes and the original ones."""
+    added = (normal_targets.targets.astype(np.float32) / BYTE).reshape(
+        len(normal_targets.targets), -1
+    )
+    angles = []
+    for own, expected in zip(weights[:, normal_targets.numbers], normals, strict=True):
+        decoded = normal_targets.base.astype(np.float32) / BYTE + (own @ added).reshape(
+            expected.shape
+        )
+        lengths = np.linalg.norm(decoded, axis=1) * np.linalg.norm(expected, axis=1)
+        cosines = np.einsum("ij,ij->i", decoded, expected) / np.where(lengths > 0, lengths, 1)
+        angles.append(np.arccos(np.clip(cosines[lengths > 0], -1, 1)))
+    every = np.concatenate(angles)
+    return float(np.degrees(every.mean())) if len(every) else 0.0
+
+
+def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return vectors scaled to length 1, or the z axis for zero vectors."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), np.array([0.0, 0.0, 1.0]))
+
+
+def _as_bytes(values: npt.NDArray[np.floating]) -> npt.NDArray[np.int8]:
+    return np.asarray(np.rint(values * BYTE), np.int8)
+
+
+def creased_share(vertices: npt.NDArray[np.floating], faces: Faces) -> float:
+    """Length of creases as a share of that of all edges between two faces; 1 without such edges.
+
+    Boundary edges, edges of more than two faces and faces without area do not count.
+
+    Parameters
+    ----------
+    vertices : float array of shape (V, 3)
+    faces : integer array of shape (M, 3)
+    """
+    normals = face_normals(vertices, faces)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    units = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    ends, pairs = _inner_edges(faces, len(vertices))
+    has_area = (lengths[pairs, 0] > 0).all(axis=1)
+    ends, pairs = ends[has_area], pairs[has_area]
+    sides = np.linalg.norm(np.diff(vertices[ends].astype(np.float64), axis=1)[:, 0], axis=1)
+    cosines = np.einsum("ij,ij->i", units[pairs[:, 0]], units[pairs[:, 1]])
+    is_crease = cosines < np.cos(np.radians(CREASE_DEG))
+    return float(sides[is_crease].sum() / sides.sum()) if sides.sum() > 0 else 1.0
+
+
+def _inner_edges(faces: Faces, n_verts: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Ends and faces, each of shape (E, 2), of edges that exactly two faces have."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
+    keys = edges[:, 0] * n_verts + edges[:, 1]
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    counts = np.diff(starts, append=len(keys))
+    first = starts[counts == 2]
+    pairs = np.stack([order[first], order[first + 1]], axis=1)
+    return edges[pairs[:, 0]], pairs // 3
 
 
 @dataclass(frozen=True)

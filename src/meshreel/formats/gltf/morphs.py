@@ -13,15 +13,216 @@ search, x of all vertices precedes y and z, which makes NumPy three times as fas
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Singles
+from meshreel.codec.subspace.least_squares import solve_gram
 from meshreel.codec.subspace.pca import joint_trajectories
-from meshreel.formats.gltf.quantized import IntegerTargets, best_weights, integer_targets, project
+from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import Vertices
 from meshreel.runtime.threads import chunks, in_threads
 
-Floats = npt.NDArray[np.float32]
+BYTE, SHORT = 127, 32767
+"""Integers that represent 1 in normalized accessors of int8 and int16."""
+
+PIECE_TARGETS, PIECE_VALUES = 16, 8192
+
+
+@dataclass(frozen=True, eq=False)
+class IntegerTargets:
+    """Morph targets, each scaled so that its largest coordinate is 1.
+
+    Attributes
+    ----------
+    integers : int16 array of shape (K, N)
+        Coordinates of each target.
+    levels : float32 array of shape (K,)
+        The integer that represents 1 in each target, `BYTE` or `SHORT`.
+    """
+
+    integers: npt.NDArray[np.int16]
+    levels: Singles
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    @cached_property
+    def values(self) -> Singles:
+        """The represented values, of shape (K, N)."""
+        return np.asarray(self.integers / self.levels[:, None], np.float32)
+
+    @property
+    def n_int8(self) -> int:
+        """Number of targets that fit into int8."""
+        return int((self.levels == BYTE).sum())
+
+
+def integer_targets(
+    fields: Singles, max_weights: npt.NDArray[np.float64], noise: float
+) -> IntegerTargets:
+    """Return quantized targets, in int8 where that is precise enough.
+
+    The standard deviation of the rounding error of a coordinate is the integer step divided by the
+    square root of 12, times the weight. As many targets as possible become int8, smallest first,
+    as long as their combined error stays below `noise` in the root mean square.
+
+    Parameters
+    ----------
+    fields : float32 array of shape (K, N)
+        Scaled in place.
+    max_weights : float array of shape (K,)
+        Largest absolute weight of each field.
+    noise : float
+        In the units of the fields.
+    """
+    largest = np.abs(fields).max(axis=1)
+    largest[largest == 0] = 1
+    variances = 3 * (max_weights * largest / BYTE) ** 2 / 12
+    order = np.argsort(variances)
+    levels = np.full(len(fields), SHORT, np.float32)
+    levels[order[np.cumsum(variances[order]) <= noise**2]] = BYTE
+    integers = np.empty(fields.shape, np.int16)
+
+    def quantize(rows: slice) -> None:
+        fields[rows] *= (levels / largest)[rows, None]
+        integers[rows] = np.rint(fields[rows])
+
+    in_threads(quantize, chunks(len(fields), PIECE_TARGETS))
+    return IntegerTargets(integers, levels)
+
+
+def best_weights(targets: IntegerTargets, frames: Singles) -> Singles:
+    """Return the weights of all targets in every frame by least squares, of shape (T, K).
+
+    Parameters
+    ----------
+    targets : IntegerTargets
+    frames : float32 array of shape (T, N)
+        The displacements to approximate.
+    """
+    values = targets.values
+    gram = np.empty((len(targets), len(targets)))
+    products = np.empty((len(targets), len(frames)))
+
+    def multiply(rows: slice) -> None:
+        gram[rows] = values[rows] @ values.T
+        products[rows] = values[rows] @ frames.T
+
+    in_threads(multiply, chunks(len(targets), PIECE_TARGETS))
+    return np.ascontiguousarray(solve_gram(gram, products).T, dtype=np.float32)
+
+
+def project(time_vectors: Singles, frames: Singles) -> Singles:
+    """Return ``time_vectors^T frames``, the field of each mode, of shape (K, N).
+
+    Parameters
+    ----------
+    time_vectors : float32 array of shape (T, K)
+    frames : float32 array of shape (T, N)
+    """
+    fields = np.empty((time_vectors.shape[1], frames.shape[1]), np.float32)
+
+    def multiply(columns: slice) -> None:
+        fields[:, columns] = time_vectors.T @ frames[:, columns]
+
+    in_threads(multiply, chunks(frames.shape[1], PIECE_VALUES))
+    return fields
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A translation and a uniform scale, for the node of a mesh.
+
+    Attributes
+    ----------
+    offset : float64 array of shape (3,)
+        Center of the box, exact in float32.
+    scale : float
+        Half size of the box, positive and exact in float32.
+    """
+
+    offset: Floats
+    scale: float
+
+
+IDENTITY = Placement(np.zeros(3), 1.0)
+"""The placement that leaves positions unchanged."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedFrames:
+    """Frames as a base mesh of integers, and displacements from it.
+
+    Attributes
+    ----------
+    placement : Placement
+    base : int16 array of shape (V, 3)
+    displacements : float32 array of shape (T, 3 V)
+        From the integer base, in units of the placement.
+    """
+
+    placement: Placement
+    base: npt.NDArray[np.int16]
+    displacements: npt.NDArray[np.float32]
+
+
+def mean_frame(frames: Vertices) -> Floats:
+    """Return the mean position of every vertex over all frames, of shape (V, 3)."""
+    return np.asarray(frames.mean(axis=0, dtype=np.float64))
+
+
+def max_displacements(frames: Vertices, base: Floats) -> Floats:
+    """Return the largest distance of a vertex from the base, in each frame."""
+    return np.array([np.linalg.norm(frame - base, axis=1).max() for frame in frames])
+
+
+def place_static(base: Vertices) -> tuple[Placement, npt.NDArray[np.float32]]:
+    """Return a static mesh in float32, relative to its center unless it is exact in float32."""
+    rest = base.astype(np.float32)
+    if (rest == base).all():
+        return IDENTITY, rest
+    offset = _center(base)
+    return Placement(offset, 1.0), (base - offset).astype(np.float32)
+
+
+def place_frames(frames: Vertices, base: Floats) -> PlacedFrames:
+    """Return frames of shape (T, V, 3) relative to a base, with all coordinates within -1 to 1."""
+    offset = _center(base)
+    max_distance = float(max_displacements(frames, base).max())
+    reach = max(float(np.abs(base - offset).max()), max_distance)
+    smallest = float(np.finfo(np.float32).tiny)
+    scale = float(np.nextafter(np.float32(max(reach, smallest)), np.float32(np.inf)))
+    integers = np.rint((base - offset) / scale * SHORT).astype(np.int16)
+    displacements = np.empty((len(frames), base.size), np.float32)
+    rounded = integers / np.float64(SHORT)
+    for row, frame in zip(displacements, frames, strict=True):
+        row[:] = ((frame - offset) / scale - rounded).ravel()
+    return PlacedFrames(Placement(offset, scale), integers, displacements)
+
+
+def _center(base: Vertices) -> Floats:
+    center = (base.min(axis=0) + base.max(axis=0)) / 2
+    return np.asarray(center.astype(np.float32), np.float64)
+
+
+def check_range(low: Floats, high: Floats) -> None:
+    """Check that positions fit into float32, the only float type of glTF.
+
+    Raises
+    ------
+    InvalidInputError
+        If a coordinate is too large.
+    """
+    largest = float(np.maximum(-low, high).max())
+    allowed = float(np.finfo(np.float32).max) / 4
+    if largest > allowed:
+        raise InvalidInputError(
+            f"glTF stores float32 positions, up to {allowed:.2g}; got {largest:g}; scale the model"
+        )
+
 
 INITIAL_ERROR = 8.0
 """Error of the initial components, as a multiple of the bound."""
@@ -61,8 +262,8 @@ class Morphs:
     """
 
     targets: IntegerTargets
-    weights: Floats
-    errors: Floats
+    weights: Singles
+    errors: Singles
 
     @property
     def error(self) -> float:
@@ -70,7 +271,7 @@ class Morphs:
         return float(self.errors.max())
 
 
-def fit_morphs(displacements: Floats, bound: float) -> Morphs:
+def fit_morphs(displacements: Singles, bound: float) -> Morphs:
     """Return few targets with which no vertex has an error above `bound`.
 
     If int16 is too coarse for the bound, return those with the smallest error found.
@@ -101,7 +302,7 @@ def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> 
     return best
 
 
-def fit_fixed_morphs(displacements: Floats, n_targets: int, bound: float) -> Morphs:
+def fit_fixed_morphs(displacements: Singles, n_targets: int, bound: float) -> Morphs:
     """Return `n_targets` targets with the smallest error found, or with one below `bound`."""
     search = _Search(_axes_first(displacements))
     best = search.round(min(n_targets, *displacements.shape), bound)
@@ -115,7 +316,7 @@ def fit_fixed_morphs(displacements: Floats, n_targets: int, bound: float) -> Mor
     return _vertices_first(best)
 
 
-def measure(targets: IntegerTargets, weights: Floats, displacements: Floats) -> Morphs:
+def measure(targets: IntegerTargets, weights: Singles, displacements: Singles) -> Morphs:
     """Return targets and weights with their errors."""
     errors = np.empty(len(displacements), np.float32)
 
@@ -130,7 +331,7 @@ def measure(targets: IntegerTargets, weights: Floats, displacements: Floats) -> 
 class _Search:
     """Target displacements, updated round by round."""
 
-    def __init__(self, displacements: Floats) -> None:
+    def __init__(self, displacements: Singles) -> None:
         self._displacements = displacements
         self._aims = displacements.copy()
         self._excess = np.zeros_like(displacements)
@@ -150,11 +351,11 @@ class _Search:
         in_threads(update, chunks(len(self._displacements), PIECE_FRAMES))
         return Morphs(targets, weights, errors)
 
-    def _update(self, frames: slice, decoded: Floats, bound: float) -> Floats:
+    def _update(self, frames: slice, decoded: Singles, bound: float) -> Singles:
         """Update aims and excess of some frames, and return the largest error of each."""
         displacements, excess = self._displacements[frames], self._excess[frames]
         residuals = displacements - decoded
-        errors: Floats = _lengths(residuals).max(axis=1)
+        errors: Singles = _lengths(residuals).max(axis=1)
         residuals += excess
         distances = np.maximum(_lengths(residuals), np.finfo(np.float32).tiny)
         within = _scaled(residuals, np.minimum(1, POSITION_SHARE * bound / distances))
@@ -166,7 +367,7 @@ class _Search:
         return errors
 
 
-def _axes_first(displacements: Floats) -> Floats:
+def _axes_first(displacements: Singles) -> Singles:
     """Return displacements of shape (T, 3 V), reordered from vertex by vertex to axis by axis."""
     by_vertices = displacements.reshape(len(displacements), -1, 3)
     return np.ascontiguousarray(by_vertices.transpose(0, 2, 1)).reshape(displacements.shape)
@@ -180,7 +381,7 @@ def _vertices_first(morphs: Morphs) -> Morphs:
     return replace(morphs, targets=replace(morphs.targets, integers=ordered))
 
 
-def _lengths(displacements: Floats) -> Floats:
+def _lengths(displacements: Singles) -> Singles:
     """Return lengths of displacements in axis order, of shape (T, V)."""
     by_axes = displacements.reshape(len(displacements), 3, -1)
     x, y, z = (axis for axis in by_axes.swapaxes(0, 1))
@@ -190,13 +391,13 @@ def _lengths(displacements: Floats) -> Floats:
     return np.asarray(np.sqrt(squares, out=squares))
 
 
-def _scaled(displacements: Floats, factors: Floats) -> Floats:
+def _scaled(displacements: Singles, factors: Singles) -> Singles:
     """Return displacements in axis order times factors of shape (T, V)."""
     by_axes = displacements.reshape(len(displacements), 3, -1)
     return np.asarray(by_axes * factors[:, np.newaxis]).reshape(displacements.shape)
 
 
-def _initial_count(displacements: Floats, error: float) -> int:
+def _initial_count(displacements: Singles, error: float) -> int:
     """Return the smallest number of components with all errors up to `error`."""
     _, time_vectors = joint_trajectories(displacements[None], min(displacements.shape))
     weights = time_vectors.astype(np.float32)
@@ -211,7 +412,7 @@ def _initial_count(displacements: Floats, error: float) -> int:
     return low
 
 
-def _is_within(displacements: Floats, weights: Floats, fields: Floats, error: float) -> bool:
+def _is_within(displacements: Singles, weights: Singles, fields: Singles, error: float) -> bool:
     exceeding: list[slice] = []
 
     def compare(frames: slice) -> None:

@@ -7,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.document import Document
-from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.document import Document, JsonObject
 
 MAX_PATH = 4096
 """Maximum length of a node path: deep hierarchies with long names would fill the memory."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.accessors import Accessors, Values
-from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.document import JsonObject
 from meshreel.formats.surfaces.welding import SplitMesh
 from meshreel.model.surface import Attribute, Kind
 

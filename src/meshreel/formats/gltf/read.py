@@ -4,52 +4,48 @@ The JSON is parsed with the standard library and validated here, since libraries
 validate indices and sizes, and files may come from anywhere.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.accessors import Accessors
 from meshreel.formats.gltf.animation import (
+    VISIBILITY,
     VISIBLE,
     Channel,
+    Clips,
+    Curve,
+    Interpolation,
     Matrices,
     Motion,
     other_pointers,
 )
-from meshreel.formats.gltf.clips import Clips
-from meshreel.formats.gltf.document import INSTANCING, Document, read_document
-from meshreel.formats.gltf.geometry import Geometry, read_geometry
-from meshreel.formats.gltf.instancing import note_instances
-from meshreel.formats.gltf.json_object import JsonObject
-from meshreel.formats.gltf.material_reading import MaterialReader, note_extensions
-from meshreel.formats.gltf.node_tree import SEGMENT_START
+from meshreel.formats.gltf.document import INSTANCING, Document, JsonObject, read_document
+from meshreel.formats.gltf.geometry import (
+    Geometry,
+    Skin,
+    read_geometry,
+    read_skin,
+    transform_points,
+)
+from meshreel.formats.gltf.instancing import note_instances, read_instances, repeat_geometry
+from meshreel.formats.gltf.materials import MaterialReader, note_extensions
 from meshreel.formats.gltf.nodes import Nodes, read_nodes, unique_names
 from meshreel.formats.gltf.primitives import (
     count_targets,
+    has_joints,
     is_supported_attribute,
     triangle_primitives,
 )
 from meshreel.formats.gltf.sampling import STATIC, Sampling, sample_times
-from meshreel.formats.gltf.scene import (
-    ShownMesh,
-    instanced_geometry,
-    no_mesh_error,
-    scene_nodes,
-    shown_meshes,
-)
-from meshreel.formats.gltf.skinning import Skin, transform_points
-from meshreel.formats.gltf.switching import (
-    Switching,
-    find_switching,
-    has_visibility_curve,
-    is_hidden,
-)
+from meshreel.formats.gltf.write import SEGMENT_START
 from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
@@ -59,6 +55,234 @@ from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.model.surface import Surface
 from meshreel.model.validation import validate_fps
 from meshreel.runtime.counting import counted
+
+
+def scene_nodes(document: Document, nodes: Nodes, notes: list[str]) -> list[int]:
+    """Return the nodes of the default scene, parents first; all nodes without a scene.
+
+    A scene may list nodes that are not roots, although glTF forbids it: each of these is included
+    once, with the transforms of all its ancestors, even those outside of the scene.
+
+    Parameters
+    ----------
+    document : Document
+    nodes : Nodes
+    notes : list of str
+        Gains a sentence if the scene lists nodes that are not roots.
+    """
+    scene = _scene(document)
+    if scene is None:
+        return _subtrees([node for node, parent in enumerate(nodes.parents) if parent < 0], nodes)
+    listed_nodes = list(dict.fromkeys(scene.indices("nodes", len(nodes.parents))))
+    if inner := [node for node in listed_nodes if nodes.parents[node] >= 0]:
+        notes.append(
+            f"{scene.place} lists nodes that are not roots: {_names(inner, nodes)}; each is read "
+            "once, with the transforms of all its ancestors"
+        )
+    covered = _is_below(set(listed_nodes), nodes)
+    return _subtrees([node for node in listed_nodes if not covered[node]], nodes)
+
+
+def no_mesh_error(document: Document, nodes: Nodes) -> FormatError:
+    """Return the error for a scene without triangle meshes, with the reason."""
+    meshes = document.lists["meshes"]
+    if not meshes:
+        return FormatError("contains no mesh")
+    readable = {number for number, mesh in enumerate(meshes) if triangle_primitives(mesh)}
+    if not readable:
+        return FormatError("contains no triangle mesh; points and lines are not supported")
+    users = [
+        node
+        for node, json in enumerate(nodes.objects)
+        if document.index(json, "mesh", "meshes") in readable
+    ]
+    scene = _scene(document)
+    if not users or scene is None:
+        return FormatError(
+            f"contains {_counted(len(readable), 'triangle mesh', 'triangle meshes')}, but no node "
+            "uses one; "
+            "export it with its meshes in a scene"
+        )
+    return FormatError(
+        f"{scene.place}, the default scene, has no triangle mesh; nodes outside of it have: "
+        f"{_names(users, nodes)}; export them in the scene, or set 'scene' to another one"
+    )
+
+
+def _names(chosen: Iterable[int], nodes: Nodes) -> str:
+    objects = [nodes.objects[node] for node in chosen]
+    return listed(one.text("name", "") or one.place for one in objects)
+
+
+def _counted(number: int, one: str, several: str) -> str:
+    return f"{number} {one if number == 1 else several}"
+
+
+def _scene(document: Document) -> JsonObject | None:
+    """Return the default scene of a file, or else the first; None without scenes."""
+    scenes = document.lists["scenes"]
+    return scenes[document.index(document.root, "scene", "scenes") or 0] if scenes else None
+
+
+def _is_below(ancestors: set[int], nodes: Nodes) -> list[bool]:
+    """Return for each node whether it is below one of these."""
+    covered = [False] * len(nodes.parents)
+    for node in sorted(range(len(covered)), key=nodes.depths.__getitem__):
+        parent = nodes.parents[node]
+        covered[node] = parent >= 0 and (parent in ancestors or covered[parent])
+    return covered
+
+
+def _subtrees(roots: Iterable[int], nodes: Nodes) -> list[int]:
+    """Return roots and all nodes below them, in depth-first order."""
+    stack = list(roots)[::-1]
+    subtrees = []
+    while stack:
+        node = stack.pop()
+        subtrees.append(node)
+        stack += nodes.objects[node].indices("children", len(nodes.parents))[::-1]
+    return subtrees
+
+
+@dataclass(frozen=True, eq=False)
+class ShownMesh:
+    """A mesh at a node.
+
+    Attributes
+    ----------
+    node, mesh : int
+    skin : Skin, optional
+        Joints that move the mesh instead of the node.
+    instances : float64 array of shape (I, 4, 4), optional
+        Transforms of instances, relative to the node; None for a single mesh.
+    """
+
+    node: int
+    mesh: int
+    skin: Skin | None
+    instances: Matrices | None
+
+
+def shown_meshes(document: Document, nodes: Sequence[int], accessors: Accessors) -> list[ShownMesh]:
+    """Return the triangle meshes at some nodes, in their order."""
+    read = cache(lambda number: read_skin(document.lists["skins"][number], accessors))
+    meshes = []
+    for node in nodes:
+        json = document.lists["nodes"][node]
+        mesh = document.index(json, "mesh", "meshes")
+        skin = document.index(json, "skin", "skins")
+        if mesh is not None and triangle_primitives(document.lists["meshes"][mesh]):
+            is_bound = skin is not None and has_joints(document.lists["meshes"][mesh])
+            instances = None if is_bound else read_instances(json, accessors)
+            meshes.append(ShownMesh(node, mesh, read(skin) if is_bound else None, instances))
+    return meshes
+
+
+def instanced_geometry(shown: ShownMesh, mesh: Geometry, accessors: Accessors) -> Geometry:
+    """Return the mesh at a node at rest, with all its instances."""
+    if shown.instances is None:
+        return mesh
+    place = accessors.document.lists["nodes"][shown.node].place
+    return repeat_geometry(mesh, shown.instances, accessors, place)
+
+
+Booleans = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Switching:
+    """Groups of meshes, one of which is shown in each frame.
+
+    Attributes
+    ----------
+    group_of_mesh : list of int
+        -1 for a mesh that no frame shows.
+    first : int
+        The first frame that shows a group; later frames, up to the last of `group_of_frame`, do.
+    group_of_frame : int array of shape (T,)
+    """
+
+    group_of_mesh: list[int]
+    first: int
+    group_of_frame: npt.NDArray[np.signedinteger]
+
+
+def is_hidden(nodes: Nodes, motion: Motion, node: int) -> bool:
+    """Return whether a node is invisible at all times, itself or by a node above it."""
+    return any(
+        (one, VISIBLE) not in motion.curves and not _is_visible(nodes, one)
+        for one in nodes.ancestors(node)
+    )
+
+
+def find_switching(
+    placements: Sequence[ShownMesh], motion: Motion, times_s: Floats
+) -> Switching | None:
+    """Return the groups of meshes if each is shown alone at its time; otherwise None.
+
+    Meshes are hidden by visibility, or by a scale of zero that steps to another value. Frames
+    before the first and after the last group may be empty.
+    """
+    if not any(_has_switch(motion, one) for one in placements):
+        return None
+    shown = np.array([_shown_at(motion, one, times_s) for one in placements])
+    patterns, group_of_mesh = np.unique(shown, axis=0, return_inverse=True)
+    filled = np.flatnonzero(patterns.any(axis=1))
+    filled = filled[np.argsort(patterns[filled].argmax(axis=1), kind="stable")]  # by first frame
+    numbers = np.full(len(patterns), -1)
+    numbers[filled] = np.arange(len(filled))
+    counts = patterns[filled].sum(axis=0)
+    frames = np.flatnonzero(counts)
+    if len(filled) < 2 or (counts[frames[0] : frames[-1] + 1] != 1).any():
+        return None
+    group_of_frame = patterns[filled][:, frames[0] : frames[-1] + 1].argmax(axis=0)
+    return Switching(numbers[group_of_mesh.ravel()].tolist(), int(frames[0]), group_of_frame)
+
+
+def has_visibility_curve(motion: Motion, node: int) -> bool:
+    """Return whether the visibility of a node, or of one above it, changes over time."""
+    return any((one, VISIBLE) in motion.curves for one in motion.nodes.ancestors(node))
+
+
+def _has_switch(motion: Motion, mesh: ShownMesh) -> bool:
+    return any(
+        (one, VISIBLE) in motion.curves or _scale_switch(motion, mesh, one) is not None
+        for one in motion.nodes.ancestors(mesh.node)
+    )
+
+
+def _shown_at(motion: Motion, mesh: ShownMesh, times_s: Floats) -> Booleans:
+    """Return whether a mesh is shown at each time, of shape (T,)."""
+    shown = np.ones(len(times_s), np.bool_)
+    for node in motion.nodes.ancestors(mesh.node):
+        curve = motion.curves.get((node, VISIBLE))
+        if curve is not None:
+            shown &= curve.at(times_s)[:, 0] != 0
+        elif not _is_visible(motion.nodes, node):
+            shown[:] = False
+        if (scale := _scale_switch(motion, mesh, node)) is not None:
+            shown &= scale.at(times_s).any(axis=1)
+    return shown
+
+
+def _scale_switch(motion: Motion, mesh: ShownMesh, node: int) -> Curve | None:
+    """Return the scale of a node if it steps between zero and other values.
+
+    Nodes above a skinned mesh do not scale it.
+    """
+    curve = motion.curves.get((node, "scale"))
+    if mesh.skin is not None or curve is None or curve.interpolation is not Interpolation.STEP:
+        return None
+    is_zero = curve.values == 0
+    has_only_whole = (is_zero.all(axis=1) | ~is_zero.any(axis=1)).all()
+    return curve if has_only_whole and is_zero.any() else None
+
+
+def _is_visible(nodes: Nodes, node: int) -> bool:
+    """Return whether a node itself is visible without an animation."""
+    extension = nodes.objects[node].extension(VISIBILITY)
+    return extension is None or extension.values.get("visible", True) is not False
+
 
 LIGHTS = "KHR_lights_punctual"
 

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword
+from meshreel.formats.error_budget import ErrorBudget, share_budget
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.gltf.error_budget import ErrorBudget, share_budget
-from meshreel.formats.gltf.quantized import IDENTITY, check_range
-from meshreel.formats.gltf.seams import describe_losses
+from meshreel.formats.gltf.mesh_writer import describe_losses
+from meshreel.formats.gltf.morphs import IDENTITY, check_range
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.polygons import describe_fans
 from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF, UNITY, UNREAL

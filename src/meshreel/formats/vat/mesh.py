@@ -7,14 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
-from meshreel.formats.gltf.buffer_writer import BufferWriter, Json
-from meshreel.formats.gltf.container import write_container
+from meshreel.formats.gltf.container import BufferWriter, Json, write_container
 from meshreel.formats.gltf.material_writer import Materials
-from meshreel.formats.gltf.mesh_writer import write_mesh
-from meshreel.formats.gltf.morph_mesh import MorphMesh
-from meshreel.formats.gltf.node_tree import NodeTree
-from meshreel.formats.gltf.normal_targets import NormalTargets
-from meshreel.formats.gltf.seams import Primitive, SplitVertices, split_at_seams
+from meshreel.formats.gltf.mesh_writer import Primitive, SplitVertices, split_at_seams, write_mesh
+from meshreel.formats.gltf.morph_mesh import MorphMesh, NormalTargets
+from meshreel.formats.gltf.write import NodeTree
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.vat.axes import MeshSpace
 from meshreel.formats.vat.motion import UP, Motion

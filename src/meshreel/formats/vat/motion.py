@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.formats.gltf.quantized import IDENTITY, Placement
+from meshreel.formats.gltf.morphs import IDENTITY, Placement
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import Faces, Vertices
 

@@ -4,8 +4,7 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.gltf import accessors
 from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.document import read_document
-from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.document import JsonObject, read_document
 from samples.gltf import Gltf
 
 HOLDER = JsonObject({"it": 0}, "holder")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.gltf.buffer_writer import BufferWriter
+from meshreel.formats.gltf.container import BufferWriter
 
 
 @pytest.mark.parametrize(("n_verts", "component"), [(65535, 5123), (65536, 5125)])

@@ -6,7 +6,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.formats.gltf.error_budget import share_budget
+from meshreel.formats.error_budget import share_budget
 from meshreel.formats.options import Origin, WriteOptions
 from meshreel.formats.save import save, save_part
 from meshreel.model.sequence import MeshSequence

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.json_object import JsonObject
-from meshreel.formats.gltf.material_values import to_metallic_roughness
+from meshreel.formats.gltf.document import JsonObject
+from meshreel.formats.gltf.materials import to_metallic_roughness
 from meshreel.formats.load import load
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf
 from samples.materials import png

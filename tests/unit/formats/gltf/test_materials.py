@@ -409,8 +409,8 @@ def test_material_with_infinite_emission_is_left_out(surface_of):
 
 
 def test_images_that_share_too_many_bytes_are_left_out(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.gltf.material_reading.MIN_EXPANDED_BYTES", 100)
-    monkeypatch.setattr("meshreel.formats.gltf.material_reading.MAX_EXPANSION", 0)
+    monkeypatch.setattr("meshreel.formats.gltf.materials.MIN_EXPANDED_BYTES", 100)
+    monkeypatch.setattr("meshreel.formats.gltf.materials.MAX_EXPANSION", 0)
     surface, notes = read(square_with({"name": "skin", **FACTORS}), tmp_path)
     assert surface.images == (png(),)
     assert notes == ["left out: texture images: image 1: images need 275 bytes; the limit is 100"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.json_object import JsonObject
+from meshreel.formats.gltf.document import JsonObject
 from meshreel.formats.gltf.meshopt import decode_view
 from meshreel.formats.load import load
 from samples.costs import draws
@@ -135,8 +135,8 @@ def test_buffer_view_with_another_length_than_its_data_is_rejected(tmp_path):
 
 
 def test_compressed_data_that_would_fill_the_memory_are_rejected(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.gltf.buffers.MIN_EXPANDED_BYTES", 100)
-    monkeypatch.setattr("meshreel.formats.gltf.buffers.MAX_EXPANSION", 0)
+    monkeypatch.setattr("meshreel.formats.gltf.accessors.MIN_EXPANDED_BYTES", 100)
+    monkeypatch.setattr("meshreel.formats.gltf.accessors.MAX_EXPANSION", 0)
     path = saved(tmp_path / "a.glb", packed_square(EXTENSIONS[0]))
     with pytest.raises(FormatError, match="would need more than 0 times its size"):
         load(path)

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.codec.subspace.pca import joint_trajectories
-from meshreel.formats.gltf.morphs import fit_fixed_morphs, fit_morphs, measure
-from meshreel.formats.gltf.quantized import BYTE, SHORT
+from meshreel.formats.gltf.morphs import BYTE, SHORT, fit_fixed_morphs, fit_morphs, measure
 from meshreel.model.flag import simulate_flag
 
 

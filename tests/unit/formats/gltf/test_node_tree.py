@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.gltf.node_tree import NodeTree, path_of
-from meshreel.formats.gltf.quantized import IDENTITY, Placement
+from meshreel.formats.gltf.morphs import IDENTITY, Placement
+from meshreel.formats.gltf.write import NodeTree, path_of
 
 
 def box(x, scale):

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.gltf.morph_mesh import MorphOptions, fit_part
-from meshreel.formats.gltf.normal_targets import (
+from meshreel.formats.gltf.morph_mesh import (
+    MorphOptions,
     NormalChoice,
+    fit_part,
     select_normal_targets,
     static_normals,
 )

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.gltf.quantized import check_range, mean_frame, place_frames, place_static
+from meshreel.formats.gltf.morphs import check_range, mean_frame, place_frames, place_static
 
 RNG = np.random.default_rng(11)
 

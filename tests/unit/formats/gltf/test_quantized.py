@@ -1,6 +1,6 @@
 import numpy as np
 
-from meshreel.formats.gltf.quantized import (
+from meshreel.formats.gltf.morphs import (
     BYTE,
     SHORT,
     best_weights,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.gltf.seams import describe_losses, split_at_seams
+from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 

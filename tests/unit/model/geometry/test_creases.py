@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.gltf.normal_targets import creased_share
+from meshreel.formats.gltf.morph_mesh import creased_share
 from samples.meshes import waving_grid
 from samples.surfaces import CUBE, CUBE_FACES
 

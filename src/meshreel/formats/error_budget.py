@@ -4,8 +4,10 @@ import math
 from dataclasses import dataclass
 
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.gltf.morph_mesh import MARGIN
 from meshreel.formats.options import Origin
+
+MARGIN = 4e-7
+"""Error that float32 arithmetic may add, relative to the size of the box."""
 
 
 @dataclass(frozen=True)
