@@ -69,7 +69,7 @@ def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, name:
     moves = (sequence.vertices[1:] - first).astype(np.float64)
     base, error = first, 0.0
     if np.dtype(dtype).kind == "i":
-        base = place_frames(sequence.vertices, first.astype(np.float64)).base
+        _, base, _ = place_frames(sequence.vertices, first.astype(np.float64))
         scales = np.maximum(np.abs(moves).max(axis=(1, 2), keepdims=True), 1e-30)
         rounded = np.rint(moves / scales * 32767)
         errors = np.linalg.norm(rounded / 32767 * scales - moves, axis=2)
@@ -79,9 +79,9 @@ def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, name:
         (view,) = buffer.add_vertices([values])
         buffer.vertex_accessor("POSITION", view, slice(0, len(values)))
     buffer.add_indices(sequence.faces.ravel())
-    times = np.arange(sequence.n_frames, dtype=np.float32)
+    times = np.arange(sequence.n_frames, dtype=np.float32)[:, np.newaxis]
     buffer.add_samples(times, are_times=True)
-    buffer.add_samples(np.eye(len(times), n_morphs, -1, dtype=np.float32), are_times=False)
+    buffer.add_samples(np.eye(len(times), n_morphs, -1, dtype=np.float32).reshape(-1, 1))
     described = json.dumps([buffer.accessors, buffer.views]).encode()
     return size_of(name, n_morphs, b"".join([*buffer.pieces, described]), error, start_s)
 

@@ -111,7 +111,7 @@ def test_inspection_lists_gltf_animations(tmp_path):
     for one, name in zip(file.json["animations"], ["walk", "run", "pan", "bad"], strict=True):
         one["name"] = name
     found = inspect_source(file.save(tmp_path / "a.glb"), ReadOptions())
-    problem = "animation 3, sampler 0: key times must be finite and ascending"
+    problem = "animation 3, sampler 0: key times must be ascending"
     assert found.animations == (
         AnimationInfo("walk", 0.0, 1.0, moves_mesh=True),
         AnimationInfo("run", 0.5, 1.25, moves_mesh=True),

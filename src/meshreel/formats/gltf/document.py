@@ -1,19 +1,77 @@
-"""A parsed glTF file: JSON objects whose values are checked on access, and its lists."""
+"""A parsed glTF file: JSON objects that are checked on access, and the arrays they describe.
 
+The JSON is parsed with the standard library and validated here, since libraries for glTF do not
+validate indices and sizes, and files may come from anywhere.
+"""
+
+import base64
+import binascii
 import math
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.gltf.container import split_container
+from meshreel.formats.gltf.meshopt import decode_view
+
+LISTS = {
+    "accessors": "accessor",
+    "animations": "animation",
+    "buffers": "buffer",
+    "bufferViews": "buffer view",
+    "images": "image",
+    "materials": "material",
+    "meshes": "mesh",
+    "nodes": "node",
+    "samplers": "sampler",
+    "scenes": "scene",
+    "skins": "skin",
+    "textures": "texture",
+}
+"""Lists of the file that are read, and the name of their items in messages."""
+
+DRACO = "KHR_draco_mesh_compression"
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+INSTANCING = "EXT_mesh_gpu_instancing"
+VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
+SUPPORTED_EXTENSIONS = {DRACO, INSTANCING, VISIBILITY, POINTER, "KHR_mesh_quantization", *MESHOPT}
+APPEARANCE_PREFIXES = (
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "MSFT_texture_",
+    "KHR_lights_",
+    "KHR_xmp",
+)
+"""Prefixes of extensions that affect only appearance, so that they can be ignored."""
+
+SUPPORTED = "only glTF 2.0 is supported"
+ADVICE = f"{SUPPORTED}; convert it (gltf-pipeline)"
+
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 MAX_INTEGER = 1 << 53
 """Integers up to here are exact in every JSON reader."""
+
+MIN_EXPANDED_BYTES = 1 << 30
+MAX_EXPANSION = 32
+"""Arrays may need this many times the bytes of the file, or `MIN_EXPANDED_BYTES` if that is more:
+a small file must not fill the memory with arrays that share bytes, have none, or are compressed."""
+
+DATA_URI = re.compile(r"data:([^,;]{0,100})(?:;[^,]{0,200})?;base64,", re.IGNORECASE)
+
+NOT_RELATIVE = re.compile(r"[a-z][a-z0-9+.-]*:|//", re.IGNORECASE)
+"""Start of a URI with a scheme or a host, to which nothing must connect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +84,13 @@ class JsonObject:
         Parsed values.
     place : str
         Location in the file, such as "accessor 3", with which messages start.
+    lists : dict of tuples of JsonObject, optional
+        The lists of the file to which indices refer, by name.
     """
 
     values: dict[str, Any]
     place: str
+    lists: Mapping[str, tuple["JsonObject", ...]] = field(default_factory=dict)
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
@@ -51,21 +112,27 @@ class JsonObject:
             raise self.error(key, "an integer from 0 to 2^53")
         return int(value)
 
-    def index(self, key: str, n_items: int) -> int | None:
-        """Return an index below `n_items`; None if the key is missing."""
+    def index(self, key: str, items: str | int) -> int | None:
+        """Return an index into a list of the file, or below a number; None if it is missing."""
         if key not in self.values:
             return None
         value = self.integer(key)
-        if value >= n_items:
+        if value >= (n_items := self._count(items)):
             raise self.error(key, f"below {n_items}, the number of items")
         return value
 
-    def indices(self, key: str, n_items: int) -> list[int]:
-        """Return a list of indices below `n_items`; empty if the key is missing."""
-        values = self.values.get(key, [])
-        if not isinstance(values, list) or not all(_is_integer(value) for value in values):
-            raise self.error(key, "a list of integers from 0 to 2^53")
-        if any(value >= n_items for value in values):
+    def item(self, key: str, kind: str) -> "JsonObject":
+        """Return the item of a list of the file to which a key, which is required, refers."""
+        index = self.index(key, kind)
+        if index is None:
+            raise self.error(key, f"the index of a {LISTS[kind]}")
+        return self.lists[kind][index]
+
+    def indices(self, key: str, items: str | int) -> list[int]:
+        """Return indices as `index`; an empty list if the key is missing."""
+        values = self._list(key, _is_integer, "a list of integers from 0 to 2^53")
+        if any(value >= self._count(items) for value in values):
+            n_items = self._count(items)
             raise self.error(key, f"a list of indices below {n_items}, the number of items")
         return values
 
@@ -75,14 +142,15 @@ class JsonObject:
         """Return `length` finite numbers; without a default the key is required."""
         if key not in self.values and default is not None:
             return np.array(default, np.float64)
-        values = self.values.get(key)
-        if (
-            not isinstance(values, list)
-            or len(values) != length
-            or not all(_is_finite(value) for value in values)
-        ):
-            raise self.error(key, f"a list of {length} finite numbers")
+        allowed = f"a list of {length} finite numbers"
+        values = self._list(key, _is_finite, allowed)
+        if key not in self.values or len(values) != length:
+            raise self.error(key, allowed)
         return np.array(values, np.float64)
+
+    def vectors(self, **defaults: Sequence[float]) -> dict[str, npt.NDArray[np.float64]]:
+        """Return lists of finite numbers by key, with the lengths of their defaults."""
+        return {key: self.numbers(key, len(each), each) for key, each in defaults.items()}
 
     def number(self, key: str, default: float) -> float:
         """Return a finite number; the default if the key is missing."""
@@ -107,26 +175,18 @@ class JsonObject:
 
     def texts(self, key: str) -> list[str]:
         """Return a list of strings; empty if the key is missing."""
-        values = self.values.get(key, [])
-        if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-            raise self.error(key, "a list of text")
-        return values
+        return self._list(key, lambda value: isinstance(value, str), "a list of text")
 
     def child(self, key: str) -> "JsonObject | None":
         """Return a child object; None if the key is missing."""
-        if key not in self.values:
-            return None
-        value = self.values[key]
-        if not isinstance(value, dict):
-            raise self.error(key, "an object")
-        return JsonObject(value, f"{self.place}, {key}")
+        return self.required_child(key) if key in self.values else None
 
     def required_child(self, key: str) -> "JsonObject":
         """Return a child object, which is required."""
-        child = self.child(key)
-        if child is None:
+        value = self.values.get(key)
+        if not isinstance(value, dict):
             raise self.error(key, "an object")
-        return child
+        return JsonObject(value, f"{self.place}, {key}", self.lists)
 
     def children(self, key: str, item_name: str) -> tuple["JsonObject", ...]:
         """Return the objects of a list; empty if the key is missing.
@@ -137,12 +197,10 @@ class JsonObject:
         item_name : str
             Name of an item in messages, such as "primitive".
         """
-        values = self.values.get(key, [])
-        if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
-            raise self.error(key, "a list of objects")
+        values = self._list(key, lambda value: isinstance(value, dict), "a list of objects")
         prefix = f"{self.place}, " if self.place else ""
         return tuple(
-            JsonObject(value, f"{prefix}{item_name} {number}")
+            JsonObject(value, f"{prefix}{item_name} {number}", self.lists)
             for number, value in enumerate(values)
         )
 
@@ -150,6 +208,19 @@ class JsonObject:
         """Return the object of an extension; None if this object does not have it."""
         extensions = self.child("extensions")
         return None if extensions is None else extensions.child(name)
+
+    def label(self) -> str:
+        """Return the name of the object, or its location if it has none."""
+        return self.text("name", "") or self.place
+
+    def _list(self, key: str, is_valid: Callable[[Any], bool], allowed: str) -> list[Any]:
+        values = self.values.get(key, [])
+        if not isinstance(values, list) or not all(map(is_valid, values)):
+            raise self.error(key, allowed)
+        return values
+
+    def _count(self, items: str | int) -> int:
+        return items if isinstance(items, int) else len(self.lists[items])
 
 
 def _is_integer(value: Any) -> bool:
@@ -162,95 +233,47 @@ def _is_finite(value: Any) -> bool:
     return abs(value) <= MAX_INTEGER if isinstance(value, int) else math.isfinite(value)
 
 
-LISTS = {
-    "accessors": "accessor",
-    "animations": "animation",
-    "buffers": "buffer",
-    "bufferViews": "buffer view",
-    "images": "image",
-    "materials": "material",
-    "meshes": "mesh",
-    "nodes": "node",
-    "samplers": "sampler",
-    "scenes": "scene",
-    "skins": "skin",
-    "textures": "texture",
-}
-"""Lists of the file that are read, and the name of their items in messages."""
-
-DRACO = "KHR_draco_mesh_compression"
-MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
-INSTANCING = "EXT_mesh_gpu_instancing"
-SUPPORTED_EXTENSIONS = frozenset(
-    {
-        DRACO,
-        INSTANCING,
-        "KHR_mesh_quantization",
-        "KHR_node_visibility",
-        "KHR_animation_pointer",
-        *MESHOPT,
-    }
-)
-APPEARANCE_PREFIXES = (
-    "KHR_materials_",
-    "KHR_texture_",
-    "EXT_texture_",
-    "MSFT_texture_",
-    "KHR_lights_",
-    "KHR_xmp",
-)
-"""Prefixes of extensions that affect only appearance, so that they can be ignored."""
-
-SUPPORTED = "only glTF 2.0 is supported"
-ADVICE = f"{SUPPORTED}; convert it (gltf-pipeline)"
-
-
 @dataclass(frozen=True, eq=False)
-class Document:
-    """A parsed glTF file.
+class Values:
+    """The values of an accessor.
 
     Attributes
     ----------
-    folder : Path
-        Folder of the file, to which URIs are relative.
-    size_bytes : int
-        Size of the file.
-    root : JsonObject
-    lists : dict of tuples of JsonObject
-        By name, as in `LISTS`.
-    binary : memoryview, optional
-        The binary chunk of a GLB file.
-    allow_outside : bool
-        Whether files outside of the folder may be read.
+    array : array of shape (N, C)
+        In the component type of the file.
+    is_normalized : bool
+        Whether integers represent -1 to 1, or 0 to 1 if unsigned.
     """
 
-    folder: Path
-    size_bytes: int
-    root: JsonObject
-    lists: dict[str, tuple[JsonObject, ...]]
-    binary: memoryview | None
-    allow_outside: bool = False
+    array: npt.NDArray[Any]
+    is_normalized: bool = False
 
-    def index(self, parent: JsonObject, key: str, kind: str) -> int | None:
-        """Return the list index to which an object refers; None if the key is missing."""
-        return parent.index(key, len(self.lists[kind]))
-
-    def item(self, parent: JsonObject, key: str, kind: str) -> JsonObject:
-        """Return the list item to which an object refers; the key is required."""
-        index = self.index(parent, key, kind)
-        if index is None:
-            raise parent.error(key, f"the index of a {LISTS[kind]}")
-        return self.lists[kind][index]
+    def floats(self) -> npt.NDArray[Any]:
+        """Return the represented numbers, as float32 if that is exact, otherwise float64."""
+        array = self.array
+        if array.dtype.kind == "f":
+            return array
+        if not self.is_normalized:
+            return array.astype(np.float32 if array.itemsize <= 2 else np.float64)
+        scaled = array / np.float64(np.iinfo(array.dtype).max)
+        clamped: npt.NDArray[Any] = np.maximum(scaled, -1.0)
+        return clamped
 
 
-def read_document(path: Path, *, allow_outside: bool = False) -> Document:
-    """Return the parsed glTF file at a path, `.gltf` or `.glb`, without reading other files.
+class Document:
+    """A glTF file, `.gltf` or `.glb`; its buffers and images are read on demand.
 
     Parameters
     ----------
     path : Path
-    allow_outside : bool
+    allow_outside : bool, default False
         Whether it may refer to files outside of its folder.
+
+    Attributes
+    ----------
+    root : JsonObject
+    lists : dict of tuples of JsonObject
+        By name, as in `LISTS`.
 
     Raises
     ------
@@ -259,17 +282,239 @@ def read_document(path: Path, *, allow_outside: bool = False) -> Document:
     InvalidInputError
         If it cannot be read.
     """
-    with os_errors_naming(path):
-        data = path.read_bytes()
-    parsed, binary = split_container(data)
-    if not isinstance(parsed, dict):
-        raise FormatError("is not a glTF file: its JSON is not an object")
-    root = JsonObject(parsed, "the file")
-    _check_version(root)
-    _check_extensions(root)
-    unnamed_root = JsonObject(parsed, "")
-    lists = {kind: unnamed_root.children(kind, name) for kind, name in LISTS.items()}
-    return Document(path.parent, len(data), root, lists, binary, allow_outside)
+
+    def __init__(self, path: Path, *, allow_outside: bool = False) -> None:
+        with os_errors_naming(path):
+            data = path.read_bytes()
+        parsed, self._binary = split_container(data)
+        if not isinstance(parsed, dict):
+            raise FormatError("is not a glTF file: its JSON is not an object")
+        self.lists: dict[str, tuple[JsonObject, ...]] = {}
+        self.root: JsonObject = JsonObject(parsed, "the file", self.lists)
+        _check_version(self.root)
+        _check_extensions(self.root)
+        unnamed_root = JsonObject(parsed, "", self.lists)
+        self.lists.update((kind, unnamed_root.children(kind, name)) for kind, name in LISTS.items())
+        self._path, self._allow_outside = path, allow_outside
+        self._available, self._reserved = len(data), 0
+        self._buffers: dict[str, memoryview] = {}
+        self._decompressed: dict[str, memoryview] = {}
+
+    def read(self, parent: JsonObject, key: str, *kinds: str, count: int | None = None) -> Values:
+        """Return the values of an accessor that an object refers to.
+
+        Parameters
+        ----------
+        parent : JsonObject
+        key : str
+            Key of the accessor index.
+        *kinds : str
+            Allowed accessor types, such as "SCALAR" and "VEC3".
+        count : int, optional
+            Required number of elements; by default any positive number.
+
+        Raises
+        ------
+        FormatError
+            If the accessor has another type or size, or exceeds its buffer view.
+        """
+        accessor = parent.item(key, "accessors")
+        dtype, width = declared_type(accessor, kinds)
+        n_elements = accessor.integer("count")
+        if n_elements == 0 or n_elements != (count or n_elements):
+            raise accessor.error("count", f"{count or 'at least 1'}, as {parent.place} requires")
+        is_stored = accessor.index("bufferView", "bufferViews") is not None
+        stored = self._elements(accessor, dtype, n_elements, width) if is_stored else None
+        self.reserve(n_elements * width * dtype.itemsize, accessor.place)
+        array = np.zeros((n_elements, width), dtype) if stored is None else stored.copy()
+        if (sparse := accessor.child("sparse")) is not None:
+            self._overwrite(array, sparse)
+        return Values(array, accessor.flag("normalized"))
+
+    def read_floats(
+        self, parent: JsonObject, key: str, *kinds: str, count: int | None = None
+    ) -> npt.NDArray[np.float64]:
+        """Return the numbers of an accessor as float64; arguments as `read`.
+
+        Raises
+        ------
+        FormatError
+            As `read`, or if a number is not finite.
+        """
+        numbers = self.read(parent, key, *kinds, count=count).floats().astype(np.float64)
+        if not np.isfinite(numbers).all():
+            raise FormatError(f"{parent.place}: the numbers of {key!r} must be finite")
+        return numbers
+
+    def read_each(
+        self, parents: Sequence[JsonObject], key: str, kind: str, *, count: int
+    ) -> tuple[npt.NDArray[Any] | None, ...]:
+        """Return the numbers of an accessor of each object; None if it has none."""
+        return tuple(
+            self.read(parent, key, kind, count=count).floats() if key in parent else None
+            for parent in parents
+        )
+
+    def view(self, parent: JsonObject) -> tuple[memoryview, int]:
+        """Return the decompressed bytes of a buffer view, and its stride, or 0 without one.
+
+        Raises
+        ------
+        FormatError
+            If the view exceeds its buffer, the buffer cannot be read, or the data cannot be
+            decompressed.
+        """
+        view = parent.item("bufferView", "bufferViews")
+        stride = view.integer("byteStride", 0)
+        compressed = next(filter(None, map(view.extension, MESHOPT)), None)
+        if compressed is None:
+            return self._stored(view), stride
+        if view.place not in self._decompressed:
+            size = view.integer("byteLength")
+            if compressed.integer("count") * compressed.integer("byteStride") != size:
+                raise FormatError(
+                    f"{compressed.place}: its 'count' times its 'byteStride' must be the {size} "
+                    f"bytes of {view.place}"
+                )
+            data = bytes(self._stored(compressed))
+            self.reserve(size, compressed.place)
+            count, stride_bytes = compressed.integer("count"), compressed.integer("byteStride")
+            mode, kind = compressed.text("mode"), compressed.text("filter", "NONE")
+            try:
+                decoded = decode_view(data, count, stride_bytes, mode, kind)
+            except FormatError as error:
+                raise FormatError(
+                    f"{compressed.place}: meshopt cannot decode it ({error})"
+                ) from None
+            self._decompressed[view.place] = memoryview(decoded.tobytes())
+        return self._decompressed[view.place], stride
+
+    def reserve(self, size_bytes: int, place: str) -> None:
+        """Count bytes before they are allocated, and reject far more than the file has."""
+        self._reserved += size_bytes
+        if self._reserved > max(MIN_EXPANDED_BYTES, MAX_EXPANSION * self._available):
+            raise FormatError(
+                f"{place}: the arrays of the file would need more than {MAX_EXPANSION} times its "
+                f"size, and more than {MIN_EXPANDED_BYTES >> 30} GiB"
+            )
+
+    def read_uri(self, json: JsonObject, size: int | None = None) -> tuple[bytes, str, str]:
+        """Return data, media type, and file name of the URI of a buffer or an image.
+
+        Parameters
+        ----------
+        json : JsonObject
+        size : int, optional
+            Number of bytes to read; by default all.
+
+        Returns
+        -------
+        tuple of bytes, str, str
+            The type is empty if the data are in a file, the name if they are in the URI.
+
+        Raises
+        ------
+        FormatError
+            If the data are damaged, or their file is missing, or outside of the folder without
+            permission.
+        """
+        uri = json.text("uri")
+        if match := DATA_URI.match(uri):
+            try:
+                return base64.b64decode(uri[match.end() :]), match[1].lower(), ""
+            except (binascii.Error, ValueError) as error:
+                raise FormatError(
+                    f"{json.place}: its data are not valid base64 ({error})"
+                ) from None
+        name = unquote(uri)
+        if NOT_RELATIVE.match(name) or "\\" in name or "\0" in name or not name:
+            raise FormatError(
+                f"{json.place}: refers to {uri[:200]!r}; only files in the folder of the glTF file "
+                "or below are supported; move the file there"
+            )
+        try:
+            path = resolve_reference(self._path, name, allow_outside=self._allow_outside)
+        except FormatError as error:
+            raise FormatError(f"{json.place}: {error}") from None
+        with os_errors_naming(path), path.open("rb") as file:
+            return file.read() if size is None else file.read(size), "", path.name
+
+    def _stored(self, parent: JsonObject) -> memoryview:
+        """Return the bytes in a buffer to which a view or its compression extension refers."""
+        buffer = parent.item("buffer", "buffers")
+        start, length = parent.integer("byteOffset", 0), parent.integer("byteLength")
+        size = buffer.integer("byteLength")
+        if start + length > size:
+            raise FormatError(
+                f"{parent.place}: bytes {start}..{start + length} exceed {buffer.place}, "
+                f"which has {size} bytes"
+            )
+        if buffer.place not in self._buffers:
+            self._buffers[buffer.place] = data = self._read_buffer(buffer, size)
+            self._available += len(data)
+        return self._buffers[buffer.place][start : start + length]
+
+    def _read_buffer(self, buffer: JsonObject, size: int) -> memoryview:
+        if "uri" in buffer:
+            data = memoryview(self.read_uri(buffer, size)[0])
+        elif buffer is self.lists["buffers"][0] and self._binary is not None:
+            data = self._binary
+        elif extension := next((name for name in MESHOPT if buffer.extension(name)), None):
+            raise FormatError(
+                f"{buffer.place}: is the fallback of {extension} without data; its buffer views "
+                "must have that extension too"
+            )
+        else:
+            raise FormatError(f"{buffer.place}: has neither 'uri' nor a binary chunk")
+        if len(data) < size:
+            raise FormatError(f"{buffer.place}: has {len(data)} of the declared {size} bytes")
+        return data[:size]
+
+    def _elements(
+        self, accessor: JsonObject, dtype: np.dtype[Any], count: int, width: int
+    ) -> npt.NDArray[Any]:
+        """Return a view of the elements of an accessor, or of a part of a sparse one."""
+        data, stride = self.view(accessor)
+        size = width * dtype.itemsize
+        start, spacing = accessor.integer("byteOffset", 0), stride or size
+        if spacing < size:
+            raise FormatError(
+                f"{accessor.place}: elements of {size} bytes have a stride of {spacing} bytes"
+            )
+        if count and start + (count - 1) * spacing + size > len(data):
+            raise FormatError(
+                f"{accessor.place}: {count} elements of {size} bytes with stride {spacing}, from "
+                f"byte {start} on, exceed the {len(data)} bytes of their buffer view"
+            )
+        return np.ndarray((count, width), dtype, data, start, (spacing, dtype.itemsize))
+
+    def _overwrite(self, array: npt.NDArray[Any], sparse: JsonObject) -> None:
+        """Replace the elements that a sparse accessor stores."""
+        count = sparse.integer("count")
+        indices, values = sparse.required_child("indices"), sparse.required_child("values")
+        rows = self._elements(indices, _component_type(indices, "u"), count, 1)[:, 0]
+        if count and int(rows.max()) >= len(array):
+            raise FormatError(
+                f"{indices.place}: refers to element {int(rows.max())}; there are {len(array)}"
+            )
+        array[rows] = self._elements(values, array.dtype, count, array.shape[1])
+
+
+def declared_type(accessor: JsonObject, kinds: tuple[str, ...]) -> tuple[np.dtype[Any], int]:
+    """Return component type and components per element of an accessor of one of these types."""
+    kind = accessor.text("type")
+    if kind not in kinds:
+        raise accessor.error("type", f"{' or '.join(kinds)}")
+    return _component_type(accessor, "iuf"), WIDTHS[kind]
+
+
+def _component_type(accessor: JsonObject, kinds: str) -> np.dtype[Any]:
+    """Return the component type of an object, which must be one of these NumPy kinds."""
+    code = accessor.integer("componentType")
+    allowed = {code: name for code, name in COMPONENTS.items() if np.dtype(name).kind in kinds}
+    if code not in allowed:
+        raise accessor.error("componentType", f"one of {', '.join(map(str, allowed))}")
+    return np.dtype(allowed[code])
 
 
 def _check_version(root: JsonObject) -> None:
@@ -290,13 +535,26 @@ def _check_version(root: JsonObject) -> None:
 
 
 def _check_extensions(root: JsonObject) -> None:
-    required = root.texts("extensionsRequired")
     unknown = [
         name
-        for name in required
+        for name in root.texts("extensionsRequired")
         if name not in SUPPORTED_EXTENSIONS and not name.startswith(APPEARANCE_PREFIXES)
     ]
     if unknown:
         raise FormatError(
             f"requires the unsupported extension {', '.join(unknown)}; export it without"
         )
+
+
+def unique_names(names: list[str]) -> list[str]:
+    """Return the names, with a number appended to repeated ones."""
+    used, counts = set(names), dict.fromkeys(names, 0)
+    unique = []
+    for name in names:
+        candidate = name
+        while counts[name] and (candidate := f"{name}_{counts[name]}") in used:
+            counts[name] += 1
+        counts[name] += 1
+        used.add(candidate)
+        unique.append(candidate)
+    return unique

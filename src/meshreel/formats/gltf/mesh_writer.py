@@ -11,8 +11,9 @@ from meshreel.arrays import Integers
 from meshreel.formats.gltf.container import BufferWriter, Json, VertexValues
 from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.morph_mesh import MorphMesh
-from meshreel.formats.gltf.morphs import BYTE, IntegerTargets
+from meshreel.formats.gltf.morphs import BYTE
 from meshreel.formats.scenes.parts import PartMesh
+from meshreel.formats.surfaces.welding import weld_rows
 from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
@@ -88,13 +89,15 @@ def split_at_seams(
     }
     labels, materials = _materials(part.surface, len(part.counts))
     named = dict(_named_attributes(part.surface))
-    rows = {name: _distinct_rows(values, items[domain]) for name, (values, domain) in named.items()}
     normal_rows = items[Domain.VERTEX]
     if rows_of_corners is not None:
         normal_rows = np.asarray(rows_of_corners, np.int64)[corner_of]
     keys = [materials[items[Domain.FACE]], items[Domain.VERTEX], normal_rows]
-    splitting = [rows[name] for name in named if named[name][1] is not Domain.VERTEX]
-    first, new = _unique(keys + splitting)
+    for values, domain in named.values():
+        if domain is not Domain.VERTEX:
+            rows, _ = weld_rows([values + 0])  # + 0 makes -0.0 and 0.0 equal
+            keys.append(rows[items[domain]])
+    first, new = _unique(keys)
     attributes = {
         name: np.ascontiguousarray(values[items[domain][first]])
         for name, (values, domain) in named.items()
@@ -157,15 +160,6 @@ def _materials(surface: Surface, n_faces: int) -> tuple[tuple[str | None, ...], 
     return (None,), np.zeros(n_faces, np.int64)
 
 
-def _distinct_rows(values: Rows, items: Integers) -> Integers:
-    """Return an index of the value at each triangle corner, equal for equal bits."""
-    bits = np.ascontiguousarray(values + 0).view(
-        f"u{values.itemsize}"
-    )  # + 0 makes -0.0 and 0.0 equal
-    columns = [np.unique(column, return_inverse=True)[1].astype(np.int64) for column in bits.T]
-    return _unique(columns)[1][items]
-
-
 def _unique(keys: list[Integers]) -> tuple[Integers, Integers]:
     """Return the first position of each distinct combination of keys, sorted, and its index."""
     number = np.zeros(len(keys[0]), np.int64)
@@ -184,23 +178,6 @@ def _primitives(
         low, high = np.searchsorted(materials, [number, number + 1])
         own = triangles[of_triangle == number] - low
         yield Primitive(labels[number], slice(int(low), int(high)), own)
-
-
-Values = dict[str, VertexValues]
-
-
-@dataclass(frozen=True, eq=False)
-class VertexData:
-    """Buffer locations of the vertex attributes of a mesh and its morph targets.
-
-    Attributes
-    ----------
-    base : dict of str to VertexValues
-    targets : list of dict of str to VertexValues
-    """
-
-    base: Values
-    targets: list[Values]
 
 
 def write_mesh(
@@ -222,79 +199,62 @@ def write_mesh(
     buffer, materials
         Receive the values and the materials of the mesh.
     """
-    data = _write_vertices(split, morph_mesh, buffer)
-    primitives = [_primitive(one, data, buffer, materials) for one in split.primitives]
+    base, targets = _add_vertices(split, morph_mesh, buffer)
+    primitives = []
+    for primitive in split.primitives:
+        json: Json = {
+            "attributes": _accessors(base, primitive.verts, buffer),
+            "indices": buffer.add_indices(primitive.triangles.ravel()),
+            "material": materials.index(primitive.material),
+        }
+        if targets:
+            json["targets"] = [_accessors(values, primitive.verts, buffer) for values in targets]
+        primitives.append(json)
     mesh: Json = {"name": name, "primitives": primitives}
     if morph_mesh.morphs is None:
         return mesh
-    names = [f"mode {number + 1}" for number in range(len(data.targets))]
     # Viewers show the first frame when the animation is not played.
     return mesh | {
         "weights": morph_mesh.morphs.weights[0].tolist(),
-        "extras": {"targetNames": names},
+        "extras": {"targetNames": [f"mode {number + 1}" for number in range(len(targets))]},
     }
 
 
-def _write_vertices(
-    split: SplitVertices, morph_mesh: MorphMesh, buffer: BufferWriter
-) -> VertexData:
-    base = {"POSITION": _add_vertices(morph_mesh.base, split, buffer)}
-    if morph_mesh.normals is not None:
-        base["NORMAL"] = buffer.add_vertices([morph_mesh.normals.base[split.rows]])[0]
-    for name, values in split.attributes.items():
-        base[name] = buffer.add_vertices([values])[0]
-    if morph_mesh.morphs is None:
-        return VertexData(base, [])
-    targets = [{"POSITION": one} for one in _positions(morph_mesh.morphs.targets, split, buffer)]
-    if morph_mesh.normals is not None:
-        # All targets must have the same attributes, so those without normals share zeros.
-        zeros = np.zeros((1, *morph_mesh.normals.base.shape), np.int8)
-        arrays = np.concatenate([morph_mesh.normals.targets, zeros])
-        *displacements, zero_values = buffer.add_vertices([one[split.rows] for one in arrays])
-        of_target = dict(zip(morph_mesh.normals.numbers.tolist(), displacements, strict=True))
-        for number, target in enumerate(targets):
-            target["NORMAL"] = of_target.get(number, zero_values)
-    return VertexData(base, targets)
+StoredValues = dict[str, VertexValues]
+"""Buffer locations of vertex values, by attribute."""
+
+
+def _accessors(values: StoredValues, verts: slice, buffer: BufferWriter) -> dict[str, int]:
+    return {name: buffer.vertex_accessor(name, stored, verts) for name, stored in values.items()}
 
 
 def _add_vertices(
-    values: npt.NDArray[Any], split: SplitVertices, buffer: BufferWriter
-) -> VertexValues:
-    return buffer.add_vertices([values[split.sources]])[0]
-
-
-def _positions(
-    targets: IntegerTargets, split: SplitVertices, buffer: BufferWriter
-) -> list[VertexValues]:
-    """Add the positions of every target, those of the same type in one buffer view."""
-    stored_values: dict[int, VertexValues] = {}
-    are_bytes = targets.levels == BYTE
-    for dtype, numbers in (
-        (np.int16, np.flatnonzero(~are_bytes)),
-        (np.int8, np.flatnonzero(are_bytes)),
-    ):
-        arrays = [
-            targets.integers[number].reshape(-1, 3)[split.sources].astype(dtype)
-            for number in numbers
-        ]
-        if arrays:
-            stored_values |= zip(numbers.tolist(), buffer.add_vertices(arrays), strict=True)
-    return [stored_values[number] for number in range(len(targets))]
-
-
-def _primitive(
-    one: Primitive, data: VertexData, buffer: BufferWriter, materials: Materials
-) -> Json:
-    def accessors(values: Values) -> dict[str, int]:
-        return {
-            name: buffer.vertex_accessor(name, stored, one.verts) for name, stored in values.items()
-        }
-
-    primitive: Json = {
-        "attributes": accessors(data.base),
-        "indices": buffer.add_indices(one.triangles.ravel()),
-        "material": materials.index(one.material),
-    }
-    if data.targets:
-        primitive["targets"] = [accessors(target) for target in data.targets]
-    return primitive
+    split: SplitVertices, morph_mesh: MorphMesh, buffer: BufferWriter
+) -> tuple[StoredValues, list[StoredValues]]:
+    """Add the vertex attributes of a mesh and those of its morph targets."""
+    morphs, normals = morph_mesh.morphs, morph_mesh.normals
+    base = {"POSITION": morph_mesh.base[split.sources]}
+    if normals is not None:
+        base["NORMAL"] = normals.base[split.rows]
+    base |= split.attributes
+    stored = {name: buffer.add_vertices([values])[0] for name, values in base.items()}
+    if morphs is None:
+        return stored, []
+    targets: list[StoredValues] = [{} for _ in range(len(morphs.targets))]
+    are_bytes = morphs.targets.levels == BYTE
+    for dtype, is_type in ((np.int16, ~are_bytes), (np.int8, are_bytes)):
+        numbers = np.flatnonzero(is_type)
+        if len(numbers):  # in one buffer view
+            fields = morphs.targets.integers[numbers].reshape(len(numbers), 3, -1)
+            arrays = [field.T[split.sources].astype(dtype) for field in fields]
+            for index, values in zip(numbers.tolist(), buffer.add_vertices(arrays), strict=True):
+                targets[index]["POSITION"] = values
+    if normals is not None:
+        # All targets must have the same attributes, so those without normals share zeros.
+        zeros = np.zeros((1, *normals.base.shape), np.int8)
+        arrays = [field[split.rows] for field in np.concatenate([normals.targets, zeros])]
+        *displacements, shared = buffer.add_vertices(arrays)
+        of_target = dict(zip(normals.numbers.tolist(), displacements, strict=True))
+        for number, target in enumerate(targets):
+            target["NORMAL"] = of_target.get(number, shared)
+    return stored, targets

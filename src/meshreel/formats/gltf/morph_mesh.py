@@ -1,7 +1,6 @@
 """A part of a sequence as base mesh and morph targets."""
 
 from dataclasses import dataclass, replace
-from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -40,16 +39,6 @@ CREASE_DEG = 60.0
 """Smallest dihedral turn between two faces whose edge is a crease."""
 
 
-class NormalChoice(Enum):
-    """The meshes that get normals."""
-
-    SMOOTH = "smooth"
-    """Smooth surfaces, with normals animated by as few targets as needed."""
-    ALL = "all"
-    """All surfaces, with normals animated by all targets."""
-    NONE = "none"
-
-
 @dataclass(frozen=True, eq=False)
 class NormalTargets:
     """Normals of the base mesh, and displacements of normals by morph targets.
@@ -71,11 +60,9 @@ class NormalTargets:
     angle_deg: float = 0.0
 
 
-def wants_normals(choice: NormalChoice, frame: Vertices, faces: Faces) -> bool:
-    """Return whether a mesh gets normals, judged by one frame."""
-    if choice is NormalChoice.SMOOTH:
-        return creased_share(frame, faces) <= MAX_CREASED_SHARE
-    return choice is NormalChoice.ALL
+def wants_normals(normals: bool | None, frame: Vertices, faces: Faces) -> bool:
+    """Return whether a mesh gets normals, by default if it is smooth in one frame."""
+    return creased_share(frame, faces) <= MAX_CREASED_SHARE if normals is None else normals
 
 
 def static_normals(vertices: Vertices, faces: Faces) -> NormalTargets:
@@ -233,17 +220,19 @@ class MorphOptions:
         Number of morph targets, at least 2 with all normals; default: as few as meet the bound.
     bound : float
         Largest error of a vertex, in model units; 0 for as small as possible.
-    normals : NormalChoice
+    normals : bool, optional
+        Whether meshes get normals, animated by all targets. Default: smooth ones do, animated by as
+        few targets as needed.
     """
 
     n_targets: int | None
     bound: float
-    normals: NormalChoice
+    normals: bool | None
 
     @property
     def length_error(self) -> float:
         """Root mean square error of normals that is acceptable; 0 for as small as possible."""
-        return LENGTH_ERROR if self.normals is NormalChoice.SMOOTH else 0.0
+        return LENGTH_ERROR if self.normals is None else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,14 +296,13 @@ def fit_part(
         placement, rest = place_static(base if len(frames) > 1 else frames[0])
         normals = static_normals(rest[shading.vertices], shading.faces) if has_normals else None
         return MorphMesh(placement, rest, None, normals, distances)
-    placed = place_frames(frames, base)
-    bound = max(0.0, options.bound / placed.placement.scale - MARGIN)
+    placement, integers, displacements = place_frames(frames, base)
+    bound = max(0.0, options.bound / placement.scale - MARGIN)
     if has_normals and options.n_targets != 1:  # normals need an additional target
-        morphs, normals = _fit_both(frames, shading, placed.displacements, bound, options)
+        morphs, normals = _fit_both(frames, shading, displacements, bound, options)
     else:
-        morphs, normals = _fit(placed.displacements, bound, options.n_targets), None
-    errors = morphs.errors * placed.placement.scale
-    return MorphMesh(placed.placement, placed.base, morphs, normals, errors)
+        morphs, normals = _fit(displacements, bound, options.n_targets), None
+    return MorphMesh(placement, integers, morphs, normals, morphs.errors * placement.scale)
 
 
 def _fit_both(

@@ -8,11 +8,10 @@ multipliers (Boyd et al. 2011, section 9.1) for matrices of rank K within a dist
 The multipliers are bounded, since K grows meanwhile, and while it is too small, no such matrix
 exists. Targets are rounded to integers in every round, so that rounding errors are compensated.
 
-Frames are displacements from the base mesh, of shape (T, 3 V), in the units of the mesh. During the
-search, x of all vertices precedes y and z, which makes NumPy three times as fast.
+Frames are displacements from the base mesh, of shape (T, 3 V), in the units of the mesh.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -38,7 +37,8 @@ class IntegerTargets:
     Attributes
     ----------
     integers : int16 array of shape (K, N)
-        Coordinates of each target.
+        Coordinates of each target: x of all vertices, then y and z, which makes NumPy three times
+        as fast as vertex by vertex.
     levels : float32 array of shape (K,)
         The integer that represents 1 in each target, `BYTE` or `SHORT`.
     """
@@ -53,11 +53,6 @@ class IntegerTargets:
     def values(self) -> Singles:
         """The represented values, of shape (K, N)."""
         return np.asarray(self.integers / self.levels[:, None], np.float32)
-
-    @property
-    def n_int8(self) -> int:
-        """Number of targets that fit into int8."""
-        return int((self.levels == BYTE).sum())
 
 
 def integer_targets(
@@ -152,23 +147,6 @@ IDENTITY = Placement(np.zeros(3), 1.0)
 """The placement that leaves positions unchanged."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedFrames:
-    """Frames as a base mesh of integers, and displacements from it.
-
-    Attributes
-    ----------
-    placement : Placement
-    base : int16 array of shape (V, 3)
-    displacements : float32 array of shape (T, 3 V)
-        From the integer base, in units of the placement.
-    """
-
-    placement: Placement
-    base: npt.NDArray[np.int16]
-    displacements: npt.NDArray[np.float32]
-
-
 def mean_frame(frames: Vertices) -> Floats:
     """Return the mean position of every vertex over all frames, of shape (V, 3)."""
     return np.asarray(frames.mean(axis=0, dtype=np.float64))
@@ -188,8 +166,24 @@ def place_static(base: Vertices) -> tuple[Placement, npt.NDArray[np.float32]]:
     return Placement(offset, 1.0), (base - offset).astype(np.float32)
 
 
-def place_frames(frames: Vertices, base: Floats) -> PlacedFrames:
-    """Return frames of shape (T, V, 3) relative to a base, with all coordinates within -1 to 1."""
+def place_frames(
+    frames: Vertices, base: Floats
+) -> tuple[Placement, npt.NDArray[np.int16], Singles]:
+    """Return frames relative to a base, with all coordinates within -1 to 1.
+
+    Parameters
+    ----------
+    frames : float array of shape (T, V, 3)
+    base : float64 array of shape (V, 3)
+
+    Returns
+    -------
+    placement : Placement
+    integers : int16 array of shape (V, 3)
+        The base.
+    displacements : float32 array of shape (T, 3 V)
+        From the integers, in units of the placement: x of all vertices, then y and z.
+    """
     offset = _center(base)
     max_distance = float(max_displacements(frames, base).max())
     reach = max(float(np.abs(base - offset).max()), max_distance)
@@ -199,8 +193,8 @@ def place_frames(frames: Vertices, base: Floats) -> PlacedFrames:
     displacements = np.empty((len(frames), base.size), np.float32)
     rounded = integers / np.float64(SHORT)
     for row, frame in zip(displacements, frames, strict=True):
-        row[:] = ((frame - offset) / scale - rounded).ravel()
-    return PlacedFrames(Placement(offset, scale), integers, displacements)
+        row[:] = ((frame - offset) / scale - rounded).T.ravel()
+    return Placement(offset, scale), integers, displacements
 
 
 def _center(base: Vertices) -> Floats:
@@ -276,16 +270,15 @@ def fit_morphs(displacements: Singles, bound: float) -> Morphs:
 
     If int16 is too coarse for the bound, return those with the smallest error found.
     """
-    by_axes = _axes_first(displacements)
-    search = _Search(by_axes)
-    n_initial = _initial_count(by_axes, INITIAL_ERROR * bound)
+    search = _Search(displacements)
+    n_initial = _initial_count(displacements, INITIAL_ERROR * bound)
     best = _grow(search, n_initial, min(displacements.shape), bound)
     n_failed = 0
     while best.error <= bound and n_failed < PATIENCE and len(best.targets) > 1:
         n_targets = len(best.targets) - max(1, len(best.targets) // GROWTH_DIVISOR)
         morphs = search.round(n_targets, bound)
         best, n_failed = (morphs, 0) if morphs.error <= bound else (best, n_failed + 1)
-    return _vertices_first(best)
+    return best
 
 
 def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> Morphs:
@@ -298,22 +291,22 @@ def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> 
         is_last = number == MAX_ROUNDS - 1
         n_targets = max_targets if is_last else min(n_targets, max_targets)
         morphs = search.round(n_targets, bound)
-        best = min(best, morphs, key=lambda one: one.error)
+        best = min(best, morphs, key=lambda candidate: candidate.error)
     return best
 
 
 def fit_fixed_morphs(displacements: Singles, n_targets: int, bound: float) -> Morphs:
     """Return `n_targets` targets with the smallest error found, or with one below `bound`."""
-    search = _Search(_axes_first(displacements))
+    search = _Search(displacements)
     best = search.round(min(n_targets, *displacements.shape), bound)
     aim = INITIAL_AIM * best.error
     for _ in range(MAX_FIXED_ROUNDS):
         if best.error <= bound or len(best.targets) < n_targets:  # fewer targets are exact
             break
         morphs = search.round(n_targets, max(bound, aim))
-        best = min(best, morphs, key=lambda one: one.error)
+        best = min(best, morphs, key=lambda candidate: candidate.error)
         aim = min(aim, NEXT_AIM * best.error) if best.error <= aim else aim
-    return _vertices_first(best)
+    return best
 
 
 def measure(targets: IntegerTargets, weights: Singles, displacements: Singles) -> Morphs:
@@ -321,7 +314,7 @@ def measure(targets: IntegerTargets, weights: Singles, displacements: Singles) -
     errors = np.empty(len(displacements), np.float32)
 
     def compare(frames: slice) -> None:
-        residuals = _axes_first(displacements[frames] - weights[frames] @ targets.values)
+        residuals = displacements[frames] - weights[frames] @ targets.values
         errors[frames] = _lengths(residuals).max(axis=1)
 
     in_threads(compare, chunks(len(displacements), PIECE_FRAMES))
@@ -367,22 +360,8 @@ class _Search:
         return errors
 
 
-def _axes_first(displacements: Singles) -> Singles:
-    """Return displacements of shape (T, 3 V), reordered from vertex by vertex to axis by axis."""
-    by_vertices = displacements.reshape(len(displacements), -1, 3)
-    return np.ascontiguousarray(by_vertices.transpose(0, 2, 1)).reshape(displacements.shape)
-
-
-def _vertices_first(morphs: Morphs) -> Morphs:
-    """Return morphs with targets reordered from axis by axis to vertex by vertex."""
-    integers = morphs.targets.integers
-    by_vertices = integers.reshape(len(integers), 3, -1).transpose(0, 2, 1)
-    ordered = np.ascontiguousarray(by_vertices).reshape(integers.shape)
-    return replace(morphs, targets=replace(morphs.targets, integers=ordered))
-
-
 def _lengths(displacements: Singles) -> Singles:
-    """Return lengths of displacements in axis order, of shape (T, V)."""
+    """Return the lengths of displacements, of shape (T, V)."""
     by_axes = displacements.reshape(len(displacements), 3, -1)
     x, y, z = (axis for axis in by_axes.swapaxes(0, 1))
     squares = x * x
@@ -392,7 +371,7 @@ def _lengths(displacements: Singles) -> Singles:
 
 
 def _scaled(displacements: Singles, factors: Singles) -> Singles:
-    """Return displacements in axis order times factors of shape (T, V)."""
+    """Return displacements times factors of shape (T, V)."""
     by_axes = displacements.reshape(len(displacements), 3, -1)
     return np.asarray(by_axes * factors[:, np.newaxis]).reshape(displacements.shape)
 

@@ -1,52 +1,58 @@
-"""The node hierarchy of a glTF file, with local transforms."""
+"""Nodes of a glTF file: their hierarchy and transforms, the scene, and the meshes at its nodes."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.document import Document, JsonObject
+from meshreel.formats.gltf.document import VISIBILITY, Document, JsonObject
+from meshreel.formats.gltf.geometry import Matrices
+from meshreel.formats.notes import listed
 
 MAX_PATH = 4096
 """Maximum length of a node path: deep hierarchies with long names would fill the memory."""
 
 
-@dataclass(frozen=True, eq=False)
-class LocalTransform:
-    """The local transform of a node that is not animated.
-
-    Attributes
-    ----------
-    matrix : float64 array of shape (4, 4), optional
-        Replaces the other three.
-    translation, rotation, scale : float64 arrays
-        Three numbers, a unit quaternion x y z w, and three numbers.
-    """
-
-    matrix: npt.NDArray[np.float64] | None
-    translation: npt.NDArray[np.float64]
-    rotation: npt.NDArray[np.float64]
-    scale: npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
 class Nodes:
     """The nodes of a file.
+
+    Parameters
+    ----------
+    document : Document
 
     Attributes
     ----------
     objects : tuple of JsonObject
     parents : list of int
         Parent of each node; -1 for a root.
-    depths : list of int
-        Depth of each node; 0 for a root.
+    ordered : list of int
+        All nodes, parents first.
+
+    Raises
+    ------
+    FormatError
+        If a node has several parents, or is its own ancestor.
     """
 
-    objects: tuple[JsonObject, ...]
-    parents: list[int]
-    depths: list[int]
+    def __init__(self, document: Document) -> None:
+        self.objects: tuple[JsonObject, ...] = document.lists["nodes"]
+        self.parents: list[int] = [-1] * len(self.objects)
+        self._children = [node.indices("children", "nodes") for node in self.objects]
+        for parent, children in enumerate(self._children):
+            for child in children:
+                if self.parents[child] >= 0:
+                    raise FormatError(
+                        f"node {child} is a child of nodes {self.parents[child]} and {parent}; "
+                        "a node must have one parent"
+                    )
+                self.parents[child] = parent
+        self.ordered: list[int] = [node for node, parent in enumerate(self.parents) if parent < 0]
+        for node in self.ordered:  # the list grows during iteration
+            self.ordered += self._children[node]
+        if len(self.ordered) < len(self.objects):
+            lost = min(set(range(len(self.objects))) - set(self.ordered))
+            raise FormatError(f"node {lost} is its own ancestor: nodes must form a tree")
 
     def ancestors(self, node: int) -> Iterator[int]:
         """Yield a node, its parent, and so on up to the root."""
@@ -58,32 +64,29 @@ class Nodes:
         """Return nodes and all their ancestors, parents first."""
         visited: set[int] = set()
         for node in nodes:
-            for one in self.ancestors(node):
-                if one in visited:
+            for ancestor in self.ancestors(node):
+                if ancestor in visited:
                     break
-                visited.add(one)
-        return sorted(visited, key=lambda one: self.depths[one])
+                visited.add(ancestor)
+        return [node for node in self.ordered if node in visited]
 
-    def transform(self, node: int) -> LocalTransform:
-        """Return the local transform of a node.
+    def below(self, nodes: Iterable[int]) -> set[int]:
+        """Return all nodes below some nodes, without these unless they are below others."""
+        above, below = set(nodes), set[int]()
+        for node in self.ordered:
+            if self.parents[node] in above or self.parents[node] in below:
+                below.add(node)
+        return below
 
-        Raises
-        ------
-        FormatError
-            If a number is not finite, or a rotation has length 0.
-        """
-        json = self.objects[node]
-        columns = json.numbers("matrix", 16).reshape(4, 4).T if "matrix" in json else None
-        rotation = json.numbers("rotation", 4, (0, 0, 0, 1))
-        length = float(np.linalg.norm(rotation))
-        if not 0 < length < np.inf:
-            raise json.error("rotation", "a quaternion of length 1")
-        return LocalTransform(
-            columns,
-            json.numbers("translation", 3, (0, 0, 0)),
-            rotation / length,
-            json.numbers("scale", 3, (1, 1, 1)),
-        )
+    def subtrees(self, roots: Iterable[int]) -> list[int]:
+        """Return roots and all nodes below them, in depth-first order."""
+        stack = list(roots)[::-1]
+        subtrees = []
+        while stack:
+            node = stack.pop()
+            subtrees.append(node)
+            stack += self._children[node][::-1]
+        return subtrees
 
     def path(self, node: int, default_name: str) -> str:
         """Return the path of a node: names from the root, each after a slash.
@@ -101,9 +104,9 @@ class Nodes:
         """
         names: list[str] = []
         n_characters = 0
-        for one in self.ancestors(node):
-            name = self.objects[one].text("name", "") or (default_name if one == node else "")
-            names.append(name or f"node_{one}")
+        for ancestor in self.ancestors(node):
+            name = self.objects[ancestor].text("name", "")
+            names.append(name or (default_name if ancestor == node else "") or f"node_{ancestor}")
             n_characters += len(names[-1]) + 1
             if n_characters > MAX_PATH:
                 raise FormatError(
@@ -112,51 +115,30 @@ class Nodes:
                 )
         return "".join(f"/{name.replace('/', '_')}" for name in reversed(names))
 
+    def labels(self, nodes: Iterable[int]) -> str:
+        """Return the names of some nodes for messages."""
+        return listed(self.objects[node].label() for node in nodes)
 
-def read_nodes(document: Document) -> Nodes:
-    """Return the nodes of a file.
+    def is_visible(self, node: int) -> bool:
+        """Return whether a node itself is visible without an animation."""
+        extension = self.objects[node].extension(VISIBILITY)
+        return extension is None or extension.values.get("visible", True) is not False
 
-    Raises
-    ------
-    FormatError
-        If a node has several parents, or is its own ancestor.
-    """
-    objects = document.lists["nodes"]
-    children = [one.indices("children", len(objects)) for one in objects]
-    parents = [-1] * len(objects)
-    for parent, own_children in enumerate(children):
-        for child in own_children:
-            if parents[child] >= 0:
-                raise FormatError(
-                    f"node {child} is a child of nodes {parents[child]} and {parent}; "
-                    "a node must have one parent"
-                )
-            parents[child] = parent
-    return Nodes(objects, parents, _depths(parents, children))
+    def rest(self, node: int) -> tuple[Matrices | None, dict[str, Floats]]:
+        """Return the matrix of a node of shape (4, 4), if it has one, and other properties.
 
+        These are a translation, a unit quaternion x y z w, and a scale.
 
-def unique_names(names: Sequence[str]) -> list[str]:
-    """Return the names, with a number appended to repeated ones."""
-    used, counts = set(names), dict.fromkeys(names, 0)
-    unique = []
-    for name in names:
-        candidate = name
-        while counts[name] and (candidate := f"{name}_{counts[name]}") in used:
-            counts[name] += 1
-        counts[name] += 1
-        used.add(candidate)
-        unique.append(candidate)
-    return unique
-
-
-def _depths(parents: list[int], children: list[list[int]]) -> list[int]:
-    """Return the depth of each node; every node must be below a root."""
-    depths = [0 if parent < 0 else -1 for parent in parents]
-    reached = [node for node, parent in enumerate(parents) if parent < 0]
-    for node in reached:  # the list grows during iteration
-        for child in children[node]:
-            depths[child] = depths[node] + 1
-        reached += children[node]
-    if len(reached) < len(parents):
-        raise FormatError(f"node {depths.index(-1)} is its own ancestor: nodes must form a tree")
-    return depths
+        Raises
+        ------
+        FormatError
+            If a number is not finite, or a rotation has length 0.
+        """
+        json = self.objects[node]
+        columns = json.numbers("matrix", 16).reshape(4, 4).T if "matrix" in json else None
+        rest = json.vectors(translation=(0, 0, 0), rotation=(0, 0, 0, 1), scale=(1, 1, 1))
+        length = float(np.linalg.norm(rest["rotation"]))
+        if not 0 < length < np.inf:
+            raise json.error("rotation", "a quaternion of length 1")
+        rest["rotation"] /= length
+        return columns, rest

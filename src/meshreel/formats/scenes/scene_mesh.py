@@ -11,6 +11,7 @@ import numpy.typing as npt
 from meshreel.errors import MeshReelError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.sequence import Vertices
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import TrackSource
 
@@ -46,6 +47,9 @@ class SceneMesh:
     tracks : function of a range of frame numbers, optional
         Returns the tracks of these frames, which share their faces and have all been read before.
         Frame 0 of a track is the first frame of the range.
+    positions : function of a start and a stop, optional
+        Returns the positions of frames start..stop - 1, of shape (stop - start, V, 3), for a mesh
+        whose faces are those of frame 0 in all frames.
     """
 
     name: str
@@ -54,6 +58,7 @@ class SceneMesh:
     surface: Callable[[int], Surface] = no_surface
     fps: float | None = None
     tracks: Callable[[range], Mapping[str, TrackSource]] = no_tracks
+    positions: Callable[[int, int], Vertices] | None = None
 
 
 def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:

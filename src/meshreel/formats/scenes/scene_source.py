@@ -30,8 +30,8 @@ from meshreel.model.validation import validate_finite
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
 
-BLOCK_BYTES = 1 << 20
-"""Size of the positions that are checked at once."""
+BLOCK_BYTES = 1 << 22
+"""Size of the positions that are read, where the mesh allows it, and checked at once."""
 
 
 def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:
@@ -119,30 +119,52 @@ def open_mesh(
     ConnectivityChangeError
         If `is_constant` and the faces of a frame differ from those of the first; as above.
     """
-    runs: list[_SceneRun] = []
-    n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
     with errors_naming(path):
-        for index in range(n_frames):
-            frame = mesh.frame(index)
-            difference = frame.difference(runs[-1].first) if runs else ""
-            if difference and is_constant:
-                runs[-1].check()
-                raise ConnectivityChangeError(
-                    f"frame {index} of {mesh.name} has {difference} in frame 0"
-                )
-            if difference or not runs:
-                if runs:
-                    runs[-1].check()
-                kept_bytes = sum(run.kept_bytes for run in runs)
-                limit = None if budget is None else max(0, budget - kept_bytes)
-                runs.append(_SceneRun(mesh, index, frame, limit))
-            if runs[-1].add(frame) or index + 1 == n_frames:
-                options.progress("reading", Count(index + 1, n_frames, "frames"))
-        runs[-1].check()
+        if mesh.positions is None:
+            runs = _read_frames(mesh, options, is_constant=is_constant)
+        else:
+            runs = [_read_blocks(mesh, mesh.positions, options)]
         # Surfaces and tracks depend on what changes in any frame.
         starts = [run.start for run in runs]
-        for run, stop in zip(runs, [*starts[1:], n_frames], strict=True):
+        for run, stop in zip(runs, [*starts[1:], len(mesh.times_s)], strict=True):
             yield run.sequence(stop, path, options)
+
+
+def _read_blocks(
+    mesh: SceneMesh, positions: Callable[[int, int], Vertices], options: ReadOptions
+) -> "_SceneRun":
+    """Read the frames of a mesh whose faces never change."""
+    n_frames, run = len(mesh.times_s), _SceneRun(mesh, 0, mesh.frame(0), options.max_loaded_bytes)
+    step = max(1, BLOCK_BYTES // run.first.vertices.nbytes)
+    for start in range(0, n_frames, step):
+        stop = min(start + step, n_frames)
+        run.add_block(positions(start, stop))
+        options.progress("reading", Count(stop, n_frames, "frames"))
+    return run
+
+
+def _read_frames(mesh: SceneMesh, options: ReadOptions, *, is_constant: bool) -> "list[_SceneRun]":
+    """Read the frames of a mesh, and compare their faces."""
+    runs: list[_SceneRun] = []
+    n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
+    for index in range(n_frames):
+        frame = mesh.frame(index)
+        difference = frame.difference(runs[-1].first) if runs else ""
+        if difference and is_constant:
+            runs[-1].check()
+            raise ConnectivityChangeError(
+                f"frame {index} of {mesh.name} has {difference} in frame 0"
+            )
+        if difference or not runs:
+            if runs:
+                runs[-1].check()
+            kept_bytes = sum(run.kept_bytes for run in runs)
+            limit = None if budget is None else max(0, budget - kept_bytes)
+            runs.append(_SceneRun(mesh, index, frame, limit))
+        if runs[-1].add(frame) or index + 1 == n_frames:
+            options.progress("reading", Count(index + 1, n_frames, "frames"))
+    runs[-1].check()
+    return runs
 
 
 class _SceneRun:
@@ -183,11 +205,13 @@ class _SceneRun:
         return is_complete
 
     def check(self) -> None:
-        """Check the frames since the last block, and keep them unless all become too large."""
-        if not self._unchecked:
-            return
-        block: Vertices = np.stack(self._unchecked)
-        self._unchecked.clear()
+        """Check the frames since the last block."""
+        if self._unchecked:
+            self.add_block(np.stack(self._unchecked))
+            self._unchecked.clear()
+
+    def add_block(self, block: Vertices) -> None:
+        """Check the next frames, of shape (K, V, 3), and keep them unless all become too large."""
         validate_finite(block, first_frame=self.start + self._n_checked)
         self._n_checked += len(block)
         self._survey.add(block)
@@ -240,6 +264,9 @@ def frame_range(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
         surface=lambda index: mesh.surface(start + index),
         tracks=lambda frames: mesh.tracks(range(start + frames.start, start + frames.stop)),
         fps=mesh.fps or frame_times(mesh.times_s).fps,
+        positions=None
+        if (read := mesh.positions) is None
+        else lambda first, last: read(start + first, start + last),
     )
 
 
@@ -274,6 +301,8 @@ def _reader(
     mesh: SceneMesh, dtype: np.dtype[np.floating], shape: tuple[int, ...]
 ) -> Callable[[int, int], Vertices]:
     def read_range(start: int, stop: int) -> Vertices:
+        if mesh.positions is not None and start < stop:
+            return mesh.positions(start, stop).astype(dtype, copy=False)
         vertices: Vertices = np.empty((stop - start, *shape), dtype)
         for row, index in enumerate(range(start, stop)):
             vertices[row] = mesh.frame(index).vertices

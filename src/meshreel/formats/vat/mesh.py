@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
-from meshreel.formats.gltf.container import BufferWriter, Json, write_container
+from meshreel.formats.gltf.container import BufferWriter, write_container
 from meshreel.formats.gltf.material_writer import Materials
 from meshreel.formats.gltf.mesh_writer import Primitive, SplitVertices, split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh, NormalTargets
-from meshreel.formats.gltf.write import NodeTree
+from meshreel.formats.gltf.write import NodeTree, assemble_document
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.vat.axes import MeshSpace
 from meshreel.formats.vat.motion import UP, Motion
@@ -100,22 +100,7 @@ class RestMesh:
             transform = {"rotation": list(space.rotation), "scale": [1 / space.axes.scale] * 3}
             tree.nodes[node] |= transform
         meshes = [write_mesh(name, split, morph_mesh, buffer, materials)]
-        document: Json = {
-            "asset": {"version": "2.0", "generator": "meshreel"},
-            "scene": 0,
-            "scenes": [{"name": name, "nodes": tree.roots}],
-            "nodes": tree.nodes,
-            "meshes": meshes,
-            **materials.document(),
-            "accessors": buffer.accessors,
-            "bufferViews": buffer.views,
-        }
-        materials.note_unused()
-        extensions = {
-            "extensionsUsed": sorted(materials.textures.used | materials.textures.required),
-            "extensionsRequired": sorted(materials.textures.required),
-        }
-        document |= {key: names for key, names in extensions.items() if names}
+        document = assemble_document(name, tree, meshes, materials, buffer)
         write_container(path, document, buffer, "leave out attributes (--attributes)")
 
     def _with_texel_uvs(self, uvs: Floats) -> Surface:

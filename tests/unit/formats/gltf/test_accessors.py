@@ -2,12 +2,9 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf import accessors
-from meshreel.formats.gltf.accessors import Accessors
-from meshreel.formats.gltf.document import JsonObject, read_document
+from meshreel.formats.gltf import document
+from meshreel.formats.gltf.document import Document, JsonObject
 from samples.gltf import Gltf
-
-HOLDER = JsonObject({"it": 0}, "holder")
 
 
 @pytest.fixture
@@ -16,7 +13,9 @@ def read(tmp_path):
 
     def values(file, *kinds, extension="glb", count=None):
         path = file.save(tmp_path / f"a.{extension}")
-        return Accessors(read_document(path)).read(HOLDER, "it", *kinds, count=count)
+        opened = Document(path)
+        holder = JsonObject({"it": 0}, "holder", opened.lists)
+        return opened.read(holder, "it", *kinds, count=count)
 
     return values
 
@@ -142,14 +141,15 @@ def test_accessor_with_another_count_than_required_is_rejected(read):
 
 
 def test_accessors_that_share_bytes_too_often_are_rejected(tmp_path, monkeypatch):
-    monkeypatch.setattr(accessors, "MIN_EXPANDED_BYTES", 1000)
+    monkeypatch.setattr(document, "MIN_EXPANDED_BYTES", 1000)
     file = Gltf()
     file.accessor(np.zeros((1000, 3)))
-    found = Accessors(read_document(file.save(tmp_path / "a.glb")))
+    found = Document(file.save(tmp_path / "a.glb"))
+    holder = JsonObject({"it": 0}, "holder", found.lists)
 
     def read_often():
         for _ in range(96):
-            found.read(HOLDER, "it", "VEC3")
+            found.read(holder, "it", "VEC3")
 
     with pytest.raises(FormatError, match="accessor 0: the arrays of the file would need more"):
         read_often()

@@ -78,14 +78,14 @@ def test_load_does_not_reveal_whether_an_outside_file_exists(tmp_path, uri):
 
 
 def test_load_names_a_missing_external_buffer(tmp_path):
-    with pytest.raises(FormatError, match=r"there is no file 'a\.bin' next to the glTF file"):
+    with pytest.raises(FormatError, match=r"refers to the file 'a\.bin', which does not exist"):
         load(with_external_buffer(tmp_path, "a.bin"))
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "sub"])
 def test_load_rejects_an_external_buffer_that_is_not_a_file(tmp_path, name):
     (tmp_path / "sub").mkdir()
-    with pytest.raises((FormatError, InvalidInputError), match=r"no file|cannot be read"):
+    with pytest.raises((FormatError, InvalidInputError), match=r"not a path|does not exist"):
         load(with_external_buffer(tmp_path, name))
 
 
@@ -93,7 +93,7 @@ def test_load_rejects_a_truncated_external_buffer(tmp_path):
     file = moving_triangle()
     (tmp_path / "a.bin").write_bytes(file.data[:-1])
     size = len(file.data)
-    with pytest.raises(FormatError, match=rf"a\.bin has {size - 1} of the declared {size} bytes"):
+    with pytest.raises(FormatError, match=rf"has {size - 1} of the declared {size} bytes"):
         load(with_external_buffer(tmp_path, "a.bin", file))
 
 

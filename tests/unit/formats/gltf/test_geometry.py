@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.primitives import FAN, STRIP, TRIANGLES, assemble_triangles
+from meshreel.formats.gltf.geometry import FAN, STRIP, TRIANGLES, assemble_triangles
 from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted

@@ -157,7 +157,7 @@ def test_load_leaves_out_instances_of_skinned_meshes(read):
     [
         ({"TRANSLATION": [[0, 0, 0]], "SCALE": [[1, 1, 1]] * 2}, "'count' must be 1, as"),
         ({"TRANSLATION": [[0, 0, 0, 0]]}, "'type' must be VEC3; got 'VEC4'"),
-        ({"SCALE": [[1, 1, np.inf]]}, "node 0, .*: every SCALE must be finite"),
+        ({"SCALE": [[1, 1, np.inf]]}, "node 0, .*: the numbers of 'SCALE' must be finite"),
         ({"TRANSLATION": 99}, "'TRANSLATION' must be below"),
     ],
 )

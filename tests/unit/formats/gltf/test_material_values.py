@@ -7,6 +7,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.gltf.document import JsonObject
 from meshreel.formats.gltf.materials import to_metallic_roughness
 from meshreel.formats.load import load
+from meshreel.model.materials import Material
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf
 from samples.materials import png
 
@@ -15,7 +16,8 @@ CONVERTED = "converted from specular-glossiness to metallic-roughness: skin"
 
 
 def converted(**values):
-    return to_metallic_roughness(JsonObject(values, "material 0"))
+    color, metallic, roughness = to_metallic_roughness(JsonObject(values, "material 0"))
+    return Material("", base_color=color, metallic=metallic, roughness=roughness)
 
 
 def reflected(model):

@@ -195,7 +195,7 @@ def test_images_are_read_from_other_files_and_data_uris(tmp_path, uri):
 @pytest.mark.parametrize(
     ("image", "message"),
     [
-        ({"uri": "gone.png"}, "there is no file 'gone.png' next to"),
+        ({"uri": "gone.png"}, "refers to the file 'gone.png', which does not exist"),
         ({"uri": "../skin.png"}, "outside its folder"),
         ({"uri": "/etc/passwd"}, "outside its folder"),
         ({"uri": "http://example.com/a.png"}, "only files in the folder"),
@@ -409,11 +409,11 @@ def test_material_with_infinite_emission_is_left_out(surface_of):
 
 
 def test_images_that_share_too_many_bytes_are_left_out(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.gltf.materials.MIN_EXPANDED_BYTES", 100)
-    monkeypatch.setattr("meshreel.formats.gltf.materials.MAX_EXPANSION", 0)
-    surface, notes = read(square_with({"name": "skin", **FACTORS}), tmp_path)
+    monkeypatch.setattr("meshreel.formats.gltf.document.MIN_EXPANDED_BYTES", 300)
+    monkeypatch.setattr("meshreel.formats.gltf.document.MAX_EXPANSION", 0)
+    surface, (note,) = read(square_with({"name": "skin", **FACTORS}), tmp_path)
     assert surface.images == (png(),)
-    assert notes == ["left out: texture images: image 1: images need 275 bytes; the limit is 100"]
+    assert note.startswith("left out: texture images: image 1: the arrays of the file would need")
 
 
 def test_image_bytes_with_several_references_are_read_once(tmp_path):

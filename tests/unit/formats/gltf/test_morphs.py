@@ -10,14 +10,14 @@ from meshreel.model.flag import simulate_flag
 def flag():
     """A flag in the wind as displacements from its mean, in meters."""
     vertices = simulate_flag(60, n_rows=16, n_columns=16).vertices
-    return (vertices - vertices.mean(axis=0)).reshape(60, -1)
+    return (vertices - vertices.mean(axis=0)).transpose(0, 2, 1).reshape(60, -1)
 
 
 def plain_error(frames, n_targets):
     """Return the largest error of the leading components alone."""
     _, basis = joint_trajectories(frames[None], n_targets)
-    residuals = (frames - basis @ (basis.T @ frames)).reshape(len(frames), -1, 3)
-    return np.linalg.norm(residuals, axis=2).max()
+    residuals = (frames - basis @ (basis.T @ frames)).reshape(len(frames), 3, -1)
+    return np.linalg.norm(residuals, axis=1).max()
 
 
 @pytest.mark.slow
@@ -25,7 +25,7 @@ def plain_error(frames, n_targets):
 def test_fit_morphs_meets_the_bound(flag, bound):
     found = fit_morphs(flag, bound)
     decoded = found.weights.astype(np.float64) @ found.targets.values
-    distances = np.linalg.norm((decoded - flag).reshape(len(flag), -1, 3), axis=2)
+    distances = np.linalg.norm((decoded - flag).reshape(len(flag), 3, -1), axis=1)
     assert distances.max() <= bound
     np.testing.assert_allclose(found.errors, distances.max(axis=1), atol=1e-6)
 
@@ -68,7 +68,7 @@ def test_measure_returns_the_errors_of_changed_weights(flag):
     weights = found.weights.copy()
     weights[3] = 0
     errors = measure(found.targets, weights, flag).errors
-    longest = np.linalg.norm(flag[3].reshape(-1, 3), axis=1).max()
+    longest = np.linalg.norm(flag[3].reshape(3, -1), axis=0).max()
     assert errors[3] == pytest.approx(longest, rel=1e-6)
     others, before = np.delete(errors, 3), np.delete(found.errors, 3)
     np.testing.assert_allclose(others, before, rtol=1e-4, atol=1e-6 * longest)

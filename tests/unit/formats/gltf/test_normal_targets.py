@@ -3,7 +3,6 @@ import pytest
 
 from meshreel.formats.gltf.morph_mesh import (
     MorphOptions,
-    NormalChoice,
     fit_part,
     select_normal_targets,
     static_normals,
@@ -27,7 +26,7 @@ def angles_deg(fitted, vertices, faces):
 
 def test_normals_follow_a_fluttering_flag():
     flag = simulate_flag(30, n_rows=16, n_columns=16)
-    options = MorphOptions(None, 0.002, normals=NormalChoice.ALL)
+    options = MorphOptions(None, 0.002, normals=True)
     fitted = fit_part(flag.vertices, flag.faces, options)
     angles = angles_deg(fitted, flag.vertices, flag.faces)
     assert (angles.mean() < 1, angles.max() < 10, fitted.errors.max() <= 0.002) == (True,) * 3
@@ -40,14 +39,14 @@ def test_normals_follow_a_rotating_body():
         [[np.cos(a), -np.sin(a), 0, np.sin(a), np.cos(a), 0, 0, 0, 1] for a in angles]
     )
     vertices = (body @ rotations.reshape(-1, 3, 3)).astype(np.float32)
-    options = MorphOptions(None, 0.002, normals=NormalChoice.ALL)
+    options = MorphOptions(None, 0.002, normals=True)
     fitted = fit_part(vertices, octahedron_faces(), options)
     assert angles_deg(fitted, vertices, octahedron_faces()).max() < 2
 
 
 def test_fixed_number_of_targets_includes_those_of_normals():
     grid = waving_grid(20)
-    fitted = fit_part(grid.vertices, grid.faces, MorphOptions(6, 0.0, normals=NormalChoice.ALL))
+    fitted = fit_part(grid.vertices, grid.faces, MorphOptions(6, 0.0, normals=True))
     assert len(fitted.morphs.targets) == len(fitted.normals.targets) == 6
 
 
@@ -56,7 +55,7 @@ def test_normals_of_degenerate_faces_point_along_z():
     np.testing.assert_array_equal(found.base, np.tile(np.float32([0, 0, 1]), (3, 1)))
 
 
-@pytest.mark.parametrize("choice", [NormalChoice.SMOOTH, NormalChoice.ALL])
+@pytest.mark.parametrize("choice", [None, True])
 def test_stated_angle_is_that_of_the_stored_normals(choice):
     flag = simulate_flag(24, n_rows=12, n_columns=12)
     fitted = fit_part(flag.vertices, flag.faces, MorphOptions(None, 0.002, normals=choice))
@@ -69,7 +68,7 @@ def test_smooth_normals_need_fewer_targets_than_exact_ones():
     flag = simulate_flag(60, n_rows=20, n_columns=20)
     near, exact = (
         fit_part(flag.vertices, flag.faces, MorphOptions(None, 0.0005, normals=choice))
-        for choice in (NormalChoice.SMOOTH, NormalChoice.ALL)
+        for choice in (None, True)
     )
     assert len(near.normals.numbers) < 0.7 * len(exact.normals.numbers)
     assert near.normals.angle_deg < 5
@@ -79,7 +78,8 @@ def test_smooth_normals_need_fewer_targets_than_exact_ones():
 def test_creased_mesh_has_normals_only_on_request():
     box = rich_cube(4)
     found = [
-        fit_part(box.vertices, box.faces, MorphOptions(None, 0.001, one)) for one in NormalChoice
+        fit_part(box.vertices, box.faces, MorphOptions(None, 0.001, one))
+        for one in (None, True, False)
     ]
     assert [one.normals is not None for one in found] == [False, True, False]
 

@@ -9,16 +9,16 @@ RNG = np.random.default_rng(11)
 
 def test_base_and_displacements_of_placed_frames_add_up_to_the_positions():
     frames = 5e3 + RNG.standard_normal((7, 40, 3)) * [1, 20, 3]
-    placed = place_frames(frames, mean_frame(frames))
-    found = placed.base / 32767 + placed.displacements.reshape(7, 40, 3)
-    world = found * placed.placement.scale + placed.placement.offset
-    np.testing.assert_allclose(world, frames, atol=3e-7 * placed.placement.scale)
-    assert np.abs(placed.base).max() <= 32767
+    placement, base, displacements = place_frames(frames, mean_frame(frames))
+    placed = base / 32767 + displacements.reshape(7, 3, 40).transpose(0, 2, 1)
+    world = placed * placement.scale + placement.offset
+    np.testing.assert_allclose(world, frames, atol=3e-7 * placement.scale)
+    assert np.abs(base).max() <= 32767
 
 
 def test_placement_is_exact_in_float32():
     frames = 0.1 + RNG.standard_normal((3, 9, 3))
-    placement = place_frames(frames, mean_frame(frames)).placement
+    placement, _, _ = place_frames(frames, mean_frame(frames))
     for number in (*placement.offset, placement.scale):
         assert np.float32(number) == number
 

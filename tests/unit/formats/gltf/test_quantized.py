@@ -29,7 +29,7 @@ def test_rounding_error_of_targets_stays_below_the_noise():
     exact, max_weights = 0.3 * fields(), np.full(6, 0.7)
     noise = 0.7 * 0.3 * 1.5 / BYTE
     found = integer_targets(exact.copy(), max_weights, noise)
-    assert found.n_int8 > 0
+    assert (found.levels == BYTE).any()
     largest = np.abs(exact).max(axis=1)
     errors = (found.values * largest[:, None] - exact) * max_weights[:, None]
     distances = np.linalg.norm(errors.sum(axis=0).reshape(-1, 3), axis=1)
