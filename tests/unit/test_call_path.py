@@ -29,6 +29,12 @@ def test_decoding_rarely_changes_file():
     assert file_changes(partial(meshreel.decode, data)).total() <= 30
 
 
+def test_loading_gltf_rarely_changes_file(tmp_path):
+    sequence = meshreel.simulate_flag(60, n_rows=20, n_columns=20)
+    meshreel.save(sequence, tmp_path / "flag.glb")
+    assert file_changes(partial(meshreel.load, tmp_path / "flag.glb")).total() <= 280
+
+
 def test_changes_are_counted_by_file():
     found = file_changes(lambda: meshreel.simulate_flag(2, n_rows=4, n_columns=4))
     assert all(first != second for first, second in found)

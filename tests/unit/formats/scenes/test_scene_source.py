@@ -8,7 +8,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.scene_source import open_scene
+from meshreel.formats.scenes.scene_source import frame_range, open_scene
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import MeshSequence
@@ -54,6 +54,50 @@ def test_large_frames_stay_in_the_file():
     assert found.read(2, 5).tobytes() == sequence.vertices[2:5].tobytes()
     assert_same_surface(found.surface, sequence.surface)
     np.testing.assert_array_equal(found.extent.low, sequence.extent.low)
+
+
+def in_blocks(mesh, sequence, reads):
+    """A scene mesh that also gives positions of several frames, and records the ranges read."""
+
+    def positions(start, stop):
+        reads.append((start, stop))
+        return sequence.vertices[start:stop]
+
+    return replace(mesh, positions=positions)
+
+
+@pytest.mark.parametrize("max_loaded_bytes", [None, 100])
+def test_positions_of_several_frames_are_read_at_once(monkeypatch, max_loaded_bytes):
+    sequence, reads = quad_sheet(), []
+    monkeypatch.setattr(
+        "meshreel.formats.scenes.scene_source.BLOCK_BYTES", 2 * sequence.vertices[0].nbytes
+    )
+    mesh = in_blocks(scene_mesh(sequence, "/sheet"), sequence, reads)
+    found = opened([mesh], max_loaded_bytes=max_loaded_bytes)
+    n_frames = sequence.n_frames
+    assert reads == [(start, min(start + 2, n_frames)) for start in range(0, n_frames, 2)]
+    assert found.read(0, n_frames).tobytes() == sequence.vertices.tobytes()
+
+
+@pytest.mark.parametrize("is_static", [True, False])
+def test_positions_of_merged_meshes_are_those_of_their_frames(is_static):
+    sequence, reads = quad_sheet(), []
+    still = MeshSequence(sequence.vertices[:1], sequence.faces) if is_static else sequence
+    meshes = [
+        in_blocks(scene_mesh(each, name), each, reads)
+        for each, name in ((sequence, "/a"), (still, "/b"))
+    ]
+    merged = opened(meshes, merge=True)
+    assert len(reads) == 2
+    expected = opened([replace(mesh, positions=None) for mesh in meshes], merge=True)
+    assert merged.vertices.tobytes() == expected.vertices.tobytes()
+
+
+def test_positions_of_a_range_of_frames_count_from_its_start():
+    sequence, reads = quad_sheet(), []
+    whole = in_blocks(scene_mesh(sequence, "/sheet"), sequence, reads)
+    part = frame_range(whole, 2, 5)
+    assert part.positions(1, 3).tobytes() == sequence.vertices[3:5].tobytes()
 
 
 def test_error_lists_the_meshes_if_none_is_selected():
