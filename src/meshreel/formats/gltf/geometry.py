@@ -26,6 +26,7 @@ from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import DRACO as LIBRARY
+from meshreel.runtime.threads import chunks, in_threads
 
 Matrices = npt.NDArray[np.float64]
 
@@ -48,6 +49,9 @@ NUMBERED = re.compile(r"(TEXCOORD|COLOR)_(\d{1,3})")
 DRACO_START = b"DRACO\x02\x02\x01"
 """Start of a triangle mesh with bitstream version 2.2, the only one that glTF allows."""
 DRACO_HEADER_BYTES = 11
+
+PIECE_FRAMES = 8
+"""Frames that a thread poses at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,21 +142,27 @@ class Geometry:
         posed = np.empty((len(weights), *self.positions.shape), np.float32)
         rest = self.positions.astype(np.float64)
         fields = [
-            None if field is None else field.astype(np.float64) for field in self.displacements
+            None if field is None else np.asarray(field, np.float64) for field in self.displacements
         ]
-        moved, product = np.empty_like(rest), np.empty_like(rest)
-        for frame, own_weights, matrices in zip(posed, weights, transforms, strict=True):
-            moved[:] = rest
-            for weight, field in zip(own_weights, fields, strict=True):
-                if field is not None and weight != 0:
-                    np.multiply(field, weight, out=product)
-                    moved += product
-            if self.influences is None:
-                frame[:] = moved @ matrices[0, :, :3].T + matrices[0, :, 3]
-            else:
-                blended = self.influences.blend(matrices)
-                rotated = np.einsum("vij,vj->vi", blended[:, :, :3], moved)
-                frame[:] = rotated + blended[:, :, 3]
+
+        def pose(frames: slice) -> None:
+            moved, product = np.empty_like(rest), np.empty_like(rest)
+            for index in range(frames.start, frames.stop):
+                moved[:] = rest
+                for weight, field in zip(weights[index], fields, strict=True):
+                    if field is not None and weight != 0:
+                        np.multiply(field, weight, out=product)
+                        moved += product
+                if self.influences is None:
+                    matrix = transforms[index, 0]
+                    posed[index] = moved @ matrix[:, :3].T + matrix[:, 3]
+                else:
+                    blended = self.influences.blend(transforms[index])
+                    rotated = np.einsum("vij,vj->vi", blended[:, :, :3], moved)
+                    posed[index] = rotated + blended[:, :, 3]
+
+        # By frames and not by a matrix product, whose rounding depends on the number of frames.
+        in_threads(pose, chunks(len(posed), PIECE_FRAMES))
         return posed
 
     def with_reversed_faces(self) -> "Geometry":
