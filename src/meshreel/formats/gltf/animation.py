@@ -1,7 +1,7 @@
 """Animations of a glTF file: their selection, curves of nodes by property, and their motion."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -70,13 +70,6 @@ class Curve:
     interpolation: str
     tangents: tuple[Floats, Floats] | None = None
     is_rotation: bool = False
-
-    @property
-    def is_curved(self) -> bool:
-        """Whether values between two keys are not on the straight line between them."""
-        if len(self.keys_s) == 1 or self.interpolation == STEP:
-            return False
-        return self.is_rotation or self.interpolation == CUBICSPLINE
 
     def at(self, times_s: Floats) -> Floats:
         """Return the values at times of shape (T,), as (T, C), constant beyond the keys."""
@@ -154,6 +147,9 @@ class Channel:
     path : str
         One of `PATHS`.
     sampler : JsonObject
+    input : str
+        The accessor of the key times, as written.
+    interpolation : str
     json : JsonObject
         The channel in the file.
     """
@@ -161,12 +157,9 @@ class Channel:
     node: int
     path: str
     sampler: JsonObject
+    input: str
+    interpolation: str
     json: JsonObject
-
-    @property
-    def input(self) -> str:
-        """The accessor of the key times, as written."""
-        return repr(self.sampler.values.get("input"))
 
 
 Curves = dict[tuple[int, str], Curve]
@@ -188,6 +181,16 @@ class Clip:
     keys_s: Floats
     curves: Curves
 
+    @property
+    def is_curved(self) -> bool:
+        """Whether values between two keys of a curve are not on the straight line between them."""
+        return any(
+            len(curve.keys_s) > 1
+            and curve.interpolation != STEP
+            and (curve.is_rotation or curve.tangents is not None)
+            for curve in self.curves.values()
+        )
+
 
 class Clips:
     """The animations of a file.
@@ -195,8 +198,8 @@ class Clips:
     Parameters
     ----------
     document : Document
-    moves_mesh : function of a node and a path
-        Returns whether animating this property of the node moves a mesh that is read.
+    moving : dict of collections of int
+        By path, the nodes whose animation moves a mesh that is read.
 
     Attributes
     ----------
@@ -204,8 +207,8 @@ class Clips:
         Unique names of the animations; "animation_N" for unnamed ones.
     """
 
-    def __init__(self, document: Document, moves_mesh: Callable[[int, str], bool]) -> None:
-        self._document, self._moves_mesh = document, moves_mesh
+    def __init__(self, document: Document, moving: Mapping[str, Collection[int]]) -> None:
+        self._document, self._moving = document, moving
         self._animations = document.lists["animations"]
         stored = [animation.values.get("name") for animation in self._animations]
         self.names: list[str] = unique_names(
@@ -310,12 +313,22 @@ class Clips:
         animation.text("name", "")
         channels = _read_channels(animation)
         inputs = {channel.input: channel.sampler for channel in channels}
-        keys = {name: _read_keys(sampler, self._document) for name, sampler in inputs.items()}
+        keys = {
+            name: self._document.read_floats(sampler, "input", "SCALAR")[:, 0]
+            for name, sampler in inputs.items()
+        }
+        for name, sampler in inputs.items():
+            if (np.diff(keys[name]) < 0).any():
+                raise FormatError(f"{sampler.place}: key times must be ascending")
         keys_s = np.unique(np.concatenate([*keys.values()])) if keys else np.empty(0)
+        moving = [channel for channel in channels if channel.node in self._moving[channel.path]]
+        values = [
+            self._document.read_floats(channel.sampler, "output", PATHS[channel.path][0])
+            for channel in moving
+        ]
         curves = {
-            (channel.node, channel.path): _read_curve(channel, keys[channel.input], self._document)
-            for channel in channels
-            if self._moves_mesh(channel.node, channel.path)
+            (channel.node, channel.path): _curve(channel, keys[channel.input], numbers)
+            for channel, numbers in zip(moving, values, strict=True)
         }
         return Clip(keys_s, curves)
 
@@ -325,65 +338,49 @@ def _read_channels(animation: JsonObject) -> list[Channel]:
     samplers = animation.children("samplers", "sampler")
     channels = []
     for channel in animation.children("channels", "channel"):
-        node, path = _target_of(channel.required_child("target"))
+        target = channel.required_child("target")
+        path, node = target.text("path"), target.index("node", "nodes")
+        if path == "pointer":
+            extension = target.extension(POINTER)
+            pointer = "" if extension is None else extension.text("pointer", "")
+            match, n_nodes = POINTERS.fullmatch(pointer), len(target.lists["nodes"])
+            node, path = (int(match[1]), match[2] or match[3]) if match else (None, path)
+            if node is not None and node >= n_nodes:
+                raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
         number = channel.index("sampler", len(samplers))
         if number is None:
             raise channel.error("sampler", "the index of a sampler")
         if node is not None and path in PATHS:
-            channels.append(Channel(node, path, samplers[number], channel))
+            sampler = samplers[number]
+            times = repr(sampler.values.get("input"))
+            interpolation = sampler.text("interpolation", LINEAR)
+            channels.append(Channel(node, path, sampler, times, interpolation, channel))
     return channels
-
-
-def _target_of(target: JsonObject) -> tuple[int | None, str]:
-    """Return the node and the path of the target of a channel; None for other targets."""
-    path = target.text("path")
-    if path != "pointer":
-        return target.index("node", "nodes"), path
-    match = POINTERS.fullmatch(_pointer_of(target))
-    if match is None:
-        return None, path
-    node, n_nodes = int(match[1]), len(target.lists["nodes"])
-    if node >= n_nodes:
-        raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
-    return node, match[2] or match[3]
-
-
-def _pointer_of(target: JsonObject) -> str:
-    """Return the JSON pointer of the target of a channel; empty if it has none."""
-    extension = target.extension(POINTER)
-    return "" if extension is None else extension.text("pointer", "")
 
 
 def other_pointers(animation: JsonObject) -> list[str]:
     """Return the pointers of channels that are not read."""
-    channels = animation.children("channels", "channel")
-    targets = (channel.child("target") for channel in channels)
-    pointers = [_pointer_of(target) for target in targets if target is not None]
+    pointers = []
+    for channel in animation.children("channels", "channel"):
+        target = channel.child("target")
+        extension = None if target is None else target.extension(POINTER)
+        pointers.append("" if extension is None else extension.text("pointer", ""))
     return [pointer for pointer in pointers if pointer and not POINTERS.fullmatch(pointer)]
 
 
-def _read_keys(sampler: JsonObject, document: Document) -> Floats:
-    keys = document.read_floats(sampler, "input", "SCALAR")[:, 0]
-    if (np.diff(keys) < 0).any():
-        raise FormatError(f"{sampler.place}: key times must be ascending")
-    return keys
-
-
-def _read_curve(channel: Channel, keys_s: Floats, document: Document) -> Curve:
-    sampler, node, path = channel.sampler, document.lists["nodes"][channel.node], channel.path
-    if "matrix" in node and path not in ("weights", VISIBLE):
+def _curve(channel: Channel, keys_s: Floats, values: Floats) -> Curve:
+    """Return a curve of the numbers that its sampler stores."""
+    sampler, path, interpolation = channel.sampler, channel.path, channel.interpolation
+    node = sampler.lists["nodes"][channel.node]
+    if "matrix" in node.values and path not in ("weights", VISIBLE):
         raise FormatError(
             f"{channel.json.place}: animates the {path} of {node.place}, which has a matrix instead"
         )
-    interpolation = sampler.text("interpolation", LINEAR)
     if interpolation not in INTERPOLATIONS:
         raise sampler.error("interpolation", f"one of {', '.join(INTERPOLATIONS)}")
     if path == VISIBLE and interpolation != STEP:
         raise sampler.error("interpolation", "STEP, as visibility is not a number")
-    kind, width = PATHS[path]
-    values = document.read_floats(sampler, "output", kind)
-    if path == "weights":
-        width = count_targets(node.item("mesh", "meshes"))
+    width = PATHS[path][1] or count_targets(node.item("mesh", "meshes"))
     n_each = 3 if interpolation == CUBICSPLINE else 1
     if values.size != len(keys_s) * n_each * width:
         raise FormatError(
@@ -412,16 +409,28 @@ class Motion:
     curves: Curves
 
     @cached_property
-    def animated(self) -> frozenset[int]:
+    def animated(self) -> set[int]:
         """The nodes that are animated, or below an animated node."""
-        nodes = {node for node, path in self.curves if path != "weights"}
-        return frozenset(nodes | self.nodes.below(nodes))
+        return self.nodes.with_below({node for node, path in self.curves if path != "weights"})
+
+    @cached_property
+    def switched(self) -> set[int]:
+        """The nodes whose visibility is animated, or below such a node."""
+        return self.nodes.with_below({node for node, path in self.curves if path == VISIBLE})
 
     def world(self, nodes: Sequence[int], times_s: Floats) -> Matrices:
         """Return the world transforms of some nodes, of shape (T, N, 3, 4)."""
         transforms: dict[int, Matrices] = {}
-        for node in self.nodes.with_ancestors(nodes):
-            local, parent = self._local(node, times_s), self.nodes.parents[node]
+        for node, (matrix, rest) in self.nodes.rest(self.nodes.with_ancestors(nodes)).items():
+            local, parent = matrix, self.nodes.parents[node]
+            if local is None:
+                curves = {path: self.curves.get((node, path)) for path in rest}
+                local = compose(
+                    *(
+                        rest[path][np.newaxis] if curve is None else curve.at(times_s)
+                        for path, curve in curves.items()
+                    )
+                )
             transforms[node] = local if parent < 0 else transforms[parent] @ local
         worlds = np.empty((len(times_s), len(nodes), 3, 4))
         for index, node in enumerate(nodes):
@@ -432,19 +441,6 @@ class Motion:
         """Return the weights of morph targets at a node, of shape (T, M)."""
         curve = self.curves.get((node, "weights"))
         return np.tile(default, (len(times_s), 1)) if curve is None else curve.at(times_s)
-
-    def _local(self, node: int, times_s: Floats) -> Matrices:
-        """Return the transforms to the parent, of shape (T, 4, 4), or (1, 4, 4) if static."""
-        matrix, rest = self.nodes.rest(node)
-        if matrix is not None:
-            return matrix[np.newaxis]
-        curves = {path: self.curves.get((node, path)) for path in rest}
-        return compose(
-            *(
-                rest[path][np.newaxis] if curve is None else curve.at(times_s)
-                for path, curve in curves.items()
-            )
-        )
 
 
 def compose(translations: Floats, rotations: Floats, scales: Floats) -> Matrices:

@@ -1,6 +1,6 @@
 """Nodes of a glTF file: their hierarchy and transforms, the scene, and the meshes at its nodes."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -54,20 +54,22 @@ class Nodes:
             lost = min(set(range(len(self.objects))) - set(self.ordered))
             raise FormatError(f"node {lost} is its own ancestor: nodes must form a tree")
 
-    def ancestors(self, node: int) -> Iterator[int]:
-        """Yield a node, its parent, and so on up to the root."""
+    def ancestors(self, node: int) -> list[int]:
+        """Return a node, its parent, and so on up to the root."""
+        ancestors = []
         while node >= 0:
-            yield node
+            ancestors.append(node)
             node = self.parents[node]
+        return ancestors
 
     def with_ancestors(self, nodes: Iterable[int]) -> list[int]:
         """Return nodes and all their ancestors, parents first."""
         visited: set[int] = set()
-        for node in nodes:
-            for ancestor in self.ancestors(node):
-                if ancestor in visited:
-                    break
-                visited.add(ancestor)
+        for start in nodes:
+            node = start
+            while node >= 0 and node not in visited:
+                visited.add(node)
+                node = self.parents[node]
         return [node for node in self.ordered if node in visited]
 
     def below(self, nodes: Iterable[int]) -> set[int]:
@@ -77,6 +79,10 @@ class Nodes:
             if self.parents[node] in above or self.parents[node] in below:
                 below.add(node)
         return below
+
+    def with_below(self, nodes: set[int]) -> set[int]:
+        """Return nodes and all nodes below them."""
+        return nodes | self.below(nodes)
 
     def subtrees(self, roots: Iterable[int]) -> list[int]:
         """Return roots and all nodes below them, in depth-first order."""
@@ -119,26 +125,35 @@ class Nodes:
         """Return the names of some nodes for messages."""
         return listed(self.objects[node].label() for node in nodes)
 
-    def is_visible(self, node: int) -> bool:
-        """Return whether a node itself is visible without an animation."""
-        extension = self.objects[node].extension(VISIBILITY)
-        return extension is None or extension.values.get("visible", True) is not False
+    def hidden(self) -> list[int]:
+        """Return the nodes that are hidden themselves without an animation."""
+        extensions = [node.extension(VISIBILITY) for node in self.objects]
+        return [
+            node
+            for node, extension in enumerate(extensions)
+            if extension is not None and extension.values.get("visible") is False
+        ]
 
-    def rest(self, node: int) -> tuple[Matrices | None, dict[str, Floats]]:
-        """Return the matrix of a node of shape (4, 4), if it has one, and other properties.
+    def rest(self, nodes: Iterable[int]) -> dict[int, tuple[Matrices | None, dict[str, Floats]]]:
+        """Return the matrix of each node, if it has one, and its other properties.
 
-        These are a translation, a unit quaternion x y z w, and a scale.
+        These are a translation, a unit quaternion x y z w, and a scale. A matrix has the shape
+        (1, 4, 4).
 
         Raises
         ------
         FormatError
             If a number is not finite, or a rotation has length 0.
         """
-        json = self.objects[node]
-        columns = json.numbers("matrix", 16).reshape(4, 4).T if "matrix" in json else None
-        rest = json.vectors(translation=(0, 0, 0), rotation=(0, 0, 0, 1), scale=(1, 1, 1))
-        length = float(np.linalg.norm(rest["rotation"]))
-        if not 0 < length < np.inf:
-            raise json.error("rotation", "a quaternion of length 1")
-        rest["rotation"] /= length
-        return columns, rest
+        properties: dict[int, tuple[Matrices | None, dict[str, Floats]]] = {}
+        for node in nodes:
+            json, matrix = self.objects[node], None
+            if "matrix" in json:
+                matrix = json.numbers("matrix", 16).reshape(1, 4, 4).transpose(0, 2, 1)
+            rest = json.vectors(translation=(0, 0, 0), rotation=(0, 0, 0, 1), scale=(1, 1, 1))
+            length = float(np.linalg.norm(rest["rotation"]))
+            if not 0 < length < np.inf:
+                raise json.error("rotation", "a quaternion of length 1")
+            rest["rotation"] /= length
+            properties[node] = matrix, rest
+        return properties

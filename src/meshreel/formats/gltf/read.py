@@ -11,7 +11,15 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.animations import AnimationInfo
-from meshreel.formats.gltf.animation import STEP, VISIBLE, Clips, Curve, Motion, other_pointers
+from meshreel.formats.gltf.animation import (
+    PATHS,
+    STEP,
+    VISIBLE,
+    Clips,
+    Curve,
+    Motion,
+    other_pointers,
+)
 from meshreel.formats.gltf.document import INSTANCING, Document, JsonObject, unique_names
 from meshreel.formats.gltf.geometry import (
     Geometry,
@@ -102,12 +110,8 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
             names = ["/" + name.strip("/").partition("/")[2] for name in names]
             meshes = [replace(mesh, name=name) for mesh, name in zip(meshes, names, strict=True)]
         return [_join(meshes, switching, sampling, notes)]
-    changing = [
-        name
-        for name, mesh in zip(names, shown, strict=True)
-        if any((node, VISIBLE) in motion.curves for node in nodes.ancestors(mesh.node))
-    ]
-    if changing:
+    pairs = zip(names, shown, strict=True)
+    if changing := [name for name, mesh in pairs if mesh.node in motion.switched]:
         note_left_out(notes, f"changes of the visibility of {listed(changing)}")
     return meshes
 
@@ -123,30 +127,28 @@ def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
     document = Document(path, allow_outside=options.allow_outside)
     nodes = Nodes(document)
     shown = shown_meshes(document, nodes, [])
-    return Clips(document, _mesh_motion_test(shown, nodes)).describe()
+    return Clips(document, _moving_nodes(shown, nodes)).describe()
 
 
 def _select_motion(
     shown: Sequence[ShownMesh], nodes: Nodes, document: Document, options: ReadOptions
 ) -> tuple[Motion, Sampling]:
     """Return the motion of nodes with meshes, and the sampling of frames."""
-    clips = Clips(document, _mesh_motion_test(shown, nodes))
+    clips = Clips(document, _moving_nodes(shown, nodes))
     clip = clips.select(options.animation, options.notes)
     if clip is None:
         return Motion(nodes, {}), STATIC
-    is_curved = any(curve.is_curved for curve in clip.curves.values())
     fps = validate_fps(options.fps or 0.0)
-    sampling = sample_times(clip.keys_s, fps, is_curved=is_curved, notes=options.notes)
+    sampling = sample_times(clip.keys_s, fps, is_curved=clip.is_curved, notes=options.notes)
     return Motion(nodes, clip.curves), sampling
 
 
-def _mesh_motion_test(shown: Sequence[ShownMesh], nodes: Nodes) -> Callable[[int, str], bool]:
-    """Return a function that tells whether animating a property of a node moves a mesh."""
+def _moving_nodes(shown: Sequence[ShownMesh], nodes: Nodes) -> dict[str, set[int]]:
+    """Return the nodes where animating a property moves or shows a mesh, by path."""
     holders = {mesh.node for mesh in shown}
-    above_holders = set(nodes.with_ancestors(holders))
     above_carriers = set(nodes.with_ancestors({node for mesh in shown for node in mesh.carriers}))
-    moving = {"weights": holders, VISIBLE: above_holders}
-    return lambda node, path: node in moving.get(path, above_carriers)
+    others = {"weights": holders, VISIBLE: set(nodes.with_ancestors(holders))}
+    return dict.fromkeys(PATHS, above_carriers) | others
 
 
 def _is_animated(mesh: ShownMesh, motion: Motion) -> bool:
@@ -157,20 +159,15 @@ def _is_animated(mesh: ShownMesh, motion: Motion) -> bool:
 def _visible(shown: list[ShownMesh], motion: Motion, notes: list[str]) -> list[ShownMesh]:
     """Return the meshes that are visible at some time; all if none is."""
     nodes = motion.nodes
-    hidden = [
-        mesh.node
-        for mesh in shown
-        if any(
-            (node, VISIBLE) not in motion.curves and not nodes.is_visible(node)
-            for node in nodes.ancestors(mesh.node)
-        )
-    ]
+    unchanging = {node for node in nodes.hidden() if (node, VISIBLE) not in motion.curves}
+    never = nodes.with_below(unchanging)
+    hidden = [mesh.node for mesh in shown if mesh.node in never]
     if len(hidden) == len(shown):
         notes.append("all meshes are hidden (KHR_node_visibility); read as if they were visible")
         return shown
     if hidden:
         note_left_out(notes, f"hidden meshes: {nodes.labels(hidden)}")
-    return [mesh for mesh in shown if mesh.node not in hidden]
+    return [mesh for mesh in shown if mesh.node not in never]
 
 
 def _geometry_reader(document: Document, notes: list[str]) -> Callable[[ShownMesh], Geometry]:
@@ -228,12 +225,11 @@ def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: list[s
     skinned = [nodes[mesh.node] for mesh in shown if mesh.skin is not None]
     instanced = [node.label() for node in skinned if node.extension(INSTANCING) is not None]
     note_kinds(notes, "instances of skinned meshes", instanced)
-    for what, count in (
-        ("cameras", sum("camera" in node.values for node in nodes)),
-        ("lights", sum(node.extension(LIGHTS) is not None for node in nodes)),
-    ):
-        if count:
-            note_left_out(notes, f"{what} ({count})")
+    cameras = [node for node in nodes if "camera" in node]
+    lights = [node for node in nodes if node.extension(LIGHTS) is not None]
+    for what, users in (("cameras", cameras), ("lights", lights)):
+        if users:
+            note_left_out(notes, f"{what} ({len(users)})")
     pointers = map(other_pointers, document.lists["animations"])
     note_kinds(notes, "animated properties", chain.from_iterable(pointers))
     note_extensions(document, meshes, notes)
@@ -344,12 +340,9 @@ def find_switching(shown: Sequence[ShownMesh], motion: Motion, times_s: Floats) 
     if not any(switches):
         return None
     visible = np.ones((len(shown), len(times_s)), np.bool_)
-    for mesh, row, curves in zip(shown, visible, switches, strict=True):
+    for row, curves in zip(visible, switches, strict=True):
         for curve in curves:
             row &= (curve.at(times_s) != 0).any(axis=1)
-        for node in motion.nodes.ancestors(mesh.node):
-            if (node, VISIBLE) not in motion.curves and not motion.nodes.is_visible(node):
-                row[:] = False
     patterns, group_of_mesh = np.unique(visible, axis=0, return_inverse=True)
     filled = np.flatnonzero(patterns.any(axis=1))
     filled = filled[np.argsort(patterns[filled].argmax(axis=1), kind="stable")]  # by first frame
