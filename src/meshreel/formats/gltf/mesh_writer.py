@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.formats.gltf.container import BufferWriter, Json, VertexValues
-from meshreel.formats.gltf.material_writer import Materials
+from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.morph_mesh import MorphMesh
 from meshreel.formats.gltf.morphs import BYTE
 from meshreel.formats.scenes.parts import PartMesh

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.animation import compose, unit
+from meshreel.formats.gltf.animation import Nodes, compose, unit
 from meshreel.formats.gltf.document import INSTANCING, Document, JsonObject
 from meshreel.formats.gltf.geometry import (
     Geometry,
@@ -19,7 +19,6 @@ from meshreel.formats.gltf.geometry import (
     reversed_triangles,
     triangle_primitives,
 )
-from meshreel.formats.gltf.nodes import Nodes
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.surface import Attribute, Domain, Surface

@@ -16,7 +16,7 @@ from meshreel.formats.error_budget import ErrorBudget, share_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.container import BufferWriter, Json, write_container, write_text
-from meshreel.formats.gltf.material_writer import Materials
+from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import (
     MorphMesh,

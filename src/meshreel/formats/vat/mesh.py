@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
 from meshreel.formats.gltf.container import BufferWriter, write_container
-from meshreel.formats.gltf.material_writer import Materials
+from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import Primitive, SplitVertices, split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh, NormalTargets
 from meshreel.formats.gltf.write import NodeTree, assemble_document

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.sampling import common_rate, sample_times
+from meshreel.formats.gltf.read import common_rate, sample_times
 
 
 def float32(times):
