@@ -5,6 +5,7 @@ import numpy as np
 from conformance.surface_integers import read_surface_integers
 from meshreel.codec.bitstream.container import Header, write_block_counts
 from meshreel.codec.bitstream.layout import Laplacian, Order, Section, VertexType
+from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.codec.methods import METHOD_CODES
 from meshreel.kernel.connectivity import encode_faces
 from meshreel.kernel.files import OpenFile
@@ -30,6 +31,12 @@ def decode_on_surface(data, shape, faces, twins):
     """Return a table of integers that the plain reader decodes."""
     rows = read_surface_integers(data, shape[0], shape[1], faces.tolist(), twins.tolist())
     return np.array(rows, np.int32).reshape(shape)
+
+
+def sorted_triangles(faces, n_verts):
+    """Return the faces in lexicographic order, each from its lowest corner."""
+    lowest, _ = lowest_rotation(faces, n_verts)
+    return lowest[sorted_order(lowest, n_verts)]
 
 
 def _file(payload, order_payload, n_verts, n_faces):

@@ -38,6 +38,15 @@ def octahedron_faces():
     )
 
 
+def torus_faces(rows, columns):
+    """A torus of rows x columns vertices, whose triangles form quads listed row by row."""
+    index = np.arange(rows * columns).reshape(rows, columns)
+    right, below = np.roll(index, -1, 1), np.roll(index, -1, 0)
+    across = np.roll(right, -1, 0)
+    quads = np.stack([index, below, across, index, across, right], axis=-1)
+    return quads.reshape(-1, 3).astype(np.int32)
+
+
 def irregular_sequence(n_frames=8):
     """Return two components, isolated vertices, degenerate, duplicate and non-manifold faces."""
     grid = waving_grid(n_frames, 5, 6, np.float64)

@@ -1,6 +1,7 @@
 """Parsing of streams by the core, and assembly of valid and invalid ones."""
 
 from functools import cached_property
+from io import BytesIO
 
 import numpy as np
 
@@ -9,11 +10,13 @@ from meshreel.codec.bitstream.container import Header, write_header, write_secti
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.normative.fields import Layout
+from meshreel.codec.streaming import Encoder
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS, Coding, Sharing, TrackHeader
 from meshreel.kernel.basis import Rests
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.structures import NUMBER_TYPES
+from meshreel.model.tracks import Track
 
 FRAMES_AT, FRAMES_BYTES = 10, 4
 """Position of the number of frames in a header; 0 means unknown."""
@@ -127,3 +130,17 @@ def track_values(data):
         found.append(np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype))
         reader.fill(found[-1], 0, number)
     return found
+
+
+def recorded(sequence, **options):
+    """Return the stream of frames that are pushed one by one, with their tracks."""
+    file = BytesIO()
+    facts = {"fps": sequence.fps, "surface": sequence.surface, **options}
+    with Encoder(sequence.faces, file, **facts) as encoder:
+        for number, frame in enumerate(sequence.vertices):
+            tracks = {
+                name: Track(track.values[number : number + 1], track.domain, track.kind, track.unit)
+                for name, track in sequence.tracks.items()
+            }
+            encoder.push(frame, tracks or None)
+    return file.getvalue()

@@ -29,6 +29,11 @@ def tracked_sheet(n_frames=6, domains=tuple(Domain)):
     return sheet.replace(tracks=tracks)
 
 
+def quad_sheet_with(**tracks):
+    """Return `quad_sheet` of 12 frames at 25 fps with these tracks."""
+    return quad_sheet(12).replace(fps=25.0, start_s=0.0, tracks=tracks)
+
+
 def assert_same_tracks(found, expected):
     """Assert that tracks are equal bit for bit, in memory or not."""
     assert set(found) == set(expected)

@@ -27,19 +27,6 @@ def path(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("number", range(3))
-def test_selected_segment_equals_the_joined_stream(path, number):
-    wanted = meshreel.decode(STREAMS[number])
-    for given in (DATA, path):
-        found = meshreel.decode(given, segment=number)
-        assert np.array_equal(found.vertices, wanted.vertices)
-        assert np.array_equal(found.faces, wanted.faces)
-    with meshreel.open(path, segment=number) as reel:
-        assert np.array_equal(reel[:].vertices, wanted.vertices)
-        assert (reel.fps, reel.name, reel.is_whole) == (25.0, "grid", True)
-        assert reel.start_s == 2.0 + [0, 4, 9][number] / 25
-
-
 def test_all_segments_are_decoded_opened_and_loaded_by_default(path):
     with meshreel.open(path) as reel:
         given: Any
@@ -52,18 +39,12 @@ def test_all_segments_are_decoded_opened_and_loaded_by_default(path):
                 _ = given.faces
 
 
-def test_missing_segment_is_rejected(path):
-    for number in (3, -1):
-        with pytest.raises(InvalidInputError, match="it has 3 segments, numbered from 0"):
-            meshreel.open(path, segment=number)
-
-
-def test_stream_of_one_segment_has_only_segment_0():
-    assert np.array_equal(
-        meshreel.decode(STREAMS[0], segment=0).vertices, meshreel.decode(STREAMS[0]).vertices
-    )
-    with pytest.raises(InvalidInputError, match="it has 1 segment, numbered from 0"):
-        meshreel.decode(STREAMS[0], segment=1)
+@pytest.mark.parametrize(("n_segments", "number"), [(3, 3), (3, -1), (1, 1)])
+def test_missing_segment_is_rejected(n_segments, number):
+    data = DATA if n_segments == 3 else STREAMS[0]
+    assert meshreel.decode(data, segment=0).n_frames == 4
+    with pytest.raises(InvalidInputError, match=f"it has {n_segments} segments?, numbered from 0"):
+        meshreel.decode(data, segment=number)
 
 
 def test_open_reel_selects_a_segment(path):
@@ -104,18 +85,26 @@ def test_truncated_file_has_its_complete_segments(path):
         meshreel.decode(path, segment=0)
 
 
-def test_segment_is_written_as_a_separate_stream():
-    for number, stream in enumerate(STREAMS):
-        found = separate_stream(whole_stream(DATA, segment=number))
-        assert np.array_equal(meshreel.decode(found).vertices, meshreel.decode(stream).vertices)
-        assert meshreel.info(found).start_s == 2.0 + [0, 4, 9][number] / 25
-    assert separate_stream(whole_stream(DATA, segment=0)) == STREAMS[0]
-
-
-def test_segment_is_served_as_a_separate_stream(path):
-    with meshreel.open(path, segment=1) as reel:
+@pytest.mark.every_case
+@pytest.mark.parametrize("number", range(3))
+def test_selected_segment_equals_the_joined_stream(path, number):
+    wanted, start_s = meshreel.decode(STREAMS[number]), 2.0 + [0, 4, 9][number] / 25
+    alone = separate_stream(whole_stream(DATA, segment=number))
+    assert meshreel.info(alone).start_s == start_s
+    assert (alone == STREAMS[number]) == (number == 0)
+    for decoded in (
+        meshreel.decode(DATA, segment=number),
+        meshreel.decode(path, segment=number),
+        meshreel.decode(alone),
+    ):
+        assert np.array_equal(decoded.vertices, wanted.vertices)
+        assert np.array_equal(decoded.faces, wanted.faces)
+    with meshreel.open(path, segment=number) as reel:
+        assert np.array_equal(reel[:].vertices, wanted.vertices)
+        assert (reel.fps, reel.name, reel.is_whole) == (25.0, "grid", True)
+        assert reel.start_s == start_s
         served = reel.stored(0, reel.size_bytes)
-        assert np.array_equal(meshreel.decode(served).vertices, reel[:].vertices)
+        assert np.array_equal(meshreel.decode(served).vertices, wanted.vertices)
         assert reel.stored(3, 40) == served[3:40]
 
 

@@ -7,8 +7,8 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import MeshSequence
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.orders import shuffled
 
 AT_REST = 16
 """Number of modes whose means over a block every preview contains."""
@@ -100,9 +100,7 @@ def test_range_of_frames_with_fewer_modes_equals_that_of_the_whole(sequence, fra
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 def test_vertices_equal_those_of_the_whole_stream_in_every_order(order):
-    grid = waving_grid(10, dtype=np.float64)
-    shuffled = np.random.default_rng(1).permutation(grid.n_verts)
-    sequence = MeshSequence(grid.vertices[:, np.argsort(shuffled)], shuffled[grid.faces])
+    sequence = shuffled(waving_grid(10, dtype=np.float64), 1)
     data = encode(sequence, step=1e-5, order=order)
     whole, coarse = decode(data), decode(data, n_modes=3)
     np.testing.assert_array_equal(coarse.faces, whole.faces)

@@ -42,6 +42,8 @@ def test_sizes_of_sections_and_tracks_are_parts_of_the_whole():
     data = meshreel.encode(dressed(), block_frames=4)
     found = meshreel.info(data)
     assert sum(found.budget_bytes.values()) == found.size_bytes == len(data)
+    assert sum(found.part_bytes.values()) == len(data)
+    assert found.rate_bpvf == 8 * len(data) / (found.n_verts * found.n_frames)
     assert found.block_frames == (4, 4, 1)
     assert min(found.block_bytes) > 0
     of_tracks = sum(one.size_bytes for one in found.tracks)

@@ -90,15 +90,14 @@ def test_components_are_found_apart():
     np.testing.assert_array_equal(matched(faces, others, len(used)), used)
 
 
-def test_a_vertex_dropped_at_each_end_costs_few_others():
+@pytest.mark.parametrize(
+    "dropped",
+    [[3, 400, 1990], [*range(6), 700, *range(N_VERTS - 6, N_VERTS)]],
+    ids=["one at each end", "several at each end"],
+)
+def test_vertices_dropped_at_both_ends_cost_few_others(dropped):
     faces = irregular()
-    others, used = without(faces, N_VERTS, [3, 400, 1990])
-    assert (matched(faces, others, len(used)) == used).mean() > 0.97
-
-
-def test_vertices_dropped_at_both_ends_cost_few_others():
-    faces = irregular()
-    others, used = without(faces, N_VERTS, [*range(6), 700, *range(N_VERTS - 6, N_VERTS)])
+    others, used = without(faces, N_VERTS, dropped)
     assert (matched(faces, others, len(used)) == used).mean() > 0.97
 
 

@@ -15,7 +15,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.entropy.multiples import MAX_GRID_BITS
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.option import Option, Range, numpydoc, options_of_fields, takes_fields
-from meshreel.codec.options import FAMILIES, all_options, check_names, config_of
+from meshreel.codec.options import FAMILIES, all_options, config_of
 from meshreel.codec.reel.encoding.effort import EFFORTS
 from meshreel.codec.reel_options import EFFORT_RANGE
 from meshreel.errors import InvalidInputError
@@ -66,13 +66,6 @@ def test_option_accepts_its_default_and_describes_it(name):
     assert option.help.endswith(".")
     assert option.default in option.names or not option.names or option.default is None
     assert option.names or option.range or option.metavar or option.annotation is bool
-
-
-@pytest.mark.parametrize("name", OPTIONS)
-def test_config_refuses_what_the_table_does_not_allow(name):
-    option = OPTIONS[name]
-    with pytest.raises(InvalidInputError, match=rf"\b{name}\b"):
-        config_of(**{name: "none of them" if option.names else -1})
 
 
 @pytest.mark.parametrize("name", OPTIONS)
@@ -141,10 +134,6 @@ def test_error_for_an_unknown_option_suggests_the_nearest(name, advice):
         with pytest.raises(InvalidInputError, match=f"option '{name}' is unknown") as refused:
             call({name: 1})
         assert advice in str(refused.value)
-
-
-def test_known_names_are_accepted():
-    check_names(["kg", "order"], OPTIONS)
 
 
 def test_ranges_agree_with_the_enumerations():

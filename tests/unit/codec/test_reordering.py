@@ -12,6 +12,7 @@ from meshreel.model.tracks import Track
 from samples.commands import run_json
 from samples.datasets import positions_of
 from samples.meshes import waving_grid
+from samples.orders import shuffled
 
 
 def textured(n_frames=6, *, has_uv=True):
@@ -29,35 +30,6 @@ def textured(n_frames=6, *, has_uv=True):
     surface = Surface(attributes=attributes, groups=groups) if has_uv else Surface()
     heat = rng.random((n_frames, grid.n_verts)).astype(np.float32)
     return grid.replace(fps=25, surface=surface, tracks={"heat": Track(heat)})
-
-
-def shuffled(sequence, seed):
-    """Return the sequence with vertices, faces and corners of faces in another order."""
-    rng = np.random.default_rng(seed)
-    of_verts, of_faces = rng.permutation(sequence.n_verts), rng.permutation(len(sequence.faces))
-    corners = (rng.integers(0, 3, len(of_faces))[:, None] + np.arange(3)) % 3
-    faces = np.argsort(of_verts)[np.take_along_axis(sequence.faces[of_faces], corners, axis=1)]
-    numbers = {
-        Domain.VERTEX: of_verts,
-        Domain.FACE: of_faces,
-        Domain.CORNER: (3 * of_faces[:, None] + corners).ravel(),
-    }
-    surface = sequence.surface
-    attributes = tuple(
-        replace(one, values=one.per_item()[numbers[one.domain]], indices=None)
-        for one in surface.attributes
-    )
-    groups = tuple(replace(one, numbers=one.numbers[of_faces]) for one in surface.groups)
-    tracks = {
-        name: Track(one.values[:, of_verts], one.domain, one.kind, one.unit)
-        for name, one in sequence.tracks.items()
-    }
-    return sequence.replace(
-        vertices=sequence.vertices[:, of_verts],
-        faces=faces,
-        surface=replace(surface, attributes=attributes, groups=groups),
-        tracks=tracks,
-    )
 
 
 def in_orders(sequence, *frames):

@@ -88,8 +88,11 @@ def test_process_reuses_a_mesh_that_it_received_before():
 
 
 @pytest.mark.slow
-def test_processes_give_the_same_bytes():
+@pytest.mark.parametrize(
+    "options", [{}, {"lossless": True}, {"method": "grid", "max_error": 0.01}], ids=str
+)
+def test_processes_give_the_same_bytes(options):
     sequence = waving_grid(40)
     with time_limit(TEST_S, "two processes that code blocks"), ProcessExecutor(2) as executor:
-        spread = encode(sequence, block_frames=5, engine=Engine(executor, 2))
-    assert spread == encode(sequence, block_frames=5)
+        spread = encode(sequence, block_frames=5, engine=Engine(executor, 2), **options)
+    assert spread == encode(sequence, block_frames=5, **options)

@@ -19,17 +19,9 @@ from meshreel.codec.streaming import Encoder
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.displacement import displacement_errors_percent
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.streams import recorded
 
 SEQUENCE = waving_grid(43)
-
-
-def pushed(sequence, **options):
-    """Encode frames in chunks."""
-    file = BytesIO()
-    with Encoder(sequence.faces, file, fps=sequence.fps, **options) as encoder:
-        for frame in sequence.vertices:
-            encoder.push(frame)
-    return file.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -43,7 +35,7 @@ def pushed(sequence, **options):
 )
 def test_frames_of_one_block_equal_those_of_encode(method, options):
     sequence = irregular_sequence(9)
-    online = decode(pushed(sequence, method=method, block_frames=9, **options))
+    online = decode(recorded(sequence, method=method, block_frames=9, **options))
     at_once = decode(encode(sequence, method, block_frames=9, **options))
     np.testing.assert_array_equal(online.vertices, at_once.vertices)
     np.testing.assert_array_equal(online.faces, at_once.faces)
@@ -51,14 +43,14 @@ def test_frames_of_one_block_equal_those_of_encode(method, options):
 
 @pytest.mark.parametrize("method", ["reel", "blocks", "pca-qp", "v2v"])
 def test_error_is_small_with_many_blocks(method):
-    data = pushed(SEQUENCE, method=method, block_frames=10)
+    data = recorded(SEQUENCE, method=method, block_frames=10)
     assert info(data).block_frames == (10, 10, 10, 10, 3)
     assert kg_error_percent(SEQUENCE.vertices, decode(data).vertices) < 2.5
 
 
 def test_later_blocks_take_fewer_bytes_than_the_first():
     sequence = waving_grid(60, 40, 41)
-    data = pushed(sequence, block_frames=20)
+    data = recorded(sequence, block_frames=20)
     alone = [
         len(encode(meshreel.MeshSequence(sequence.vertices[one : one + 20], sequence.faces)))
         for one in (20, 40)
@@ -68,7 +60,7 @@ def test_later_blocks_take_fewer_bytes_than_the_first():
 
 
 def test_latency_determines_the_block_length():
-    data = pushed(SEQUENCE, max_latency_s=0.5)
+    data = recorded(SEQUENCE, max_latency_s=0.5)
     expected = int(0.5 * 15 / 16 * (SEQUENCE.fps or 25))
     assert info(data).block_frames[0] == expected
 
@@ -77,7 +69,7 @@ def test_error_bound_holds_for_frames_outside_the_first_box():
     growing = meshreel.MeshSequence(
         SEQUENCE.vertices * np.linspace(1, 30, 43, dtype=np.float32)[:, None, None], SEQUENCE.faces
     )
-    data = pushed(growing, block_frames=8, max_error=0.5)
+    data = recorded(growing, block_frames=8, max_error=0.5)
     found = displacement_errors_percent(growing.vertices, decode(data).vertices).max_percent
     assert info(data).error_bound_percent == 0.5
     assert found <= 0.5
@@ -240,7 +232,7 @@ def test_pushed_frames_are_copied():
         for one in SEQUENCE.vertices:
             frame[:] = one
             encoder.push(frame)
-    expected = decode(pushed(SEQUENCE, block_frames=43)).vertices
+    expected = decode(recorded(SEQUENCE, block_frames=43)).vertices
     np.testing.assert_array_equal(decode(file.getvalue()).vertices, expected)
 
 

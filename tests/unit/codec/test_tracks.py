@@ -15,13 +15,11 @@ from meshreel.codec.tracks import Coding, Sharing, TrackHeader, write_track
 from meshreel.errors import (
     CorruptStreamError,
     MemoryLimitError,
-    MeshReelError,
     TruncatedStreamError,
     UnsupportedVersionError,
 )
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import MAX_COLUMNS, Track
-from samples.costs import draws
 from samples.meshes import waving_grid
 from samples.streams import Stream, parts_of, raw_stream, track_header, track_headers, track_values
 
@@ -205,46 +203,3 @@ def test_block_of_a_track_beyond_the_memory_limit_is_refused():
         reel.read(0, reel.n_frames)
         with pytest.raises(MemoryLimitError, match=r"would take .* MB .* may take 3 MB; "):
             reel.track("wide").read(0, 1)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_hostile_tracks_with_valid_checksums_decode_or_raise_our_error(name):
-    stream = Stream(stored(name))
-    rng, n_decoded = np.random.default_rng(8), 0
-    parts = parts_of(stream)
-    first = next(number for number, one in enumerate(parts) if one[0] is Section.TRACK)
-    for _ in range(draws(100)):
-        changed = [(section, bytearray(payload)) for section, payload in parts]
-        payload = changed[rng.integers(first, len(parts))][1]
-        if payload and rng.integers(3):
-            payload[rng.integers(len(payload))] = rng.integers(256)
-        else:
-            del payload[rng.integers(len(payload) + 1) :]
-        data = raw_stream(stream.header, [(one, bytes(payload)) for one, payload in changed])
-        try:
-            n_decoded += len(track_values(data))
-        except MeshReelError:
-            continue
-    assert n_decoded
-
-
-def test_hostile_rows_with_valid_checksums_decode_or_raise_our_error():
-    stream = Stream(stored("corners_in_rows"))
-    header = next(one for one in track_headers(stored("corners_in_rows")) if one.rows)
-    rng, n_decoded = np.random.default_rng(9), 0
-    parts = parts_of(stream)
-    n_corners = whole_stream(stored("corners_in_rows")).file.info.n_corners
-    place = next(number for number, one in enumerate(parts) if one[0] is Section.TRACK)
-    whole = write_track(header)
-    assert parts[place][1] == whole
-    for _ in range(draws(1000)):
-        payload = bytearray(whole)
-        payload[-rng.integers(1, len(header.rows) + 1)] = rng.integers(256)
-        parts[place] = Section.TRACK, bytes(payload[: len(payload) - rng.integers(3) // 2])
-        try:
-            values, *_ = track_values(raw_stream(stream.header, parts))
-        except MeshReelError:
-            continue
-        n_decoded += 1
-        assert values.shape[1] == n_corners
-    assert n_decoded

@@ -45,42 +45,29 @@ def test_truncated_header_is_refused():
             Stream(data[:size])
 
 
-def test_file_of_another_program_is_refused():
-    with pytest.raises(CorruptStreamError, match=r"not a \.reel stream"):
-        Stream(b"PK\x03\x04" + bytes(100))
+OLDER = "older than the first release; encode the original again"
+NEWER = "format version is not 3; update meshreel"
+INVALID = [
+    *(("n_verts", 0), ("n_faces", 0), ("fps", float("nan")), ("fps", -1.0), ("scale", 0.0)),
+    *(("scale", float("inf")), ("origin", (0.0, float("nan"), 0.0))),
+]
+REFUSED = {
+    "another program": (b"PK\x03\x04" + bytes(100), CorruptStreamError, r"not a \.reel stream"),
+    "version 1": (with_byte(8, 1), UnsupportedVersionError, OLDER),
+    "version 2": (with_byte(8, 2), UnsupportedVersionError, OLDER),
+    "version 4": (with_byte(8, 4), UnsupportedVersionError, NEWER),
+    "version 0": (with_byte(8, 0), UnsupportedVersionError, NEWER),
+    "vertex type": (with_byte(30, 5), CorruptStreamError, "vertex type"),
+    **{
+        f"{name} {value}": (stream_of(replace(HEADER, **{name: value})), CorruptStreamError, None)
+        for name, value in INVALID
+    },
+}
 
 
-@pytest.mark.parametrize(
-    ("version", "remedy"),
-    [
-        (1, "older than the first release; encode the original again"),
-        (2, "older than the first release; encode the original again"),
-        (4, "format version is not 3; update meshreel"),
-        (0, "format version is not 3; update meshreel"),
-    ],
-)
-def test_error_for_a_newer_version_advises_an_upgrade(version, remedy):
-    with pytest.raises(UnsupportedVersionError, match=remedy):
-        Stream(with_byte(8, version))
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"n_verts": 0},
-        {"n_faces": 0},
-        {"fps": float("nan")},
-        {"fps": -1.0},
-        {"scale": 0.0},
-        {"scale": float("inf")},
-        {"origin": (0.0, float("nan"), 0.0)},
-    ],
-)
-def test_invalid_field_is_refused(change):
-    with pytest.raises(CorruptStreamError):
-        Stream(stream_of(replace(HEADER, **change)))
-
-
-def test_unknown_vertex_type_is_refused():
-    with pytest.raises(CorruptStreamError, match="vertex type"):
-        Stream(with_byte(30, 5))
+@pytest.mark.every_case
+@pytest.mark.parametrize("name", REFUSED)
+def test_invalid_header_is_refused_with_a_remedy(name):
+    data, error, words = REFUSED[name]
+    with pytest.raises(error, match=words):
+        Stream(data)

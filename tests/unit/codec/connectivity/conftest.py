@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 
-from samples.meshes import grid_faces, irregular_sequence, octahedron_faces
-
-
-def torus_faces(rows, columns):
-    """A torus of rows x columns vertices, whose triangles form quads listed row by row."""
-    index = np.arange(rows * columns).reshape(rows, columns)
-    right, below = np.roll(index, -1, 1), np.roll(index, -1, 0)
-    across = np.roll(right, -1, 0)
-    quads = np.stack([index, below, across, index, across, right], axis=-1)
-    return quads.reshape(-1, 3).astype(np.int32)
+from samples.meshes import grid_faces, irregular_sequence, octahedron_faces, torus_faces
 
 
 def shuffled(faces, seed):

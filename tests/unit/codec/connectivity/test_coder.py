@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.errors import CorruptStreamError, InvalidInputError, MeshReelError
 from meshreel.kernel.connectivity import encode_faces
-from samples.coded_meshes import decode_connectivity, decode_order
+from samples.coded_meshes import decode_connectivity, decode_order, sorted_triangles
 
 
 def coded_and_decoded(mesh, order):
@@ -20,44 +19,21 @@ def coded_and_decoded(mesh, order):
     return coded, internal, *decode_order(coded.order_payload, internal, n_verts)
 
 
-def sorted_triangles(faces, n_verts):
-    lowest, _ = lowest_rotation(faces, n_verts)
-    return lowest[sorted_order(lowest, n_verts)]
-
-
-def test_order_keep_is_lossless(mesh):
-    coded, internal, internal_to_given, faces = coded_and_decoded(mesh, "keep")
-    np.testing.assert_array_equal(internal, coded.internal_faces)
-    np.testing.assert_array_equal(internal_to_given, coded.internal_to_given)
-    np.testing.assert_array_equal(faces, mesh[0])
-
-
-def test_order_vertices_keeps_the_same_triangles(mesh):
-    coded, _, internal_to_given, faces = coded_and_decoded(mesh, "vertices")
-    np.testing.assert_array_equal(internal_to_given, coded.internal_to_given)
-    np.testing.assert_array_equal(
-        sorted_triangles(faces, mesh[1]), sorted_triangles(mesh[0], mesh[1])
-    )
-
-
-def test_order_drop_renumbers_the_same_mesh(mesh):
-    coded, internal, identity, faces = coded_and_decoded(mesh, "drop")
-    assert coded.order_payload == b""
-    np.testing.assert_array_equal(identity, np.arange(mesh[1]))
-    np.testing.assert_array_equal(faces, internal)
-    np.testing.assert_array_equal(np.sort(coded.internal_to_given), np.arange(mesh[1]))
-    np.testing.assert_array_equal(
-        sorted_triangles(coded.internal_to_given[internal], mesh[1]),
-        sorted_triangles(mesh[0], mesh[1]),
-    )
-
-
+@pytest.mark.every_case
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_coded_and_decoded_arrays_have_the_documented_types(meshes, order):
-    for name in ("scattered", "torus"):
-        coded, internal, internal_to_given, faces = coded_and_decoded(meshes[name], order)
-        assert coded.internal_faces.dtype == internal.dtype == faces.dtype == np.int32
-        assert coded.internal_to_given.dtype == internal_to_given.dtype == np.int64
+def test_triangles_are_lossless_in_the_promised_order(mesh, order):
+    coded, internal, internal_to_given, faces = coded_and_decoded(mesh, order)
+    names, identity = coded.internal_to_given, np.arange(mesh[1])
+    assert coded.internal_faces.dtype == internal.dtype == faces.dtype == np.int32
+    assert names.dtype == internal_to_given.dtype == np.int64
+    np.testing.assert_array_equal(internal, coded.internal_faces)
+    np.testing.assert_array_equal(np.sort(names), identity)
+    np.testing.assert_array_equal(internal_to_given, identity if order == "drop" else names)
+    original = names[faces] if order == "drop" else faces
+    np.testing.assert_array_equal(sorted_triangles(original, mesh[1]), sorted_triangles(*mesh))
+    if order != "vertices":
+        np.testing.assert_array_equal(faces, mesh[0] if order == "keep" else internal)
+    assert coded.order_payload == b"" or order != "drop"
 
 
 def test_encoding_is_deterministic(mesh):

@@ -17,20 +17,29 @@ def in_other_order(faces, n_verts, seed=4):
     return np.take_along_axis(internal, turned, axis=1), internal_to_given
 
 
-def size_bits(faces, n_verts, *, keep_faces=True, seed=4):
+def coded_order(faces, n_verts, keep_faces, seed=4):
+    """Return the coded order, internal faces and the permutation of vertices."""
     internal, internal_to_given = in_other_order(faces, n_verts, seed)
-    return 8 * len(encode_order(faces, internal, internal_to_given, keep_faces))
+    payload = encode_order(faces, internal, internal_to_given, keep_faces)
+    return payload, internal, internal_to_given
+
+
+def assert_round_trips(faces, n_verts, keep_faces, seed):
+    payload, internal, internal_to_given = coded_order(faces, n_verts, keep_faces, seed)
+    decoded, listed = decode_order(payload, internal, n_verts)
+    np.testing.assert_array_equal(decoded, internal_to_given)
+    np.testing.assert_array_equal(listed, faces if keep_faces else internal_to_given[internal])
+
+
+def size_bits(faces, n_verts, *, keep_faces=True):
+    return 8 * len(coded_order(faces, n_verts, keep_faces)[0])
 
 
 @pytest.mark.parametrize("keep_faces", [True, False])
 @pytest.mark.parametrize("seed", [4, 5])
 def test_order_is_lossless_for_any_internal_order(mesh, keep_faces, seed):
     faces, n_verts = mesh
-    internal, internal_to_given = in_other_order(faces, n_verts, seed)
-    payload = encode_order(faces, internal, internal_to_given, keep_faces)
-    found, listed = decode_order(payload, internal, n_verts)
-    np.testing.assert_array_equal(found, internal_to_given)
-    np.testing.assert_array_equal(listed, faces if keep_faces else internal_to_given[internal])
+    assert_round_trips(faces, n_verts, keep_faces, seed)
 
 
 @given(
@@ -44,12 +53,7 @@ def test_order_is_lossless_for_any_internal_order(mesh, keep_faces, seed):
 )
 def test_order_is_lossless_for_any_faces(mesh, keep_faces, seed):
     n_verts, listed = mesh
-    faces = np.array(listed, np.int32)
-    internal, internal_to_given = in_other_order(faces, n_verts, seed)
-    payload = encode_order(faces, internal, internal_to_given, keep_faces)
-    found, back = decode_order(payload, internal, n_verts)
-    np.testing.assert_array_equal(found, internal_to_given)
-    np.testing.assert_array_equal(back, faces if keep_faces else internal_to_given[internal])
+    assert_round_trips(np.array(listed, np.int32), n_verts, keep_faces, seed)
 
 
 def test_regular_order_costs_almost_nothing(meshes):
@@ -81,39 +85,34 @@ def test_jittered_sweep_order_costs_less_than_a_random_one(meshes):
     assert size_bits(swept, n_verts) < 0.72 * size_bits(rng.permutation(faces), n_verts)
 
 
-@pytest.mark.parametrize("change", [lambda payload: b"\0" + payload[1:], lambda payload: b"\3"])
-def test_damaged_start_is_refused(meshes, change):
-    faces, n_verts = meshes["octahedron"]
-    internal, internal_to_given = in_other_order(faces, n_verts)
-    payload = encode_order(faces, internal, internal_to_given, keep_faces=True)
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    "change",
+    [lambda coded: b"\0" + coded[1:], lambda coded: b"\3", lambda coded: coded + b"\0"],
+    ids=["other start", "only a start", "a trailing zero"],
+)
+def test_damaged_order_is_refused(change):
+    faces = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
+    payload, internal, _ = coded_order(faces, 4, keep_faces=True)
+    assert payload[-1] != 0
+    decode_order(payload, internal, 4)
     with pytest.raises(CorruptStreamError):
-        decode_order(change(payload), internal, n_verts)
+        decode_order(change(payload), internal, 4)
 
 
 @pytest.mark.parametrize("keep_faces", [True, False])
 def test_arbitrary_bytes_decode_to_an_order_or_our_error(mesh, keep_faces):
     faces, n_verts = mesh
     rng = np.random.default_rng(1)
-    internal, internal_to_given = in_other_order(faces, n_verts)
-    payload = encode_order(faces, internal, internal_to_given, keep_faces)
+    payload, internal, _ = coded_order(faces, n_verts, keep_faces)
     for trial in range(40):
         broken = bytearray(payload)
         for _ in range(1 + trial % 3):
             broken[rng.integers(1, len(broken) + 1) - 1] ^= rng.integers(1, 256)
         broken[0] = payload[0]
         try:
-            found, listed = decode_order(bytes(broken), internal, n_verts)
+            decoded, listed = decode_order(bytes(broken), internal, n_verts)
         except CorruptStreamError:
             continue
-        assert sorted(found) == list(range(n_verts))
+        assert sorted(decoded) == list(range(n_verts))
         assert listed.shape == faces.shape
-
-
-def test_order_with_a_trailing_zero_byte_is_refused():
-    faces = np.array([[0, 1, 2], [2, 1, 3]], np.int32)
-    internal, internal_to_given = in_other_order(faces, 4)
-    payload = encode_order(faces, internal, internal_to_given, True)
-    assert payload[-1] != 0
-    decode_order(payload, internal, 4)
-    with pytest.raises(CorruptStreamError):
-        decode_order(payload + b"\0", internal, 4)

@@ -32,12 +32,9 @@ def test_sorted_order_is_lexicographic_and_stable():
     assert sorted_order(faces, 10).tolist() == [4, 3, 1, 0, 2]
 
 
-def test_twin_sides_pair_the_sides_of_a_shared_edge():
+def test_twin_sides_pair_the_sides_of_a_shared_edge_in_either_direction():
     # Side 1 of the first face runs 1 -> 2, side 0 of the second 2 -> 1.
     assert twin_sides(np.array([[0, 1, 2], [2, 1, 3]]), 4).tolist() == [0, 3, 2, 1, 4, 5]
-
-
-def test_twin_sides_pair_sides_of_inconsistently_oriented_faces():
     assert twin_sides(np.array([[0, 1, 2], [1, 2, 3]]), 4)[1] == 3
 
 

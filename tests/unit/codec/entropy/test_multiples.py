@@ -29,10 +29,10 @@ from meshreel.codec.entropy.multiples import (
 )
 def test_values_are_integers_by_the_coarsest_number(values, code, integers, dtype):
     given = np.array(values, dtype)
-    found = dict(as_multiples(given))
-    assert found[code].tolist() == integers
-    for one, whole in found.items():
-        assert values_of(whole, one, given.dtype).tobytes() == given.tobytes()
+    multiples = dict(as_multiples(given))
+    assert multiples[code].tolist() == integers
+    for form, whole in multiples.items():
+        assert values_of(whole, form, given.dtype).tobytes() == given.tobytes()
 
 
 @pytest.mark.parametrize("values", [[2.0**-25], [2.0 * MAX_INTEGER], [np.pi], [np.nan], [-0.0]])

@@ -74,13 +74,19 @@ def test_decimals_rounded_to_float32_are_lossless(integers, places):
     assert_round_trips((integers / 10.0**places).astype(np.float32))
 
 
-def test_signs_of_zero_among_decimals_are_lossless():
-    assert_round_trips(np.array([[0.5], [-0.0], [0.0]], np.float32))
-
-
-def test_ranges_too_small_for_a_quantization_step_are_lossless():
-    smallest = np.finfo(np.float32).smallest_subnormal
-    assert_round_trips(np.array([[200 * smallest], [-0.0]], np.float32))
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    "values",
+    [
+        [[0.5], [-0.0], [0.0]],
+        [[200 * np.finfo(np.float32).smallest_subnormal], [-0.0]],
+        np.full((5, 2), 0.1),
+        [[np.finfo(np.float32).max], [-np.finfo(np.float32).max]],
+    ],
+    ids=["signs of zero", "range without a step", "constant", "whole range"],
+)
+def test_singular_ranges_are_lossless(values):
+    assert_round_trips(np.array(values, np.float32))
 
 
 def test_decimals_with_few_places_take_fewer_bytes():
@@ -149,5 +155,3 @@ def test_values_quantized_in_their_own_range_take_the_bytes_of_integers(bits):
 def test_values_beside_a_grid_are_not_put_on_it():
     values = np.random.default_rng(5).random((1200, 2)).astype(np.float32)
     assert encode_table(values, SHEET)[0] != OWN_GRID
-    assert_round_trips(np.full((5, 2), 0.1, np.float32))
-    assert_round_trips(np.array([[np.finfo(np.float32).max], [-np.finfo(np.float32).max]]))

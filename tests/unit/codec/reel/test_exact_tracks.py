@@ -5,16 +5,10 @@ import pytest
 
 import meshreel
 from samples.meshes import quad_sheet
+from samples.tracks import quad_sheet_with
 
 RNG = np.random.default_rng(5)
 TYPES = ["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"]
-
-
-def sheet(**tracks):
-    moving = quad_sheet(12)
-    return meshreel.MeshSequence(
-        moving.vertices, moving.faces, 25, surface=moving.surface, tracks=tracks
-    )
 
 
 def n_items(domain):
@@ -35,7 +29,7 @@ def test_exact_tracks_are_lossless(dtype, domain):
         values[3, 1] = [np.nan, -np.inf]
         values[4, 2] = [-0.0, 1e-300 if dtype == "f8" else 1e-40]
     track = meshreel.Track(values, domain, "other")
-    data = meshreel.encode(sheet(x=track), tracks={"x": "exact"}, block_frames=5)
+    data = meshreel.encode(quad_sheet_with(x=track), tracks={"x": "exact"}, block_frames=5)
     assert_same_bits(meshreel.decode(data).tracks["x"].values, values)
     [stored] = meshreel.info(data).tracks
     assert (stored.is_exact, stored.bound) == (True, 0)
@@ -45,7 +39,7 @@ def test_exact_tracks_are_lossless(dtype, domain):
 @pytest.mark.parametrize("order", ["vertices", "drop"])
 def test_exact_tracks_follow_the_order_of_vertices(order):
     ids = np.tile(np.arange(n_items("vertex"), dtype=np.int32), (12, 1))
-    original = sheet(id=ids)
+    original = quad_sheet_with(id=ids)
     decoded = meshreel.decode(meshreel.encode(original, order=order))
     found = decoded.tracks["id"].values[0, :, 0]
     assert sorted(found) == list(range(len(found)))
@@ -56,7 +50,7 @@ def test_exact_tracks_follow_the_order_of_vertices(order):
 def test_constant_integers_are_lossless_and_cost_almost_nothing():
     ids = np.tile(np.arange(n_items("face")) // 7, (12, 1)).astype(np.int32)
     ids[6:, :3] += 1
-    data = meshreel.encode(sheet(part=meshreel.Track(ids, "face")))
+    data = meshreel.encode(quad_sheet_with(part=meshreel.Track(ids, "face")))
     np.testing.assert_array_equal(meshreel.decode(data).tracks["part"].values[..., 0], ids)
     assert meshreel.info(data).tracks[0].size_bytes < ids.nbytes / 12
 
@@ -67,29 +61,20 @@ def test_missing_values_stay_missing_and_others_keep_their_bound():
     heat[2:5, :7] = np.nan
     heat[:, 9] = np.nan
     for order in ("keep", "vertices"):
-        data = meshreel.encode(sheet(heat=heat), tracks={"heat": 0.5}, order=order, block_frames=7)
+        data = meshreel.encode(
+            quad_sheet_with(heat=heat), tracks={"heat": 0.5}, order=order, block_frames=7
+        )
         found = meshreel.decode(data).tracks["heat"].values[..., 0]
         np.testing.assert_array_equal(np.isnan(found), np.isnan(heat))
         assert np.nanmax(np.abs(found - heat)) <= 0.5
     nothing = np.full((12, n_verts), np.nan, np.float32)
-    data = meshreel.encode(sheet(heat=nothing), tracks={"heat": "1%"})
+    data = meshreel.encode(quad_sheet_with(heat=nothing), tracks={"heat": "1%"})
     assert np.isnan(meshreel.decode(data).tracks["heat"].values).all()
 
 
 def test_track_is_coded_exactly_when_that_is_smaller():
     noise = RNG.integers(0, 3, (12, n_items("vertex"))).astype(np.float64)
-    data = meshreel.encode(sheet(noise=noise), tracks={"noise": 1e-9})
+    data = meshreel.encode(quad_sheet_with(noise=noise), tracks={"noise": 1e-9})
     [track] = meshreel.info(data).tracks
     assert track.is_exact
     np.testing.assert_array_equal(meshreel.decode(data).tracks["noise"].values[..., 0], noise)
-
-
-def test_live_exact_tracks_are_lossless(tmp_path):
-    moving = quad_sheet(12)
-    ids = RNG.integers(0, 9, (12, moving.n_verts), np.int16)
-    path = tmp_path / "live.reel"
-    with meshreel.Encoder(moving.faces, path, fps=25, block_frames=5) as encoder:
-        for frame, values in zip(moving.vertices, ids, strict=True):
-            encoder.push(frame, {"id": values})
-    with meshreel.open(path) as reel:
-        np.testing.assert_array_equal(reel.track("id")[:][..., 0], ids)

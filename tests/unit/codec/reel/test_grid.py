@@ -10,10 +10,8 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.normative.grid import PositionGrid, write_step
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from meshreel.runtime.engine.engine import Engine
-from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.meshes import irregular_sequence, waving_grid
-from samples.streams import Stream, parts_of, raw_stream
+from samples.streams import Stream, parts_of, raw_stream, recorded
 
 DOUBLE = np.float64
 SEQUENCES = {
@@ -110,27 +108,13 @@ def test_tracks_and_attributes_are_kept_with_the_grid():
     assert (np.squeeze(found) == np.squeeze(heat.values)).all()
 
 
-@pytest.mark.slow
-def test_workers_give_the_same_bytes():
-    sequence = waving_grid(12)
-    alone = meshreel.encode(sequence, "grid", max_error=0.01, block_frames=5)
-    with ProcessExecutor(2) as executor:
-        engine = Engine(executor, 2)
-        found = meshreel.encode(sequence, "grid", max_error=0.01, block_frames=5, engine=engine)
-    assert found == alone
-
-
 def test_live_frames_anywhere_are_within_the_bound():
-    sequence, file = waving_grid(10), BytesIO()
-    vertices = sequence.vertices * np.linspace(1, 40, 10, dtype=np.float32)[:, None, None]
-    with meshreel.Encoder(
-        sequence.faces, file, block_frames=3, method="grid", max_error=0.001
-    ) as encoder:
-        for frame in vertices:
-            encoder.push(frame)
-    bound = meshreel.ReelFile(BytesIO(file.getvalue())).error_bound
-    found = meshreel.decode(file.getvalue()).vertices.astype(DOUBLE)
-    assert np.linalg.norm(found - vertices, axis=2).max() <= bound
+    vertices = waving_grid(10).vertices * np.linspace(1, 40, 10, dtype=np.float32)[:, None, None]
+    sequence = waving_grid(10).replace(vertices=vertices)
+    data = recorded(sequence, block_frames=3, method="grid", max_error=0.001)
+    bound = meshreel.ReelFile(BytesIO(data)).error_bound
+    decoded = meshreel.decode(data).vertices.astype(DOUBLE)
+    assert np.linalg.norm(decoded - vertices, axis=2).max() <= bound
 
 
 def test_grid_requires_a_bound_or_a_step():
@@ -154,15 +138,12 @@ def test_grid_has_no_modes():
         meshreel.ReelFile(BytesIO(data), n_modes=3)
 
 
-@pytest.mark.parametrize("step", [-0.1, 1.5, np.nan, np.inf])
-def test_invalid_step_is_refused(step):
-    with pytest.raises(CorruptStreamError):
-        meshreel.decode(with_values(lambda values: write_step(step) + values[8:]))
-
-
-def test_values_without_a_step_are_refused():
+@pytest.mark.every_case
+@pytest.mark.parametrize("start", [*map(write_step, (-0.1, 1.5, np.nan, np.inf)), None])
+def test_values_with_an_invalid_or_no_step_are_refused(start):
+    changed = with_values(lambda own: own[:7] if start is None else start + own[8:])
     with pytest.raises((CorruptStreamError, TruncatedStreamError)):
-        meshreel.decode(with_values(lambda values: values[:7]))
+        meshreel.decode(changed)
 
 
 def with_values(change):

@@ -1,7 +1,5 @@
 """Lossless sequences."""
 
-from io import BytesIO
-
 import numpy as np
 import pytest
 
@@ -9,9 +7,9 @@ import meshreel
 from meshreel.codec.achieved import measure_stream
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.formats.options import WriteOptions
-from meshreel.runtime.engine.engine import Engine
-from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.meshes import assert_same_surface, irregular_sequence, quad_sheet, waving_grid
+from samples.orders import shuffled
+from samples.streams import recorded
 
 RNG = np.random.default_rng(16)
 SINGLE, DOUBLE = np.float32, np.float64
@@ -42,7 +40,6 @@ def signed_zeros(dtype):
 
 def sequences():
     grid, odd = waving_grid(9), irregular_sequence(8)
-    shuffle = RNG.permutation(grid.n_verts)
     far = (grid.vertices.astype(DOUBLE) + 1e9, (grid.vertices + 1e6).astype(SINGLE))
     faces = np.concatenate([odd.faces, [[0, 0, 1], [2, 2, 2], odd.faces[3]], odd.faces[:2, ::-1]])
     return {
@@ -52,9 +49,7 @@ def sequences():
         "two frames": waving_grid(2, dtype=DOUBLE),
         "isolated vertices and components": odd,
         "degenerate, doubled and turned faces": meshreel.MeshSequence(odd.vertices, faces),
-        "vertices in any order": meshreel.MeshSequence(
-            grid.vertices[:, np.argsort(shuffle)], RNG.permutation(shuffle[grid.faces], axis=0)
-        ),
+        "vertices in any order": shuffled(grid, 16),
         "far away": with_positions(far[0], grid),
         "far away in singles": with_positions(far[1], grid),
         "any bits": with_positions(any_bits(grid.vertices.shape, SINGLE), grid),
@@ -152,13 +147,8 @@ def test_velocities_within_a_bound_follow_from_the_exact_positions():
     sequence = meshreel.MeshSequence(grid.vertices, grid.faces, 25, tracks=tracks)
     for order in ("keep", "drop"):
         options = {"tracks": {"velocity": 0.01}, "order": order, "block_frames": 12}
-        data = meshreel.encode(sequence, lossless=True, **options)
-        file = BytesIO()
-        with meshreel.Encoder(grid.faces, file, fps=25, lossless=True, **options) as encoder:
-            for frame, values in zip(grid.vertices, velocity, strict=True):
-                moving = meshreel.Track(values[None], kind="velocity", unit="m/s")
-                encoder.push(frame, {"velocity": moving})
-        for stream in (data, file.getvalue()):
+        for encode in (meshreel.encode, recorded):
+            stream = encode(sequence, lossless=True, **options)
             [track] = meshreel.info(stream).tracks
             assert not track.is_exact
             assert track.size_bytes < 200  # residuals are almost 0
@@ -181,31 +171,11 @@ def test_single_frames_are_decoded_from_their_blocks(tmp_path):
 
 
 def test_live_frames_are_lossless():
-    sequence, file = with_tracks(), BytesIO()
-    with meshreel.Encoder(
-        sequence.faces, file, surface=sequence.surface, block_frames=5, lossless=True
-    ) as encoder:
-        for number, frame in enumerate(sequence.vertices):
-            now = {
-                name: meshreel.Track(
-                    track.values[number : number + 1], track.domain, track.kind, track.unit
-                )
-                for name, track in sequence.tracks.items()
-            }
-            encoder.push(frame, now)
-    decoded = meshreel.decode(file.getvalue())
+    sequence = with_tracks()
+    decoded = meshreel.decode(recorded(sequence, block_frames=5, lossless=True))
     assert_same_bits(decoded.vertices, sequence.vertices)
     for name, track in sequence.tracks.items():
         assert_same_bits(decoded.tracks[name].values, track.values)
-
-
-@pytest.mark.slow
-def test_workers_give_the_same_bytes():
-    sequence = waving_grid(12)
-    alone = meshreel.encode(sequence, lossless=True, block_frames=5)
-    with ProcessExecutor(2) as executor:
-        engine = Engine(executor, 2)
-        assert meshreel.encode(sequence, lossless=True, block_frames=5, engine=engine) == alone
 
 
 def test_blocks_are_short_enough_for_random_access():

@@ -14,7 +14,7 @@ from meshreel.kernel.normals import surface_normals
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet
-from samples.streams import track_headers
+from samples.streams import recorded, track_headers
 from samples.tracks import given_places
 
 RNG = np.random.default_rng(4)
@@ -223,12 +223,8 @@ def test_unreachable_normals_disable_prediction(how):
 def test_velocities_of_live_frames_are_predicted(order):
     sheet = quad_sheet(20)
     values = velocities(sheet.vertices, Coding.BACKWARD).astype(np.float32)
-    file = BytesIO()
-    live = meshreel.Encoder(sheet.faces, file, fps=FPS, max_error=0.01, order=order, block_frames=6)
-    with live as encoder:
-        for frame, moved in zip(sheet.vertices, values, strict=True):
-            encoder.push(frame, {"v": Track(moved[None], kind="velocity")})
-    data = file.getvalue()
+    sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
+    data = recorded(sequence, max_error=0.01, order=order, block_frames=6)
     assert headers(data)["v"].coding.has_rate
     decoded = meshreel.decode(data)
     places = given_places(order, sheet.vertices, decoded.vertices)

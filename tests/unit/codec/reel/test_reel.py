@@ -17,12 +17,10 @@ from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.kernel import fields as field_coder
-from meshreel.kernel.mesh import N_NEIGHBORS
 from meshreel.kernel.predict import decode_values
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
-from samples.resolutions import core_resolutions
 from samples.streams import Stream, layout_of, layouts, parts_of, raw_stream
 
 STENCIL = FieldChoices(1.0).stencil_size
@@ -78,24 +76,23 @@ def test_finer_steps_reduce_the_error():
     assert errors[-1] < 0.1
 
 
-@pytest.mark.parametrize("step", [0.02, 0.002, 0.0001])
-def test_fields_are_within_half_a_step_without_rate_weight(step):
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("step", "weight", "n_steps"),
+    [(0.02, 0.0, 0.5), (0.002, 0.0, 0.5), (0.0001, 0.0, 0.5), (0.002, None, 1.0)],
+)
+def test_fields_are_within_half_a_step_or_a_step_with_rate_weight(step, weight, n_steps):
     """Closed loop: later residuals include the errors of earlier levels."""
-    matrices, mesh, block = analyzed(step, 30, rate_weight=0.0, feedback_gain=0.0)
+    choices = {} if weight is None else {"rate_weight": weight}
+    matrices, mesh, block = analyzed(step, 30, feedback_gain=0.0, **choices)
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
-    assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
-
-
-def test_fields_are_within_a_step_with_rate_weight():
-    matrices, mesh, block = analyzed(0.002, 30, feedback_gain=0.0)
-    error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))
-    assert error.max() <= float(block.layout.step) * (1 + 1e-6)
+    assert error.max() <= n_steps * float(block.layout.step) * (1 + 1e-6)
 
 
 def test_first_level_is_rounded_to_the_nearest_with_rate_weight():
     """It has few values, which predict all others."""
     matrices, mesh, block = analyzed(0.02, 30)
-    first = core_resolutions(mesh.hierarchy)[0].levels[0]
+    first = mesh.order[: mesh.hierarchy.level_starts[1]]
     error = np.abs(decoded_fields(block, mesh) - wanted_fields(block, matrices))[first]
     assert error.max() <= 0.5 * float(block.layout.step) * (1 + 1e-6)
 
@@ -139,27 +136,6 @@ def test_adapted_weights_make_integers_smaller():
     assert bits[0] < 0.9 * bits[1]
 
 
-def test_passes_code_every_vertex_once_with_earlier_ones_as_contexts():
-    for sequence in (waving_grid(), irregular_sequence()):
-        known = set()
-        order = field_mesh(sequence).coding_order
-        near = np.split(order.near, order.near_starts[1:-1])
-        for column, contexts in zip(order.columns.tolist(), near, strict=True):
-            assert column not in known
-            assert set(contexts.tolist()) <= known
-            assert len(set(contexts.tolist())) == len(contexts) <= N_NEIGHBORS
-            known.add(column)
-        assert known == set(range(sequence.n_verts))
-        assert order.pass_starts[0] == 0
-        assert order.pass_starts[-1] == sequence.n_verts
-
-
-def test_levels_of_an_irregular_mesh_contain_every_vertex_once():
-    sequence = irregular_sequence()
-    levels = [one.predicted for one in core_resolutions(field_mesh(sequence).hierarchy)]
-    assert sorted(np.concatenate(levels)) == list(range(sequence.n_verts))
-
-
 def test_number_of_modes_is_at_most_the_requested_one():
     assert info(encode(waving_grid(), "reel", step=1e-6, n_modes=2)).n_modes == (2,)
 
@@ -175,33 +151,6 @@ def test_sequences_of_any_length_round_trip(n_frames):
     sequence = waving_grid(n_frames)
     decoded = decode(encode(sequence, "reel", step=1e-5))
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.1
-
-
-def test_sequences_of_several_blocks_round_trip():
-    sequence = waving_grid(25)
-    decoded = decode(encode(sequence, "reel", step=1e-5, block_frames=7))
-    assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.1
-    part = decode(encode(sequence, "reel", step=1e-5, block_frames=7), frames=slice(6, 15))
-    np.testing.assert_allclose(part.vertices, decoded.vertices[6:15], atol=1e-6)
-
-
-def test_irregular_meshes_round_trip():
-    """Components, isolated vertices, degenerate and non-manifold faces."""
-    sequence = irregular_sequence()
-    decoded = decode(encode(sequence, "reel", step=1e-6))
-    diagonal = np.linalg.norm(np.ptp(sequence.vertices, axis=(0, 1)))
-    assert np.abs(decoded.vertices - sequence.vertices).max() < 1e-4 * diagonal
-
-
-def test_static_sequence_takes_few_modes():
-    still = np.repeat(waving_grid(1).vertices, 60, axis=0)
-    data = encode(MeshSequence(still, waving_grid(1).faces), "reel", step=1e-4)
-    assert info(data).n_modes == (3,)
-    assert kg_error_percent(still, decode(data).vertices) < 0.5
-
-
-def test_encoding_is_deterministic():
-    assert encode(irregular_sequence(), "reel") == encode(irregular_sequence(), "reel")
 
 
 @pytest.mark.parametrize("number", [127, 3])
@@ -234,10 +183,11 @@ def growing_grid(growth=30.0, n_frames=12, side=20):
     """A sheet whose motion grows by a factor at each resolution, so that weights are large."""
     faces = waving_grid(1, side, side).faces
     coded = encode_connectivity(faces, side**2)
-    internal = MeshSequence(np.zeros((1, side**2, 3)), coded.internal_faces)
-    reach = np.ones(side**2)
-    for number, resolution in enumerate(core_resolutions(field_mesh(internal).hierarchy)):
-        reach[resolution.predicted] = growth**number
+    levels = field_mesh(MeshSequence(np.zeros((1, side**2, 3)), coded.internal_faces)).hierarchy
+    reach = np.empty(side**2)
+    reach[levels.order] = growth ** np.repeat(
+        levels.level_resolutions.astype(float), np.diff(levels.level_starts)
+    )
     motion = np.random.default_rng(0).normal(size=(n_frames, 1, 3)) * (reach / reach.max())[:, None]
     vertices = np.empty_like(motion)
     vertices[:, coded.internal_to_given] = motion

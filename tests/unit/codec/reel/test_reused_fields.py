@@ -1,7 +1,5 @@
 """Blocks that reuse fields of their key block, and new key blocks."""
 
-from io import BytesIO
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ from meshreel.codec.reel.encoding import analysis
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.meshes import grid_faces
-from samples.streams import layouts
+from samples.streams import layouts, recorded
 
 N, SIDE = 60, 17
 PLACES = np.stack(np.meshgrid(*[np.linspace(0, 1, SIDE)] * 2), axis=-1).reshape(-1, 2)
@@ -85,13 +83,9 @@ def test_workers_give_the_same_bytes_with_several_key_blocks():
 
 
 def test_pushed_frames_reuse_fields_and_keep_tracks_across_key_blocks():
-    file = BytesIO()
     velocity = 25 * np.gradient(HELD_FIRST.vertices, axis=0)
-    with meshreel.Encoder(
-        HELD_FIRST.faces, file, fps=25, tracks={"velocity": "1%"}, **OPTIONS
-    ) as encoder:
-        for frame, moves in zip(HELD_FIRST.vertices, velocity, strict=True):
-            encoder.push(frame, {"velocity": meshreel.Track(moves[None], kind="velocity")})
-    assert [one.reference for one in layouts(file.getvalue())][:3] == [0, 0, 1]
-    found = meshreel.decode(file.getvalue())
-    assert meshreel.compare(HELD_FIRST, found).kg_error_percent < 2
+    tracks = {"velocity": meshreel.Track(velocity, kind="velocity")}
+    sequence = HELD_FIRST.replace(fps=25.0, tracks=tracks)
+    data = recorded(sequence, tracks={"velocity": "1%"}, **OPTIONS)
+    assert [one.reference for one in layouts(data)][:3] == [0, 0, 1]
+    assert meshreel.compare(HELD_FIRST, meshreel.decode(data)).kg_error_percent < 2

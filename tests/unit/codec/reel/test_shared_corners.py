@@ -15,7 +15,7 @@ from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from samples.c_reader import Decoder, File, Host
 from samples.meshes import quad_sheet, waving_grid
-from samples.streams import track_headers
+from samples.streams import recorded, track_headers
 
 TYPES = ["u1", "i2", "u4", "i8", "f4", "f8"]
 
@@ -212,14 +212,10 @@ def test_signs_of_zeros_and_bits_of_nan_separate_corners():
 
 def test_corners_of_live_frames_have_separate_values():
     values = waves(SHEET.n_verts)[:, VERTICES]
-    file = BytesIO()
-    with meshreel.Encoder(SHEET.faces, file, surface=SHEET.surface, block_frames=4) as encoder:
-        for frame, one in zip(SHEET.vertices, values, strict=True):
-            encoder.push(frame, {"x": Track(one[None], "corner")})
-    [header] = track_headers(file.getvalue())
+    data = recorded(SHEET.replace(tracks={"x": Track(values, "corner")}), block_frames=4)
+    [header] = track_headers(data)
     assert header.sharing is Sharing.NONE
-    found = decoded(file.getvalue()).values
-    assert np.abs(found - values).max() <= 0.001 * np.ptp(values[:4])
+    assert np.abs(decoded(data).values - values).max() <= 0.001 * np.ptp(values[:4])
 
 
 def test_static_values_of_many_corners_are_decoded():

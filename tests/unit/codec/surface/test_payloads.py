@@ -18,7 +18,6 @@ from meshreel.codec.surface.payloads import (
 from meshreel.errors import (
     CorruptStreamError,
     InvalidInputError,
-    MeshReelError,
     TruncatedStreamError,
 )
 from meshreel.kernel.integers import encode_integers
@@ -27,7 +26,6 @@ from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.materials import Image, Material, Texture
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
-from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets
 from samples.meshes import (
     assert_same_surface,
@@ -37,7 +35,8 @@ from samples.meshes import (
     two_sheets,
     waving_grid,
 )
-from samples.streams import Stream, parts_of, raw_stream
+from samples.orders import shuffled
+from samples.streams import Stream, parts_of, raw_stream, recorded
 
 
 @pytest.mark.parametrize("method", ["reel", "pca-qp"])
@@ -67,14 +66,16 @@ def test_values_of_any_type_and_domain_are_lossless(dtype, domain, is_indexed):
     assert_same_surface(meshreel.decode(meshreel.encode(given)).surface, given.surface)
 
 
-def test_stream_of_a_plain_mesh_has_no_further_sections():
-    sections = {section for section, _ in parts_of(Stream(meshreel.encode(waving_grid())))}
-    assert not sections & {*SURFACE_SECTIONS, Section.START}
-
-
-def test_stream_of_a_surface_without_materials_has_no_sections_of_them():
-    sections = {section for section, _ in parts_of(Stream(meshreel.encode(quad_sheet())))}
-    assert not sections & {Section.MATERIAL, Section.IMAGE}
+@pytest.mark.parametrize(
+    ("make", "absent"),
+    [
+        (waving_grid, {*SURFACE_SECTIONS, Section.START}),
+        (quad_sheet, {Section.MATERIAL, Section.IMAGE}),
+    ],
+)
+def test_streams_have_no_sections_of_missing_data(make, absent):
+    sections = {section for section, _ in parts_of(Stream(meshreel.encode(make())))}
+    assert not sections & absent
 
 
 def test_default_material_takes_few_bytes():
@@ -101,15 +102,11 @@ def test_info_counts_images_and_materials():
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 @pytest.mark.parametrize("uv_bits", [None, 9])
 def test_values_along_the_faces_are_lossless_in_every_order(order, uv_bits):
-    grid, rng = waving_grid(4, 14, 15), np.random.default_rng(2)
-    mixed = rng.permutation(grid.n_verts)
-    faces = mixed[grid.faces][rng.permutation(len(grid.faces))]
-    u, v = np.divmod(np.argsort(mixed), 15)
+    u, v = np.divmod(np.arange(14 * 15), 15)
     values = np.stack([u / 14 + 0.01 * np.sin(v), v / 15], axis=1).astype(np.float32)
     uv = Attribute("uv", Kind.UV, Domain.VERTEX, values)
-    given = meshreel.MeshSequence(
-        grid.vertices[:, np.argsort(mixed)], faces, 24, surface=Surface(attributes=(uv,))
-    )
+    given = shuffled(waving_grid(4, 14, 15).replace(surface=Surface(attributes=(uv,))), 2)
+    values = given.surface.attributes[0].values
     decoded = meshreel.decode(meshreel.encode(given, order=order, uv_bits=uv_bits))
     expected = values if uv_bits is None else np.rint(values * 512) / 512
     if order == "drop":
@@ -155,21 +152,6 @@ def with_parts(stream, payloads):
     return raw_stream(stream.header, parts)
 
 
-def test_changed_bytes_decode_to_a_surface_or_our_error():
-    rng = np.random.default_rng(8)
-    for is_shared in (False, True):
-        stream = Stream(meshreel.encode(sheet_with_uvs(6, is_shared=is_shared)))
-        payload = dict(parts_of(stream))[Section.ATTRIBUTE]
-        for _ in range(draws(300)):
-            broken = bytearray(payload)
-            for place in rng.integers(0, len(broken), 1 + rng.integers(3)):
-                broken[place] ^= rng.integers(1, 256)
-            try:
-                meshreel.decode(with_parts(stream, {Section.ATTRIBUTE: bytes(broken)}))
-            except MeshReelError:
-                continue
-
-
 def test_vertex_attributes_follow_their_vertices_when_the_order_is_dropped():
     sequence = quad_sheet()
     decoded = meshreel.decode(meshreel.encode(sequence, order="drop", max_error=0.01))
@@ -205,10 +187,7 @@ def test_attributes_and_groups_follow_triangles_when_the_order_of_faces_is_dropp
     assert [one.name for one in decoded.surface.materials] == ["red", "gr\u00fcn"]
     assert order_loss_note(given.surface, Order[order.upper()]).endswith(": polygons and parts")
     assert order_loss_note(decoded.surface, Order[order.upper()]) == ""
-
-
-def test_order_keep_loses_nothing():
-    assert order_loss_note(two_sheets().surface, Order.KEEP) == ""
+    assert order_loss_note(given.surface, Order.KEEP) == ""
 
 
 def test_start_is_that_of_the_first_decoded_frame():
@@ -217,16 +196,11 @@ def test_start_is_that_of_the_first_decoded_frame():
     assert decoded.start_s == pytest.approx((1001 + 5) / 24, abs=1e-12)
 
 
-def test_live_encoder_stores_surface_and_start(tmp_path):
+def test_live_encoder_stores_surface_and_start():
     sequence = two_sheets()
-    with meshreel.Encoder(
-        sequence.faces, tmp_path / "a.reel", fps=24, start_s=2.5, surface=sequence.surface
-    ) as encoder:
-        for frame in sequence.vertices:
-            encoder.push(frame)
-    with meshreel.open(tmp_path / "a.reel") as reel:
-        assert_same_surface(reel.surface, sequence.surface)
-        assert reel.start_s == 2.5
+    decoded = meshreel.decode(recorded(sequence, start_s=2.5))
+    assert_same_surface(decoded.surface, sequence.surface)
+    assert decoded.start_s == 2.5
 
 
 def test_info_lists_the_parts_of_the_surface():
@@ -279,12 +253,19 @@ def test_damaged_sections_with_valid_checksums_are_refused(section, payload):
         meshreel.decode(raw_stream(stream.header, [(section, payload), *parts_of(stream)]))
 
 
-def test_stream_with_two_sections_of_face_sizes_is_refused():
-    stream = Stream(meshreel.encode(quad_sheet()))
+@pytest.mark.parametrize(
+    ("make", "section", "words"),
+    [
+        (quad_sheet, Section.POLYGONS, "more than one section POLYGONS"),
+        (hard_box, Section.HARD_EDGES, "HARD_EDGES twice"),
+    ],
+)
+def test_stream_with_two_sections_of_a_kind_is_refused(make, section, words):
+    stream = Stream(meshreel.encode(make()))
     parts = parts_of(stream)
-    sizes = next(part for part in parts if part[0] is Section.POLYGONS)
-    with pytest.raises(CorruptStreamError, match="more than one section POLYGONS"):
-        meshreel.decode(raw_stream(stream.header, [sizes, *parts]))
+    repeated = next(part for part in parts if part[0] is section)
+    with pytest.raises(CorruptStreamError, match=words):
+        meshreel.decode(raw_stream(stream.header, [repeated, *parts]))
 
 
 def damaged_material(payload):
@@ -365,13 +346,11 @@ def test_no_hard_edges_take_no_bytes_and_all_hard_edges_few():
     assert len(hard_section(hard_box().surface, hard_box().faces)) <= 4
 
 
-def test_hard_edge_without_two_faces_is_refused():
-    grid = waving_grid(2)
-    given = grid.replace(surface=Surface(hard_edges=np.array([[0, 98]])))
-    with pytest.raises(InvalidInputError, match="hard edge 0, 98 must have two or more faces"):
-        meshreel.encode(given)
-    given = grid.replace(surface=Surface(hard_edges=np.array([[0, 1]])))  # on the boundary
-    with pytest.raises(InvalidInputError, match="hard edge 0, 1"):
+@pytest.mark.parametrize("edge", [[0, 98], [0, 1]], ids=["no edge", "boundary"])
+def test_hard_edge_without_two_faces_is_refused(edge):
+    given = waving_grid(2).replace(surface=Surface(hard_edges=np.array([edge])))
+    words = f"hard edge {edge[0]}, {edge[1]} must have two or more faces"
+    with pytest.raises(InvalidInputError, match=words):
         meshreel.encode(given)
 
 
@@ -398,14 +377,6 @@ def test_both_readers_refuse_hard_edges_that_do_not_fit(payload):
         meshreel.decode(with_parts(stream, {Section.HARD_EDGES: payload}))
     with pytest.raises(DamagedError):
         read_hard_edges(payload, Polygons(polygons, [tuple(one) for one in box.faces.tolist()]))
-
-
-def test_two_sections_of_hard_edges_are_refused():
-    stream = Stream(meshreel.encode(hard_box()))
-    parts = parts_of(stream)
-    edges = next(one for one in parts if one[0] is Section.HARD_EDGES)
-    with pytest.raises(CorruptStreamError, match="HARD_EDGES twice"):
-        meshreel.decode(raw_stream(stream.header, [edges, *parts]))
 
 
 def unordered(sequence):

@@ -1,5 +1,3 @@
-from io import BytesIO
-
 import numpy as np
 import pytest
 
@@ -8,6 +6,7 @@ from meshreel.codec.surface.uv_errors import measure_uvs
 from meshreel.errors import InvalidInputError
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import two_sheets, waving_grid
+from samples.streams import recorded
 
 
 def grid_with_uvs(values):
@@ -87,36 +86,30 @@ def test_encode_refuses_bits_without_coordinates(attributes):
         meshreel.encode(two_sheets(), uv_bits=12, attributes=attributes)
 
 
-def test_encode_refuses_bits_for_coordinates_too_far_from_zero():
-    given = random_uvs(tiles=1000)
-    with pytest.raises(InvalidInputError, match="24 bits reach to 32; use fewer bits"):
-        meshreel.encode(grid_with_uvs(given), uv_bits=24)
-
-
-def test_encode_refuses_bits_for_non_finite_coordinates():
+@pytest.mark.parametrize(
+    ("bits", "value", "words"),
+    [
+        (24, 1000, "24 bits reach to 32; use fewer bits"),
+        (12, np.nan, "in row 5, which cannot be quantized"),
+    ],
+)
+def test_encode_refuses_bits_for_far_and_non_finite_coordinates(bits, value, words):
     given = random_uvs()
-    given[5, 1] = np.nan
-    with pytest.raises(InvalidInputError, match="in row 5, which cannot be quantized"):
-        meshreel.encode(grid_with_uvs(given), uv_bits=12)
+    given[5, 1] = value
+    with pytest.raises(InvalidInputError, match=words):
+        meshreel.encode(grid_with_uvs(given), uv_bits=bits)
 
 
 def test_live_encoder_quantizes_coordinates():
-    sequence, target = grid_with_uvs(random_uvs()), BytesIO()
-    with meshreel.Encoder(sequence.faces, target, surface=sequence.surface, uv_bits=10) as encoder:
-        for frame in sequence.vertices:
-            encoder.push(frame)
-    (found,) = meshreel.decode(target.getvalue()).surface.attributes
-    given = sequence.surface.attributes[0].values
+    given = random_uvs()
+    data = recorded(grid_with_uvs(given), uv_bits=10)
+    (found,) = meshreel.decode(data).surface.attributes
     np.testing.assert_array_equal(found.values, np.rint(given * 1024) / 1024)
 
 
 def test_live_encoder_refuses_bits_without_coordinates():
-    sequence = waving_grid()
-    with (
-        pytest.raises(InvalidInputError, match="no texture coordinates"),
-        meshreel.Encoder(sequence.faces, BytesIO(), uv_bits=10) as encoder,
-    ):
-        encoder.push(sequence.vertices[0])
+    with pytest.raises(InvalidInputError, match="no texture coordinates"):
+        recorded(waving_grid(), uv_bits=10)
 
 
 def test_encode_keeps_only_selected_attributes():
