@@ -26,6 +26,11 @@ ROOT = Path(__file__).parents[2]
 MEMORY = "20MB"
 """Memory limit of decoding, which also limits its time for hostile streams."""
 
+
+def stored(name):
+    return (ROOT / "conformance" / "streams" / f"{name}.reel").read_bytes()
+
+
 STREAMS = {
     "grid": encode(waving_grid(4, 4, 5), "pca-qp"),
     "irregular": encode(irregular_sequence(3), "pca-qp", n_modes=2),
@@ -42,6 +47,9 @@ STREAMS = {
     "lossless irregular": encode(irregular_sequence(3), lossless=True),
     "on a grid": encode(waving_grid(5, 4, 5), "grid", max_error=0.01, block_frames=3),
     "on a grid irregular": encode(irregular_sequence(3), "grid", max_error=1e-4),
+    "tracks": stored("tracks_of_triangles"),
+    "corners in rows": stored("corners_in_rows"),
+    "exact track": stored("exact_of_faces"),
     "serial": encode(waving_grid(3, 4, 5), "pca-qs", n_modes=2),
 }
 
@@ -175,7 +183,7 @@ def test_invalid_references_are_refused(changes, message):
 
 @pytest.mark.parametrize("n_reused", [6, 2**40])
 def test_more_reused_fields_than_modes_are_refused(n_reused):
-    data = (ROOT / "conformance" / "streams" / "reused_fields.reel").read_bytes()
+    data = stored("reused_fields")
     stream = Stream(data)
     number, layout = next(
         (number, layout) for number, layout in enumerate(layouts(data)) if layout.n_reused
@@ -215,18 +223,27 @@ def test_corrections_before_the_first_block_are_refused():
         decode(data)
 
 
-@pytest.mark.slow
-def test_damaged_corrections_with_valid_checksums_raise_our_errors_or_decode():
-    """The general test rarely hits this short section."""
-    stream = Stream(STREAMS["reel corrected"])
+SHORT = {
+    "corrections": ("reel corrected", Section.CORRECTIONS),
+    "material": ("materials", Section.MATERIAL),
+    "attribute": ("surface", Section.ATTRIBUTE),
+    "track": ("tracks", Section.TRACK),
+    "rows of corners": ("corners in rows", Section.TRACK),
+}
+"""Short sections, which the general test rarely hits."""
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("name", SHORT)
+def test_damaged_short_sections_with_valid_checksums_raise_our_errors_or_decode(name):
+    stream = Stream(STREAMS[SHORT[name][0]])
     parts = parts_of(stream)
-    (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
-    rng = np.random.default_rng(4)
-    n_refused = 0
+    first = next(part for part in parts if part[0] is SHORT[name][1])
+    rng, n_refused = np.random.default_rng(4), 0
     for _ in range(draws(750)):
         payload = bytearray(first[1])
         _mutate(payload, rng)
-        changed = (Section.CORRECTIONS, bytes(payload))
+        changed = (first[0], bytes(payload))
         data = raw_stream(stream.header, [changed if part is first else part for part in parts])
         try:
             decoded = decode(data, memory=MEMORY)
@@ -234,6 +251,7 @@ def test_damaged_corrections_with_valid_checksums_raise_our_errors_or_decode():
             n_refused += 1
             continue
         assert np.isfinite(decoded.vertices).all()
+        assert len(decoded.surface.materials) == (2 if name == "material" else 0)
     assert draws(50) < n_refused < draws(750)
 
 
@@ -252,28 +270,6 @@ def test_a_wrong_number_of_corrections_allocates_nothing():
     data = raw_stream(stream.header, replaced(stream, Section.CORRECTIONS, wrong))
     with pytest.raises(CorruptStreamError, match="more corrections than values"):
         decode(data)
-
-
-@pytest.mark.slow
-def test_damaged_materials_with_valid_checksums_raise_our_errors_or_decode():
-    """The general test rarely hits this short section."""
-    stream = Stream(STREAMS["materials"])
-    parts = parts_of(stream)
-    (first, *_) = [part for part in parts if part[0] is Section.MATERIAL]
-    rng = np.random.default_rng(8)
-    n_refused = 0
-    for _ in range(draws(750)):
-        payload = bytearray(first[1])
-        _mutate(payload, rng)
-        changed = (Section.MATERIAL, bytes(payload))
-        data = raw_stream(stream.header, [changed if part is first else part for part in parts])
-        try:
-            decoded = decode(data, memory=MEMORY)
-        except MeshReelError:
-            n_refused += 1
-            continue
-        assert len(decoded.surface.materials) == 2
-    assert draws(50) < n_refused < draws(750)
 
 
 def test_a_material_with_a_missing_image_is_refused():
