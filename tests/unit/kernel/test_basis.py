@@ -69,10 +69,12 @@ def test_smooth_curves_need_integers_at_the_coarsest_times_only():
     assert not encode_basis(np.full((2, 3, 9), 7.0), 0.0)[:, :, 1:].any()
 
 
+@pytest.mark.every_case
+@pytest.mark.parametrize("coding", [BasisCoding(), COSINES], ids=["times", "cosines"])
 @pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
-def test_error_is_raised_when_an_integer_is_too_large(value):
+def test_error_is_raised_when_an_integer_is_too_large(value, coding):
     with pytest.raises(InvalidInputError, match="basis vectors cannot be encoded"):
-        encode_basis(np.full((1, 3, 5), value), LAGRANGE_MULTIPLIER)
+        encode_basis(np.full((1, 3, 5), value), LAGRANGE_MULTIPLIER, coding)
 
 
 ADAPTIVE = BasisCoding(is_adaptive=True)
@@ -135,13 +137,22 @@ def values_of(coded, coding):
     return np.moveaxis(basis_vectors(coded, coding, np.ones(len(coded))), 2, 0)
 
 
-@pytest.mark.parametrize(("runs", "bits"), [([(0, 1)], 0), ([(1, 2)], MAX_REST_BITS + 1)])
-def test_rests_are_rejected_when_the_format_cannot_represent_them(runs, bits):
-    coding = resting(bits, *runs)
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("coding", "n_frames"),
+    [
+        (resting(0, (0, 1)), 5),
+        (resting(MAX_REST_BITS + 1, (1, 2)), 5),
+        (COSINES, 0),
+        (COSINES, MAX_COSINES + 1),
+    ],
+    ids=["rest at the start", "too many bits", "no cosines", "too many cosines"],
+)
+def test_codings_are_rejected_when_the_format_cannot_represent_them(coding, n_frames):
     with pytest.raises(InvalidInputError):
-        encode_basis(np.zeros((1, 3, 5)), 0.0, coding)
+        encode_basis(np.zeros((1, 3, n_frames)), 0.0, coding)
     with pytest.raises(InvalidInputError):
-        basis_vectors(np.zeros((1, 3, 5), np.int32), coding)
+        basis_vectors(np.zeros((1, 3, n_frames), np.int32), coding)
 
 
 def cosines(n_frames):
@@ -184,17 +195,3 @@ def test_coefficients_are_fewer_with_a_rate_weight():
         encode_basis(targets, LAGRANGE_MULTIPLIER, COSINES),
     )
     assert np.count_nonzero(by_rate) < 0.9 * np.count_nonzero(plain)
-
-
-@pytest.mark.parametrize("n_frames", [0, MAX_COSINES + 1])
-def test_cosines_are_rejected_when_the_format_cannot_represent_them(n_frames):
-    with pytest.raises(InvalidInputError):
-        encode_basis(np.zeros((1, 3, n_frames)), 0.0, COSINES)
-    with pytest.raises(InvalidInputError):
-        basis_vectors(np.zeros((1, 3, n_frames), np.int32), COSINES)
-
-
-@pytest.mark.parametrize("value", [1e12, np.inf, np.nan])
-def test_error_is_raised_when_a_coefficient_is_too_large(value):
-    with pytest.raises(InvalidInputError):
-        encode_basis(np.full((1, 3, 5), value), LAGRANGE_MULTIPLIER, COSINES)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from conformance.exact import read_exact
-from meshreel.kernel.exact import TYPES, encode_exact
+from meshreel.kernel.exact import TYPES, decode_exact, encode_exact
 from meshreel.kernel.mesh import neighbors
 
 LETTERS = dict(zip(TYPES, "BbHhIifQqd", strict=True))
@@ -45,13 +45,15 @@ def kinds_of_values():
 
 
 def assert_read_alike(values):
+    """The core and the plain reader decode the same bits."""
     graph = tape()
+    data = encode_exact(values, graph)
+    decoded = decode_exact(data, values.shape, values.dtype, graph)
+    assert decoded.tobytes() == values.tobytes()
     ends = zip(graph.starts[:-1], graph.starts[1:], strict=True)
     near = [graph.near[first:end].tolist() for first, end in ends]
-    decoded = read_exact(
-        encode_exact(values, graph), values.shape, LETTERS[values.dtype.str[1:]], near
-    )
-    assert decoded == values.view(f"u{values.itemsize}").tolist()
+    plain = read_exact(data, values.shape, LETTERS[values.dtype.str[1:]], near)
+    assert plain == values.view(f"u{values.itemsize}").tolist()
 
 
 @pytest.mark.slow
@@ -67,11 +69,14 @@ def test_plain_reader_decodes_the_same_values(name, dtype):
 def test_plain_reader_decodes_nan_and_infinity(dtype):
     values = kinds_of_values()["waves"].astype(dtype)
     values[2:5, 10] = np.nan
+    values[4:, 12] = -np.nan
     values[3, 20, 1] = -np.inf
+    values[2, 21], values[:, 22] = np.inf, 0.0
     values[4, 30] = -0.0
-    values[5, 31] = np.finfo(dtype).max
+    values[5, 31], values[8, 33] = np.finfo(dtype).max, np.finfo(dtype).min
     values[6, 32] = np.finfo(dtype).tiny / 8
     assert_read_alike(values)
+    assert_read_alike(np.full_like(values, np.nan))
 
 
 @pytest.mark.parametrize("dtype", TYPES)
