@@ -20,12 +20,6 @@ def test_neighborhood_counts_shared_edges_once():
     assert total.tolist() == [7, 7, 7, 7, 4]
 
 
-def test_deviation_is_weighted():
-    # Vertex 0 sees a and b: weights 1 and 3, values 0 and 4: mean 3, variance (9 + 3) / 4 = 3.
-    deviation, _ = PATH.weighted_deviation(np.array([1.0, 3, 0, 0]), np.array([0.0, 4, 9, 9]))
-    assert deviation[0] == pytest.approx(np.sqrt(3), rel=1e-15)
-
-
 def test_deviation_with_zero_weights_is_zero():
     deviation, total = PATH.weighted_deviation(np.zeros(4), np.array([1.0, 2, 3, 4]))
     assert not deviation.any()
