@@ -134,20 +134,6 @@ def test_frames_of_a_sequence_are_read_only():
             vertices[...] = 0
 
 
-def test_blocks_are_decoded_once_when_frames_are_selected_in_any_order():
-    class File(BytesIO):
-        def fetch(self, start, stop):
-            fetched.append(start)
-
-    fetched: list[int] = []
-    with ReelFile(File(encode(waving_grid(24), block_frames=4))) as reel:
-        _ = reel.faces
-        fetched.clear()
-        reel.frames([0, 23, 1, 22, 5, 2, 18, 9, 13])
-        blocks = [reel._opened.file.block(number).offset for number in range(6)]
-    assert fetched == blocks
-
-
 def test_chosen_frames_of_a_slice_is_a_range():
     assert chosen_frames(slice(None, None, -2), 5) == range(4, -1, -2)
 

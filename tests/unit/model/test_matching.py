@@ -11,6 +11,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.meshes import octahedron_faces, waving_grid
+from samples.orders import shuffled
 
 SHEET = waving_grid(6)
 RNG = np.random.default_rng(8)
@@ -30,34 +31,12 @@ def surface_of(faces, n_values=None, **more):
     return Surface(attributes=(corner_uvs(faces, n_values),), **more)
 
 
-def shuffled(sequence, number, seed):
-    """One frame with vertices, faces and first corners in random order."""
-    rng = np.random.default_rng(seed)
-    vertices, faces = rng.permutation(sequence.n_verts), rng.permutation(len(sequence.faces))
-    turns = (rng.integers(0, 3, (len(faces), 1)) + np.arange(3)) % 3
-    corners = (3 * faces[:, None] + turns).ravel()
-    new_number = np.argsort(vertices)
-    surface = sequence.surface
-    orders = {Domain.VERTEX: vertices, Domain.FACE: faces, Domain.CORNER: corners}
-    hard = surface.hard_edges
-    surface = replace(
-        surface,
-        attributes=tuple(
-            replace(one, values=one.per_item()[orders[one.domain]], indices=None)
-            for one in surface.attributes
-        ),
-        groups=tuple(replace(one, numbers=one.numbers[faces]) for one in surface.groups),
-        hard_edges=None if hard is None else new_number[hard].astype(np.int32),
-    )
-    return MeshSequence(
-        sequence.vertices[number : number + 1, vertices],
-        new_number[sequence.faces.ravel()[corners]].reshape(-1, 3),
-        surface=surface,
-    )
+def frame_in_another_order(sequence, number, seed):
+    return shuffled(sequence.replace(vertices=sequence.vertices[number : number + 1]), seed)
 
 
 def frames_of(sequence):
-    return [shuffled(sequence, number, number) for number in range(sequence.n_frames)]
+    return [frame_in_another_order(sequence, number, number) for number in range(sequence.n_frames)]
 
 
 def triangles(segment, number):
@@ -116,7 +95,7 @@ def collapsed(sequence):
         values = uvs.values.reshape(-1, 3, 2)[has_area].reshape(-1, 2)
         surface = Surface(attributes=(replace(uvs, values=values),))
         frame = sequence.replace(vertices=vertices, faces=sequence.faces[has_area], surface=surface)
-        result.append(shuffled(frame, number, number))
+        result.append(frame_in_another_order(frame, number, number))
     return result
 
 
@@ -242,7 +221,7 @@ def test_component_that_single_frames_lack_is_a_point_there():
     sheet = SHEET.replace(surface=surface_of(SHEET.faces))
     given = frames_of(sheet)
     for number in (1, 2, 4):
-        given[number] = shuffled(with_speck(sheet, number), 0, number)
+        given[number] = shuffled(with_speck(sheet, number), number)
     (matched,) = found = match_segments(given)
     assert len(matched.faces) == len(SHEET.faces) + 2
     assert_same_surfaces(found, given)
@@ -256,7 +235,9 @@ def test_face_that_coincides_with_another_may_be_missing():
         faces=np.concatenate([sheet.faces, sheet.faces[:1]]),
         surface=Surface(attributes=(replace(uvs, values=values),)),
     )
-    (matched,) = match_segments([shuffled(doubled, 0, 1), shuffled(sheet, 1, 2)])
+    (matched,) = match_segments(
+        [frame_in_another_order(doubled, 0, 1), frame_in_another_order(sheet, 1, 2)]
+    )
     assert (matched.n_verts, len(matched.faces)) == (99, len(SHEET.faces) + 1)
 
 
