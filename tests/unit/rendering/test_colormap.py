@@ -20,8 +20,20 @@ def cie_lightness(colors):
     return 116 * np.cbrt(luminance) - 16
 
 
-def test_colorize_maps_the_range_from_the_first_to_the_last_color():
-    np.testing.assert_array_equal(colorize([2.0, 6.0], 2, 6), HEAT[[0, -1]])
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("values", "ends", "colors"),
+    [
+        ([2.0, 6.0], (2, 6), HEAT[[0, -1]]),
+        ([-np.inf, 9.0], (0, 1), HEAT[[0, -1]]),
+        ([0.0, 0.0], (0, 0), HEAT[[0, 0]]),
+        ([-1.0, 3.0], (-1, 3, "sequential"), HEAT[[0, -1]]),
+        ([2.0, 6.0], (2, 6, "diverging"), DIVERGING[[0, -1]]),
+    ],
+    ids=["ends", "outside", "empty range", "sequential", "diverging"],
+)
+def test_colorize_maps_and_clamps_the_range(values, ends, colors):
+    np.testing.assert_array_equal(colorize(values, *ends), colors)
 
 
 def test_lightness_grows_evenly_with_the_values():
@@ -30,16 +42,8 @@ def test_lightness_grows_evenly_with_the_values():
     assert (np.abs(steps / steps.mean() - 1) < 1 / 3).all()
 
 
-def test_colorize_clamps_values_outside_the_range():
-    np.testing.assert_array_equal(colorize([-np.inf, 9.0], 0, 1), HEAT[[0, -1]])
-
-
 def test_colorize_is_gray_for_nan():
     assert tuple(colorize([np.nan], 0, 1)[0]) == NOT_A_NUMBER
-
-
-def test_colorize_returns_the_first_color_for_an_empty_range():
-    np.testing.assert_array_equal(colorize([0.0, 0.0], 0, 0), HEAT[[0, 0]])
 
 
 @pytest.mark.parametrize(
@@ -86,11 +90,6 @@ def test_diverging_colors_have_symmetric_lightness():
 )
 def test_short_number_has_enough_digits_for_the_span(value, span, text):
     assert short_number(value, span) == text
-
-
-def test_colorize_uses_the_named_map():
-    np.testing.assert_array_equal(colorize([-1.0, 3.0], -1, 3, "sequential"), HEAT[[0, -1]])
-    np.testing.assert_array_equal(colorize([2.0, 6.0], 2, 6, "diverging"), DIVERGING[[0, -1]])
 
 
 def test_colorize_rejects_an_unknown_map():

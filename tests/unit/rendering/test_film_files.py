@@ -52,10 +52,13 @@ def test_gif_lasts_as_long_as_the_frames_despite_rounding(grid, tmp_path, fps, n
     assert sum(durations) == pytest.approx(1000 * 12 / fps, abs=5.001)
 
 
-def test_gif_is_reproducible(grid, tmp_path):
-    for name in ("a.gif", "b.gif"):
-        save_gif(make_film(grid), tmp_path / name)
-    assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
+@pytest.mark.parametrize("extension", ["gif", "mp4"])
+def test_film_is_reproducible(grid, tmp_path, extension):
+    pytest.importorskip("imageio_ffmpeg")
+    paths = [tmp_path / f"{name}.{extension}" for name in "ab"]
+    for path in paths:
+        save_film(make_film(grid), path)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
 def test_gif_of_a_static_mesh_shows_it_in_every_picture(grid, tmp_path):
@@ -87,13 +90,6 @@ def test_mp4_error_contains_the_message_of_ffmpeg(grid, tmp_path, monkeypatch):
     with pytest.raises(OSError, match=r"ffmpeg could not write .*a\.mp4: .*nothing"):
         save_mp4(make_film(grid), tmp_path / "a.mp4")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_mp4_is_reproducible(grid, tmp_path):
-    pytest.importorskip("imageio_ffmpeg")
-    for name in ("a.mp4", "b.mp4"):
-        save_mp4(make_film(grid), tmp_path / name)
-    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
 def test_mp4_with_an_odd_side_is_rejected(grid, tmp_path):

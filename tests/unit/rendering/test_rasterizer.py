@@ -56,9 +56,11 @@ def test_render_shades_both_sides_of_a_face_alike():
     )
 
 
-def test_render_lights_back_faces():
-    picture = render(TRIANGLE, FACE[:, ::-1], front(TRIANGLE))
-    assert picture[60, 40].min() > 100
+@pytest.mark.parametrize(
+    "faces", [FACE[:, ::-1], np.concatenate([FACE, FACE[:, ::-1]])], ids=["back", "both sides"]
+)
+def test_render_lights_back_faces_and_those_with_canceling_normals(faces):
+    assert render(TRIANGLE, faces, front(TRIANGLE))[60, 40].min() > 100
 
 
 def test_render_lights_a_sphere_from_the_upper_left():
@@ -87,17 +89,13 @@ def test_render_interpolates_colors_in_perspective():
     assert abs(red - blue) < 12
 
 
-def test_flat_render_has_one_tone_per_face():
+@pytest.mark.parametrize("smooth", [False, True])
+def test_flat_render_has_one_tone_per_face_and_smooth_render_gradual_ones(smooth):
     roof = np.array([[0.0, -1, 1], [0, 1, 1], [-1, 0, 0], [1, 0, 0]])
-    camera = front(roof)
-    picture = render(roof, [[0, 1, 2], [0, 3, 1]], camera, smooth=False, supersample=1)
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) == 2 + 1
-
-
-def test_smooth_render_has_gradual_tones():
-    roof = np.array([[0.0, -1, 1], [0, 1, 1], [-1, 0, 0], [1, 0, 0]])
-    picture = render(roof, [[0, 1, 2], [0, 3, 1]], front(roof), supersample=1)
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
+    faces = [[0, 1, 2], [0, 3, 1]]
+    picture = render(roof, faces, front(roof), smooth=smooth, supersample=1)
+    n_tones = len(np.unique(picture.reshape(-1, 3), axis=0))
+    assert n_tones > 20 if smooth else n_tones == 2 + 1
 
 
 def test_supersampling_softens_outlines():
@@ -116,11 +114,6 @@ def test_supersampling_softens_outlines():
 def test_render_without_visible_faces_is_background(vertices):
     picture = render(vertices, FACE, front(TRIANGLE), background=(1, 2, 3))
     assert not covered(picture, (1, 2, 3)).any()
-
-
-def test_render_lights_faces_with_canceling_normals():
-    faces = np.concatenate([FACE, FACE[:, ::-1]])
-    assert render(TRIANGLE, faces, front(TRIANGLE))[60, 40].min() > 100
 
 
 def test_render_of_the_flag_covers_a_plausible_share():

@@ -32,37 +32,59 @@ def test_numbers_are_those_of_the_component_when_it_is_named(component, numbers)
     assert colors.numbers(VECTORS[0]).tolist() == numbers
 
 
+def test_magnitude_of_a_scalar_is_its_absolute_value():
+    sizes = TrackColors(TrackLook("s", "magnitude"), SCALAR)
+    assert sizes.numbers(np.array([[1.0], [-2.0]])).tolist() == [1, 2]
+
+
+SCALAR = Track(np.zeros((2, 5), np.float32))
+VECTOR = Track(np.zeros((2, 5, 3), np.float32), kind="vector")
+PAIR = Track(np.zeros((2, 5, 2), np.float32))
+TENSOR = Track(np.zeros((2, 5, 9), np.float32))
+COLOR = Track(np.zeros((2, 5, 3), np.uint8), kind="color")
+NORMAL = Track(np.tile(np.float32([0, 0, 1]), (2, 5, 1)), kind="normal")
+
+
+@pytest.mark.every_case
 @pytest.mark.parametrize(
-    ("values", "kind", "component", "message"),
+    ("track", "options", "title"),
     [
-        (
-            np.zeros((1, 4, 3)),
-            None,
-            "w",
-            "has 3 numbers .* 0 to 2, x, y, z, magnitude; got 'w'",
-        ),
-        (np.zeros((1, 4, 3)), None, "3", "got '3'"),
-        (np.zeros((1, 4, 2)), None, "z", "0 to 1, x, y, magnitude; got 'z'"),
-        (np.zeros((1, 4, 1)), None, "x", "1 number per .* is 0, magnitude; got 'x'"),
-        (np.zeros((1, 4, 9)), None, None, "0 to 8; select one"),
-        (np.zeros((1, 4, 9)), None, "x", "0 to 8; got 'x'"),
+        (SCALAR, {}, "u"),
+        (SCALAR, {"component": "0", "range": "0:500"}, "u"),
+        (SCALAR, {"component": "magnitude", "range": "-1.5e3:2%"}, "u, magnitude"),
+        (VECTOR, {}, "u, magnitude"),
+        (VECTOR, {"component": "z", "range": "2%:98%", "colormap": "diverging"}, "u, z"),
+        (VECTOR, {"component": "magnitude", "range": "90%:7"}, "u, magnitude"),
+        (NORMAL, {}, "u, x"),
+        (TENSOR, {"component": "8"}, "u, column 8"),
+        (COLOR, {}, "u"),
+        (COLOR, {"component": "1", "range": "0:255"}, "u, y"),
     ],
 )
-def test_track_colors_list_the_components_when_one_does_not_exist(values, kind, component, message):
+def test_title_names_the_component(track, options, title):
+    assert TrackColors(TrackLook("u", **options), track).title == title
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("track", "options", "message"),
+    [
+        (SCALAR, {"component": "y"}, "1 number per .* is 0, magnitude; got 'y'"),
+        (PAIR, {"component": "z"}, "0 to 1, x, y, magnitude; got 'z'"),
+        (VECTOR, {"component": "w"}, "has 3 numbers .* 0 to 2, x, y, z, magnitude; got 'w'"),
+        (VECTOR, {"component": "3"}, "component is 0 to 2, x, y, z, magnitude; got '3'"),
+        (TENSOR, {}, "9 numbers per vertex: component is 0 to 8; select one"),
+        (TENSOR, {"component": "magnitude"}, "0 to 8; got 'magnitude'"),
+        (TENSOR, {"component": "x"}, "0 to 8; got 'x'"),
+        (COLOR, {"range": "0:1"}, "shown directly; omit range"),
+        (COLOR, {"colormap": "diverging"}, "omit colormap"),
+        (SCALAR, {"colormap": "jet"}, "colormap is sequential or diverging; got 'jet'"),
+        (SCALAR, {"range": "2%:101%"}, "a range is LOW:HIGH, low first.* 0% to 100%"),
+    ],
+)
+def test_error_lists_what_is_allowed_when_a_look_is_invalid(track, options, message):
     with pytest.raises(InvalidInputError, match=message):
-        TrackColors(TrackLook("stress", component), track_of(values, kind))
-
-
-def test_component_has_a_default():
-    normals = track_of(np.tile([0, 0, 1.0], (1, 3, 1)), "normal")
-    assert TrackColors(TrackLook("n"), normals).title == "n, x"
-    assert TrackColors(TrackLook("v"), VECTORS).title == "v, magnitude"
-    assert TrackColors(TrackLook("s"), track_of([[1, 2]])).title == "s"
-    sizes = TrackColors(TrackLook("s", "magnitude"), track_of([[1, -2]]))
-    assert sizes.title == "s, magnitude"
-    assert sizes.numbers(np.array([[1.0], [-2.0]])).tolist() == [1, 2]
-    tensors = track_of(np.zeros((1, 4, 9)))
-    assert TrackColors(TrackLook("t", "4"), tensors).title == "t, column 4"
+        TrackColors(TrackLook("u", **options), track)
 
 
 def test_range_is_between_percentiles_when_none_is_given():
@@ -146,8 +168,6 @@ def test_a_color_track_is_shown_directly():
     numbers = Track(np.array([[[9, 8, 7]]], np.uint8), kind="color")
     assert TrackColors(TrackLook("c"), numbers).colors(numbers[0], None).tolist() == [[9, 8, 7]]
     assert TrackColors(TrackLook("c", "1"), floats).numbers(floats[0])[:2].tolist() == [0.5, -1]
-    with pytest.raises(InvalidInputError, match="shown directly; omit range"):
-        TrackColors(TrackLook("c", range="0:1"), floats)
 
 
 @pytest.mark.parametrize(
