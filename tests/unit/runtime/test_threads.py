@@ -109,21 +109,15 @@ def test_first_error_is_raised_when_several_pieces_fail():
     assert reported == [1, 2, 3]
 
 
+@pytest.mark.every_case
 @pytest.mark.parametrize("n_pieces", [1, 8])
-def test_errors_of_numpy_are_ignored_when_the_caller_ignores_them(n_pieces):
+def test_errors_of_numpy_are_ignored_or_raised_as_by_the_caller(n_pieces):
     def work(piece):
         np.float64(1e300) * np.float64(10.0**300)
 
     with np.errstate(over="ignore"), warnings.catch_warnings():
         warnings.simplefilter("error")
         in_threads(work, range(n_pieces))
-
-
-@pytest.mark.parametrize("n_pieces", [1, 8])
-def test_errors_of_numpy_are_raised_when_the_caller_raises_them(n_pieces):
-    def work(piece):
-        np.float64(1e300) * np.float64(10.0**300)
-
     with np.errstate(over="raise"), pytest.raises(FloatingPointError):
         in_threads(work, range(n_pieces))
 
@@ -219,27 +213,15 @@ def test_libraries_of_blas_are_found_when_another_thread_imports_libraries(tmp_p
     subprocess.run([sys.executable, "-c", IMPORTING, tmp_path], check=True, timeout=60)
 
 
-def test_error_of_background_work_is_raised_with_its_result():
+def test_results_and_errors_of_nested_background_work_are_those_of_the_work():
     def fail():
         raise LookupError("in the background")
 
-    future = in_background(fail)
-    with pytest.raises(LookupError, match="in the background"):
-        future.result(10)
-    assert in_background(lambda: 7).result(10) == 7  # the thread still works
-
-
-def test_background_work_started_in_the_background_runs_immediately():
+    for work in (fail, lambda: in_background(fail).result(10)):
+        future = in_background(work)
+        with pytest.raises(LookupError, match="in the background"):
+            future.result(10)
     assert in_background(lambda: in_background(lambda: 7).result(10)).result(10) == 7
-
-
-def test_error_of_nested_background_work_is_raised_with_its_result():
-    def fail():
-        raise LookupError("inner")
-
-    future = in_background(lambda: in_background(fail))
-    with pytest.raises(LookupError, match="inner"):
-        future.result(10).result(10)
 
 
 def test_background_and_caller_can_both_use_threads():
@@ -273,10 +255,6 @@ def test_chunks_cover_the_length_in_order(length, size):
     covered = [index for piece in pieces for index in range(piece.start, piece.stop)]
     assert covered == list(range(length))
     assert all(1 <= piece.stop - piece.start <= size for piece in pieces)
-
-
-def test_cores_are_at_least_one():
-    assert n_cores() >= 1
 
 
 def test_prefetch_keeps_the_order_and_is_one_item_ahead():

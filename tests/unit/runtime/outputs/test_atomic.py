@@ -32,13 +32,6 @@ def test_replace_keeps_the_old_file_when_the_block_fails(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_replace_raises_when_the_file_exists(tmp_path):
-    path = tmp_path / "a.bin"
-    path.write_bytes(b"old")
-    with pytest.raises(InvalidInputError, match="already exists"), replace_when_done(path):
-        pass
-
-
 def test_replace_raises_when_the_folder_is_missing(tmp_path):
     with (
         pytest.raises(InvalidInputError, match="does not exist"),

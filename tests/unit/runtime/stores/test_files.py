@@ -39,6 +39,18 @@ def temporary_files(monkeypatch, tmp_path):
     return lambda: sorted(path.name for path in tmp_path.iterdir())
 
 
+def lose_connection_at(name, memory, monkeypatch):
+    """Let uploads fail whose path ends with a name."""
+    put_file = memory.put_file
+
+    def breaking(place, path, **options):
+        if path.endswith(name):
+            raise ConnectionError("connection lost")
+        put_file(place, path, **options)
+
+    monkeypatch.setattr(type(memory), "put_file", staticmethod(breaking))
+
+
 def test_sequence_round_trips_through_a_store(memory, walk, monkeypatch, tmp_path):
     left_files = temporary_files(monkeypatch, tmp_path)
     assert meshreel.save(walk, "memory://bucket/walk.npz") == ["memory://bucket/walk.npz"]
@@ -111,14 +123,7 @@ def test_frames_are_uploaded_all_or_none(memory, walk):
 
 def test_uploaded_frames_are_removed_after_a_failure(memory, walk, monkeypatch, tmp_path):
     left_files = temporary_files(monkeypatch, tmp_path)
-    put_file = memory.put_file
-
-    def breaking(place, path, **options):
-        if path.endswith("f_3.obj"):
-            raise ConnectionError("connection lost")
-        put_file(place, path, **options)
-
-    monkeypatch.setattr(type(memory), "put_file", staticmethod(breaking))
+    lose_connection_at("f_3.obj", memory, monkeypatch)
     with pytest.raises(meshreel.StoreError, match=r"connection lost.*is kept in") as failure:
         meshreel.save(walk, "memory://bucket/f_%d.obj")
     assert names(memory) == []
@@ -134,14 +139,7 @@ def test_existing_files_remain_when_an_upload_fails(memory, tmp_path, monkeypatc
     for name in "abcd":
         (tmp_path / name).write_bytes(b"new")
         files[tmp_path / name] = f"memory://bucket/{name}"
-    put_file = memory.put_file
-
-    def breaking(place, path, **options):
-        if path.endswith("/c"):
-            raise ConnectionError("connection lost")
-        put_file(place, path, **options)
-
-    monkeypatch.setattr(type(memory), "put_file", staticmethod(breaking))
+    lose_connection_at("/c", memory, monkeypatch)
     with pytest.raises(meshreel.StoreError, match="connection lost"):
         transfer.upload_all(files, overwrite=True)
     assert names(memory) == ["/bucket/a", "/bucket/d"]

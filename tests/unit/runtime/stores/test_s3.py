@@ -65,16 +65,6 @@ def test_frames_round_trip_through_s3_in_order(bucket):
         assert np.array_equal(meshreel.load(source).vertices, walk.vertices)
 
 
-def test_existing_object_is_replaced_only_with_overwrite(bucket):
-    walk = waving_grid(3)
-    meshreel.save(walk, f"{bucket}/kept.npz")
-    with pytest.raises(meshreel.InvalidInputError, match="exists"):
-        meshreel.save(waving_grid(4), f"{bucket}/kept.npz")
-    assert meshreel.load(f"{bucket}/kept.npz").n_frames == 3
-    meshreel.save(waving_grid(4), f"{bucket}/kept.npz", overwrite=True)
-    assert meshreel.load(f"{bucket}/kept.npz").n_frames == 4
-
-
 def test_missing_objects_and_buckets_are_named(bucket):
     for address in (f"{bucket}/none.reel", "s3://no-such-bucket/walk.reel"):
         with pytest.raises(meshreel.StoreError, match=f"there is no {address}"):
