@@ -26,19 +26,13 @@ def test_faces_without_area_are_removed_and_counted():
     assert np.array_equal(cleaned.kept_faces, np.arange(1, 13))
 
 
-def test_small_components_are_removed_and_counted():
+def test_components_below_an_area_are_removed_and_counted():
     vertices, faces = capsule(12, 12)
     crumb = 5 + 1e-3 * np.eye(3)
     both = frame(np.vstack([crumb, vertices]), np.vstack([[[0, 1, 2]], faces + 3]))
     cleaned = clean(both)
     assert (cleaned.n_components, cleaned.n_crumbs) == (1, 1)
     assert len(cleaned.vertices) == len(vertices)
-
-
-def test_components_above_an_area_are_kept():
-    vertices, faces = capsule(12, 12)
-    crumb = 5 + 1e-3 * np.eye(3)
-    both = frame(np.vstack([crumb, vertices]), np.vstack([[[0, 1, 2]], faces + 3]))
     assert clean(both, max_removed_area=1e-7).n_crumbs == 0
 
 
