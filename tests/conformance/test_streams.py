@@ -12,7 +12,6 @@ from conformance.make import FOLDER, REFUSED, REFUSED_FOLDER, STREAMS
 from conformance.reader import read, read_all
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError
-from samples.c_reader import File, RefusalError
 
 QUICK = (
     "corrections",
@@ -76,15 +75,6 @@ def test_every_reader_refuses_a_stream_that_breaks_a_rule(path):
         ReelFile(BytesIO(data))[0]
     with pytest.raises(DamagedError):
         read(data)
-    with pytest.raises(RefusalError):
-        decode_by_c(data)
-
-
-def decode_by_c(data):
-    """Decode all tracks of a stream with the C library."""
-    with File(data) as file:
-        for track in range(file.info.n_tracks):
-            file.values(track)
 
 
 @pytest.mark.parametrize("path", REFUSED_FILES, ids=lambda path: path.stem)
