@@ -1,14 +1,15 @@
 """Fixtures: a browser, and files to play in it."""
 
-import subprocess
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 import meshreel
 from samples.browser import driven_browser
-from samples.player_pages import COMMAND, put_to_rest, viewing, wait_for_player
+from samples.player_pages import put_to_rest, viewing, wait_for_player
 from samples.tabs import Tab, Tabs
+from samples.web_package import serving, three_files
 
 SIZE = {"width": 800, "height": 500}
 """Default size of pages: rendering is in software, and larger pages take longer."""
@@ -67,6 +68,18 @@ def new_page(tabs):
 
     yield open_page
     assert tabs.give_back() == []
+
+
+@pytest.fixture
+def three_page(new_page):
+    """Opens a page that can import three.js and the package, with files by path."""
+    with ExitStack() as servers:
+
+        def open_page(files):
+            url, _ = servers.enter_context(serving({**three_files(), **files}))
+            return new_page(f"{url}/index.html", is_shown=False)
+
+        yield open_page
 
 
 @pytest.fixture(scope="module")
@@ -132,12 +145,3 @@ def compared_url(browser, flag):
     """Address of a page that compares the stream with its original."""
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         yield address
-
-
-@pytest.fixture(scope="package")
-def exported(browser, flag):
-    """Address of an exported page with the stream."""
-    path = flag / "flag.html"
-    command = [*COMMAND, "export", str(flag / "flag.reel"), "-o", str(path)]
-    subprocess.run(command, check=True, capture_output=True)
-    return path.as_uri()

@@ -11,7 +11,7 @@ from meshreel.model.materials import AlphaMode, Material, Texture
 from meshreel.model.materials import Image as FileImage
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from samples.element_pages import until
-from samples.web_package import PACKAGE, built_package, serving
+from samples.web_package import THREE_PAGE, serving, three_files
 
 pytestmark = pytest.mark.slow
 
@@ -20,11 +20,9 @@ ALLOWED_MEAN = 1  # of 255
 ALLOWED = 40
 """Largest difference, in 255: of a pixel at an edge, whose samples may differ."""
 
-HTML = f"""<!doctype html><link rel="icon" href="data:,"><style>
+HTML = f"""{THREE_PAGE}<style>
 body {{ margin: 0; background: white }}
 reel-player, canvas {{ display: block; width: {SIZE}px; height: {SIZE}px }}</style>
-<script type="importmap">{{"imports": {{"three": "/three.module.js", "meshreel": "/dist/index.js",
-"meshreel/three": "/dist/three.js"}}}}</script>
 <reel-player src="/sheet.reel" camera-orbit="20deg 60deg auto" background="white"></reel-player>
 <script type="module" src="/page.js"></script>"""
 
@@ -118,13 +116,10 @@ def sheet(metallic):
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
 def test_materials_look_as_in_three_js(new_page, metallic):
-    built_package()
-    three = PACKAGE / "node_modules" / "three" / "build"
     files = {
-        "/index.html": HTML.encode(),
+        **three_files(HTML),
         "/page.js": SCRIPT.encode(),
         "/sheet.reel": meshreel.encode(sheet(metallic), max_error=0.01, effort=3),
-        **{f"/{path.name}": path.read_bytes() for path in three.glob("three*.js")},
     }
     with serving(files) as (url, _):
         page = new_page(f"{url}/index.html", is_shown=False, height=700)

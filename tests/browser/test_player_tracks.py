@@ -2,30 +2,18 @@
 
 import re
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import meshreel
-from meshreel.app.viewer.page import built_page
-from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import Track
 from meshreel.rendering.colormap import HEAT
+from samples.browser import checked_rules
 from samples.player_pages import COMMAND, picture_of, show, values_of, viewing, wait_until
 
-AXE = Path(__file__).parents[2] / "npm" / "node_modules" / "axe-core" / "axe.min.js"
 N_FRAMES = 24
 RED, GRAY, BLUE = (141, 27, 23), (238, 238, 238), (6, 72, 156)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _player():
-    """Skip without the built page."""
-    try:
-        built_page()
-    except InvalidInputError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="module")
@@ -92,10 +80,20 @@ def chosen(page, selector, value):
     """Select an option, and wait until the legend is updated."""
     before = legend_of(page)
     page.select_option(selector, value)
-    wait_until(
-        page,
-        f"{LEGEND}.ariaLabel !== {before!r}",
-    )
+    wait_until(page, f"{LEGEND}.ariaLabel !== {before!r}")
+
+
+def probe(page, item):
+    """Enter an item; return its values over time."""
+    page.locator("#probe-item").fill(str(item))
+    page.locator("#probe-item").press("Enter")
+    wait_until(page, "player.probed() !== null")
+    return page.evaluate("player.probed()")
+
+
+def limits(page):
+    """Return the ends of the legend."""
+    return [float(end) for end in re.findall(r"(\S+) m/s", legend_of(page))]
 
 
 def show_track(page, track):
@@ -142,15 +140,13 @@ def test_legend_follows_track_component_and_range(new_page, stress_url, decoded)
     chosen(page, "#track", "velocity")
     speed = np.linalg.norm(decoded["velocity"].astype(float), axis=2)
     low, high = np.percentile(speed[np.rint(np.arange(8) * 23 / 7).astype(int)], [2, 98])
-    ends = [float(one) for one in re.findall(r"(\S+) m/s", legend_of(page))]
-    assert ends == pytest.approx([low, high], rel=6e-3)
+    assert limits(page) == pytest.approx([low, high], rel=6e-3)
     assert "2nd and 98th percentile" in page.locator(".legend .title").inner_text()
     chosen(page, "#component", "z")
     assert "velocity, z" in legend_of(page)
     chosen(page, "#range", "0%:100%")
     most = np.abs(decoded["velocity"][..., 2]).max()
-    ends = [float(one) for one in re.findall(r"(\S+) m/s", legend_of(page))]
-    assert ends == pytest.approx([-most, most], rel=6e-3)
+    assert limits(page) == pytest.approx([-most, most], rel=6e-3)
     chosen(page, "#track", "paint")
     assert legend_of(page) == "Colors: paint"
     assert page.locator("#range-row").is_hidden()
@@ -167,10 +163,7 @@ def test_invalid_custom_range_is_rejected(new_page, stress_url):
     assert "from -400 Pa to 400 Pa" in legend_of(page)
     page.locator("#range-high").fill("600")
     page.locator("#range-high").press("Enter")
-    wait_until(
-        page,
-        f"{LEGEND}.ariaLabel.includes('500 Pa to 600 Pa')",
-    )
+    wait_until(page, f"{LEGEND}.ariaLabel.includes('500 Pa to 600 Pa')")
 
 
 @pytest.mark.parametrize("track", ["stress", "heat", "part"])
@@ -178,11 +171,7 @@ def test_values_are_plotted_over_time_at_an_entered_index(shared_page, stress_ur
     page = shared_page(stress_url)
     show_track(page, track)
     item = 123
-    page.locator("#probe-item").fill(str(item))
-    page.locator("#probe-item").press("Enter")
-    wait_until(page, "player.probed() !== null")
-    found = page.evaluate("player.probed()")
-    np.testing.assert_allclose(found, decoded[track][:, item, 0], rtol=1e-6)
+    np.testing.assert_allclose(probe(page, item), decoded[track][:, item, 0], rtol=1e-6)
     place = "face" if track == "heat" else "vertex"
     assert page.locator("#probe-title").inner_text() == f"{track} at {place} {item}"
     show(page, 7)
@@ -275,10 +264,7 @@ def exported_tracks(browser, folder):
 def test_exported_page_opens_with_an_exact_track(new_page, exported_tracks, decoded):
     page = new_page(exported_tracks)
     assert legend_of(page) == "Colors: part from 0 to 8"
-    page.locator("#probe-item").fill("77")
-    page.locator("#probe-item").press("Enter")
-    wait_until(page, "player.probed() !== null")
-    assert page.evaluate("player.probed()") == decoded["part"][:, 77, 0].tolist()
+    assert probe(page, 77) == decoded["part"][:, 77, 0].tolist()
 
 
 def test_exported_page_shows_errors_of_tracks_within_the_precision_of_its_original(
@@ -355,15 +341,11 @@ def test_a_missing_track_of_the_original_is_reported(shared_page, mirrored, trac
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
 def test_axe_finds_no_violations_in_the_controls_of_tracks(new_page, stress_url, width, height):
-    if not AXE.is_file():
-        pytest.skip("needs axe-core: npm ci in npm/")
     page = new_page(stress_url, width=width, height=height)
     box = page.locator("canvas").bounding_box()
     page.mouse.dblclick(box["x"] + box["width"] * 0.4, box["y"] + box["height"] * 0.5)
     wait_until(page, "player.probed() !== null")
     if width < 720:
         page.locator("#panel-button").click()
-    page.evaluate(AXE.read_text())
-    violations = page.evaluate("axe.run()")["violations"]
-    assert [(rule["id"], rule["help"]) for rule in violations] == []
+    checked_rules(page)
     assert page.evaluate("document.documentElement.scrollWidth") == width

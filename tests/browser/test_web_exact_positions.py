@@ -5,11 +5,6 @@ import pytest
 
 import meshreel
 from meshreel.model.tracks import Track
-from samples.web_package import PACKAGE, built_package, serving
-
-PAGE = """<!doctype html><title>exact</title><link rel="icon" href="data:,">
-<script type="importmap">{"imports": {"three": "/three/three.module.js",
-"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>"""
 
 OFF = """async ([address, frames]) => {
   const THREE = await import("three");
@@ -37,23 +32,14 @@ OFF = """async ([address, frames]) => {
 }"""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _package():
-    built_package()
-
-
 @pytest.mark.parametrize("method", ["lossless", "grid"])
-def test_exact_positions_are_shown_in_place(new_page, method):
+def test_exact_positions_are_shown_in_place(three_page, method):
     flag = meshreel.simulate_flag(70, n_rows=9, n_columns=11)
     height = Track(flag.vertices[:, :, 2].astype(np.float32))
     sequence = meshreel.MeshSequence(flag.vertices, flag.faces, fps=24, tracks={"height": height})
     options = {"max_error": 0.01} if method == "grid" else {}
     stream = meshreel.encode(sequence, method, **options)
-    three = PACKAGE / "node_modules" / "three" / "build"
-    files = {f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")}
-    files |= {"/index.html": PAGE.encode(), "/flag.reel": stream}
-    with serving(files) as (url, _):
-        page = new_page(f"{url}/index.html", is_shown=False)
-        found = page.evaluate(OFF, ["/flag.reel", [0, 31, 32, 69, 40]])
-    assert found[:2] == [method, True]
-    assert found[2] < 1.1e-5
+    page = three_page({"/flag.reel": stream})
+    *facts, error = page.evaluate(OFF, ["/flag.reel", [0, 31, 32, 69, 40]])
+    assert facts == [method, True]
+    assert error < 1.1e-5

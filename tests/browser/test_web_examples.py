@@ -1,12 +1,11 @@
 """The examples of the package for pages play, in Chromium and in Firefox."""
 
 import base64
-from queue import Queue
 
 import pytest
 
 import meshreel
-from samples.firefox import message_of, require_screen
+from samples.firefox import message_of
 from samples.npm_projects import EXAMPLES, built_example
 from samples.page_play import (
     PATIENCE_MS,
@@ -16,7 +15,7 @@ from samples.page_play import (
     assert_shown,
     complaints_of,
 )
-from samples.web_package import DIST, PACKAGE, built_package, serving
+from samples.web_package import DIST, PACKAGE, built_package, serving, three_files
 
 NAMES = ("plain", "react", "babylon")
 
@@ -47,12 +46,9 @@ def pages(data, tmp_path_factory):
 
 
 def plain():
-    built_package()
-    three = PACKAGE / "node_modules" / "three" / "build"
     return {
-        "/index.html": (EXAMPLES / "plain" / "index.html").read_bytes(),
+        **three_files((EXAMPLES / "plain" / "index.html").read_text("utf-8")),
         **{f"/meshreel/{path.name}": path.read_bytes() for path in DIST.glob("*.js")},
-        **{f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")},
     }
 
 
@@ -67,8 +63,6 @@ def test_example_plays_in_chromium(new_page, pages, data, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_example_plays_in_firefox(pages, data, name):
-    require_screen()
-    posted = Queue()
     files = dict(pages(name))
     telling = f"""<script type="module">
       ({PLAYED})()
@@ -76,8 +70,7 @@ def test_example_plays_in_firefox(pages, data, name):
         .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
     </script>"""
     files["/index.html"] += telling.encode()
-    with serving(files, posted=posted) as (url, _):
-        found = message_of(f"{url}/index.html", posted)
+    found = message_of(files, "/index.html")
     assert "error" not in found, found
     assert_played(found, data, name)
     assert_shown(base64.b64decode(found["picture"].partition(",")[2]))

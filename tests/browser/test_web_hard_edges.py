@@ -5,11 +5,6 @@ import pytest
 
 import meshreel
 from samples.meshes import hard_box
-from samples.web_package import PACKAGE, built_package, serving
-
-PAGE = """<!doctype html><title>box</title><link rel="icon" href="data:,">
-<script type="importmap">{"imports": {"three": "/three/three.module.js",
-"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>"""
 
 COLORS = """async (gpu) => {
   const THREE = await import("three");
@@ -44,23 +39,9 @@ COLORS = """async (gpu) => {
 }"""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _package():
-    built_package()
-
-
-@pytest.fixture
-def page(new_page):
-    three = PACKAGE / "node_modules" / "three" / "build"
-    files = {f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")}
-    files |= {"/index.html": PAGE.encode(), "/box.reel": meshreel.encode(hard_box(3))}
-    with serving(files) as (url, _):
-        yield new_page(f"{url}/index.html", is_shown=False)
-
-
 @pytest.mark.parametrize("gpu", [True, False])
-def test_hard_edges_give_each_face_of_a_box_one_normal(page, gpu):
-    found = page.evaluate(COLORS, gpu)
+def test_hard_edges_give_each_face_of_a_box_one_normal(three_page, gpu):
+    found = three_page({"/box.reel": meshreel.encode(hard_box(3))}).evaluate(COLORS, gpu)
     assert found["isOnGpu"] == gpu
     faces = []
     colors = np.array([key.split(",") for key in found["counts"]], int)

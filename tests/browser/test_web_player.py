@@ -1,15 +1,10 @@
 """The element <reel-player> in a real browser."""
 
-import json
-import shutil
-import subprocess
-from queue import Empty, Queue
-from tempfile import TemporaryDirectory
-
 import numpy as np
 import pytest
 
 import meshreel
+from samples.browser import checked_rules
 from samples.element_pages import (
     PAGE,
     drawn_fraction,
@@ -20,13 +15,11 @@ from samples.element_pages import (
     text_of,
     until,
 )
+from samples.firefox import message_of
 from samples.numbered_video import moving_sheet, numbered_video
-from samples.web_package import PACKAGE, built_package, serving
 from samples.webgl import COUNTING
 
 pytestmark = pytest.mark.slow
-
-FIREFOX_S = 120
 
 GATE = """
 window.gate = new Promise((resolve) => (window.release = resolve));
@@ -64,11 +57,6 @@ window.Worker = class extends Given {
   terminate() { super.terminate(); window.workers--; }
 };
 """
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _package():
-    built_package()
 
 
 @pytest.fixture(scope="module")
@@ -213,15 +201,10 @@ def test_axe_finds_no_violations(shown, state):
         page.wait_for_timeout(500)
     else:
         settled(page)
-    axe = (PACKAGE / "node_modules" / "axe-core" / "axe.min.js").read_text("utf-8")
-    page.evaluate(axe)
-    found = page.evaluate("axe.run()")
-    said = [(one["id"], [node["html"] for node in one["nodes"]]) for one in found["violations"]]
-    assert said == []
-    looked = {one["id"] for one in found["passes"]}
-    assert {"role-img-alt", "button-name"} & looked
+    rules = checked_rules(page)
+    assert {"role-img-alt", "button-name"} & rules
     if state == "playing":
-        assert {"label", "color-contrast"} <= looked
+        assert {"label", "color-contrast"} <= rules
 
 
 def test_keys_play_seek_and_turn(shown):
@@ -667,15 +650,6 @@ def test_nothing_is_drawn_without_changes_or_off_screen(shown):
     until(page, f"drawn > {drawn} && player.mesh.isPlaying")
 
 
-def test_several_players_play_on_one_page(shown):
-    one = '<reel-player src="/flag.reel" autoplay loop></reel-player>'
-    page = shown(one * 3)
-    page.evaluate("for (const one of document.querySelectorAll('reel-player')) {"
-                  "one.style.width = '300px' }")  # fmt: skip
-    until(page, "[...document.querySelectorAll('reel-player')].every("
-                "({ mesh }) => mesh && mesh.frame > 3)")  # fmt: skip
-
-
 @pytest.mark.parametrize("is_chosen", [False, True])
 def test_wheel_scrolls_the_page_until_the_picture_has_focus(shown, is_chosen):
     body = '<reel-player src="/flag.reel" camera-controls></reel-player><div class="far"></div>'
@@ -755,7 +729,6 @@ def test_a_video_is_synchronized_and_pauses_off_screen(shown):
     until(page, "!player.mesh.video.paused")
 
 
-@pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
 def test_errors_are_visible_without_webgl(files):
     script = """
       const player = document.querySelector("reel-player");
@@ -769,20 +742,8 @@ def test_errors_are_visible_without_webgl(files):
       await fetch("/", { method: "POST", body: JSON.stringify(found) });
     """
     body = f'<reel-player src="/flag.reel" controls></reel-player><script type=module>{script}'
-    posted = Queue()
-    # The browser may still write into its profile while that is removed.
-    profiles = TemporaryDirectory(ignore_cleanup_errors=True)
     pages = {**files, "/all.html": PAGE.format(body=body + "</script>").encode()}
-    with serving(pages, posted=posted) as (url, _), profiles as profile:
-        command = ["firefox", "--headless", "--no-remote", "--profile", profile, f"{url}/all.html"]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
-            found = json.loads(posted.get(timeout=FIREFOX_S))
-        except Empty:
-            pytest.fail(f"Firefox said nothing for {FIREFOX_S} s")
-        finally:
-            process.terminate()
-            process.wait()
+    found = message_of(pages, "/all.html", is_headless=True)
     assert found["error"] == "MeshReelError"
     assert "WebGL 2" in found["alert"]
     assert found["n"] == 45

@@ -10,27 +10,20 @@ import meshreel
 from samples.element_pages import until
 from samples.page_play import assert_shown
 from samples.pages import snippets
-from samples.web_package import PACKAGE, built_package, serving
+from samples.web_package import PACKAGE, THREE_PAGE, built_package, serving, three_files
 
 pytestmark = pytest.mark.slow
 
-PAGE = """<!doctype html><html lang="en"><title>A page</title><link rel="icon" href="data:,">
-<script type="importmap">{"imports": {"three": "/three/three.module.js",
-"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>
-<body></body><script type="module">"""
+PAGE = f"""<!doctype html><html lang="en">{THREE_PAGE}<body></body><script type="module">"""
 PROGRAMS = [one.text for one in snippets(PACKAGE / "README.md") if one.text.startswith("import")]
 MILLIMETERS = 1000
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _package():
-    built_package()
 
 
 def test_programs_pass_the_strict_checks_of_typescript(tmp_path):
     files = [tmp_path / f"program_{number}.ts" for number in range(len(PROGRAMS))]
     for file, program in zip(files, PROGRAMS, strict=True):
         file.write_text(program, "utf-8")
+    built_package()
     modules = PACKAGE / "node_modules"
     paths = {
         "meshreel": [f"{PACKAGE}/dist/index.d.ts"],
@@ -60,15 +53,10 @@ def test_program_of_three_plays_a_model_in_millimeters_without_scroll_bars(new_p
     [program] = [one for one in PROGRAMS if "ReelLoader" in one]
     flag = meshreel.simulate_flag(30, n_rows=12, n_columns=15)
     large = meshreel.MeshSequence(flag.vertices * np.float32(MILLIMETERS), flag.faces, fps=flag.fps)
-    three = PACKAGE / "node_modules" / "three" / "build"
     page = f"{PAGE}{program}\nObject.assign(window, {{ mesh }});</script></html>"
-    files = {
-        "/page.html": page.encode(),
-        "/walk.reel": meshreel.encode(large),
-        **{f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")},
-    }
+    files = {**three_files(page), "/walk.reel": meshreel.encode(large)}
     with serving(files) as (url, _):
-        page = new_page(f"{url}/page.html", width=640, height=400, is_shown=False)
+        page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
         until(page, "window.mesh?.frame > 2")
         sizes = "[scrollWidth, scrollHeight, clientWidth, clientHeight]"
         found = page.evaluate(f"(({{ {sizes[1:-1]} }}) => {sizes})(document.documentElement)")

@@ -9,11 +9,6 @@ from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from samples.element_pages import picture, settled, showing, until
 from samples.materials import png
 from samples.meshes import grid_faces
-from samples.web_package import PACKAGE, built_package, serving
-
-PAGE = """<!doctype html><title>segments</title><link rel="icon" href="data:,">
-<script type="importmap">{"imports": {"three": "/three/three.module.js",
-"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>"""
 
 COLORS = {"red": (1.0, 0.0, 0.0), "green": (0.0, 1.0, 0.0), "blue": (0.0, 0.0, 1.0)}
 SIZES = [(9, 4), (13, 3), (6, 5)]
@@ -81,11 +76,6 @@ PLAY = """async ({ gpu, frames, texture }) => {
 }"""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _package():
-    built_package()
-
-
 def sheet(n_side, n_frames, color):
     """Return a rising square sheet with one unlit material."""
     y, x = np.mgrid[0:n_side, 0:n_side] / (n_side - 1.0)
@@ -121,9 +111,9 @@ def assert_right(shown, data, brightness=255):
 
 
 @pytest.mark.parametrize("gpu", [True, False])
-def test_segments_are_shown_with_their_own_mesh_and_material(new_page, data, gpu):
+def test_segments_are_shown_with_their_own_mesh_and_material(three_page, data, gpu):
     frames = [3, 4, 11, 0, 6, 7, 5]
-    found = played(new_page, data, gpu=gpu, frames=frames)
+    found = played(three_page, data, gpu=gpu, frames=frames)
     assert [one["frame"] for one in found["seeking"]] == frames
     assert [one["frame"] for one in found["playing"]] == list(range(12))
     assert {one["isOnGpu"] for one in found["playing"]} == {gpu}
@@ -133,19 +123,15 @@ def test_segments_are_shown_with_their_own_mesh_and_material(new_page, data, gpu
     assert found["left"] == [0, 0]
 
 
-def test_a_texture_is_shown_on_all_segments(new_page, data):
-    found = played(new_page, data, gpu=True, frames=[2, 8], texture="/gray.png")
+def test_a_texture_is_shown_on_all_segments(three_page, data):
+    found = played(three_page, data, gpu=True, frames=[2, 8], texture="/gray.png")
     assert_right(found["seeking"] + found["playing"], data, brightness=128)
 
 
-def played(new_page, data, **arguments):
+def played(three_page, data, **arguments):
     """Play a file in a page; returns the pictures and the events."""
-    three = PACKAGE / "node_modules" / "three" / "build"
-    files = {f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")}
-    files |= {"/index.html": PAGE.encode(), "/three.reel": data, "/gray.png": png(128).data}
-    with serving(files) as (url, _):
-        page = new_page(f"{url}/index.html", is_shown=False)
-        return page.evaluate(PLAY, {"texture": None, **arguments})
+    page = three_page({"/three.reel": data, "/gray.png": png(128).data})
+    return page.evaluate(PLAY, {"texture": None, **arguments})
 
 
 def test_the_element_plays_across_a_boundary_and_seeks_back(new_page, data):

@@ -2,26 +2,19 @@
 
 import io
 import json
-import shutil
-import subprocess
 from pathlib import Path
-from queue import Empty, Queue
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from PIL import Image
 
 import meshreel
+from samples.firefox import message_of
 from samples.numbered_video import CODE, moving_sheet, numbered_video
-from samples.web_package import PACKAGE, built_package, serving
+from samples.web_package import THREE_PAGE, serving, three_files
 
-PAGE = """<!doctype html><title>sheet</title><link rel="icon" href="data:,">
-<script type="importmap">{"imports": {"three": "/three/three.module.js",
-"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>
-<script type="module" src="/page.js"></script>"""
+PAGE = f'{THREE_PAGE}<script type="module" src="/page.js"></script>'
 SCRIPT = Path(__file__).parent / "textured_sheet.js"
-FIREFOX_S = 120
 NUMBERS = json.dumps(CODE)
 
 STEPS = """
@@ -48,11 +41,6 @@ STEPS = """
 """Script that seeks, plays, loops, and seeks during playback."""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _package():
-    built_package()
-
-
 @pytest.fixture(scope="module")
 def films(tmp_path_factory):
     folder = tmp_path_factory.mktemp("films")
@@ -68,16 +56,14 @@ def films(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def files(films):
-    three = PACKAGE / "node_modules" / "three" / "build"
     sheet, plain = moving_sheet(), moving_sheet(has_uv=False)
     return {
-        "/index.html": PAGE.encode(),
+        **three_files(PAGE),
         "/page.js": SCRIPT.read_bytes(),
         "/sheet.reel": meshreel.encode(sheet, max_error=0.01, effort=5, block_frames=15),
         "/plain.reel": meshreel.encode(plain, max_error=0.01, effort=5),
         "/flag.png": two_colors(),
         **films,
-        **{f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")},
     }
 
 
@@ -132,7 +118,6 @@ def test_the_mesh_follows_a_video_without_frame_callbacks(ask):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("firefox") is None, reason="needs Firefox")
 @pytest.mark.parametrize("numbers", [False, True])
 def test_mesh_matches_each_picture_in_firefox(files, numbers):
     options = f"frameNumber: {NUMBERS}" if numbers else ""
@@ -147,21 +132,8 @@ def test_mesh_matches_each_picture_in_firefox(files, numbers):
       }})().then((found) => found, (error) => ({{ error: text(error) }}))
         .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
     """
-    body = PAGE + f"<script type=module>{script}</script>"
-    posted = Queue()
-    # The browser may still write into its profile while that is removed.
-    profiles = TemporaryDirectory(ignore_cleanup_errors=True)
-    pages = {**files, "/all.html": body.encode()}
-    with serving(pages, posted=posted) as (url, _), profiles as profile:
-        command = ["firefox", "--headless", "--no-remote", "--profile", profile, f"{url}/all.html"]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
-            found = json.loads(posted.get(timeout=FIREFOX_S))
-        except Empty:
-            pytest.fail(f"Firefox said nothing for {FIREFOX_S} s")
-        finally:
-            process.terminate()
-            process.wait()
+    page = f"{PAGE}<script type=module>{script}</script>".encode()
+    found = message_of({**files, "/all.html": page}, "/all.html", is_headless=True)
     assert "error" not in found, found
     assert [[frame] * 3 for frame, _, _ in found["frames"]] == found["frames"]
     assert found["bad"] == []

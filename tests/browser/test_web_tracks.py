@@ -5,13 +5,8 @@ import pytest
 
 import meshreel
 from meshreel.model.tracks import Track
-from samples.web_package import PACKAGE, built_package, serving
 
 N_ROWS, N_COLUMNS = 16, 18
-
-PAGE = """<!doctype html><title>tracks</title><link rel="icon" href="data:,">
-<script type="importmap">{"imports": {"three": "/three/three.module.js",
-"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>"""
 
 COLORED = """async ([name, frame, expected, options, gpu]) => {
   const THREE = await import("three");
@@ -107,11 +102,6 @@ OF_VALUES = """async () => {
 }"""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _package():
-    built_package()
-
-
 @pytest.fixture(scope="module")
 def stream():
     """A flag of three blocks, with tracks of all kinds: bounded, exact, with missing values."""
@@ -143,12 +133,15 @@ def decoded(stream):
 
 
 @pytest.fixture
-def page(new_page, stream):
-    three = PACKAGE / "node_modules" / "three" / "build"
-    files = {f"/three/{path.name}": path.read_bytes() for path in three.glob("three*.js")}
-    files |= {"/index.html": PAGE.encode(), "/flag.reel": stream}
-    with serving(files) as (url, _):
-        yield new_page(f"{url}/index.html", is_shown=False)
+def page(three_page, stream):
+    return three_page({"/flag.reel": stream})
+
+
+def inner(values):
+    """Replace the values of vertices at the rim by None: colors may be those behind it."""
+    rows, columns = np.divmod(np.arange(len(values)), N_COLUMNS)
+    is_rim = np.isin(rows, (0, N_ROWS - 1)) | np.isin(columns, (0, N_COLUMNS - 1))
+    return [None if skipped else value for value, skipped in zip(values, is_rim, strict=True)]
 
 
 def test_values_and_descriptions_match_python(page, decoded):
@@ -175,15 +168,8 @@ def test_mesh_is_colored_by_each_track(page, decoded, frame, gpu):
         ("speed", {"component": "y"}, decoded["speed"][..., 1]),
         ("speed", {"component": 1, "range": [-0.02, 0.02]}, decoded["speed"][..., 1]),
     ):
-        found = [float(value) for value in shown[frame]]
-        expected: list[float | str | None] = ["none" if np.isnan(one) else one for one in found]
-        is_of_faces = name == "heat"
-        for vertex in [] if is_of_faces else range(len(expected)):
-            row, column = divmod(
-                vertex, N_COLUMNS
-            )  # at the rim, colors may be those of the mesh behind
-            if row in (0, N_ROWS - 1) or column in (0, N_COLUMNS - 1):
-                expected[vertex] = None
+        values = ["none" if np.isnan(value) else float(value) for value in shown[frame]]
+        expected = values if name == "heat" else inner(values)
         answer = page.evaluate(COLORED, [name, frame, expected, options, gpu])
         assert answer["isOnGpu"] == gpu
         assert answer["unit"] == {"stress": "Pa", "heat": "K", "speed": "m/s"}.get(name, "")
@@ -209,12 +195,7 @@ def test_mesh_is_colored_by_each_track(page, decoded, frame, gpu):
 def test_a_color_track_colors_the_mesh(page, decoded, gpu):
     for name, most in (("paint", 255), ("tint", 1)):
         colors = np.clip(255 * decoded[name][17].astype(np.float64) / most, 0, 255)
-        expected: list[list[float] | None] = colors.tolist()
-        for vertex in range(len(expected)):
-            row, column = divmod(vertex, N_COLUMNS)
-            if row in (0, N_ROWS - 1) or column in (0, N_COLUMNS - 1):
-                expected[vertex] = None
-        answer = page.evaluate(COLORED, [name, 17, expected, {}, gpu])
+        answer = page.evaluate(COLORED, [name, 17, inner(colors.tolist()), {}, gpu])
         assert answer["isOnGpu"] == gpu
         assert answer["range"] is None
         assert len(answer["found"]) > 100

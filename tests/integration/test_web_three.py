@@ -118,34 +118,21 @@ def assert_right(found, most=1e-4):
         assert errors["normal"] < 10 * most, place
 
 
-def test_gpu_positions_and_normals_match_at_any_time(ask):
-    answer = ask("errors", PLACES, {})
-    assert answer["isOnGpu"]
-    assert_right(answer["found"], 1e-6)
+WAYS = {
+    "GPU": ("", {}),
+    "CPU": ("", {"gpu": False}),
+    "no float render targets": (WITHOUT_FLOAT_TARGETS, {}),
+    "driver error": (WITHOUT_FEEDBACK, {}),
+    "too many modes": (FEW_LAYERS, {}),  # the second block has 9, and 8 have room
+}
 
 
-def test_cpu_positions_and_normals_match(ask):
-    answer = ask("errors", PLACES, {"gpu": False})
-    assert not answer["isOnGpu"]
-    assert_right(answer["found"], 1e-6)
-
-
-def test_cpu_fallback_without_float_render_targets(ask):
+@pytest.mark.parametrize("way", WAYS)
+def test_positions_and_normals_match_at_any_time(ask, way):
+    before, options = WAYS[way]
     allowed = ["EXT_color_buffer_float extension not supported"]
-    answer = ask("errors", PLACES, {}, before=WITHOUT_FLOAT_TARGETS, allowed=allowed)
-    assert not answer["isOnGpu"]
-    assert_right(answer["found"], 1e-6)
-
-
-def test_cpu_fallback_after_a_driver_error(ask):
-    answer = ask("errors", PLACES, {}, before=WITHOUT_FEEDBACK)
-    assert not answer["isOnGpu"]
-    assert_right(answer["found"], 1e-6)
-
-
-def test_cpu_fallback_for_blocks_with_too_many_modes(ask):
-    answer = ask("errors", PLACES, {}, before=FEW_LAYERS)
-    assert not answer["isOnGpu"]  # the second block has 9, and 8 have room
+    answer = ask("errors", PLACES, options, before=before, allowed=allowed)
+    assert answer["isOnGpu"] == (way == "GPU")
     assert_right(answer["found"], 1e-6)
 
 

@@ -24,6 +24,21 @@ DRAWN_BY_SOFTWARE = (  # so that no graphics card is needed
 )
 
 
+AXE = Path(__file__).parents[2] / "npm" / "node_modules" / "axe-core" / "axe.min.js"
+
+
+def checked_rules(page, scope=""):
+    """Assert that axe finds no violations; return the ids of the rules that apply."""
+    if not AXE.is_file():
+        pytest.skip("needs axe-core: npm ci in npm/")
+    page.evaluate(AXE.read_text("utf-8"))
+    report = page.evaluate(f"axe.run({scope})")
+    violations = [(rule["id"], [node["html"] for node in rule["nodes"]])
+                  for rule in report["violations"]]  # fmt: skip
+    assert violations == []
+    return {rule["id"] for rule in report["passes"]}
+
+
 @contextmanager
 def driven_browser():
     """Start a browser; skip the test if none is installed."""

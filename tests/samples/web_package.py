@@ -23,6 +23,22 @@ SOURCES = (
 )
 
 
+THREE_PAGE = """<!doctype html><title>page</title><link rel="icon" href="data:,">
+<script type="importmap">{"imports": {"three": "/three/three.module.js",
+"meshreel": "/dist/index.js", "meshreel/three": "/dist/three.js"}}</script>"""
+"""A page that can import three.js and the package."""
+
+
+def three_files(page=THREE_PAGE):
+    """Return the page and the scripts of three.js, by path."""
+    built_package()
+    scripts = (PACKAGE / "node_modules" / "three" / "build").glob("three*.js")
+    return {
+        "/index.html": page.encode(),
+        **{f"/three/{path.name}": path.read_bytes() for path in scripts},
+    }
+
+
 def built_package():
     """Return the folder of the built scripts; skip the test if they cannot be built."""
     if shutil.which("npm") is None:
@@ -63,11 +79,12 @@ def _is_current():
 
 @contextmanager
 def serving(files, headers=None, posted=None):
-    """Serve bytes by path; return the address and the requested ranges.
+    """Serve bytes by path, and the built package; return the address and the requested ranges.
 
     Every answer has these `headers`. The path "/" is an empty page. Data that a page posts are put
     into the queue `posted`.
     """
+    built_package()
     requested = []
 
     class Handler(BaseHTTPRequestHandler):
