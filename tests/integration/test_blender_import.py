@@ -54,30 +54,23 @@ def test_the_shape_is_the_decoded_frame_of_samba(blender, tmp_path):
     np.testing.assert_array_equal(found["evaluated"], decoded[[0, 87, 174]])
 
 
-def test_a_reel_of_one_frame_shows_it(blender, tmp_path):
-    decoded = write(tmp_path / "still.reel", strip(1))
-    found = blender("play", path=tmp_path / "still.reel", frames=[-5, 0, 30])
-    np.testing.assert_array_equal(found["own"], decoded[[0, 0, 0]])
+PLAYED = {
+    "one frame": ({"n_frames": 1}, {}, {-5: 0, 0: 0, 30: 0}),
+    "held outside": ({}, {"settings": {"start_frame": 10}}, {7: 0, 9: 0, 14: 4, 15: 4, 90: 4}),
+    "loop": ({}, {"settings": {"end": "LOOP"}}, {4: 4, 5: 0, 11: 1, -1: 4}),
+    "other scene rate": ({}, {"fps": 48}, {0: 0, 2: 1, 4: 2, 8: 4}),
+    "no blending": ({}, {"fps": 48, "settings": {"interpolate": False}}, {1: 0, 3: 1, 4: 2}),
+    "no rate": ({"fps": 0}, {"fps": 60}, {0: 0, 1: 1, 4: 4}),
+}
+"""Options of the sequence and of the scene, and the shown frame at each scene frame."""
 
 
-def test_the_shape_is_held_outside_of_the_reel(blender, tmp_path, strip_file):
-    decoded = meshreel.decode(strip_file.read_bytes()).vertices
-    found = blender(
-        "play", path=strip_file, frames=[7, 9, 14, 15, 90], settings={"start_frame": 10}
-    )
-    np.testing.assert_array_equal(found["own"], decoded[[0, 0, 4, 4, 4]])
-
-
-def test_loop_restarts_the_reel(blender, strip_file):
-    decoded = meshreel.decode(strip_file.read_bytes()).vertices
-    found = blender("play", path=strip_file, frames=[4, 5, 11, -1], settings={"end": "LOOP"})
-    np.testing.assert_array_equal(found["own"], decoded[[4, 0, 1, 4]])
-
-
-def test_the_reel_keeps_its_speed_at_other_scene_rates(blender, strip_file):
-    decoded = meshreel.decode(strip_file.read_bytes()).vertices
-    found = blender("play", path=strip_file, frames=[0, 2, 4, 8], fps=48)["own"]
-    np.testing.assert_array_equal(found, decoded[[0, 1, 2, 4]])
+@pytest.mark.parametrize("name", PLAYED)
+def test_the_shown_frame_follows_the_scene(blender, tmp_path, name):
+    options, scene, shown = PLAYED[name]
+    decoded = write(tmp_path / "strip.reel", strip(**options))
+    found = blender("play", path=tmp_path / "strip.reel", frames=list(shown), **scene)
+    np.testing.assert_array_equal(found["own"], decoded[list(shown.values())])
 
 
 def test_frames_are_blended_between_two(blender, strip_file):
@@ -85,19 +78,6 @@ def test_frames_are_blended_between_two(blender, strip_file):
     found = blender("play", path=strip_file, frames=[1, 1.5], fps=48)["own"]
     expected = [(decoded[0] + decoded[1]) / 2, (decoded[0] + 3 * decoded[1]) / 4]
     np.testing.assert_array_equal(found, np.array(expected))
-
-
-def test_without_blending_the_previous_frame_is_shown(blender, strip_file):
-    decoded = meshreel.decode(strip_file.read_bytes()).vertices
-    off = {"interpolate": False}
-    found = blender("play", path=strip_file, frames=[1, 3, 4], fps=48, settings=off)
-    np.testing.assert_array_equal(found["own"], decoded[[0, 1, 2]])
-
-
-def test_without_a_rate_each_scene_frame_shows_one_frame(blender, tmp_path):
-    decoded = write(tmp_path / "strip.reel", strip(fps=0))
-    found = blender("play", path=tmp_path / "strip.reel", frames=[0, 1, 4], fps=60)
-    np.testing.assert_array_equal(found["own"], decoded[[0, 1, 4]])
 
 
 def test_import_can_set_rate_and_range_of_the_scene(blender, tmp_path):
@@ -155,17 +135,19 @@ def test_the_surface_is_imported_exactly(blender, tmp_path):
     assert found["strip material_indices"].tolist() == [0, 1]
 
 
-def test_parts_become_objects(blender, tmp_path):
-    one = strip(2)
-    vertices = np.concatenate([one.vertices, one.vertices + np.float32(5)], axis=1)
-    faces = np.concatenate([one.faces, one.faces + 6])
-    parts = (Part("/root/body", 6, 4), Part("/root/arm", 6, 4))
-    whole = meshreel.MeshSequence(vertices, faces, 24, surface=Surface(parts=parts))
-    decoded = write(tmp_path / "two.reel", whole)
+@pytest.mark.parametrize("names", [("/root/body", "/root/arm"), ("/body", "/body")])
+def test_parts_become_objects(blender, tmp_path, names):
+    sheet = strip(2)
+    vertices = np.concatenate([sheet.vertices, sheet.vertices + np.float32(5)], axis=1)
+    faces = np.concatenate([sheet.faces, sheet.faces + 6])
+    surface = Surface(parts=tuple(Part(name, 6, 4) for name in names))
+    sequence = meshreel.MeshSequence(vertices, faces, 24, surface=surface)
+    decoded = write(tmp_path / "two.reel", sequence)
     found = blender("import_surface", path=tmp_path / "two.reel")
+    second = "arm" if names[1] == "/root/arm" else "body 2"
     np.testing.assert_array_equal(found["body positions"], decoded[1, :6])
-    np.testing.assert_array_equal(found["arm positions"], decoded[1, 6:])
-    np.testing.assert_array_equal(found["arm corners"].reshape(-1, 3), one.faces)
+    np.testing.assert_array_equal(found[f"{second} positions"], decoded[1, 6:])
+    np.testing.assert_array_equal(found[f"{second} corners"].reshape(-1, 3), sheet.faces)
 
 
 def test_a_mesh_with_faces_that_blender_drops_plays(blender, tmp_path):
@@ -177,17 +159,15 @@ def test_a_mesh_with_faces_that_blender_drops_plays(blender, tmp_path):
     np.testing.assert_array_equal(found["own"], decoded)
 
 
-def test_import_reports_a_missing_file(blender, tmp_path):
-    found = blender("import_error", path=tmp_path / "none.reel")
-    assert f"{tmp_path / 'none.reel'} is missing" in str(found["error"])
-    assert found["n_objects"] == 0
-
-
-@pytest.mark.parametrize("kept", [0, 3, 200])
-def test_import_reports_a_damaged_file(blender, strip_file, kept):
-    strip_file.write_bytes(strip_file.read_bytes()[:kept])
+@pytest.mark.parametrize("kept", [None, 0, 3, 200])
+def test_import_reports_a_missing_or_damaged_file(blender, strip_file, kept):
+    data = strip_file.read_bytes()
+    strip_file.unlink()
+    if kept is not None:
+        strip_file.write_bytes(data[:kept])
     found = blender("import_error", path=strip_file)
-    assert str(strip_file) in str(found["error"])
+    words = str(strip_file) if kept is not None else f"{strip_file} is missing"
+    assert words in str(found["error"])
     assert found["n_objects"] == 0
 
 
@@ -305,18 +285,6 @@ def test_material_slots_are_kept_when_faces_change(blender, tmp_path):
     name = next(key.split()[1] for key in found if key.endswith("materials"))
     shown = [set(found[f"{frame} {name} materials"].tolist()) for frame in (0, 2, 3)]
     assert shown == [{"mine"}, {"skin"}, {"mine"}]
-
-
-def test_parts_of_equal_names_become_objects(blender, tmp_path):
-    one = strip(2)
-    vertices = np.concatenate([one.vertices, one.vertices + np.float32(5)], axis=1)
-    faces = np.concatenate([one.faces, one.faces + 6])
-    parts = (Part("/body", 6, 4), Part("/body", 6, 4))
-    whole = meshreel.MeshSequence(vertices, faces, 24, surface=Surface(parts=parts))
-    decoded = write(tmp_path / "two.reel", whole)
-    found = blender("import_surface", path=tmp_path / "two.reel")
-    np.testing.assert_array_equal(found["body positions"], decoded[1, :6])
-    np.testing.assert_array_equal(found["body 2 positions"], decoded[1, 6:])
 
 
 def test_a_part_is_empty_in_segments_without_it(blender, tmp_path):
