@@ -41,7 +41,7 @@ from meshreel.formats.gltf.scene import (
 from meshreel.formats.notes import NoteKind, add_note, is_about, listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
-from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
+from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
@@ -57,9 +57,6 @@ WELDED = "welded vertices"
 
 SEGMENT_START = "meshreelSegmentStart"
 """Property of the extras of a node above the meshes of a segment: time of its first frame."""
-
-BLOCK_BYTES = 1 << 24
-"""Memory for node transforms and positions, which are computed for several frames at once."""
 
 DEFAULT_FPS = 30.0
 MAX_FRAMES = 100_000

@@ -15,6 +15,9 @@ from meshreel.model.sequence import Vertices
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import TrackSource
 
+BLOCK_BYTES = 1 << 22
+"""Memory for the positions of frames that are computed, read or checked at once."""
+
 
 def no_surface(frame: int) -> Surface:
     """Return the plain surface, for meshes with only positions and faces."""

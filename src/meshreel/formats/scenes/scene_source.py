@@ -20,7 +20,7 @@ from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.notes import listed, note_kinds, note_uneven_times
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
-from meshreel.formats.scenes.scene_mesh import ReadMeshes, SceneMesh
+from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import triangulate_fans
@@ -29,9 +29,6 @@ from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
-
-BLOCK_BYTES = 1 << 22
-"""Size of the positions that are read, where the mesh allows it, and checked at once."""
 
 
 def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:
