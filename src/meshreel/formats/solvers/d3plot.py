@@ -4,8 +4,9 @@ Shells and the boundary of solids and thick shells are one mesh, without deleted
 frame is read from the files when it is needed, one table of a state at a time.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
+from meshreel.formats.frames.field_tracks import Field
+from meshreel.formats.frames.steps import DataArray, Step, StepFrames
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
@@ -29,10 +31,8 @@ from meshreel.formats.solvers.d3plot_files import (
     other_files,
 )
 from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface, used_points
-from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.surface import Domain, FaceGroups, Surface
-from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import counted
 
 NODE_RESULTS = (
@@ -72,9 +72,10 @@ def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         raise FormatError(
             "contains no states; the files with the results (d3plot01, ...) must be next to it"
         )
-    frames = _Frames([(layout, start) for _, layout, start in states], options.notes)
+    read = _States([(layout, start) for _, layout, start in states], options.notes)
+    frames = StepFrames(read.step, options.notes)
     times = np.array([time for time, _, _ in states])
-    return [SceneMesh(path.stem, times, frames.frame, frames.surface, tracks=frames.tracks)]
+    return [SceneMesh(path.stem, times, frames.frame, read.surface, tracks=frames.tracks)]
 
 
 def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
@@ -104,7 +105,7 @@ def _unread_results(layout: D3plotLayout) -> list[str]:
     return unread + ["results of beams"] * (BEAMS in layout.sections)
 
 
-class _Frames:
+class _States:
     """The states of one or several layouts, in order.
 
     Parameters
@@ -118,12 +119,35 @@ class _Frames:
         self._states, self._notes = states, notes
         self._cached: tuple[D3plotLayout, bytes, CellSurface] | None = None
 
-    def frame(self, index: int) -> PolygonMesh:
-        """Return the surface of the elements that exist in a state."""
+    def step(self, index: int) -> Step:
+        """Return the elements that exist in a state, and its results as tracks."""
         layout, state = self._states[index]
-        has_positions = "coordinates" in layout.sections
-        points = layout.read(state, "coordinates") if has_positions else layout.coordinates()
-        return self._surface(index).mesh(points)
+        points = layout.coordinates
+        if "coordinates" in layout.sections:
+            points = partial(layout.read, state, "coordinates")
+        dtype = layout.words.float_type
+        arrays = [
+            _result(
+                Domain.VERTEX,
+                name,
+                partial(layout.read, state, name),
+                Field(dtype, layout.sections[name].n_columns, kind=name, is_track=True),
+            )
+            for name in NODE_RESULTS
+            if name in layout.sections
+        ]
+        arrays += [
+            _result(
+                Domain.FACE,
+                name,
+                partial(layout.read_elements, state, name),
+                Field(dtype, n_columns, is_track=True),
+            )
+            for name, n_columns in ELEMENT_RESULTS.items()
+            if layout.results[name]
+        ]
+        n_cells = len(layout.cells.types)
+        return Step(layout.n_nodes, n_cells, self._surface(index), points, arrays)
 
     def surface(self, index: int) -> Surface:
         """Return the parts of the faces of a state."""
@@ -133,36 +157,6 @@ class _Frames:
         numbers = layout.part_numbers[self._surface(index).cells].astype(np.int32)
         return Surface(groups=(FaceGroups(PARTS, layout.part_names, numbers),))
 
-    def tracks(self, frames: range) -> Mapping[str, TrackSource]:
-        """Return the results of states that share their faces."""
-        surface = self._surface(frames.start)
-        fields = [self._fields(index) for index in frames]
-
-        def read(index: int, key: Key) -> npt.NDArray[np.floating]:
-            layout, state = self._states[frames[index]]
-            rows = self._surface(frames[index]).source_rows[key[0]]
-            read_all = layout.read if key[0] is Domain.VERTEX else layout.read_elements
-            return read_all(state, key[1])[rows]
-
-        n_verts = surface.n_verts(self._states[frames.start][0].n_nodes)
-        sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(surface.cells)}
-        return field_tracks(fields, sizes, read, self._notes)
-
-    def _fields(self, index: int) -> dict[Key, Field]:
-        layout, _ = self._states[index]
-        dtype = layout.words.float_type
-        fields = {
-            (Domain.VERTEX, name): Field(
-                dtype, layout.sections[name].n_columns, kind=name, is_track=True
-            )
-            for name in NODE_RESULTS
-            if name in layout.sections
-        }
-        for name, n_columns in ELEMENT_RESULTS.items():
-            if layout.results[name]:
-                fields[Domain.FACE, name] = Field(dtype, n_columns, is_track=True)
-        return fields
-
     def _surface(self, index: int) -> CellSurface:
         """Return the surface of the cells that exist in a state, cached while they are equal."""
         layout, state = self._states[index]
@@ -171,6 +165,12 @@ class _Frames:
         if self._cached is None or self._cached[:2] != (layout, key):
             self._cached = layout, key, _surface_of(layout, np.flatnonzero(is_alive))
         return self._cached[2]
+
+
+def _result(
+    domain: Domain, name: str, read: Callable[[], npt.NDArray[np.floating]], field: Field
+) -> DataArray:
+    return DataArray(domain, name, read, lambda: None, lambda: field, is_track=True)
 
 
 def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurface:

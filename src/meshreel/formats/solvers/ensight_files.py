@@ -311,12 +311,8 @@ def read_columns(tables: Tables, position: int, n_rows: int, n_columns: int) -> 
 
 def read_cells(tables: Tables, part: Part) -> Cells:
     """Read the elements of a part that have faces, in the order of the file."""
-    blocks = [_read_block(tables, block) for block in part.blocks if block.has_faces]
-    none = Cells(*[np.empty(0, np.int64)] * 3)
-    fields = ("types", "counts", "points")
-    return Cells(
-        *(np.concatenate([getattr(cells, f) for cells in (none, *blocks)]) for f in fields)
-    )
+    blocks = (_read_block(tables, block) for block in part.blocks if block.has_faces)
+    return Cells.join(blocks)
 
 
 def _read_block(tables: Tables, block: Block) -> Cells:

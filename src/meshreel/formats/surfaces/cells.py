@@ -1,6 +1,6 @@
 """Surface extraction from VTK cells: keep 2D cells, take the boundary of 3D cells."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -80,6 +80,14 @@ class Cells:
     counts: npt.NDArray[np.int64]
     points: npt.NDArray[np.int64]
 
+    @classmethod
+    def join(cls, groups: Iterable["Cells"]) -> "Cells":
+        """Return the cells of all groups."""
+        none = np.empty(0, np.int64)
+        rows = [(cells.types, cells.counts, cells.points) for cells in groups]
+        columns = zip(*(rows or [(none, none, none)]), strict=True)
+        return cls(*map(np.concatenate, columns))
+
 
 @dataclass(frozen=True, eq=False)
 class CellSurface:
@@ -129,10 +137,9 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
             f"{len(cells.points)}"
         )
     starts = np.cumsum(cells.counts) - cells.counts
-    found = [_faces_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
-    counts = np.concatenate([one[0] for one in found] or [np.empty(0, np.int64)])
-    corners = np.concatenate([one[1] for one in found] or [np.empty(0, np.int64)])
-    owners = np.concatenate([one[2] for one in found] or [np.empty(0, np.int64)])
+    none = [(np.empty(0, np.int64),) * 3]
+    faces = [_faces_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
+    counts, corners, owners = map(np.concatenate, zip(*(faces or none), strict=True))
     is_solid = np.isin(cells.types[owners], [*SOLID_CELL_FACES, POLYHEDRON])
     # Building a mesh without positions validates the indices before they are used for lookups.
     polygon_mesh(np.empty((n_points, 0)), counts, corners)

@@ -16,11 +16,19 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame import Frame
+from meshreel.formats.frames.steps import (
+    TEXTURE_COORDINATES,
+    TIMES,
+    DataArray,
+    Piece,
+    Step,
+    loaded_array,
+)
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
-from meshreel.formats.vtk.mesh import TEXTURE_COORDINATES, DataArray, VtkMesh
 from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Domain
 
 NUMBERS = {
     "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2", "int": "i4",
@@ -38,9 +46,8 @@ XML_EXTENSIONS = {
     "PPolyData": ".pvtp", "PUnstructuredGrid": ".pvtu", "vtkMultiBlockDataSet": ".vtm",
 }  # fmt: skip
 XML_READ = (".vtp", ".vtu", ".pvd")
-TIMES = ("TimeValue", "TIME", "CYCLE")
-"""Field data with the time of the file; not reported as left out."""
 COLORS = "COLOR_SCALARS"
+DATA = {"POINT_DATA": Domain.VERTEX, "CELL_DATA": Domain.FACE}
 DATASETS = ("POLYDATA", "UNSTRUCTURED_GRID")
 GROUPS = {
     "VERTICES": POLY_VERTEX, "LINES": POLY_LINE, "POLYGONS": POLYGON, "TRIANGLE_STRIPS": STRIP,
@@ -132,7 +139,7 @@ class LegacyTokens:
         return words
 
 
-def read_vtk_legacy(data: bytes) -> VtkMesh:
+def read_vtk_legacy(data: bytes) -> Step:
     """Parse a legacy ``.vtk`` file.
 
     Raises
@@ -182,12 +189,13 @@ class _LegacyReader:
         self._points: Vertices = np.empty((0, 3), np.float32)
         self._cells: dict[str, tuple[Integers, Integers]] = {}
         self._types: npt.NDArray[np.integer] | None = None
-        self._data: dict[str, list[DataArray]] = {"POINT_DATA": [], "CELL_DATA": []}
-        self._domain, self._n_values = "", 0
+        self._arrays: dict[Domain, list[DataArray]] = {domain: [] for domain in DATA.values()}
+        self._domain: Domain | None = None
+        self._n_values = 0
         self._field_data: list[str] = []
         self._tables: list[str] = []
 
-    def read(self) -> VtkMesh:
+    def read(self) -> Step:
         """Parse the whole file."""
         while line := self._tokens.line():
             keyword, rest = line[0].upper(), line[1:]
@@ -204,13 +212,9 @@ class _LegacyReader:
         types = self._types if self._types is not None else self._group_types()
         if len(types) != len(counts):
             raise FormatError(f"has {len(types)} CELL_TYPES for {len(counts)} cells")
-        return VtkMesh(
-            self._points,
-            Cells(types, counts.astype(np.int64), points.astype(np.int64)),
-            tuple(self._data["POINT_DATA"]),
-            tuple(self._data["CELL_DATA"]),
-            tuple(self._left_out()),
-        )
+        cells = Cells(types, counts.astype(np.int64), points.astype(np.int64))
+        arrays = tuple(array for arrays in self._arrays.values() for array in arrays)
+        return Piece(self._points, cells, arrays).step(self._left_out())
 
     def _left_out(self) -> Iterator[str]:
         """Describe what the file contains besides the mesh and its data."""
@@ -240,7 +244,7 @@ class _LegacyReader:
             case "CELL_TYPES":
                 self._types = self._tokens.numbers(int(rest[0]), "int")
             case "POINT_DATA" | "CELL_DATA":
-                self._domain, self._n_values = keyword, int(rest[0])
+                self._domain, self._n_values = DATA[keyword], int(rest[0])
             case "METADATA":
                 while not self._tokens.is_done and self._tokens.raw_line():
                     pass
@@ -292,8 +296,9 @@ class _LegacyReader:
         values = self._tokens.numbers(self._n_values * width, kind).reshape(-1, width)
         if role == COLORS and self._tokens.is_text:  # ASCII files store colors as 0..1 floats
             values = (255 * np.clip(np.nan_to_num(values), 0, 1) + 0.5).astype(np.uint8)
-        if self._domain:
-            self._data[self._domain].append(DataArray(unquote(name), values, role))
+        if self._domain is not None:
+            array = loaded_array(self._domain, unquote(name), values, role)
+            self._arrays[self._domain].append(array)
 
     def _field_array(self) -> None:
         line = self._tokens.line()
@@ -302,9 +307,9 @@ class _LegacyReader:
             line = self._tokens.line()
         name, width, count, kind = line
         values = self._tokens.numbers(int(width) * int(count), kind)
-        if self._domain and int(count) == self._n_values:
+        if self._domain is not None and int(count) == self._n_values:
             values = values.reshape(self._n_values, int(width))
-            self._data[self._domain].append(DataArray(unquote(name), values))
+            self._arrays[self._domain].append(loaded_array(self._domain, unquote(name), values))
         else:
             self._field_data.append(unquote(name))
 

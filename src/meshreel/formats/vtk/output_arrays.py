@@ -9,8 +9,8 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import NORMALS
+from meshreel.formats.frames.steps import TEXTURE_COORDINATES
 from meshreel.formats.notes import NoteKind, add_note, listed, note_unwritten
-from meshreel.formats.vtk.mesh import TEXTURE_COORDINATES
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 

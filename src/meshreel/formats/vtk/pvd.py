@@ -13,12 +13,7 @@ from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.file_references import resolve_reference
-from meshreel.formats.frames.field_tracks import (
-    Field,
-    Key,
-    add_field,
-)
-from meshreel.formats.frames.stored_frames import checksum
+from meshreel.formats.frames.steps import Step, StepFrames
 from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
 from meshreel.formats.notes import note_file_order, note_left_out
 from meshreel.formats.options import ReadOptions
@@ -27,12 +22,10 @@ from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.timing import Neighbours, file_order_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.legacy import read_vtk_legacy
-from meshreel.formats.vtk.mesh import VtkMesh
-from meshreel.formats.vtk.steps import Step, StepArray, StepFrames
 from meshreel.formats.vtk.xml_arrays import parse_xml
 from meshreel.formats.vtk.xml_file import read_vtk_xml
 from meshreel.formats.vtk.xml_writing import pvd_pieces, write_pvd
-from meshreel.model.surface import Domain, Surface
+from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.model.validation import validate_fps
 
@@ -176,36 +169,10 @@ def _file_frames(files: list[Path], notes: list[str]) -> StepFrames:
             with os_errors_naming(path):
                 data = path.read_bytes()
             with errors_naming(path):
-                last[index] = _step(READERS[path.suffix.lower()](data))
+                last[index] = READERS[path.suffix.lower()](data)
         return last[index]
 
     return StepFrames(read, notes)
-
-
-def _step(mesh: VtkMesh) -> Step:
-    """Return a mesh as a step, whose arrays are identified by checksums of their values."""
-    fields: dict[Key, Field] = {}
-    arrays = []
-    for domain, of_domain in ((Domain.VERTEX, mesh.point_data), (Domain.FACE, mesh.cell_data)):
-        for array in of_domain:
-            add_field(fields, (domain, array.name), array.field)
-            arrays.append(
-                StepArray(
-                    array.name,
-                    domain,
-                    checksum(array.values),
-                    partial(_itself, array),
-                    partial(_itself, array.field),
-                    array.is_track,
-                    bool(array.kind) and not array.is_track,
-                )
-            )
-    n_cells = len(mesh.cells.types)
-    return Step(len(mesh.points), n_cells, mesh.cell_surface, partial(_itself, mesh.points), arrays)
-
-
-def _itself(value: Read) -> Read:
-    return value
 
 
 FORMATS = (

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.arrays.named_arrays import RESERVED_NAMES, read_description, read_surface
+from meshreel.formats.frames.steps import StepFrames
 from meshreel.formats.hdf import (
     Node,
     find_dataset,
@@ -28,7 +29,6 @@ from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.formats.vtk.steps import StepFrames
 from meshreel.formats.vtk.vtkhdf_steps import (
     MESHREEL_GROUP,
     ROOT,

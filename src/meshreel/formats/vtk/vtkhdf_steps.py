@@ -13,6 +13,7 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import Field
+from meshreel.formats.frames.steps import UNSUPPORTED_ARRAYS, DataArray, Step
 from meshreel.formats.hdf import (
     Dataset,
     Node,
@@ -35,8 +36,6 @@ from meshreel.formats.surfaces.cells import (
     CellSurface,
     extract_surface,
 )
-from meshreel.formats.vtk.mesh import UNSUPPORTED_ARRAYS, DataArray
-from meshreel.formats.vtk.steps import Step, StepArray
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
@@ -107,7 +106,7 @@ class VtkSteps:
         self._cells_before: dict[str, Integers] = {}
         self._cached: tuple[bytes, Cells, CellSurface] | None = None
 
-    def note_other_data(self, arrays: Iterable[StepArray], surface: Surface) -> None:
+    def note_other_data(self, arrays: Iterable[DataArray], surface: Surface) -> None:
         """Add a note on arrays of a step that are not part of a surface stored elsewhere."""
         names = {one.name for one in surface.attributes} | {one.name for one in surface.groups}
         known = {array_name(name) for name in names}
@@ -211,11 +210,7 @@ class VtkSteps:
             found.append(read_cells(group, kind, parts, points, *starts, before))
         if not found:
             raise FormatError(f"{self._group.name} has none of {', '.join(self._kinds)}")
-        return Cells(
-            np.concatenate([one.types for one in found]),
-            np.concatenate([one.counts for one in found]),
-            np.concatenate([one.points for one in found]),
-        )
+        return Cells.join(found)
 
     def _stored_arrays(self, place: str) -> Iterator["StoredArray"]:
         """Yield the numeric arrays at points or cells; the notes list the others."""
@@ -265,10 +260,10 @@ class StoredArray:
         """Whether the dataset has the rows of a step."""
         return bool(0 <= self.starts[index] <= len(self.dataset) - count)
 
-    def of_step(self, index: int, count: int) -> StepArray:
+    def of_step(self, index: int, count: int) -> DataArray:
         """Return the array of a step with a number of points or cells."""
         start = int(self.starts[index])
-        role = read_text_attribute(self.dataset, "Attribute")
+        role, kind = (read_text_attribute(self.dataset, name) for name in ("Attribute", "kind"))
 
         def describe() -> Field | None:
             if not self._fits(index, count):
@@ -283,20 +278,22 @@ class StoredArray:
                 self.dataset.dtype.newbyteorder("="),
                 math.prod(self.dataset.shape[1:]),
                 role,
-                read_text_attribute(self.dataset, "kind"),
+                kind,
                 read_unit(self.dataset),
             )
 
-        def read() -> DataArray:
+        def read() -> npt.NDArray[Any]:
             with hdf_errors():
-                return DataArray(self.name, read_rows(self.dataset, start, count), role)
+                return read_rows(self.dataset, start, count)
 
-        return StepArray(
-            read_text_attribute(self.dataset, "name") or self.name,
+        return DataArray(
             self.domain,
-            start,
+            read_text_attribute(self.dataset, "name") or self.name,
             read,
+            lambda: start,
             describe,
+            role,
+            kind,
             is_track=read_text_attribute(self.dataset, "domain") in set(Domain),
             is_attribute=bool(self.dataset.attrs.get(IS_ATTRIBUTE, False)),
         )

@@ -11,6 +11,7 @@ from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
+from meshreel.formats.frames.steps import TEXTURE_COORDINATES
 from meshreel.formats.hdf import HdfOutput, Node, describe_track, hdf_output, write_array
 from meshreel.formats.notes import (
     NoteKind,
@@ -20,7 +21,6 @@ from meshreel.formats.notes import (
     note_written_rate,
 )
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vtk.mesh import TEXTURE_COORDINATES
 from meshreel.formats.vtk.vtkhdf_steps import (
     IS_ATTRIBUTE,
     MESHREEL_GROUP,

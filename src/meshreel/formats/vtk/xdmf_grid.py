@@ -1,6 +1,7 @@
 """The frames of a grid of an XDMF file."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import Field
+from meshreel.formats.frames.steps import DataArray, Step, StepFrames
 from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.surfaces.cells import (
@@ -19,8 +21,6 @@ from meshreel.formats.surfaces.cells import (
     CellSurface,
     extract_surface,
 )
-from meshreel.formats.vtk.mesh import DataArray
-from meshreel.formats.vtk.steps import Step, StepArray, StepFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, TRACK_KIND, local_name
 from meshreel.model.sequence import Vertices
@@ -92,10 +92,11 @@ class GridFrames:
         ]
         return Step(len(points), len(cells.types), surface, lambda: points, arrays)
 
-    def _array(self, index: int, attribute: Element, counts: Mapping[Domain, int]) -> StepArray:
+    def _array(self, index: int, attribute: Element, counts: Mapping[Domain, int]) -> DataArray:
         name, center = attribute.get("Name", ""), _center(attribute)
         item, n_items = self._items.item_of(attribute), counts[CENTERS[center]]
-        kind_and_unit = _kind_and_unit(attribute)
+        # Kind and unit that meshreel stores with data.
+        kind = attribute.get(TRACK_KIND, attribute.get(ATTRIBUTE_KIND, ""))
 
         def describe() -> Field | None:
             n_numbers, dtype = self._items.describe(item)
@@ -106,16 +107,17 @@ class GridFrames:
                     f"of each {center} need {n_items} or a multiple of it",
                 )
                 return None
-            return Field(dtype, n_numbers // n_items, "", *kind_and_unit)
+            return Field(dtype, n_numbers // n_items, "", kind, attribute.get(UNIT, ""))
 
-        return StepArray(
-            name,
+        return DataArray(
             CENTERS[center],
-            self._items.key(item),
-            lambda: DataArray(name, self._items.read(item), "", *kind_and_unit),
+            name,
+            partial(self._items.read, item),
+            partial(self._items.key, item),
             describe,
-            TRACK_KIND in attribute.attrib,
-            ATTRIBUTE_KIND in attribute.attrib,
+            kind=kind,
+            is_track=TRACK_KIND in attribute.attrib,
+            is_attribute=ATTRIBUTE_KIND in attribute.attrib,
         )
 
     def _note_left_out(self, index: int) -> None:
@@ -176,12 +178,6 @@ class GridFrames:
             cells = read_cells(name, self._items.read(item), int(width) if width.isdecimal() else 0)
             self._cached = key, cells, extract_surface(cells, n_points)
         return self._cached[1:]
-
-
-def _kind_and_unit(attribute: Element) -> tuple[str, str]:
-    """Kind and unit that meshreel stores with data; empty for other files."""
-    kind = attribute.get(TRACK_KIND, attribute.get(ATTRIBUTE_KIND, ""))
-    return kind, attribute.get(UNIT, "")
 
 
 def _center(attribute: Element) -> str:

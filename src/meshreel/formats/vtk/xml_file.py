@@ -6,7 +6,6 @@ is not used: it allocates whatever size a file declares, so a damaged file can a
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -17,10 +16,18 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame import Frame
+from meshreel.formats.frames.steps import (
+    TEXTURE_COORDINATES,
+    TIMES,
+    DataArray,
+    Piece,
+    Step,
+    join_pieces,
+    loaded_array,
+)
 from meshreel.formats.kinds import NOT_OF_CORNERS, FrameFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
-from meshreel.formats.vtk.mesh import TEXTURE_COORDINATES, DataArray, VtkMesh, join_pieces
 from meshreel.formats.vtk.xml_arrays import (
     ATTRIBUTE_KIND,
     TRACK_KIND,
@@ -30,14 +37,14 @@ from meshreel.formats.vtk.xml_arrays import (
     parse_xml,
 )
 from meshreel.formats.vtk.xml_writing import vtp_encoder, vtu_encoder
+from meshreel.model.surface import Domain
 
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
-TIMES = ("TimeValue", "TIME", "CYCLE")
-"""Field data with the time of the file; not reported as left out."""
+DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
 GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": STRIP}
 
 
-def read_vtk_xml(data: bytes) -> VtkMesh:
+def read_vtk_xml(data: bytes) -> Step:
     """Parse a ``.vtu`` or ``.vtp`` file, joining its pieces.
 
     Raises
@@ -59,12 +66,12 @@ def read_vtk_xml(data: bytes) -> VtkMesh:
             "PolyData"
         )
     coding = _coding(root, appended, is_raw)
-    pieces = root.findall(f"{kind}/Piece")
-    meshes = [_mesh(piece, coding, is_grid=kind == "UnstructuredGrid") for piece in pieces]
-    if not meshes:
+    elements = root.findall(f"{kind}/Piece")
+    if not elements:
         raise FormatError("has no Piece")
-    mesh = join_pieces(meshes)
-    return replace(mesh, left_out=(*mesh.left_out, *_left_out(root.find(kind))))
+    is_grid = kind == "UnstructuredGrid"
+    piece, left_out = join_pieces([_piece(one, coding, is_grid=is_grid) for one in elements])
+    return piece.step((*left_out, *_left_out(root.find(kind))))
 
 
 def _left_out(grid: Element | None) -> Iterator[str]:
@@ -96,7 +103,7 @@ def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
     )
 
 
-def _mesh(piece: Element, coding: ArrayCoding, *, is_grid: bool) -> VtkMesh:
+def _piece(piece: Element, coding: ArrayCoding, *, is_grid: bool) -> Piece:
     element = piece.find("Points/DataArray")
     points = np.empty((0, 3), np.float32) if element is None else coding.read(element)
     if points.size == 0:
@@ -106,19 +113,15 @@ def _mesh(piece: Element, coding: ArrayCoding, *, is_grid: bool) -> VtkMesh:
     if points.dtype not in (np.float32, np.float64):
         points = points.astype(np.float64)
     _check_count(piece, "Points", len(points))
-    return VtkMesh(
-        points,
-        _grid_cells(piece, coding) if is_grid else _poly_cells(piece, coding),
-        _data(piece.find("PointData"), coding),
-        _data(piece.find("CellData"), coding),
-    )
+    cells = _grid_cells(piece, coding) if is_grid else _poly_cells(piece, coding)
+    return Piece(points, cells, tuple(_arrays(piece, coding)))
 
 
 def _grid_cells(piece: Element, coding: ArrayCoding) -> Cells:
     group = piece.find("Cells")
     if group is None:
         _check_count(piece, "Cells", 0)
-        return Cells(*(np.empty(0, np.int64) for _ in range(3)))
+        return Cells.join([])
     counts, points = _connectivity(group, coding)
     _check_count(piece, "Cells", len(counts))
     types = _named(group, "types", coding)
@@ -128,23 +131,16 @@ def _grid_cells(piece: Element, coding: ArrayCoding) -> Cells:
 
 
 def _poly_cells(piece: Element, coding: ArrayCoding) -> Cells:
-    types, counts, points = [], [], []
+    groups = []
     for name, kind in GROUPS.items():
         group = piece.find(name)
         if group is None or not len(group):
             _check_count(piece, name, 0)
         else:
-            found = _connectivity(group, coding)
-            _check_count(piece, name, len(found[0]))
-            types.append(np.full(len(found[0]), kind))
-            counts.append(found[0])
-            points.append(found[1])
-    empty = [np.empty(0, np.int64)]
-    return Cells(
-        np.concatenate(types or empty),
-        np.concatenate(counts or empty),
-        np.concatenate(points or empty),
-    )
+            counts, points = _connectivity(group, coding)
+            _check_count(piece, name, len(counts))
+            groups.append(Cells(np.full(len(counts), kind), counts, points))
+    return Cells.join(groups)
 
 
 def _check_count(piece: Element, name: str, n_found: int) -> None:
@@ -182,23 +178,24 @@ def _unit(element: Element) -> str:
     return "" if found is None else " ".join((found.text or "").split())
 
 
-def _data(group: Element | None, coding: ArrayCoding) -> tuple[DataArray, ...]:
-    if group is None:
-        return ()
-    roles = {group.get(role, ""): role for role in (TEXTURE_COORDINATES, NORMALS)}
-    named = [(element.get("Name", ""), element) for element in group.findall("DataArray")]
-    return tuple(
-        DataArray(
-            name,
-            coding.read(element),
-            roles.get(name, ""),
-            element.get(TRACK_KIND, element.get(ATTRIBUTE_KIND, "")),
-            _unit(element),
-            TRACK_KIND in element.attrib,
-        )
-        for name, element in named
-        if not name.startswith("vtkGhost") and not _is_text(element)
-    )
+def _arrays(piece: Element, coding: ArrayCoding) -> Iterator[DataArray]:
+    for tag, domain in DATA.items():
+        group = piece.find(tag)
+        if group is None:
+            continue
+        roles = {group.get(role, ""): role for role in (TEXTURE_COORDINATES, NORMALS)}
+        for element in group.findall("DataArray"):
+            name = element.get("Name", "")
+            if not name.startswith("vtkGhost") and not _is_text(element):
+                yield loaded_array(
+                    domain,
+                    name,
+                    coding.read(element),
+                    roles.get(name, ""),
+                    element.get(TRACK_KIND, element.get(ATTRIBUTE_KIND, "")),
+                    _unit(element),
+                    is_track=TRACK_KIND in element.attrib,
+                )
 
 
 def read_frame(data: bytes) -> Frame:

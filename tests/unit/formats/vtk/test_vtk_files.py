@@ -173,10 +173,10 @@ def test_load_reads_every_section_of_a_legacy_file(tmp_path):
         "paint", Kind.COLOR, [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 128]],
     )  # fmt: skip
     assert (uv.name, uv.values.tolist()) == ("map a", [[0, 0], [0.5, 0], [1, 1], [0, 0.25]])
-    mesh = read_vtk_legacy(LEGACY.encode())
-    names = [one.name for one in mesh.point_data]
+    step = read_vtk_legacy(LEGACY.encode())
+    names = [array.name for array in step.arrays if array.domain is Domain.VERTEX]
     assert names == ["paint", "plain", "up", "map a", "two", "v"]
-    heat = mesh.surface([]).attributes[-1]
+    heat = step.attributes(step.arrays, []).attributes[-1]
     assert (heat.name, heat.domain, heat.values.ravel().tolist()) == ("heat", Domain.FACE, [8, 8])
 
 

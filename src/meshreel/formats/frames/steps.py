@@ -1,0 +1,357 @@
+"""Meshes of VTK cells at one or several time steps, as frames, surfaces and tracks.
+
+Arrays that never change are attributes, others are tracks.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Values
+from meshreel.errors import FormatError
+from meshreel.formats.frames.field_tracks import (
+    COLOR_NAMES,
+    NORMALS,
+    UV_NAMES,
+    Field,
+    Key,
+    add_field,
+    field_tracks,
+)
+from meshreel.formats.frames.frame import Frame
+from meshreel.formats.frames.stored_frames import checksum
+from meshreel.formats.notes import listed, note_kinds, note_left_out, note_normals
+from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface
+from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.sequence import Vertices
+from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import TrackSource
+
+TEXTURE_COORDINATES = "TCoords"
+UNSUPPORTED_ARRAYS = f"arrays of text, or with more than {MAX_COMPONENTS} components"
+"""How notes name arrays that attributes cannot hold."""
+
+TIMES = ("TimeValue", "TIME", "CYCLE")
+"""Field data with the time of a file; not reported as left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class DataArray:
+    """An array with values at all points or cells of a step, which is read on demand.
+
+    Parameters
+    ----------
+    domain : Domain
+        Vertices for points, faces for cells.
+    name : str
+    read : function
+        Returns the values, of shape (N,) or (N, C).
+    identify : function
+        Returns a key that is equal in two steps if the values are equal.
+    describe : function
+        Returns the description, or None if the array cannot be a track.
+    role : str, default ""
+        The active attribute of VTK that it is: "TCoords", "Normals" or another.
+    kind : str, default ""
+        Kind that the file declares, for an attribute or a track.
+    is_track : bool, default False
+        Whether the file declares it a track, even if it never changes.
+    is_attribute : bool, default False
+        Whether the file declares it an attribute, which changes only with the faces.
+    """
+
+    domain: Domain
+    name: str
+    read: Callable[[], npt.NDArray[Any]]
+    identify: Callable[[], object]
+    describe: Callable[[], Field | None]
+    role: str = ""
+    kind: str = ""
+    is_track: bool = False
+    is_attribute: bool = False
+
+    @property
+    def key(self) -> Key:
+        """Domain and name."""
+        return self.domain, self.name
+
+
+def loaded_array(
+    domain: Domain,
+    name: str,
+    values: npt.NDArray[Any],
+    role: str = "",
+    kind: str = "",
+    unit: str = "",
+    *,
+    is_track: bool = False,
+) -> DataArray:
+    """Return a data array whose values are in memory."""
+    field = Field(values.dtype, math.prod(values.shape[1:]), role, kind, unit, is_track)
+    return DataArray(
+        domain,
+        name,
+        lambda: values,
+        partial(checksum, values),
+        lambda: field,
+        role,
+        kind,
+        is_track,
+        bool(kind) and not is_track,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """The mesh of a step.
+
+    Parameters
+    ----------
+    n_points, n_cells : int
+    surface : CellSurface
+        Of its cells.
+    read_points : function
+        Reads the points.
+    arrays : sequence of DataArray
+    left_out : tuple of str
+        Descriptions of what else the file contains, for notes.
+    """
+
+    n_points: int
+    n_cells: int
+    surface: CellSurface
+    read_points: Callable[[], Vertices]
+    arrays: Sequence[DataArray]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def mesh(self) -> PolygonMesh:
+        """The surface of the cells: 2D cells, and the boundary of solid cells."""
+        return self.surface.mesh(self.read_points())
+
+    @property
+    def sizes(self) -> dict[Domain, int]:
+        """Number of points and cells."""
+        return {Domain.VERTEX: self.n_points, Domain.FACE: self.n_cells}
+
+    def values(self, array: DataArray) -> npt.NDArray[Any]:
+        """Read the values of an array at the vertices or faces of the surface, of shape (N, C).
+
+        Raises
+        ------
+        FormatError
+            If the array does not have one value for each point or cell.
+        """
+        values, n_items = array.read(), self.sizes[array.domain]
+        if len(values) != n_items:
+            raise FormatError(f"array {array.name!r} has {len(values)} values; expected {n_items}")
+        return values.reshape(n_items, -1)[self.surface.source_rows[array.domain]]
+
+    def attributes(self, arrays: Iterable[DataArray], notes: list[str]) -> Surface:
+        """Return a surface whose attributes are the given arrays.
+
+        Normals, text and arrays with too many components are left out; the notes list them.
+        """
+        attributes, unsupported, has_normals = [], [], False
+        for domain in self.sizes:
+            for array in (array for array in arrays if array.domain is domain):
+                values = self.values(array)
+                if array.role == NORMALS:
+                    has_normals = True
+                elif values.dtype.kind not in "iuf" or values.shape[1] > MAX_COMPONENTS:
+                    unsupported.append(array.name)
+                else:
+                    kind = _attribute_kind(array, values)
+                    attributes.append(Attribute(array.name, kind, domain, _as_value_type(values)))
+        if has_normals:
+            note_normals(notes)
+        note_kinds(notes, UNSUPPORTED_ARRAYS, unsupported)
+        return Surface(attributes=tuple(attributes))
+
+    def frame(self) -> Frame:
+        """Return the step as the only one of its file.
+
+        UV coordinates, colors and declared attributes are attributes, other arrays are tracks.
+
+        Raises
+        ------
+        FormatError
+            If an array does not have one value for each point or cell.
+        """
+        notes: list[str] = []
+        for what in self.left_out:
+            note_left_out(notes, what)
+        fields: dict[Key, tuple[Values, Field]] = {}
+        attributes = []
+        for array in self.arrays:
+            values, field = self.values(array), array.describe()
+            assert field is not None
+            is_attribute = array.is_attribute or _attribute_kind(array, values) is not Kind.OTHER
+            if is_attribute:
+                attributes.append(array)
+            is_track = field.is_track or not is_attribute
+            fields[array.key] = values, replace(field, is_track=is_track)
+        surface = self.attributes(attributes, notes)
+        return Frame(self.mesh, surface, fields, notes)
+
+
+def _as_value_type(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Convert values to a type that attributes allow, without loss if one can represent them."""
+    if values.dtype in VALUE_TYPES:
+        return values
+    if values.dtype.kind == "f":
+        return values.astype(np.float32 if values.dtype.itemsize < 4 else np.float64)
+    limits = np.iinfo(np.int32)
+    is_small = values.size == 0 or (limits.min <= values.min() and values.max() <= limits.max)
+    return values.astype(np.int32 if is_small else np.float64)
+
+
+def _attribute_kind(array: DataArray, values: npt.NDArray[Any]) -> Kind:
+    """Return the kind of attribute that an array represents, given values of shape (N, C)."""
+    name, width, is_float = array.name.lower(), values.shape[1], values.dtype.kind == "f"
+    is_uv = array.kind == Kind.UV or array.role == TEXTURE_COORDINATES
+    if width == 2 and is_float and (is_uv or name in UV_NAMES):
+        return Kind.UV
+    is_color = array.kind == Kind.COLOR or name in COLOR_NAMES
+    if width in (3, 4) and (values.dtype == np.uint8 or (is_float and is_color)):
+        return Kind.COLOR
+    return Kind.OTHER
+
+
+class StepFrames:
+    """Frames, surfaces and tracks of a `SceneMesh` whose steps are read on demand.
+
+    Parameters
+    ----------
+    read : function of a step number
+    notes : list of str
+        Receives a sentence for each thing that is left out.
+    """
+
+    def __init__(self, read: Callable[[int], Step], notes: list[str]) -> None:
+        self._read, self._notes = read, notes
+        self._identities: dict[int, dict[Key, list[object]]] = {}
+        self._tracks: set[Key] = set()
+        self._attributes: set[Key] = set()
+
+    def frame(self, index: int) -> PolygonMesh:
+        """Return the surface of a step, whose arrays are compared with those of other frames."""
+        step = self._read(index)
+        identities: dict[Key, list[object]] = {}
+        for array in step.arrays:
+            identities.setdefault(array.key, []).append(array.identify())
+            self._tracks |= {array.key} if array.is_track else set()
+            self._attributes |= {array.key} if array.is_attribute else set()
+        self._identities[index] = identities
+        return step.mesh
+
+    def constant_arrays(self, index: int) -> list[DataArray]:
+        """Return the arrays of a step that are the same in all frames read so far."""
+        changing = self._changing()
+        return [array for array in self._read(index).arrays if array.key not in changing]
+
+    def surface(self, index: int) -> Surface:
+        """Return the arrays of a step that are the same in all frames read so far."""
+        return self._read(index).attributes(self.constant_arrays(index), self._notes)
+
+    def tracks(self, frames: range) -> Mapping[str, TrackSource]:
+        """Return the other arrays as tracks of consecutive steps that share their faces."""
+        changing = self._changing()
+        described: list[dict[Key, Field]] = []
+        for index in frames if changing else ():
+            fields: dict[Key, Field] = {}
+            for array in self._read(index).arrays:
+                if array.key in changing and (field := array.describe()) is not None:
+                    add_field(fields, array.key, field)
+            described.append(fields)
+
+        def read(index: int, key: Key) -> Values:
+            step = self._read(frames[index])
+            array = next(array for array in step.arrays if array.key == key)
+            values = array.read().reshape(step.sizes[array.domain], -1)
+            return values[step.surface.source_rows[array.domain]]
+
+        step = self._read(frames.start)
+        n_verts = step.surface.n_verts(step.n_points)
+        sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(step.surface.cells)}
+        return field_tracks(described, sizes, read, self._notes)
+
+    def _changing(self) -> set[Key]:
+        """Arrays that differ or are missing in some frames read so far, or are declared tracks."""
+        steps = list(self._identities.values())
+        keys = {key for step in steps for key in step}
+        differing = {
+            key for key in keys if any(step.get(key) != steps[0].get(key) for step in steps)
+        }
+        return self._tracks | (differing - self._attributes)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Points, cells and loaded data arrays of a file, or of a part of it.
+
+    Parameters
+    ----------
+    points : float array of shape (N, 3)
+    cells : Cells
+    arrays : tuple of DataArray
+    """
+
+    points: Vertices
+    cells: Cells
+    arrays: tuple[DataArray, ...] = ()
+
+    def step(self, left_out: Iterable[str] = ()) -> Step:
+        """Return the mesh with its surface; `left_out` is that of `Step`.
+
+        Raises
+        ------
+        InvalidInputError
+            If two arrays of points or of cells share a name.
+        FormatError
+            If a cell is damaged, or there is no surface.
+        """
+        fields: dict[Key, Field] = {}
+        for array in self.arrays:
+            if (field := array.describe()) is not None:
+                add_field(fields, array.key, field)
+        surface = extract_surface(self.cells, len(self.points))
+        n_points, n_cells = len(self.points), len(self.cells.types)
+        return Step(n_points, n_cells, surface, lambda: self.points, self.arrays, tuple(left_out))
+
+
+def join_pieces(pieces: Sequence[Piece]) -> tuple[Piece, tuple[str, ...]]:
+    """Join pieces; keep the arrays that all share, and describe the others for notes."""
+    if len(pieces) == 1:
+        return pieces[0], ()
+    for piece in pieces:  # an invalid index would point into another piece after joining
+        if ((piece.cells.points < 0) | (piece.cells.points >= len(piece.points))).any():
+            raise FormatError(f"a cell has a point index outside 0..{len(piece.points) - 1}")
+    starts = np.cumsum([0] + [len(piece.points) for piece in pieces])
+    cells = Cells.join(
+        replace(piece.cells, points=piece.cells.points + start)
+        for piece, start in zip(pieces, starts, strict=False)
+    )
+    arrays = tuple(_joined_arrays(pieces))
+    missing = {array.name for piece in pieces for array in piece.arrays}
+    missing -= {array.name for array in arrays}
+    left_out = (f"arrays that differ between pieces: {listed(sorted(missing))}",) if missing else ()
+    return Piece(np.concatenate([piece.points for piece in pieces]), cells, arrays), left_out
+
+
+def _joined_arrays(pieces: Sequence[Piece]) -> Iterator[DataArray]:
+    for first in pieces[0].arrays:
+        same = [array for piece in pieces for array in piece.arrays if array.key == first.key]
+        values = [array.read() for array in same]
+        if len(same) == len(pieces) and len({one.shape[1:] for one in values}) == 1:
+            field = first.describe()
+            assert field is not None
+            joined = np.concatenate(values)
+            yield loaded_array(
+                *first.key, joined, field.role, field.kind, field.unit, is_track=field.is_track
+            )
