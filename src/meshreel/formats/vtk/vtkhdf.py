@@ -5,7 +5,7 @@ of them, where each block is a mesh. Each step stores the offsets of its points 
 connectivity that stays the same is stored and read once.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,6 @@ from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.vtk.vtkhdf_steps import (
     MESHREEL_GROUP,
     ROOT,
@@ -39,7 +38,6 @@ from meshreel.formats.vtk.vtkhdf_steps import (
 )
 from meshreel.formats.vtk.vtkhdf_writer import write_vtkhdf
 from meshreel.model.surface import Surface
-from meshreel.model.tracks import TrackSource
 from meshreel.runtime.extras import HDF
 
 MESH_TYPES = ("PolyData", "UnstructuredGrid")
@@ -71,22 +69,19 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
             return [_scene_mesh(group, kind, path.stem, find_group(root, MESHREEL_GROUP), options)]
         blocks = [(name, find_group(group, name)) for name in group if name != "Assembly"]
 
-        def read(block: Node, name: str) -> SceneMesh:
-            with hdf_errors():
-                return _scene_mesh(block, _type(block), name, None, options)
-
-        found = [
-            read_or_defer_error(f"/{name}", partial(read, block, f"/{name}"))
-            for name, block in blocks
+        read = hdf_errors()(_scene_mesh)
+        meshes = [
+            read_or_defer_error(place, partial(read, block, _type(block), place, None, options))
+            for place, block in ((f"/{name}", block) for name, block in blocks)
             if block is not None and _type(block) in MESH_TYPES
         ]
-        if not found:
+        if not meshes:
             raise FormatError(
                 f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are supported"
             )
         others = (name for name, one in blocks if one is not None and _type(one) not in MESH_TYPES)
         note_kinds(options.notes, "blocks that are not meshes", others)
-        return found
+        return meshes
 
 
 def _type(group: Node) -> str:
@@ -101,30 +96,23 @@ def _scene_mesh(
     if len(version) == 0 or int(version[0]) > VERSION:
         raise FormatError(f"has VTKHDF version {version.tolist()}; up to {VERSION}.x is supported")
     steps = VtkSteps(group, is_poly_data=kind == "PolyData", notes=options.notes)
-    frames_of_steps = StepFrames(steps.step, options.notes)
+    frames = StepFrames(steps.step, options.notes)
     fps = None
     described = _meshreel_arrays(own)
     if own is not None:
         about = read_description(described | {"faces": np.empty((0, 3))}, name, ReadOptions())
         name, fps = about.name, about.fps
 
-    def frame(index: int) -> PolygonMesh:
-        with hdf_errors():
-            return frames_of_steps.frame(index)
-
+    @hdf_errors()
     def surface(index: int) -> Surface:
-        with hdf_errors():
-            steps.note_field_data()
-            if own is None:
-                return frames_of_steps.surface(index)
-            surface = read_surface(described | _meshreel_arrays(_segment_of(own, index)))
-            steps.note_other_data(frames_of_steps.constant_arrays(index), surface)
-            return surface
+        steps.note_field_data()
+        if own is None:
+            return frames.surface(index)
+        surface = read_surface(described | _meshreel_arrays(_segment_of(own, index)))
+        steps.note_other_data(frames.constant_arrays(index), surface)
+        return surface
 
-    def tracks(frames: range) -> Mapping[str, TrackSource]:
-        with hdf_errors():
-            return frames_of_steps.tracks(frames)
-
+    frame, tracks = hdf_errors()(frames.frame), hdf_errors()(frames.tracks)
     return SceneMesh(name, steps.times_s, frame, surface, fps, tracks)
 
 

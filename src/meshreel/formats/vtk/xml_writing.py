@@ -6,8 +6,6 @@ faces, are compressed once.
 
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
@@ -57,7 +55,7 @@ def vtp_encoder(
     tracks : mapping of str to TrackSource, optional
         Tracks of vertices and faces; the function takes their values, of shape (N, C), by name.
     """
-    return _encoder(faces, surface, notes, tracks, ".vtp")
+    return _FileEncoder(faces, surface, notes, tracks, ".vtp")
 
 
 def vtu_encoder(
@@ -67,7 +65,7 @@ def vtu_encoder(
     tracks: Mapping[str, TrackSource] | None = None,
 ) -> Encode:
     """Return a function that encodes a frame as a VTU file; see `vtp_encoder`."""
-    return _encoder(faces, surface, notes, tracks, ".vtu")
+    return _FileEncoder(faces, surface, notes, tracks, ".vtu")
 
 
 def pvd_pieces(path: Path, n_frames: int) -> list[Path]:
@@ -83,65 +81,85 @@ def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
     rows: list[str] = []
     pieces = iter(stream.data_files)
     for segment in stream.segments():
-        encode = _encoder(segment.faces, segment.surface, segment.notes, segment.tracks, ".pvd")
+        encode = _FileEncoder(segment.faces, segment.surface, segment.notes, segment.tracks, ".pvd")
         for index, frame in enumerate(segment.frames()):
             name, piece = next(pieces)
             piece.write_bytes(encode(frame, segment.values(index)))
             time = stream.time_of(len(rows), FRAME_RATE)
             file = quoteattr(name)
             rows.append(f'<DataSet timestep="{time!r}" group="" part="0" file={file}/>\n')
-    text = "".join(
-        [
-            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n',
-            *rows,
-            "</Collection>\n</VTKFile>\n",
-        ]
-    )
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
+    text = "".join([head, *rows, "</Collection>\n</VTKFile>\n"])
     path.write_text(text, encoding="utf-8")
 
 
-def _encoder(
-    faces: Faces,
-    surface: Surface,
-    notes: list[str] | None,
-    tracks: Mapping[str, TrackSource] | None,
-    extension: str,
-) -> Encode:
-    arrays = output_arrays(surface, tracks or {}, extension, notes if notes is not None else [])
-    counts = surface.sizes(len(faces))
-    types = np.full(len(counts), POLYGON, np.uint8)
-    types[counts == 3], types[counts == 4] = TRIANGLE, QUAD
-    connectivity = {
-        "connectivity": _encode(join_fans(counts, faces).astype(np.int64), STATIC_LEVEL),
-        "offsets": _encode(np.cumsum(counts, dtype=np.int64), STATIC_LEVEL),
-    }
-    is_grid = extension == ".vtu"
-    connectivity |= {"types": _encode(types, STATIC_LEVEL)} if is_grid else {}
-    static = {
-        index: _encode(one.values, STATIC_LEVEL)
-        for index, one in enumerate(arrays)
-        if one.values is not None
-    }
-    return partial(_file, _Cells(len(counts), connectivity, is_grid=is_grid), arrays, static)
+class _FileEncoder:
+    """Encodes frames as files of polygons, or of cells; encodes what they share once."""
+
+    def __init__(
+        self,
+        faces: Faces,
+        surface: Surface,
+        notes: list[str] | None,
+        tracks: Mapping[str, TrackSource] | None,
+        extension: str,
+    ) -> None:
+        note_list = notes if notes is not None else []
+        self._arrays = output_arrays(surface, tracks or {}, extension, note_list)
+        counts = surface.sizes(len(faces))
+        self._kind, self._cell_tag = "PolyData", "Polys"
+        others = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
+        self._n_cells = f'{others}NumberOfPolys="{len(counts)}"'
+        cells = {
+            "connectivity": join_fans(counts, faces).astype(np.int64),
+            "offsets": np.cumsum(counts, dtype=np.int64),
+        }
+        if extension == ".vtu":
+            self._kind, self._cell_tag = "UnstructuredGrid", "Cells"
+            self._n_cells = f'NumberOfCells="{len(counts)}"'
+            types = np.full(len(counts), POLYGON, np.uint8)
+            types[counts == 3], types[counts == 4] = TRIANGLE, QUAD
+            cells["types"] = types
+        self._cells = {name: _encode(values, STATIC_LEVEL) for name, values in cells.items()}
+        self._static = [
+            None if array.values is None else _encode(array.values, STATIC_LEVEL)
+            for array in self._arrays
+        ]
+
+    def __call__(self, vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
+        appended, tracks = _Appended(), values or {}
+        opening = (
+            f'<VTKFile type="{self._kind}" version="1.0" byte_order="LittleEndian" '
+            'header_type="UInt64" compressor="vtkZLibDataCompressor">'
+        )
+        encoded = [
+            (array, static or _encode(tracks[array.track], FRAME_LEVEL))
+            for array, static in zip(self._arrays, self._static, strict=True)
+        ]
+        head = [
+            f'<?xml version="1.0"?>\n{opening}\n<{self._kind}>\n',
+            f'<Piece NumberOfPoints="{len(vertices)}" {self._n_cells}>\n',
+        ]
+        for tag, domain in (("PointData", Domain.VERTEX), ("CellData", Domain.FACE)):
+            pairs = [pair for pair in encoded if pair[0].domain is domain]
+            roles = (f" {array.role}={quoteattr(array.name)}" for array, _ in pairs if array.role)
+            elements = (appended.array(array.name, data, array) for array, data in pairs)
+            head.append(f"<{tag}{''.join(roles)}>\n{''.join(elements)}</{tag}>\n")
+        points = appended.array("Points", _encode(vertices, FRAME_LEVEL))
+        cells = "".join(appended.array(name, data) for name, data in self._cells.items())
+        head += [
+            f"<Points>\n{points}</Points>\n<{self._cell_tag}>\n{cells}</{self._cell_tag}>\n",
+            f'</Piece>\n</{self._kind}>\n<AppendedData encoding="raw">\n_',
+        ]
+        tail = b"\n</AppendedData>\n</VTKFile>\n"
+        return b"".join(["".join(head).encode(), *appended.pieces, tail])
 
 
-@dataclass(frozen=True)
-class _EncodedArray:
-    """An array encoded for AppendedData.
-
-    Attributes
-    ----------
-    facts : str
-        XML attributes of the DataArray element.
-    data : bytes
-        Header with the sizes, and one compressed block.
-    """
-
-    facts: str
-    data: bytes
+Encoded = tuple[str, bytes]
+"""XML attributes of an array, and its data: a header with the sizes, and one compressed block."""
 
 
-def _encode(values: Values, level: int) -> _EncodedArray:
+def _encode(values: Values, level: int) -> Encoded:
     """Encode an array of shape (N,) or (N, C) with the given zlib level."""
     code = values.dtype.str[1:]
     plain = np.ascontiguousarray(values, f"<{code}").tobytes()
@@ -150,74 +168,7 @@ def _encode(values: Values, level: int) -> _EncodedArray:
         facts += f' NumberOfComponents="{values.shape[1]}"'
     packed = zlib.compress(plain, level)
     sizes = (1, len(plain), 0, len(packed))  # blocks, block size, size of a smaller last, packed
-    return _EncodedArray(facts, b"".join(size.to_bytes(8, "little") for size in sizes) + packed)
-
-
-@dataclass(frozen=True, eq=False)
-class _Cells:
-    """The faces of all frames, as cells of a grid or as polygons."""
-
-    n_faces: int
-    arrays: Mapping[str, _EncodedArray]
-    is_grid: bool
-
-    @property
-    def kind(self) -> str:
-        """Type of the VTK file."""
-        return "UnstructuredGrid" if self.is_grid else "PolyData"
-
-    @property
-    def counts(self) -> str:
-        """XML attributes of the Piece with the number of cells."""
-        if self.is_grid:
-            return f'NumberOfCells="{self.n_faces}"'
-        others = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
-        return f'{others}NumberOfPolys="{self.n_faces}"'
-
-    def element(self, appended: "_Appended") -> str:
-        """Return the element of the cells, appending their arrays."""
-        tag = "Cells" if self.is_grid else "Polys"
-        text = "".join(appended.array(name, one) for name, one in self.arrays.items())
-        return f"<{tag}>\n{text}</{tag}>\n"
-
-
-def _file(
-    cells: _Cells,
-    arrays: list[OutputArray],
-    static: Mapping[int, _EncodedArray],
-    vertices: Vertices,
-    values: Mapping[str, Values] | None = None,
-) -> bytes:
-    appended, tracks, numbered = _Appended(), values or {}, [*enumerate(arrays)]
-    numbers = {
-        index: static[index] if index in static else _encode(tracks[one.track], FRAME_LEVEL)
-        for index, one in numbered
-    }
-    data = [
-        _data(appended, tag, [(one, numbers[index]) for index, one in numbered if one.domain is of])
-        for tag, of in (("PointData", Domain.VERTEX), ("CellData", Domain.FACE))
-    ]
-    points = appended.array("Points", _encode(vertices, FRAME_LEVEL))
-    opening = (
-        f'<VTKFile type="{cells.kind}" version="1.0" byte_order="LittleEndian" '
-        'header_type="UInt64" compressor="vtkZLibDataCompressor">'
-    )
-    head = [
-        f'<?xml version="1.0"?>\n{opening}\n<{cells.kind}>\n',
-        f'<Piece NumberOfPoints="{len(vertices)}" {cells.counts}>\n',
-        *data,
-        f"<Points>\n{points}</Points>\n",
-        cells.element(appended),
-        f'</Piece>\n</{cells.kind}>\n<AppendedData encoding="raw">\n_',
-    ]
-    tail = b"\n</AppendedData>\n</VTKFile>\n"
-    return b"".join(["".join(head).encode(), *appended.pieces, tail])
-
-
-def _data(appended: "_Appended", tag: str, arrays: list[tuple[OutputArray, _EncodedArray]]) -> str:
-    roles = "".join(f" {one.role}={quoteattr(one.name)}" for one, _ in arrays if one.role)
-    elements = (appended.array(one.name, numbers, one) for one, numbers in arrays)
-    return f"<{tag}{roles}>\n{''.join(elements)}</{tag}>\n"
+    return facts, b"".join(size.to_bytes(8, "little") for size in sizes) + packed
 
 
 class _Appended:
@@ -232,14 +183,15 @@ class _Appended:
         self.pieces: list[bytes] = []
         self._size = 0
 
-    def array(self, name: str, numbers: _EncodedArray, about: OutputArray | None = None) -> str:
+    def array(self, name: str, encoded: Encoded, about: OutputArray | None = None) -> str:
         """Append an encoded array; return its DataArray element."""
-        facts = f"{numbers.facts} Name={quoteattr(name)}"
+        facts, data = encoded
+        facts += f" Name={quoteattr(name)}"
         if about is not None:
             facts += f' {TRACK_KIND if about.track else ATTRIBUTE_KIND}="{about.kind}"'
         opening = f'<DataArray {facts} format="appended" offset="{self._size}"'
-        self.pieces.append(numbers.data)
-        self._size += len(numbers.data)
+        self.pieces.append(data)
+        self._size += len(data)
         if about is None or not about.unit:
             return f"{opening}/>\n"
         unit = escape(" ".join(about.unit.split()))
