@@ -7,6 +7,7 @@ file declares take precedence; otherwise the size selects the domain.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -109,19 +110,12 @@ class NamedTrack:
         read : function of a start and a stop
             Reads frames start..stop - 1 of the array.
         """
-        read_values = _ReadValues(self, read)
+        read_values = partial(_read_values, self, read)  # can be pickled, unlike a closure
         return StoredTrack(self.domain, self.kind, self.unit, self.dtype, self.shape, read_values)
 
 
-@dataclass(frozen=True, eq=False)
-class _ReadValues:
-    """Reads and converts the values of frames; can be pickled, unlike a closure."""
-
-    track: NamedTrack
-    read: ReadNumbers
-
-    def __call__(self, start: int, stop: int) -> Values:
-        return self.track.values(self.read(start, stop))
+def _read_values(track: NamedTrack, read: ReadNumbers, start: int, stop: int) -> Values:
+    return track.values(read(start, stop))
 
 
 def named_tracks(

@@ -7,7 +7,7 @@ import math
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from io import RawIOBase
 from pathlib import Path
@@ -36,7 +36,12 @@ from meshreel.formats.arrays.npz_members import (
 )
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
+from meshreel.formats.frames.stored_frames import (
+    Description,
+    FrameSurvey,
+    StoredFrames,
+    changed_error,
+)
 from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource, MeshSequence
@@ -55,42 +60,88 @@ POSITIONS = "vertices"
 
 
 def open_npz(path: Path, options: ReadOptions) -> FrameSource:
-    """Open the sequence of an ``.npz`` file; uncompressed positions and tracks stay in the file.
+    """Open the sequence of an ``.npz`` file; large positions and tracks may stay in the file.
 
     They must be uncompressed and in C order. They are then read once now, in blocks, to find the
-    extent and to verify the archive's checksum. Other tracks are loaded.
+    extent and to verify the archive's checksum. Other arrays are loaded.
 
     Parameters
     ----------
     path : Path
-        As in `read_npz`.
+        Contains the arrays of `meshreel.formats.arrays.named_arrays`. The default name of the
+        sequence is the stem of the file.
+    options : ReadOptions
+        `dataset` names the array of positions.
 
     Raises
     ------
-    FormatError, InvalidInputError
-        As `read_npz`; also when frames are read, if the file has changed.
+    FormatError
+        If the file is not a numpy archive, is damaged, or lacks an array.
+    InvalidInputError
+        If the arrays are not a valid mesh sequence; also when frames are read, if the file has
+        changed.
     """
     positions, max_bytes = options.dataset or POSITIONS, options.max_loaded_bytes
     stored = None if max_bytes is None else _find_vertices(path, positions)
-    if max_bytes is None or stored is None:
-        return _loaded(path, options)
-    arrays = read_arrays(path, positions, with_positions=False)
+    arrays = read_arrays(path, positions, with_positions=stored is None)
+    if stored is None:
+        arrays[positions] = _frames_first(path, arrays, positions)
     with errors_naming(path):
         about = read_description(arrays, path.stem, options)
-    sizes = stored.shape[0], stored.shape[1]
-    tracks = find_tracks(path, arrays, positions, sizes, about, options.notes)
-    if stored.size_bytes + sum(one.size_bytes for one in tracks.values()) <= max_bytes:
-        return _loaded(path, options)
+    n_frames, n_verts = (stored.shape if stored is not None else arrays[positions].shape)[:2]
+    found = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
+    if stored is not None and max_bytes is not None:
+        size_bytes = stored.size_bytes + sum(track.size_bytes for track in found.values())
+        if size_bytes > max_bytes:
+            tracks = {name: _track(path, track) for name, track in found.items()}
+            return _stored_frames(path, stored, about, tracks, options)
+        arrays |= read_members(path, [positions])
+    vertices = arrays[positions]
+    values = read_members(path, [track.place for track in found.values()])
+    with errors_naming(path):
+        sequence = MeshSequence(
+            vertices.astype(vertices.dtype.newbyteorder("="), copy=False),
+            about.faces,
+            about.fps,
+            about.name,
+            about.start_s,
+            about.surface,
+            {name: track.to_track(values[track.place]) for name, track in found.items()},
+        )
+    options.progress("reading", 1.0)
+    return sequence
+
+
+def _frames_first(path: Path, arrays: Mapping[str, Numbers], positions: str) -> Numbers:
+    """Return the loaded positions in the shape (T, V, 3)."""
+    vertices = arrays[positions]
+    with errors_naming(path):
+        layout = find_layout(
+            vertices.shape, arrays["faces"], positions, is_documented=positions == POSITIONS
+        )
+    if layout is Layout.FRAMES_LAST:
+        vertices = vertices.transpose(2, 0, 1)
+    return np.ascontiguousarray(vertices)
+
+
+def _stored_frames(
+    path: Path,
+    stored: "_StoredArray",
+    about: Description,
+    tracks: Mapping[str, TrackSource],
+    options: ReadOptions,
+) -> StoredFrames:
+    """Return frames that stay in the file, after reading and verifying them once."""
     survey = FrameSurvey()
     for start, vertices in stored.survey():
         with errors_naming(path):
             validate_finite(vertices, first_frame=start)
         survey.add(vertices)
-        options.progress("reading", Count(start + len(vertices), sizes[0], "frames"))
+        options.progress("reading", Count(start + len(vertices), stored.shape[0], "frames"))
     with errors_naming(path):
         return StoredFrames(
-            n_frames=sizes[0],
-            n_verts=sizes[1],
+            n_frames=stored.shape[0],
+            n_verts=stored.shape[1],
             faces=about.faces,
             fps=about.fps,
             name=about.name,
@@ -101,14 +152,8 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
             start_s=about.start_s,
             surface=about.surface,
             files=(path,),
-            tracks={name: _track(path, one) for name, one in tracks.items()},
+            tracks=tracks,
         )
-
-
-def _loaded(path: Path, options: ReadOptions) -> MeshSequence:
-    sequence = read_npz(path, options)
-    options.progress("reading", 1.0)
-    return sequence
 
 
 def _track(path: Path, found: NamedTrack) -> TrackSource:
@@ -252,51 +297,6 @@ def _find_plain(path: Path, name: str) -> _StoredArray | None:
 def _is_frames_first(shape: tuple[int, ...]) -> bool:
     """Whether positions can only be (T, V, 3); ambiguous ones are loaded."""
     return has_positions(shape) and shape[2] == 3 != shape[1]
-
-
-def read_npz(path: Path, options: ReadOptions | None = None) -> MeshSequence:
-    """Load the sequence of an ``.npz`` file.
-
-    Parameters
-    ----------
-    path : Path
-        Contains the arrays of `meshreel.formats.arrays.named_arrays`. The default name of the
-        sequence is the stem of the file.
-    options : ReadOptions, optional
-        `dataset` names the array of positions.
-
-    Raises
-    ------
-    FormatError
-        If the file is not a numpy archive, is damaged, or lacks an array.
-    InvalidInputError
-        If the arrays are not a valid mesh sequence.
-    """
-    options = options or ReadOptions()
-    positions = options.dataset or POSITIONS
-    arrays = read_arrays(path, positions)
-    vertices = arrays[positions]
-    with errors_naming(path):
-        layout = find_layout(
-            vertices.shape, arrays["faces"], positions, is_documented=positions == POSITIONS
-        )
-        if layout is Layout.FRAMES_LAST:
-            vertices = vertices.transpose(2, 0, 1)
-        vertices = np.ascontiguousarray(vertices, dtype=vertices.dtype.newbyteorder("="))
-        about = read_description(arrays, path.stem, options)
-        sizes = vertices.shape[0], vertices.shape[1]
-    found = find_tracks(path, arrays, positions, sizes, about, options.notes)
-    values = read_members(path, [one.place for one in found.values()])
-    with errors_naming(path):
-        return MeshSequence(
-            vertices,
-            about.faces,
-            about.fps,
-            about.name,
-            about.start_s,
-            about.surface,
-            {name: one.to_track(values[one.place]) for name, one in found.items()},
-        )
 
 
 def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
-from meshreel.formats.arrays.npz import read_npz
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from samples.datasets import (
     assert_same_positions,
@@ -31,7 +29,7 @@ def store(path, **arrays):
 def test_npz_round_trips_exactly(tmp_path, make_sequence, dtype):
     sequence = make_sequence(3, dtype, fps=23.976, name="Ödipus")
     save(sequence, tmp_path / "a.npz")
-    found = read_npz(tmp_path / "a.npz")
+    found = load(tmp_path / "a.npz")
     assert found.vertices.tobytes() == sequence.vertices.tobytes()
     np.testing.assert_array_equal(found.faces, sequence.faces)
     assert (found.vertices.dtype, found.fps, found.name) == (dtype, 23.976, "Ödipus")
@@ -47,19 +45,19 @@ def test_save_writes_the_bytes_of_savez(tmp_path, make_sequence, dtype):
 
 
 def test_default_name_is_the_file_stem(tmp_path):
-    found = read_npz(store(tmp_path / "walk.npz", vertices=VERTICES, faces=FACES))
+    found = load(store(tmp_path / "walk.npz", vertices=VERTICES, faces=FACES))
     assert (found.name, found.fps) == ("walk", 0.0)
 
 
 def test_fps_option_overrides_the_file(tmp_path):
     path = store(tmp_path / "a.npz", vertices=VERTICES, faces=FACES, fps=np.float32(25))
-    assert read_npz(path, ReadOptions(fps=60)).fps == 60
+    assert load(path, fps=60).fps == 60
 
 
-def test_read_npz_reads_big_endian_and_compressed_arrays(tmp_path):
+def test_npz_reads_big_endian_and_compressed_arrays(tmp_path):
     path = tmp_path / "a.npz"
     np.savez_compressed(path, vertices=VERTICES.astype(">f8"), faces=FACES.astype(">i8"))
-    found = read_npz(path)
+    found = load(path)
     assert found.vertices.dtype.isnative
     np.testing.assert_array_equal(found.vertices, VERTICES)
 
@@ -76,21 +74,21 @@ def test_read_npz_reads_big_endian_and_compressed_arrays(tmp_path):
 )
 def test_errors_explain_missing_and_invalid_arrays(tmp_path, arrays, message):
     with pytest.raises(FormatError, match=rf"a\.npz: .*{message}"):
-        read_npz(store(tmp_path / "a.npz", **arrays))
+        load(store(tmp_path / "a.npz", **arrays))
 
 
 def test_error_for_invalid_shapes_names_the_file(tmp_path):
     path = store(tmp_path / "a.npz", vertices=VERTICES[0], faces=FACES)
     with pytest.raises(InvalidInputError, match=r"a\.npz: vertices must have shape \(T, V, 3\)"):
-        read_npz(path)
+        load(path)
 
 
 @pytest.mark.parametrize("keep", [0, 10, -30])
-def test_read_npz_rejects_truncated_archives(tmp_path, keep):
+def test_npz_rejects_truncated_archives(tmp_path, keep):
     path = store(tmp_path / "a.npz", vertices=VERTICES, faces=FACES)
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(FormatError, match=r"a\.npz: is not a numpy archive, or is damaged"):
-        read_npz(path)
+        load(path)
 
 
 @pytest.fixture
@@ -120,7 +118,7 @@ def test_remedy_of_the_expansion_error_works(packed, tmp_path, read):
 
 def test_small_arrays_may_expand_without_limit(packed, monkeypatch):
     monkeypatch.setattr("meshreel.formats.arrays.npz_members.MIN_UNPACKED_BYTES", 100_000)
-    assert read_npz(packed).n_frames == 1700
+    assert load(packed).n_frames == 1700
 
 
 def test_oversized_declared_shape_is_rejected_before_allocation(tmp_path):
@@ -132,7 +130,7 @@ def test_oversized_declared_shape_is_rejected_before_allocation(tmp_path):
         with archive.open("faces.npy", "w") as stream:
             np.lib.format.write_array(stream, FACES)
     with pytest.raises(FormatError, match=r"vertices\.npy declares shape \(1099511627776, 3, 3\)"):
-        read_npz(path)
+        load(path)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
