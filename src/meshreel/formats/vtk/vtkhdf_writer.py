@@ -57,14 +57,13 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         points = _Rows(root, "Points", stream.n_frames)
         partitions = _Partitions(root, stream.n_segments)
         arrays = _DataArrays(root, stream, shared)
-        first_points: list[int] = []
         for segment in stream.segments():
             partitions.add(segment)
             arrays.add(segment, output)
             for _, frame in output.frames(segment):
-                first_points.append(points.append(frame.astype(dtype, copy=False)))
+                points.append(frame.astype(dtype, copy=False))
         steps = _write_steps(root, stream)
-        steps["PointOffsets"] = np.array(first_points, np.int64)
+        steps["PointOffsets"] = np.array(points.starts, np.int64)
         partitions.finish(steps)
         arrays.finish(steps)
 
@@ -96,15 +95,21 @@ class _Rows:
     ----------
     n_blocks : int
         Expected number of blocks of about the same size.
+
+    Attributes
+    ----------
+    starts : list of int
+        First row of each step.
     """
 
     def __init__(self, group: Node, name: str, n_blocks: int) -> None:
         self._group, self._name, self._n_blocks = group, name, n_blocks
         self._n_rows = 0
+        self.starts: list[int] = []
         self.dataset: Any = None
 
-    def append(self, values: npt.NDArray[Any]) -> int:
-        """Append rows; return the number of the first."""
+    def append(self, values: npt.NDArray[Any], n_steps: int = 1) -> None:
+        """Append the rows of one step, or of several that share them."""
         n_rows, first = len(values), self._n_rows
         if self.dataset is None:
             chunk = max(1, min(max(n_rows, CHUNK_ROWS), n_rows * self._n_blocks))
@@ -118,7 +123,7 @@ class _Rows:
         self._n_rows += n_rows
         self.dataset.resize(self._n_rows, axis=0)
         self.dataset[first:] = values
-        return first
+        self.starts += [first] * n_steps
 
 
 class _Partitions:
@@ -130,10 +135,7 @@ class _Partitions:
         polygons = self._groups["Polygons"]
         self._offsets = _Rows(polygons, "Offsets", n_segments)
         self._connectivity = _Rows(polygons, "Connectivity", n_segments)
-        self._n_points: list[int] = []
-        self._n_faces: list[int] = []
-        self._n_corners: list[int] = []
-        self._n_frames: list[int] = []
+        self._sizes: list[tuple[int, int, int, int]] = []
 
     def add(self, segment: FrameStream) -> None:
         """Write the faces of a segment."""
@@ -141,31 +143,26 @@ class _Partitions:
         corners = join_fans(sizes, segment.faces).astype(np.int64)
         self._offsets.append(np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]))
         self._connectivity.append(corners)
-        self._n_points.append(segment.n_verts)
-        self._n_faces.append(len(sizes))
-        self._n_corners.append(len(corners))
-        self._n_frames.append(segment.n_frames)
+        self._sizes.append((segment.n_frames, segment.n_verts, len(sizes), len(corners)))
 
     def finish(self, steps: Node) -> None:
         """Write the sizes of all partitions, and where each step begins."""
-        n_parts = len(self._n_frames)
-        self._root["NumberOfPoints"] = np.array(self._n_points, np.int64)
-        steps["PartOffsets"] = np.repeat(np.arange(n_parts), self._n_frames)
+        n_frames, n_points, n_faces, n_corners = np.array(self._sizes, np.int64).T
+        n_parts = len(n_frames)
+        self._root["NumberOfPoints"] = n_points
+        steps["PartOffsets"] = np.repeat(np.arange(n_parts), n_frames)
         none = np.zeros(n_parts, np.int64)
         for name, group in self._groups.items():
             is_filled = name == "Polygons"
-            group["NumberOfCells"] = np.array(self._n_faces) if is_filled else none
-            group["NumberOfConnectivityIds"] = np.array(self._n_corners) if is_filled else none
+            group["NumberOfCells"] = n_faces if is_filled else none
+            group["NumberOfConnectivityIds"] = n_corners if is_filled else none
             if not is_filled:
                 group["Offsets"], group["Connectivity"] = none, none[:0]
         column = [*POLY_DATA_GROUPS].index("Polygons")
-        for name, counts in (
-            ("CellOffsets", self._n_faces),
-            ("ConnectivityIdOffsets", self._n_corners),
-        ):
+        for name, counts in (("CellOffsets", n_faces), ("ConnectivityIdOffsets", n_corners)):
             firsts = np.zeros((n_parts, len(POLY_DATA_GROUPS)), np.int64)
             firsts[1:, column] = np.cumsum(counts[:-1])
-            steps[name] = np.repeat(firsts, self._n_frames, axis=0)
+            steps[name] = np.repeat(firsts, n_frames, axis=0)
 
 
 class _DataArrays:
@@ -180,7 +177,6 @@ class _DataArrays:
     def __init__(self, root: Node, stream: SegmentedStream, shared: SharedData) -> None:
         self._root, self._stream, self._shared = root, stream, shared
         self._arrays: dict[tuple[Any, ...], tuple[str, _Rows]] = {}
-        self._starts: dict[tuple[Any, ...], list[int]] = {}
         for place in PLACES.values():
             root.create_group(place)
 
@@ -205,9 +201,9 @@ class _DataArrays:
         """Write the first row of each array in each step."""
         for place in PLACES.values():
             steps.create_group(f"{place}Offsets")
-        for key, (place, rows) in self._arrays.items():
+        for place, rows in self._arrays.values():
             name = rows.dataset.name.rpartition("/")[2]
-            steps[f"{place}Offsets"][name] = np.array(self._starts[key], np.int64)
+            steps[f"{place}Offsets"][name] = np.array(rows.starts, np.int64)
 
     def _add_constant(
         self,
@@ -219,21 +215,17 @@ class _DataArrays:
     ) -> Any:
         """Write an array that is the same in all steps of a segment; return the dataset."""
         rows = self._rows(key, domain, name, self._stream.n_segments)
-        first = rows.append(values)
-        self._starts[key] += [first] * segment.n_frames
+        rows.append(values, segment.n_frames)
         if self._stream.n_segments > 1:
             rows.dataset.attrs[IS_ATTRIBUTE] = True
         return rows.dataset
 
     def _add_track(self, output: HdfOutput, name: str, track: TrackSource) -> None:
         """Write the values of all steps of a segment."""
-        n_columns = track.shape[2]
-        key = "track", name
-        rows = self._rows(key, track.domain, name, self._stream.n_frames)
-        for _, values in output.blocks(track):
-            for one in values:
-                first = rows.append(one if n_columns > 1 else one[:, 0])
-                self._starts[key].append(first)
+        rows = self._rows(("track", name), track.domain, name, self._stream.n_frames)
+        for _, block in output.blocks(track):
+            for values in block:
+                rows.append(values if track.shape[2] > 1 else values[:, 0])
         describe_track(rows.dataset, name, track)
         if track.kind is TrackKind.NORMAL:
             rows.dataset.attrs.create("Attribute", np.bytes_(NORMALS))
@@ -243,7 +235,6 @@ class _DataArrays:
             place = PLACES[domain]
             array = _unique_name(self._root[place], name)
             self._arrays[key] = place, _Rows(self._root[place], array, n_blocks)
-            self._starts[key] = []
         return self._arrays[key][1]
 
 

@@ -110,7 +110,7 @@ class _FileEncoder:
         self._kind, self._cell_tag = "PolyData", "Polys"
         others = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
         self._n_cells = f'{others}NumberOfPolys="{len(counts)}"'
-        cells = {
+        cells: dict[str, Values] = {
             "connectivity": join_fans(counts, faces).astype(np.int64),
             "offsets": np.cumsum(counts, dtype=np.int64),
         }
