@@ -1,4 +1,5 @@
 import contextlib
+import sys
 
 import numpy as np
 import pytest
@@ -96,6 +97,13 @@ def test_load_reads_all_compressed_blocks(tmp_path, packing):
         data.Initialize()
     path = write_mesh(xml_writer("vtp", BINARY, packing, block=4096), mesh, tmp_path / "a.vtp")
     assert load(path).vertices.tobytes() == points.tobytes()
+
+
+def test_load_names_the_extra_for_lz4_when_it_is_missing(tmp_path, monkeypatch):
+    path = write_mesh(xml_writer("vtp", packing="LZ4"), poly_data(), tmp_path / "a.vtp")
+    monkeypatch.setitem(sys.modules, "imagecodecs", None)
+    with pytest.raises(FormatError, match=r"a\.vtp: .*needs imagecodecs.*pip install .*\[vtk\]"):
+        load(path)
 
 
 def test_load_reads_sizes_that_are_encoded_separately(tmp_path):
