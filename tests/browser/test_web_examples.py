@@ -112,7 +112,7 @@ def test_the_example_with_the_element_plays(new_page, data):
     files = {
         "/index.html": (PACKAGE / "examples" / "element" / "index.html").read_bytes(),
         "/flag.reel": data,
-        "/meshreel/player.js": (DIST / "player.js").read_bytes(),  # and nothing else
+        "/meshreel/player.js": (DIST / "player.js").read_bytes(),  # no other file
     }
     with serving(files) as (url, _):
         page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)

@@ -283,7 +283,7 @@ def test_trimesh_reads_the_meshes_of_all_segments(textured, tmp_path):
 
 
 def dressed_segments():
-    """Return two sheets, the materials of the second of which have another roughness."""
+    """Return two sheets whose materials differ in roughness."""
     sheets = [dressed_sheet(n).replace(fps=FPS) for n in (2, 1)]
     materials = sheets[1].surface.materials
     other = tuple(replace(one, roughness=0.125) for one in materials)

@@ -75,7 +75,7 @@ BLOCK_FRAMES = 8
 
 
 def _noisy(n_frames, n_rows=9, n_columns=11):
-    """A grid whose every frame differs, so that all eigen-trajectories are determined."""
+    """A grid of which no two frames are equal, so that all eigen-trajectories are determined."""
     sequence = waving_grid(n_frames, n_rows, n_columns)
     noise = np.random.default_rng(1).normal(0, 0.05, sequence.vertices.shape)
     return MeshSequence((sequence.vertices + noise).astype(np.float32), sequence.faces)
