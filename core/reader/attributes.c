@@ -33,16 +33,11 @@ static int read_type(reel_call *call, reel_range *left, meshreel_attribute *resu
                                      MESHREEL_FLOAT64};
     uint8_t bytes[4];
     uint64_t at = left->at;
-    int failed = reel_read_bytes(call, left, bytes, sizeof bytes);
-    if (failed) {
-        return failed;
-    }
-    if (bytes[0] > MESHREEL_OTHER || bytes[1] > MESHREEL_CORNERS || bytes[2] > 3) {
-        return reel_corrupt(call, at, "the kind, domain or number type of an attribute is unknown");
-    }
-    if (!bytes[3] || bytes[3] > MAX_WIDTH) {
-        return reel_corrupt(call, at + 3, "the values of an attribute do not have 1 to 16 numbers");
-    }
+    REEL_TRY(reel_read_bytes(call, left, bytes, sizeof bytes));
+    REEL_CORRUPT_IF(bytes[0] > MESHREEL_OTHER || bytes[1] > MESHREEL_CORNERS || bytes[2] > 3, at,
+                    "the kind, domain or number type of an attribute is unknown");
+    REEL_CORRUPT_IF(!bytes[3] || bytes[3] > MAX_WIDTH, at + 3,
+                    "the values of an attribute do not have 1 to 16 numbers");
     result->kind = bytes[0];
     result->domain = bytes[1];
     result->type = types[bytes[2]];
@@ -72,18 +67,12 @@ typedef struct {
 static int read_layout(reel_call *call, reel_range *left, const meshreel_attribute *result,
                        value_layout *layout) {
     uint64_t at = left->at, size;
-    int failed = reel_read_bytes(call, left, &layout->number, 1);
-    failed = failed ? failed : reel_read_varint(call, left, &layout->n_rows);
-    failed = failed ? failed : reel_read_varint(call, left, &size);
-    if (failed) {
-        return failed;
-    }
-    if (layout->number > SHARED) {
-        return reel_corrupt(call, at, "the layout of an attribute is unknown");
-    }
-    if (layout->number == EACH && (layout->n_rows != result->n_items || size)) {
-        return reel_corrupt(call, at, "an attribute does not have one row for each item");
-    }
+    REEL_TRY(reel_read_bytes(call, left, &layout->number, 1));
+    REEL_TRY(reel_read_varint(call, left, &layout->n_rows));
+    REEL_TRY(reel_read_varint(call, left, &size));
+    REEL_CORRUPT_IF(layout->number > SHARED, at, "the layout of an attribute is unknown");
+    REEL_CORRUPT_IF(layout->number == EACH && (layout->n_rows != result->n_items || size), at,
+                    "an attribute does not have one row for each item");
     if (size > left->length) {
         return reel_fail(call, MESHREEL_TRUNCATED, left->at,
                          "an attribute ends inside its references");
@@ -97,9 +86,7 @@ static int read_layout(reel_call *call, reel_range *left, const meshreel_attribu
 static int allocate_values(reel_call *call, reel_pool *pool, const value_layout *layout,
                            meshreel_attribute *result, void **values) {
     *values = reel_pool_allocate(call, pool, layout->n_rows, result->width * size_of(result));
-    if (!*values) {
-        return call->error.code;
-    }
+    REEL_NEED(*values);
     if (layout->n_rows > MAX_ROWS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, layout->references.at,
                          "an attribute has more than 2^31 - 1 rows");
@@ -138,19 +125,12 @@ static const char *follow_references(const int32_t *codes, uint64_t n_items,
 static int read_item_rows(reel_call *call, reel_range coded, const meshreel_attribute *result,
                           int32_t *rows) {
     uint64_t at = coded.at, n_items = result->n_items, n_explicit;
-    int failed = reel_read_varint(call, &coded, &n_explicit);
-    if (failed) {
-        return failed;
-    }
-    if (n_explicit > n_items) {
-        return reel_corrupt(call, at, "an attribute has more explicit references than items");
-    }
+    REEL_TRY(reel_read_varint(call, &coded, &n_explicit));
+    REEL_CORRUPT_IF(n_explicit > n_items, at,
+                    "an attribute has more explicit references than items");
     int64_t lengths[] = {(int64_t)n_items, (int64_t)n_explicit};
     int32_t tables[] = {0, 1}, *values;
-    failed = reel_decode_rows(call, coded, lengths, tables, 2, 2, &values);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_decode_rows(call, coded, lengths, tables, 2, 2, &values));
     const int32_t *differences = values + n_items;
     const char *message = follow_references(values, n_items, differences, differences + n_explicit,
                                             result->n_rows, rows);
@@ -163,19 +143,12 @@ static int read_corner_counts(reel_call *call, reel_range *left, uint64_t n_item
     uint64_t at = left->at, total = 0;
     for (int i = 1; i <= REEL_CORNER_CONTEXTS; i++) {
         uint64_t count;
-        int failed = reel_read_varint(call, left, &count);
-        if (failed) {
-            return failed;
-        }
-        if (count > n_items) {
-            return reel_corrupt(call, at, "an attribute has more references than corners");
-        }
+        REEL_TRY(reel_read_varint(call, left, &count));
+        REEL_CORRUPT_IF(count > n_items, at, "an attribute has more references than corners");
         lengths[i] = (int64_t)count;
         total += i < REEL_CORNER_CONTEXTS ? count : 0;
     }
-    if (total > n_items) {
-        return reel_corrupt(call, at, "an attribute has more references than corners");
-    }
+    REEL_CORRUPT_IF(total > n_items, at, "an attribute has more references than corners");
     lengths[0] = (int64_t)(n_items - total);
     return MESHREEL_OK;
 }
@@ -189,29 +162,20 @@ static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range
     for (int32_t i = 0; i <= REEL_CORNER_CONTEXTS; i++) {
         tables[i] = i;
     }
-    int failed = read_corner_counts(call, &coded, n_items, lengths);
-    failed = failed ? failed
-                    : reel_decode_rows(call, coded, lengths, tables, REEL_CORNER_CONTEXTS + 1,
-                                       REEL_CORNER_CONTEXTS + 1, &values);
+    REEL_TRY(read_corner_counts(call, &coded, n_items, lengths));
+    REEL_TRY(reel_decode_rows(call, coded, lengths, tables, REEL_CORNER_CONTEXTS + 1,
+                              REEL_CORNER_CONTEXTS + 1, &values));
     const int32_t *triangles = (const int32_t *)faces->triangles;
-    failed = failed ? failed
-                    : reel_find_twins(call, &call->scratch, triangles, outline->n_faces, outline->n_verts,
-                                      &twins);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_find_twins(call, &call->scratch, triangles, outline->n_faces, outline->n_verts,
+                             &twins));
     if (faces->sizes) {
         items = reel_scratch(call, n_sides, sizeof *items);
-        if (!items) {
-            return call->error.code;
-        }
+        REEL_NEED(items);
         reel_find_fans(outline, faces->sizes, items);
     }
     size_t size = reel_corner_rows_memory((int64_t)outline->n_verts, (int64_t)n_items);
     void *memory = reel_scratch(call, size, 1);
-    if (!memory) {
-        return call->error.code;
-    }
+    REEL_NEED(memory);
     int64_t n_explicit = lengths[REEL_CORNER_CONTEXTS];
     int64_t found = reel_corner_rows(memory, size, triangles, twins, items, n_faces,
                                      (int64_t)outline->n_verts, (int64_t)n_items, result->n_rows,
@@ -224,17 +188,13 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, 
                      meshreel_attribute *result) {
     const reel_chunk *mark = call->scratch.last;
     int32_t *rows = reel_pool_allocate(call, pool, result->n_items, sizeof *rows);
-    if (!rows) {
-        return call->error.code;
-    }
-    int failed = result->domain == MESHREEL_CORNERS
-                     ? read_corner_rows(call, faces, coded, result, rows)
-                     : read_item_rows(call, coded, result, rows);
-    if (!failed) {
-        result->rows = rows;
-        reel_drop_scratch(call, mark);
-    }
-    return failed;
+    REEL_NEED(rows);
+    REEL_TRY(result->domain == MESHREEL_CORNERS
+                 ? read_corner_rows(call, faces, coded, result, rows)
+                 : read_item_rows(call, coded, result, rows));
+    result->rows = rows;
+    reel_drop_scratch(call, mark);
+    return MESHREEL_OK;
 }
 
 /* ---- row predictors ---- */
@@ -257,10 +217,7 @@ static int allocate_row_order(reel_call *call, uint64_t n_rows, uint64_t n_tripl
 /* Code rows in table order, without predictor or each predicted by the previous one. */
 static int predict_in_order(reel_call *call, uint32_t n_rows, bool from_previous,
                             row_order *rows_order) {
-    int failed = allocate_row_order(call, n_rows, from_previous ? n_rows : 0, rows_order);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(allocate_row_order(call, n_rows, from_previous ? n_rows : 0, rows_order));
     rows_order->starts[0] = 0;
     for (uint32_t i = 0; i < n_rows; i++) {
         rows_order->order[i] = (int32_t)i;
@@ -293,9 +250,7 @@ static int find_row_faces(reel_call *call, const reel_faces *faces,
                           const meshreel_attribute *output, int32_t **triangles, int32_t **twins) {
     uint64_t n_faces = faces->outline->n_faces;
     *triangles = reel_scratch(call, 3 * n_faces, sizeof **triangles);
-    if (!*triangles) {
-        return call->error.code;
-    }
+    REEL_NEED(*triangles);
     find_rows_of_triangles(faces, output, *triangles);
     return reel_find_twins(call, &call->scratch, *triangles, n_faces, output->n_rows, twins);
 }
@@ -305,14 +260,12 @@ static int predict_along_faces(reel_call *call, const reel_faces *faces,
     int64_t n_faces = (int64_t)faces->outline->n_faces, n_rows = output->n_rows;
     uint64_t n_sides = 3 * faces->outline->n_faces;
     int32_t *triangles, *twins;
-    int failed = allocate_row_order(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, rows_order);
+    REEL_TRY(allocate_row_order(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, rows_order));
     const reel_chunk *mark = call->scratch.last;
-    failed = failed ? failed : find_row_faces(call, faces, output, &triangles, &twins);
+    REEL_TRY(find_row_faces(call, faces, output, &triangles, &twins));
     size_t memory_size = reel_predictors_memory(n_rows, n_faces);
-    void *memory = failed ? NULL : reel_scratch(call, memory_size, 1);
-    if (!memory) {
-        return call->error.code;
-    }
+    void *memory = reel_scratch(call, memory_size, 1);
+    REEL_NEED(memory);
     int64_t result =
         reel_predictors_find(memory, memory_size, triangles, twins, n_rows, n_faces,
                              rows_order->order, rows_order->starts, rows_order->triples);
@@ -336,14 +289,10 @@ static int decode_patterns(reel_call *call, reel_range coded, const meshreel_att
     size_t memory_size = reel_patterns_memory(output->width);
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
-    int failed = memory ? reel_view(call, coded, &bytes) : call->error.code;
-    if (failed) {
-        return failed;
-    }
-    if (!reel_is_stripped(bytes, coded.length)) {
-        return reel_corrupt(call, coded.at + coded.length - 1,
-                            "the values of an attribute end with a zero byte");
-    }
+    REEL_NEED(memory);
+    REEL_TRY(reel_view(call, coded, &bytes));
+    REEL_CORRUPT_IF(!reel_is_stripped(bytes, coded.length), coded.at + coded.length - 1,
+                    "the values of an attribute end with a zero byte");
     reel_zero(values, (size_t)output->n_rows * output->width * size);
     int64_t result = reel_patterns_decode(
         memory, memory_size, bytes, (size_t)coded.length, values, output->n_rows, output->width,
@@ -357,12 +306,10 @@ static int decode_on_surface(reel_call *call, reel_range coded, const reel_faces
     size_t memory_size = reel_surface_integers_memory(n_rows, n_faces, output->width);
     int32_t *triangles, *twins;
     const uint8_t *bytes;
-    int failed = find_row_faces(call, faces, output, &triangles, &twins);
-    failed = failed ? failed : reel_view(call, coded, &bytes);
-    void *memory = failed ? NULL : reel_scratch(call, memory_size, 1);
-    if (!memory) {
-        return call->error.code;
-    }
+    REEL_TRY(find_row_faces(call, faces, output, &triangles, &twins));
+    REEL_TRY(reel_view(call, coded, &bytes));
+    void *memory = reel_scratch(call, memory_size, 1);
+    REEL_NEED(memory);
     int64_t result = reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length,
                                                   n_rows, output->width, triangles, twins, n_faces,
                                                   values);
@@ -377,10 +324,8 @@ static int decode_integers(reel_call *call, const reel_faces *faces, reel_range 
     if (predictor == ON_SURFACE) {
         return decode_on_surface(call, coded, faces, result, integers);
     }
-    int failed = find_row_order(call, faces, result, predictor, &rows_order);
-    return failed ? failed
-                  : decode_patterns(call, coded, result, &rows_order, sizeof *integers, false,
-                                    integers);
+    REEL_TRY(find_row_order(call, faces, result, predictor, &rows_order));
+    return decode_patterns(call, coded, result, &rows_order, sizeof *integers, false, integers);
 }
 
 static double divisor_of(uint8_t form) {
@@ -422,41 +367,34 @@ static bool is_form(const meshreel_attribute *result, uint8_t form) {
 static int read_grid(reel_call *call, reel_range *left, const meshreel_attribute *result,
                      number_layout *layout) {
     uint64_t at = left->at;
-    int failed = reel_read_bytes(call, left, &layout->step, sizeof layout->step);
-    failed = failed ? failed
-                    : reel_read_bytes(call, left, layout->origins,
-                                      result->width * sizeof *layout->origins);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_read_bytes(call, left, &layout->step, sizeof layout->step));
+    REEL_TRY(reel_read_bytes(call, left, layout->origins, result->width * sizeof *layout->origins));
     bool is_valid = layout->step > 0.0F && reel_is_finite((double)layout->step);
     for (uint32_t i = 0; i < result->width; i++) {
         is_valid = is_valid && reel_is_finite((double)layout->origins[i]);
     }
-    return is_valid ? MESHREEL_OK
-                    : reel_corrupt(call, at, "the step of an attribute is not above 0, or an origin is not finite");
+    REEL_CORRUPT_IF(!is_valid, at,
+                    "the step of an attribute is not above 0, or an origin is not finite");
+    return MESHREEL_OK;
 }
 
 static int read_number_layout(reel_call *call, reel_range *left, const meshreel_attribute *result,
                               number_layout *layout) {
     uint64_t at = left->at;
-    int failed = reel_read_bytes(call, left, &layout->form, 1);
-    if (!failed && !is_form(result, layout->form)) {
-        return reel_corrupt(call, at, "the form of the numbers of an attribute is unknown");
-    }
-    if (!failed && layout->form == OWN_GRID) {
-        failed = read_grid(call, left, result, layout);
+    REEL_TRY(reel_read_bytes(call, left, &layout->form, 1));
+    REEL_CORRUPT_IF(!is_form(result, layout->form), at,
+                    "the form of the numbers of an attribute is unknown");
+    if (layout->form == OWN_GRID) {
+        REEL_TRY(read_grid(call, left, result, layout));
     }
     at = left->at;
-    failed = failed ? failed : reel_read_bytes(call, left, &layout->predictor, 1);
+    REEL_TRY(reel_read_bytes(call, left, &layout->predictor, 1));
     bool has_integers = layout->form != PLAIN || result->type == MESHREEL_INT32;
     uint8_t last = result->domain == MESHREEL_FACES ? ROW_BEFORE
                    : has_integers                   ? ON_SURFACE
                                                     : ALONG_FACES;
-    if (!failed && layout->predictor > last) {
-        return reel_corrupt(call, at, "the row predictor of an attribute is unknown");
-    }
-    return failed;
+    REEL_CORRUPT_IF(layout->predictor > last, at, "the row predictor of an attribute is unknown");
+    return MESHREEL_OK;
 }
 
 /* Each product and each sum is rounded to single precision. */
@@ -472,29 +410,25 @@ static void place_on_grid(const meshreel_attribute *result, const int32_t *integ
 static int read_values(reel_call *call, const reel_faces *faces, reel_range coded,
                        const meshreel_attribute *result, void *values) {
     number_layout layout;
-    int failed = read_number_layout(call, &coded, result, &layout);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(read_number_layout(call, &coded, result, &layout));
     if (layout.form == PLAIN && result->type == MESHREEL_INT32) {
         return decode_integers(call, faces, coded, result, layout.predictor, values);
     }
     if (layout.form == PLAIN) {
         row_order rows_order;
-        failed = find_row_order(call, faces, result, layout.predictor, &rows_order);
-        return failed ? failed
-                      : decode_patterns(call, coded, result, &rows_order, size_of(result),
-                                        is_float(result), values);
+        REEL_TRY(find_row_order(call, faces, result, layout.predictor, &rows_order));
+        return decode_patterns(call, coded, result, &rows_order, size_of(result), is_float(result),
+                               values);
     }
     int32_t *integers = reel_scratch(call, result->n_rows, result->width * sizeof *integers);
-    failed = integers ? decode_integers(call, faces, coded, result, layout.predictor, integers)
-                      : call->error.code;
-    if (!failed && layout.form == OWN_GRID) {
+    REEL_NEED(integers);
+    REEL_TRY(decode_integers(call, faces, coded, result, layout.predictor, integers));
+    if (layout.form == OWN_GRID) {
         place_on_grid(result, integers, &layout, values);
-    } else if (!failed) {
+    } else {
         divide(result, integers, layout.form, values);
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
@@ -504,16 +438,16 @@ int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *face
     value_layout layout;
     void *values;
     *result = (meshreel_attribute){0};
-    int failed = read_type(call, &left, result);
-    failed = failed ? failed : reel_read_text(call, pool, &left, &result->name);
+    REEL_TRY(read_type(call, &left, result));
+    REEL_TRY(reel_read_text(call, pool, &left, &result->name));
     result->n_items = count_items(faces->outline, result->domain);
-    failed = failed ? failed : read_layout(call, &left, result, &layout);
-    failed = failed ? failed : allocate_values(call, pool, &layout, result, &values);
-    if (!failed && layout.number != EACH) {
+    REEL_TRY(read_layout(call, &left, result, &layout));
+    REEL_TRY(allocate_values(call, pool, &layout, result, &values));
+    if (layout.number != EACH) {
         result->is_indexed = layout.number == INDEXED;
-        failed = read_rows(call, pool, faces, layout.references, result);
+        REEL_TRY(read_rows(call, pool, faces, layout.references, result));
     }
-    failed = failed ? failed : read_values(call, faces, left, result, values);
+    REEL_TRY(read_values(call, faces, left, result, values));
     reel_drop_scratch(call, mark);
-    return failed;
+    return MESHREEL_OK;
 }

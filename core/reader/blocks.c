@@ -12,8 +12,7 @@
 
 static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t block, uint32_t track,
                    const char *message) {
-    return reel_fail(call, MESHREEL_CORRUPT,
-                     reel_group_bytes(&decoder->file->outline, block, track).at, message);
+    return reel_corrupt(call, reel_group_bytes(&decoder->file->outline, block, track).at, message);
 }
 
 /* ---- items and hierarchies ---- */
@@ -28,37 +27,37 @@ static int have_same_rows(reel_call *call, const reel_track *one, const reel_tra
         return MESHREEL_OK;
     }
     const reel_chunk *mark = call->scratch.last;
-    int failed = reel_view(call, one->rows, &bytes_a);
-    failed = failed ? failed : reel_view(call, other->rows, &bytes_b);
-    *are_same = !failed && reel_equal_bytes(bytes_a, bytes_b, (size_t)one->rows.length);
+    *are_same = false;
+    REEL_TRY(reel_view(call, one->rows, &bytes_a));
+    REEL_TRY(reel_view(call, other->rows, &bytes_b));
+    *are_same = reel_equal_bytes(bytes_a, bytes_b, (size_t)one->rows.length);
     reel_drop_scratch(call, mark);
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Share the items of another track on the same graph, if they are known. */
 static int share_items(reel_call *call, meshreel_decoder *decoder, uint32_t number) {
     const reel_track *tracks = decoder->file->tracks;
     reel_track_state *state = &decoder->tracks[number];
-    int failed = MESHREEL_OK;
-    for (uint32_t i = 1; i < decoder->file->info.n_tracks && !state->has_items && !failed; i++) {
+    for (uint32_t i = 1; i < decoder->file->info.n_tracks && !state->has_items; i++) {
         if (decoder->tracks[i].has_items) {
-            failed = have_same_rows(call, &tracks[i], &tracks[number], &state->has_items);
+            REEL_TRY(have_same_rows(call, &tracks[i], &tracks[number], &state->has_items));
             state->items = decoder->tracks[i].items;
         }
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 static int find_items(reel_call *call, meshreel_decoder *decoder, uint32_t number) {
     const meshreel_file *file = decoder->file;
     reel_track_state *state = &decoder->tracks[number];
-    int failed = state->has_items ? MESHREEL_OK : share_items(call, decoder, number);
-    if (failed || state->has_items) {
-        return failed;
+    REEL_TRY(share_items(call, decoder, number));
+    if (state->has_items) {
+        return MESHREEL_OK;
     }
     reel_pool pool = {NULL, 0};
-    failed = reel_find_items(call, &pool, &file->outline, &file->mesh, file->face_sizes,
-                             &file->tracks[number], &state->items);
+    int failed = reel_find_items(call, &pool, &file->outline, &file->mesh, file->face_sizes,
+                                 &file->tracks[number], &state->items);
     if (failed) {
         reel_release(&file->host, &pool);
         return failed;
@@ -116,11 +115,11 @@ static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t
                       uint64_t block, reel_group *group) {
     const reel_outline *outline = &decoder->file->outline;
     uint64_t n_items = decoder->tracks[track].items.graph.n_items;
-    int failed = reel_read_group(call, outline, &decoder->file->tracks[track], track, block, true,
-                                 group);
-    bool fits = failed || (group->n_corrected <= n_items &&
-                           group->n_corrections <= group->n_frames * n_items);
-    return fits ? failed
+    REEL_TRY(reel_read_group(call, outline, &decoder->file->tracks[track], track, block, true,
+                             group));
+    bool fits = group->n_corrected <= n_items &&
+                group->n_corrections <= group->n_frames * n_items;
+    return fits ? MESHREEL_OK
                 : corrupt(call, decoder, block, track, "there are more corrections than values");
 }
 
@@ -152,15 +151,11 @@ static int prepare_rows(reel_call *call, reel_range coded, const reel_coding_ord
     result->values =
         reel_scratch(call, is_small ? n_read * (uint64_t)order->n_columns : REEL_MAX_NUMBERS,
                      sizeof *result->values);
-    if (!result->memory || !result->values) {
-        return call->error.code;
-    }
-    int failed = reel_view(call, coded, &result->bytes);
-    if (failed || reel_is_stripped(result->bytes, coded.length)) {
-        return failed;
-    }
-    return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
-                     "fields end with a zero byte");
+    REEL_NEED(result->memory && result->values);
+    REEL_TRY(reel_view(call, coded, &result->bytes));
+    return reel_is_stripped(result->bytes, coded.length)
+               ? MESHREEL_OK
+               : reel_corrupt(call, coded.at + coded.length - 1, "fields end with a zero byte");
 }
 
 static void decode_rows(coded_fields *rows) {
@@ -303,16 +298,11 @@ static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_co
     job->rest_bits = (int64_t)group->rest_bits;
     job->has_cosines = group->has_cosines;
     job->is_adaptive = group->is_adaptive;
-    int failed = reel_read_rests(call, group, &job->rests);
-    failed = failed ? failed
-                    : reel_find_time_order(call, n_columns, job->n_frames, job->has_cosines,
-                                           job->rests, &job->time_order);
-    failed = failed ? failed
-                    : prepare_rows(call, group->basis, &job->time_order, group->n_modes, n_modes,
-                                   &job->times);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_read_rests(call, group, &job->rests));
+    REEL_TRY(reel_find_time_order(call, n_columns, job->n_frames, job->has_cosines, job->rests,
+                                  &job->time_order));
+    REEL_TRY(prepare_rows(call, group->basis, &job->time_order, group->n_modes, n_modes,
+                          &job->times));
     job->basis_needed = job->has_cosines ? reel_cosine_basis_memory(n_columns, job->n_frames)
                                          : reel_basis_memory(n_columns, job->n_frames);
     job->basis_memory = reel_scratch(call, job->basis_needed, 1);
@@ -332,16 +322,11 @@ static int decode_fields(reel_call *call, reel_field_mesh *mesh, uint64_t block,
         reel_pool_allocate(call, &output->pool, n_items * n_modes, sizeof *output->values);
     double *new_values =
         n_reused ? reel_scratch(call, n_items * n_new, sizeof *new_values) : output->values;
-    if (!output->values || !new_values) {
-        return call->error.code;
-    }
-    int failed = prepare_rows(call, group->coefficients, &mesh->order, group->n_modes - n_reused,
-                              n_new, &job.fields);
-    if (!failed && basis) {
-        failed = prepare_basis(call, group, n_columns, n_modes, &job);
-    }
-    if (failed) {
-        return failed;
+    REEL_NEED(output->values && new_values);
+    REEL_TRY(prepare_rows(call, group->coefficients, &mesh->order, group->n_modes - n_reused, n_new,
+                          &job.fields));
+    if (basis) {
+        REEL_TRY(prepare_basis(call, group, n_columns, n_modes, &job));
     }
     job.predicted = (reel_fields){.n_verts = (int64_t)n_items,
                                   .n_modes = (int64_t)n_new,
@@ -353,29 +338,18 @@ static int decode_fields(reel_call *call, reel_field_mesh *mesh, uint64_t block,
     if (reel_threads(call) > 1 && n_new) {
         size_t size = reel_predict_prepare_memory((int64_t)n_items, mesh->mesh.n_levels);
         job.predicted.prepared = reel_scratch(call, size, 1);
-        if (!job.predicted.prepared) {
-            return call->error.code;
-        }
+        REEL_NEED(job.predicted.prepared);
     }
     if (!mesh->has_finest && n_new) {
         const reel_graph *graph = mesh->graph;
         job.smooth_needed = reel_finest_smooth_memory(graph->n_items, graph->starts[n_items]);
         job.smooth_memory = reel_scratch(call, job.smooth_needed, 1);
-        if (!job.smooth_memory) {
-            return call->error.code;
-        }
+        REEL_NEED(job.smooth_memory);
     }
     reel_run(call, run_block_job, &job, 2);
-    failed = reel_fail_core(call, job.fields.result, job.fields.at, "the fields are damaged");
-    failed = failed ? failed
-                    : reel_fail_core(call, job.times.result, job.times.at,
-                                     "the temporal basis is damaged");
-    failed = failed ? failed
-                    : reel_fail_core(call, job.result, job.times.at,
-                                     "the temporal basis is damaged");
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_fail_core(call, job.fields.result, job.fields.at, "the fields are damaged"));
+    REEL_TRY(reel_fail_core(call, job.times.result, job.times.at, "the temporal basis is damaged"));
+    REEL_TRY(reel_fail_core(call, job.result, job.times.at, "the temporal basis is damaged"));
     if (n_new) {
         predict(call, &mesh->mesh, &job.predicted);
     }
@@ -495,9 +469,7 @@ int reel_pack_fields(reel_call *call, reel_track_state *state) {
     uint64_t size = reel_packed_bytes((int64_t)state->current.n_modes, n_items,
                                       (int64_t)state->current.group.precision);
     uint8_t *packed = rows ? reel_pool_allocate(call, &state->current.pool, size, 1) : NULL;
-    if (!packed) {
-        return call->error.code;
-    }
+    REEL_NEED(packed);
     reel_find_field_rows(state, rows);
     int64_t task_size = n_items / reel_threads(call) / PACK_TILE * PACK_TILE;
     pack_job job = {state, rows, task_size + PACK_TILE, packed};
@@ -517,33 +489,28 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
     if (n_moving && !group->reference && n_read < n_modes) {
         n_modes = n_read;
     }
-    int failed = find_mesh(call, decoder, state, (int64_t)group->stencil_size);
-    if (!failed && group->reference) {
-        failed = find_key(call, decoder, track, block, group);
-    }
-    if (failed) {
-        return failed;
+    REEL_TRY(find_mesh(call, decoder, state, (int64_t)group->stencil_size));
+    if (group->reference) {
+        REEL_TRY(find_key(call, decoder, track, block, group));
     }
     state->current.n_modes = n_modes;
     state->current.basis =
         reel_pool_allocate(call, &state->current.pool, n_columns * group->n_frames * n_modes,
                            sizeof *state->current.basis);
-    if (!state->current.basis) {
-        return call->error.code;
-    }
-    failed = decode_fields(call, state->mesh, block, group, n_columns, n_modes,
+    REEL_NEED(state->current.basis);
+    REEL_TRY(decode_fields(call, state->mesh, block, group, n_columns, n_modes,
                            group->reference ? &state->key : NULL, state->current.basis,
-                           &state->current.fields);
-    if (!failed && !n_moving) {
-        failed = reel_read_corrections(call, &state->current.pool, group, n_columns,
+                           &state->current.fields));
+    if (!n_moving) {
+        REEL_TRY(reel_read_corrections(call, &state->current.pool, group, n_columns,
                                        state->items.graph.n_items, state->items.inverse,
-                                       &state->current.corrections);
+                                       &state->current.corrections));
     }
-    if (!failed && n_moving) {
+    if (n_moving) {
         freeze_modes(state->current.basis, n_columns, (int64_t)group->n_frames, (int64_t)n_modes,
                      (int64_t)n_moving);
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* ---- exact values ---- */
@@ -558,13 +525,8 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, cons
     size_t memory_size = reel_exact_memory(frames, graph->n_items, columns);
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
-    if (!*output || !memory) {
-        return call->error.code;
-    }
-    int failed = reel_view(call, coded, &bytes);
-    if (failed) {
-        return failed;
-    }
+    REEL_NEED(*output && memory);
+    REEL_TRY(reel_view(call, coded, &bytes));
     int64_t result =
         reel_exact_decode(memory, memory_size, bytes, (size_t)coded.length, *output, frames,
                           graph->n_items, columns, size, type, graph->starts, graph->near);
@@ -584,14 +546,9 @@ static int load_one_frame(reel_call *call, const meshreel_decoder *decoder,
     const reel_chunk *mark = call->scratch.last;
     size_t memory_size = reel_surface_integers_memory(n_verts, n_faces, N_AXES);
     void *memory = positions ? reel_scratch(call, memory_size, 1) : NULL;
-    if (!memory) {
-        return call->error.code;
-    }
+    REEL_NEED(memory);
     const uint8_t *bytes;
-    int failed = reel_view(call, coded, &bytes);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_view(call, coded, &bytes));
     int64_t result =
         reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length, n_verts,
                                      N_AXES, faces, decoder->file->mesh.twins, n_faces, positions);
@@ -621,11 +578,8 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
     reel_graph *graph = &state->items.graph;
     if (!graph->starts) { /* of single frames that turn out not to be on a grid */
         const reel_outline *outline = &decoder->file->outline;
-        int failed = reel_find_neighbors(call, &decoder->pool, decoder->file->mesh.internal_faces,
-                                         outline->n_faces, (uint32_t)outline->n_verts, graph);
-        if (failed) {
-            return failed;
-        }
+        REEL_TRY(reel_find_neighbors(call, &decoder->pool, decoder->file->mesh.internal_faces,
+                                     outline->n_faces, (uint32_t)outline->n_verts, graph));
     }
     return decode_exact(call, &state->current.pool, group->values, graph,
                         group->n_frames, definition->n_coded, size, type, &state->current.exact);
@@ -637,17 +591,16 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
     const reel_graph *graph = &decoder->tracks[track].items.graph;
     uint32_t n_columns = decoder->file->tracks[track].info.n_columns;
     void *result;
-    int failed =
-        decode_exact(call, &current->pool, current->group.missing, graph, current->group.n_frames,
-                     n_columns, 1, REEL_UNSIGNED_INTEGERS, &result);
+    REEL_TRY(decode_exact(call, &current->pool, current->group.missing, graph,
+                          current->group.n_frames, n_columns, 1, REEL_UNSIGNED_INTEGERS, &result));
     current->missing = result;
-    for (uint64_t i = 0; !failed && i < current->group.n_frames * graph->n_items * n_columns; i++) {
+    for (uint64_t i = 0; i < current->group.n_frames * graph->n_items * n_columns; i++) {
         if (current->missing[i] > 1) {
-            failed = reel_corrupt(call, current->group.missing.at,
-                                  "the flag of a missing value is neither 0 nor 1");
+            REEL_TRY(reel_corrupt(call, current->group.missing.at,
+                                  "the flag of a missing value is neither 0 nor 1"));
         }
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* ---- a block ---- */
@@ -697,14 +650,11 @@ int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64
     }
     release_block(call, &state->current);
     call->held = reel_decoder_bytes(decoder) + call->scratch.held;
-    int failed = find_items(call, decoder, track);
-    failed = failed ? failed : read_group(call, decoder, track, block, &state->current.group);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(find_items(call, decoder, track));
+    REEL_TRY(read_group(call, decoder, track, block, &state->current.group));
     bool has_modes = definition->info.coding != REEL_EXACT && !definition->info.is_exact;
-    failed = has_modes ? load_modes(call, decoder, track, block, n_moving)
-                       : load_exact(call, decoder, track);
+    int failed = has_modes ? load_modes(call, decoder, track, block, n_moving)
+                           : load_exact(call, decoder, track);
     if (!failed && state->current.group.missing.at) {
         failed = load_missing(call, decoder, track);
     }

@@ -45,6 +45,31 @@ int reel_invalid(meshreel_error *error, const char *message);
    if `result` is none. */
 int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char *message);
 
+/* Return from a function of the reader with the failure of a step, unless it is MESHREEL_OK. */
+#define REEL_TRY(step)                                                                             \
+    do {                                                                                           \
+        int failed_step = (step);                                                                  \
+        if (failed_step) {                                                                         \
+            return failed_step;                                                                    \
+        }                                                                                          \
+    } while (0)
+
+/* Return with the failure that an allocation recorded in `call`, if `is_allocated` is false. */
+#define REEL_NEED(is_allocated)                                                                    \
+    do {                                                                                           \
+        if (!(is_allocated)) {                                                                     \
+            return call->error.code;                                                               \
+        }                                                                                          \
+    } while (0)
+
+/* Return with MESHREEL_CORRUPT if a condition holds. */
+#define REEL_CORRUPT_IF(condition, offset, message)                                                \
+    do {                                                                                           \
+        if (condition) {                                                                           \
+            return reel_corrupt(call, offset, message);                                            \
+        }                                                                                          \
+    } while (0)
+
 /* Allocate `count` items of `item` bytes, aligned to 64 bytes. Returns NULL after recording a
    failure; 0 items are not NULL. */
 void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint64_t item);

@@ -31,9 +31,7 @@ static double load_double(const uint8_t *bytes) {
 }
 
 static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uint64_t at) {
-    if (!n_verts || !n_faces) {
-        return reel_corrupt(call, at, "the mesh has 0 vertices or 0 faces");
-    }
+    REEL_CORRUPT_IF(!n_verts || !n_faces, at, "the mesh has 0 vertices or 0 faces");
     return n_verts > REEL_MAX_VERTS || n_faces > REEL_MAX_VERTS
                ? reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^26 vertices or faces")
                : MESHREEL_OK;
@@ -48,13 +46,9 @@ static int set_mesh(reel_call *call, reel_outline *outline, const uint8_t *count
     outline->method = codes[1];
     outline->laplacian = codes[2];
     outline->order = codes[3];
-    int failed = check_counts(call, outline->n_verts, outline->n_faces, counts_at);
-    if (failed) {
-        return failed;
-    }
-    if (outline->number_bytes != 4 && outline->number_bytes != 8) {
-        return reel_corrupt(call, codes_at, "the vertex type is neither 4 nor 8");
-    }
+    REEL_TRY(check_counts(call, outline->n_verts, outline->n_faces, counts_at));
+    REEL_CORRUPT_IF(outline->number_bytes != 4 && outline->number_bytes != 8, codes_at,
+                    "the vertex type is neither 4 nor 8");
     bool is_newer = outline->method > LAST_METHOD || outline->laplacian > 2 ||
                     outline->order > REEL_ORDER_DROPPED;
     return is_newer
@@ -82,13 +76,9 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
     uint8_t fixed[FIXED_BYTES] = {0};
     uint64_t size = call->source->size;
     size_t here = size < FIXED_BYTES ? (size_t)size : FIXED_BYTES;
-    int failed = reel_read(call, 0, fixed, here);
-    if (failed) {
-        return failed;
-    }
-    if (!reel_equal_bytes(fixed, magic, here < sizeof magic ? here : sizeof magic)) {
-        return reel_corrupt(call, 0, "not a .reel stream");
-    }
+    REEL_TRY(reel_read(call, 0, fixed, here));
+    REEL_CORRUPT_IF(!reel_equal_bytes(fixed, magic, here < sizeof magic ? here : sizeof magic), 0,
+                    "not a .reel stream");
     if (here >= sizeof magic + 2 && (fixed[8] != VERSION || fixed[9] != 0)) {
         bool is_older = fixed[8] && fixed[8] < VERSION && !fixed[9];
         return reel_fail(
@@ -100,24 +90,19 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
         return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");
     }
     size_t name = (size_t)(fixed[66] | fixed[67] << 8);
-    failed = reel_check_crc(call, 0, FIXED_BYTES + name);
-    if (failed) {
-        return failed;
-    }
-    if (name > MAX_NAME_BYTES) {
-        return reel_corrupt(call, 66, "the name has more than 4096 bytes");
-    }
+    REEL_TRY(reel_check_crc(call, 0, FIXED_BYTES + name));
+    REEL_CORRUPT_IF(name > MAX_NAME_BYTES, 66, "the name has more than 4096 bytes");
     outline->announced = load_uint32(fixed + 10);
     outline->fps = load_double(fixed + 22);
     outline->begin = FIXED_BYTES + name + 4;
     outline->is_first = true;
     reel_range left = {FIXED_BYTES, name};
-    failed = reel_read_text_bytes(call, pool, &left, name, &outline->name);
-    failed = failed ? failed : set_mesh(call, outline, fixed + 14, 14, fixed + 30, 30);
-    failed = failed ? failed : set_placement(call, outline, fixed + 34, 34);
+    REEL_TRY(reel_read_text_bytes(call, pool, &left, name, &outline->name));
+    REEL_TRY(set_mesh(call, outline, fixed + 14, 14, fixed + 30, 30));
+    REEL_TRY(set_placement(call, outline, fixed + 34, 34));
     bool is_timed = reel_is_finite(outline->fps) && outline->fps >= 0.0;
-    return failed || is_timed
-               ? failed
+    return is_timed
+               ? MESHREEL_OK
                : reel_corrupt(call, 22, "the frames per second are negative or not finite");
 }
 
@@ -131,9 +116,7 @@ static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, 
     }
     uint64_t new_capacity = *capacity ? 2 * *capacity : 16;
     void *moved = reel_pool_allocate(call, pool, new_capacity, item);
-    if (!moved) {
-        return call->error.code;
-    }
+    REEL_NEED(moved);
     if (count) {
         reel_copy(moved, *items, (size_t)count * item);
     }
@@ -144,70 +127,58 @@ static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, 
 
 static int read_double(reel_call *call, const reel_section *section, double *result) {
     reel_range left = section->payload;
-    if (left.length != sizeof *result) {
-        return reel_corrupt(call, section->at,
-                            "the start or the error bound does not have 8 bytes");
-    }
-    int failed = reel_read_bytes(call, &left, result, sizeof *result);
-    if (!failed && !reel_is_finite(*result)) {
-        return reel_corrupt(call, section->payload.at,
-                            "the start or the error bound is not finite");
-    }
-    return failed;
+    REEL_CORRUPT_IF(left.length != sizeof *result, section->at,
+                    "the start or the error bound does not have 8 bytes");
+    REEL_TRY(reel_read_bytes(call, &left, result, sizeof *result));
+    REEL_CORRUPT_IF(!reel_is_finite(*result), section->payload.at,
+                    "the start or the error bound is not finite");
+    return MESHREEL_OK;
 }
 
 static int read_polygons(reel_call *call, const reel_section *section, reel_outline *outline) {
     reel_range left = section->payload;
-    int failed = reel_read_varint(call, &left, &outline->n_polygons);
-    if (!failed && outline->n_polygons > outline->n_faces) {
-        return reel_corrupt(call, section->payload.at, "there are more polygons than triangles");
-    }
+    REEL_TRY(reel_read_varint(call, &left, &outline->n_polygons));
+    REEL_CORRUPT_IF(outline->n_polygons > outline->n_faces, section->payload.at,
+                    "there are more polygons than triangles");
     outline->n_corners = outline->n_faces + 2 * outline->n_polygons;
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Read the vertex and face counts of the mesh that EDIT changes. */
 static int read_base(reel_call *call, const reel_section *section, reel_outline *outline) {
     reel_range left = outline->edit = section->payload;
-    int failed = reel_read_varint(call, &left, &outline->coded_verts);
-    failed = failed ? failed : reel_read_varint(call, &left, &outline->coded_faces);
-    return failed ? failed
-                  : check_counts(call, outline->coded_verts, outline->coded_faces,
-                                 section->payload.at);
+    REEL_TRY(reel_read_varint(call, &left, &outline->coded_verts));
+    REEL_TRY(reel_read_varint(call, &left, &outline->coded_faces));
+    return check_counts(call, outline->coded_verts, outline->coded_faces, section->payload.at);
 }
 
 static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
                        const reel_section *section) {
     uint64_t capacity = outline->leading_capacity;
     void *items = outline->leading;
-    int failed = grow(call, pool, &items, outline->n_leading, &capacity, sizeof *outline->leading);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(grow(call, pool, &items, outline->n_leading, &capacity, sizeof *outline->leading));
     outline->leading = items;
     outline->leading_capacity = (uint32_t)capacity;
     outline->leading[outline->n_leading++] = *section;
     if (section->id == REEL_TRACK && ++outline->n_tracks > MAX_TRACKS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->at, "more than 2^20 tracks");
     }
-    if (section->id == REEL_REFERENCE) {
-        return reel_corrupt(call, section->at, "a reference does not follow the section SEGMENT");
-    }
+    REEL_CORRUPT_IF(section->id == REEL_REFERENCE, section->at,
+                    "a reference does not follow the section SEGMENT");
     if (section->id == REEL_EDIT) {
         return outline->edit.length
                    ? reel_corrupt(call, section->at, "there is more than one section EDIT")
                    : read_base(call, section, outline);
     }
-    if (section->id == REEL_START && !outline->is_first) {
-        return reel_corrupt(call, section->at, "a start is stored behind the first segment");
-    }
+    REEL_CORRUPT_IF(section->id == REEL_START && !outline->is_first, section->at,
+                    "a start is stored behind the first segment");
     if (section->id == REEL_START) {
         return read_double(call, section, &outline->start_s);
     }
     if (section->id == REEL_ERROR_BOUND) {
-        failed = read_double(call, section, &outline->error_bound_percent);
-        return failed || outline->error_bound_percent > 0.0
-                   ? failed
+        REEL_TRY(read_double(call, section, &outline->error_bound_percent));
+        return outline->error_bound_percent > 0.0
+                   ? MESHREEL_OK
                    : reel_corrupt(call, section->payload.at, "the error bound is not positive");
     }
     return section->id == REEL_POLYGONS ? read_polygons(call, section, outline) : MESHREEL_OK;
@@ -230,24 +201,18 @@ static void reset_outline(reel_outline *outline) {
 
 static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t begin,
                         uint64_t end) {
-    int failed = begin < end ? reel_announce(call, (reel_range){begin, end - begin}) : MESHREEL_OK;
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(begin < end ? reel_announce(call, (reel_range){begin, end - begin}) : MESHREEL_OK);
     for (uint64_t at = begin; at < end;) {
         reel_section section;
-        failed = reel_section_at(call, at, end, &section);
-        failed = failed ? failed : reel_section_check(call, &section);
-        if (!failed && reel_is_known(section.id)) {
+        REEL_TRY(reel_section_at(call, at, end, &section));
+        REEL_TRY(reel_section_check(call, &section));
+        if (reel_is_known(section.id)) {
             bool is_of_block = section.id >= REEL_BLOCK && !(section.id & REEL_OPTIONAL);
-            failed = is_of_block
+            REEL_TRY(is_of_block
                          ? reel_corrupt(call, at, "a section of a block precedes the first block")
-                     : section.id == REEL_SEGMENT
-                         ? reel_corrupt(call, at, "a segment is out of place")
-                         : add_leading(call, pool, outline, &section);
-        }
-        if (failed) {
-            return failed;
+                         : section.id == REEL_SEGMENT
+                               ? reel_corrupt(call, at, "a segment is out of place")
+                               : add_leading(call, pool, outline, &section));
         }
         at = section.end;
     }
@@ -261,9 +226,7 @@ static int check_block(reel_call *call, uint64_t at, uint64_t n_verts, uint64_t 
                        uint64_t n_frames) {
     uint64_t max_frames = REEL_MAX_NUMBERS / n_verts;
     max_frames = max_frames < REEL_MAX_FRAMES ? max_frames : REEL_MAX_FRAMES;
-    if (!n_frames) {
-        return reel_corrupt(call, at, "a block has no frames");
-    }
+    REEL_CORRUPT_IF(!n_frames, at, "a block has no frames");
     return n_frames > max_frames - n_before
                ? reel_fail(call, MESHREEL_UNSUPPORTED, at,
                            "more frames than this build reads for this number of vertices")
@@ -273,19 +236,12 @@ static int check_block(reel_call *call, uint64_t at, uint64_t n_verts, uint64_t 
 /* Add a block; `ends` receives its row of track ends, to be filled in. */
 static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t at,
                      uint64_t n_frames, uint64_t **ends) {
-    int failed = check_block(call, at, outline->n_verts, outline->n_frames, n_frames);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(check_block(call, at, outline->n_verts, outline->n_frames, n_frames));
     uint64_t capacity = outline->blocks_capacity, count = outline->n_blocks;
     void *blocks = outline->blocks, *all = outline->ends;
-    failed = grow(call, pool, &blocks, count, &capacity, sizeof *outline->blocks);
+    REEL_TRY(grow(call, pool, &blocks, count, &capacity, sizeof *outline->blocks));
     capacity = outline->blocks_capacity; /* both arrays grow together */
-    failed = failed ? failed
-                    : grow(call, pool, &all, count, &capacity, outline->n_tracks * sizeof **ends);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(grow(call, pool, &all, count, &capacity, outline->n_tracks * sizeof **ends));
     outline->blocks = blocks;
     outline->ends = all;
     outline->blocks_capacity = capacity;
@@ -310,30 +266,21 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
                       uint64_t *first) {
     uint64_t size = call->source->size, end_at = size < END_BYTES ? 0 : size - END_BYTES, at;
     reel_section end;
-    int failed = reel_section_at(call, end_at > outline->begin ? end_at : outline->begin,
-                                 size, &end);
-    failed = failed ? failed : reel_section_check(call, &end);
-    if (failed) {
-        return failed;
-    }
-    if (end.id != REEL_END || end.payload.length != sizeof at) {
-        return reel_corrupt(call, end_at, "the end of the file does not lead to an index");
-    }
-    failed = reel_read(call, end.payload.at, &at, sizeof at);
-    failed = failed ? failed : reel_section_at(call, at, size, index);
-    failed = failed ? failed : reel_announce(call, (reel_range){at, size - at});
-    failed = failed ? failed : reel_section_check(call, index);
-    if (failed) {
-        return failed;
-    }
-    if (index->id != REEL_INDEX || at < outline->begin) {
-        return reel_corrupt(call, at, "the end of the file does not lead to an index");
-    }
+    REEL_TRY(reel_section_at(call, end_at > outline->begin ? end_at : outline->begin, size, &end));
+    REEL_TRY(reel_section_check(call, &end));
+    REEL_CORRUPT_IF(end.id != REEL_END || end.payload.length != sizeof at, end_at,
+                    "the end of the file does not lead to an index");
+    REEL_TRY(reel_read(call, end.payload.at, &at, sizeof at));
+    REEL_TRY(reel_section_at(call, at, size, index));
+    REEL_TRY(reel_announce(call, (reel_range){at, size - at}));
+    REEL_TRY(reel_section_check(call, index));
+    REEL_CORRUPT_IF(index->id != REEL_INDEX || at < outline->begin, at,
+                    "the end of the file does not lead to an index");
     reel_range left = index->payload;
-    failed = reel_read_varint(call, &left, first);
+    REEL_TRY(reel_read_varint(call, &left, first));
     bool is_behind = *first >= outline->begin && *first <= at;
-    return failed || is_behind
-               ? failed
+    return is_behind
+               ? MESHREEL_OK
                : reel_corrupt(call, at, "the first block of the index is out of range");
 }
 
@@ -343,49 +290,39 @@ static int read_blocks(reel_call *call, reel_pool *pool, reel_outline *outline,
                        reel_segment *segment, reel_range *left, uint64_t limit) {
     uint64_t at = segment->first_block, n_blocks, n_frames, *ends = NULL;
     segment->n_frames = 0;
-    int failed = reel_read_varint(call, left, &n_blocks);
-    if (!failed && !n_blocks) {
-        return reel_corrupt(call, left->at, "the index lists a segment without blocks");
-    }
-    for (uint64_t i = 0; !failed && i < n_blocks; i++) {
-        failed = reel_read_varint(call, left, &n_frames);
-        if (!failed) {
-            failed = outline ? add_block(call, pool, outline, at, n_frames, &ends)
-                             : check_block(call, at, segment->n_verts, segment->n_frames, n_frames);
-        }
-        segment->n_frames += failed ? 0 : (uint32_t)n_frames;
-        for (uint32_t track = 0; !failed && track < segment->n_tracks; track++) {
+    REEL_TRY(reel_read_varint(call, left, &n_blocks));
+    REEL_CORRUPT_IF(!n_blocks, left->at, "the index lists a segment without blocks");
+    for (uint64_t i = 0; i < n_blocks; i++) {
+        REEL_TRY(reel_read_varint(call, left, &n_frames));
+        REEL_TRY(outline ? add_block(call, pool, outline, at, n_frames, &ends)
+                         : check_block(call, at, segment->n_verts, segment->n_frames, n_frames));
+        segment->n_frames += (uint32_t)n_frames;
+        for (uint32_t track = 0; track < segment->n_tracks; track++) {
             uint64_t size;
-            failed = reel_read_varint(call, left, &size);
-            if (!failed && (!size || size > limit - at)) {
-                return reel_corrupt(call, left->at,
-                                    "the index lists blocks that are not in the file");
-            }
-            at += failed ? 0 : size;
+            REEL_TRY(reel_read_varint(call, left, &size));
+            REEL_CORRUPT_IF(!size || size > limit - at, left->at,
+                            "the index lists blocks that are not in the file");
+            at += size;
             if (outline) {
                 ends[track] = at;
             }
         }
     }
     segment->end = at;
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Read a segment other than the first from the index, up to its blocks. */
 static int read_segment_entry(reel_call *call, reel_range *left, uint64_t limit,
                               reel_segment *segment) {
     uint64_t at = left->at, n_tracks, size;
-    int failed = reel_read_varint(call, left, &segment->n_verts);
-    failed = failed ? failed : reel_read_varint(call, left, &segment->n_faces);
-    failed = failed ? failed : reel_read_varint(call, left, &n_tracks);
-    failed = failed ? failed : reel_read_varint(call, left, &size);
-    failed = failed ? failed : check_counts(call, segment->n_verts, segment->n_faces, at);
-    if (failed) {
-        return failed;
-    }
-    if (!n_tracks || n_tracks > MAX_TRACKS || size > limit - segment->at) {
-        return reel_corrupt(call, at, "the index lists a segment that is not in the file");
-    }
+    REEL_TRY(reel_read_varint(call, left, &segment->n_verts));
+    REEL_TRY(reel_read_varint(call, left, &segment->n_faces));
+    REEL_TRY(reel_read_varint(call, left, &n_tracks));
+    REEL_TRY(reel_read_varint(call, left, &size));
+    REEL_TRY(check_counts(call, segment->n_verts, segment->n_faces, at));
+    REEL_CORRUPT_IF(!n_tracks || n_tracks > MAX_TRACKS || size > limit - segment->at, at,
+                    "the index lists a segment that is not in the file");
     segment->n_tracks = (uint32_t)n_tracks;
     segment->first_block = segment->at + size;
     return MESHREEL_OK;
@@ -397,14 +334,12 @@ static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments
         return reel_fail(call, MESHREEL_UNSUPPORTED, segment.at, "more than 2^28 frames");
     }
     void *all = segments->all;
-    int failed = grow(call, pool, &all, segments->count, &segments->capacity, sizeof segment);
-    if (!failed) {
-        segments->all = all;
-        segment.first_frame = (uint32_t)segments->n_frames;
-        segments->all[segments->count++] = segment;
-        segments->n_frames += segment.n_frames;
-    }
-    return failed;
+    REEL_TRY(grow(call, pool, &all, segments->count, &segments->capacity, sizeof segment));
+    segments->all = all;
+    segment.first_frame = (uint32_t)segments->n_frames;
+    segments->all[segments->count++] = segment;
+    segments->n_frames += segment.n_frames;
+    return MESHREEL_OK;
 }
 
 /* Read the index: the first segment into `outline`, all into `segments`. */
@@ -413,18 +348,16 @@ static int read_entries(reel_call *call, reel_pool *pool, reel_outline *outline,
     reel_range left = index->payload;
     reel_segment segment = {.at = outline->begin, .n_verts = outline->n_verts,
                             .n_faces = outline->n_faces, .n_tracks = outline->n_tracks};
-    int failed = reel_read_varint(call, &left, &segment.first_block);
-    for (bool is_first = true; !failed && (is_first || left.length); is_first = false) {
-        failed = is_first ? MESHREEL_OK : read_segment_entry(call, &left, index->at, &segment);
+    REEL_TRY(reel_read_varint(call, &left, &segment.first_block));
+    for (bool is_first = true; is_first || left.length; is_first = false) {
+        REEL_TRY(is_first ? MESHREEL_OK : read_segment_entry(call, &left, index->at, &segment));
         segment.blocks = left;
-        failed =
-            failed ? failed
-                   : read_blocks(call, pool, is_first ? outline : NULL, &segment, &left, index->at);
-        failed = failed ? failed : add_segment(call, pool, segments, segment);
+        REEL_TRY(read_blocks(call, pool, is_first ? outline : NULL, &segment, &left, index->at));
+        REEL_TRY(add_segment(call, pool, segments, segment));
         segment.at = segment.end;
     }
-    return failed || segment.end == index->at
-               ? failed
+    return segment.end == index->at
+               ? MESHREEL_OK
                : reel_corrupt(call, index->at, "the index does not list all blocks");
 }
 
@@ -457,10 +390,9 @@ typedef struct {
 static int open_block(scan *s, const reel_section *section) {
     reel_range left = section->payload;
     uint64_t n_frames;
-    int failed = reel_read_varint(s->call, &left, &n_frames);
+    REEL_TRY(reel_read_varint(s->call, &left, &n_frames));
     s->n_groups = 1;
-    return failed ? failed
-                  : add_block(s->call, s->pool, s->outline, section->at, n_frames, &s->ends);
+    return add_block(s->call, s->pool, s->outline, section->at, n_frames, &s->ends);
 }
 
 static int close_block(scan *s, uint64_t end) {
@@ -502,10 +434,11 @@ static int scan_section(scan *s, const reel_section *section) {
     s->last = id;
     s->index_at = id == REEL_INDEX ? section->at : s->index_at;
     if (id == REEL_BLOCK || id == REEL_SEGMENT || id == REEL_INDEX || id == REEL_END) {
-        int failed = s->ends ? close_block(s, section->at) : MESHREEL_OK;
-        failed = failed || id != REEL_END ? failed : check_end(s, section);
-        failed = failed || id != REEL_SEGMENT ? failed : check_next(s, section);
-        return failed || id != REEL_BLOCK ? failed : open_block(s, section);
+        REEL_TRY(s->ends ? close_block(s, section->at) : MESHREEL_OK);
+        return id == REEL_END       ? check_end(s, section)
+               : id == REEL_SEGMENT ? check_next(s, section)
+               : id == REEL_BLOCK   ? open_block(s, section)
+                                    : MESHREEL_OK;
     }
     if (s->ends) {
         if (id == REEL_TRACK_BLOCK) {
@@ -581,34 +514,31 @@ static int begin_segment(reel_call *call, const reel_section *section, const ree
     bool is_placed = left.length == SEGMENT_BYTES + PLACEMENT_BYTES;
     *outline = (reel_outline){.fps = file->fps, .begin = section->at};
     reel_copy(outline->placement, file->placement, sizeof outline->placement);
-    if (left.length != SEGMENT_BYTES && !is_placed) {
-        return reel_corrupt(call, section->at, "the section SEGMENT has neither 12 nor 44 bytes");
-    }
-    int failed = reel_read_bytes(call, &left, mesh, sizeof mesh);
-    failed = failed ? failed : set_mesh(call, outline, mesh, section->payload.at, mesh + 8,
-                                        section->payload.at + 8);
-    if (!failed && is_placed) {
+    REEL_CORRUPT_IF(left.length != SEGMENT_BYTES && !is_placed, section->at,
+                    "the section SEGMENT has neither 12 nor 44 bytes");
+    REEL_TRY(reel_read_bytes(call, &left, mesh, sizeof mesh));
+    REEL_TRY(set_mesh(call, outline, mesh, section->payload.at, mesh + 8, section->payload.at + 8));
+    if (is_placed) {
         uint64_t at = left.at;
-        failed = reel_read_bytes(call, &left, placement, sizeof placement);
-        failed = failed ? failed : set_placement(call, outline, placement, at);
+        REEL_TRY(reel_read_bytes(call, &left, placement, sizeof placement));
+        REEL_TRY(set_placement(call, outline, placement, at));
     }
     reset_outline(outline);
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Read the section SEGMENT of a segment other than the first, found earlier by index or scan. */
 static int read_beginning(reel_call *call, const reel_outline *file, const reel_segment *segment,
                           uint64_t limit, reel_section *section, reel_outline *outline) {
-    int failed = reel_announce(call, (reel_range){segment->at, limit - segment->at});
-    failed = failed ? failed : reel_section_at(call, segment->at, limit, section);
-    failed = failed ? failed : reel_section_check(call, section);
-    if (!failed && section->id != REEL_SEGMENT) {
-        return reel_corrupt(call, segment->at, "no segment begins where the index lists one");
-    }
-    failed = failed ? failed : begin_segment(call, section, file, outline);
+    REEL_TRY(reel_announce(call, (reel_range){segment->at, limit - segment->at}));
+    REEL_TRY(reel_section_at(call, segment->at, limit, section));
+    REEL_TRY(reel_section_check(call, section));
+    REEL_CORRUPT_IF(section->id != REEL_SEGMENT, segment->at,
+                    "no segment begins where the index lists one");
+    REEL_TRY(begin_segment(call, section, file, outline));
     bool is_other = outline->n_verts != segment->n_verts || outline->n_faces != segment->n_faces;
-    return failed || !is_other
-               ? failed
+    return !is_other
+               ? MESHREEL_OK
                : reel_corrupt(call, segment->at, "the index contradicts the mesh of a segment");
 }
 
@@ -630,19 +560,14 @@ typedef struct {
 static int read_range(reel_call *call, reel_range *left, const reel_segments *segments,
                       uint64_t number, uint64_t at, shared_range *range) {
     uint64_t distance;
-    int failed = reel_read_varint(call, left, &distance);
-    failed = failed ? failed : reel_read_varint(call, left, &range->n_skipped);
-    failed = failed ? failed : reel_read_varint(call, left, &range->n_sections);
-    if (failed) {
-        return failed;
-    }
-    if (!range->n_sections || range->n_sections > MAX_SHARED ||
-        range->n_skipped > MAX_SHARED - range->n_sections) {
-        return reel_corrupt(call, at, "a reference shares no section, or one after the first 255");
-    }
-    if (!distance || distance > number) {
-        return reel_corrupt(call, at, "a segment refers to one that does not precede it");
-    }
+    REEL_TRY(reel_read_varint(call, left, &distance));
+    REEL_TRY(reel_read_varint(call, left, &range->n_skipped));
+    REEL_TRY(reel_read_varint(call, left, &range->n_sections));
+    REEL_CORRUPT_IF(!range->n_sections || range->n_sections > MAX_SHARED ||
+                    range->n_skipped > MAX_SHARED - range->n_sections, at,
+                    "a reference shares no section, or one after the first 255");
+    REEL_CORRUPT_IF(!distance || distance > number, at,
+                    "a segment refers to one that does not precede it");
     range->to = &segments->all[number - distance];
     return MESHREEL_OK;
 }
@@ -653,23 +578,22 @@ static int read_reference(reel_call *call, const reel_segments *segments, uint64
     uint8_t id = REEL_END;
     reel_section section;
     *reference = (mesh_reference){.end = begin};
-    int failed = begin < limit ? reel_read(call, begin, &id, sizeof id) : MESHREEL_OK;
-    if (failed || id != REEL_REFERENCE) {
-        return failed;
+    REEL_TRY(begin < limit ? reel_read(call, begin, &id, sizeof id) : MESHREEL_OK);
+    if (id != REEL_REFERENCE) {
+        return MESHREEL_OK;
     }
-    failed = reel_section_at(call, begin, limit, &section);
-    failed = failed ? failed : reel_section_check(call, &section);
+    REEL_TRY(reel_section_at(call, begin, limit, &section));
+    REEL_TRY(reel_section_check(call, &section));
     reference->at = section.payload.at;
     reference->end = section.end;
     reel_range left = section.payload;
-    while (!failed && (left.length || !reference->n_ranges)) {
-        if (reference->n_ranges == MAX_RANGES) {
-            return reel_corrupt(call, reference->at, "a reference has more than two ranges");
-        }
+    while (left.length || !reference->n_ranges) {
+        REEL_CORRUPT_IF(reference->n_ranges == MAX_RANGES, reference->at,
+                        "a reference has more than two ranges");
         shared_range *range = &reference->ranges[reference->n_ranges++];
-        failed = read_range(call, &left, segments, number, reference->at, range);
+        REEL_TRY(read_range(call, &left, segments, number, reference->at, range));
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Whether sections with this id describe the mesh, which segments may share. */
@@ -691,31 +615,29 @@ static int add_range(reel_call *call, reel_pool *pool, const shared_range *range
                      reel_outline *outline) {
     const reel_segment *to = range->to;
     uint64_t limit = to->first_block ? to->first_block : to->end, at = to->at;
-    int failed = reel_announce(call, (reel_range){at, limit - at});
-    for (uint64_t i = 0; !failed && i < range->n_skipped + range->n_sections;) {
+    REEL_TRY(reel_announce(call, (reel_range){at, limit - at}));
+    for (uint64_t i = 0; i < range->n_skipped + range->n_sections;) {
         reel_section section = {.id = REEL_BLOCK};
-        failed = at < limit ? reel_section_at(call, at, limit, &section) : MESHREEL_OK;
-        bool is_shared = i >= range->n_skipped && is_of_mesh(section.id);
-        failed = failed || !is_shared ? failed : reel_section_check(call, &section);
-        if (!failed && is_after_leading(&section, to->at)) {
-            return reel_corrupt(call, from,
-                                "a segment refers to more sections than the other one has");
+        REEL_TRY(at < limit ? reel_section_at(call, at, limit, &section) : MESHREEL_OK);
+        REEL_CORRUPT_IF(is_after_leading(&section, to->at), from,
+                        "a segment refers to more sections than the other one has");
+        if (i >= range->n_skipped && is_of_mesh(section.id)) {
+            REEL_TRY(reel_section_check(call, &section));
+            REEL_TRY(add_leading(call, pool, outline, &section));
         }
-        failed = failed || !is_shared ? failed : add_leading(call, pool, outline, &section);
         i += is_of_mesh(section.id);
         at = section.end;
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Add the sections that a segment refers to. */
 static int add_shared(reel_call *call, reel_pool *pool, const mesh_reference *reference,
                       reel_outline *outline) {
-    int failed = MESHREEL_OK;
-    for (uint32_t i = 0; !failed && i < reference->n_ranges; i++) {
-        failed = add_range(call, pool, &reference->ranges[i], reference->at, outline);
+    for (uint32_t i = 0; i < reference->n_ranges; i++) {
+        REEL_TRY(add_range(call, pool, &reference->ranges[i], reference->at, outline));
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *segment,
@@ -726,38 +648,30 @@ static int parse_segment(reel_call *call, reel_pool *pool, const reel_segment *s
     }
     reel_segment result = *segment;
     reel_range left = segment->blocks;
-    int failed = read_leading(call, pool, outline, begin, segment->first_block);
-    if (!failed && outline->n_tracks != segment->n_tracks) {
-        return reel_corrupt(call, segment->at, "the index contradicts the tracks of a segment");
-    }
+    REEL_TRY(read_leading(call, pool, outline, begin, segment->first_block));
+    REEL_CORRUPT_IF(outline->n_tracks != segment->n_tracks, segment->at,
+                    "the index contradicts the tracks of a segment");
     outline->is_whole = true;
-    return failed ? failed : read_blocks(call, pool, outline, &result, &left, segment->end);
+    return read_blocks(call, pool, outline, &result, &left, segment->end);
 }
 
 int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file,
                       const reel_segments *segments, uint32_t number, reel_outline *outline) {
     const reel_segment *segment = &segments->all[number];
     mesh_reference reference = {.end = segment->at};
-    int failed = MESHREEL_OK;
     if (number) {
         reel_section section;
         uint64_t limit = segment->first_block ? segment->first_block : segment->end;
-        failed = read_beginning(call, file, segment, limit, &section, outline);
-        failed = failed ? failed
-                        : read_reference(call, segments, number, section.end, limit, &reference);
-        failed = failed ? failed : add_shared(call, pool, &reference, outline);
+        REEL_TRY(read_beginning(call, file, segment, limit, &section, outline));
+        REEL_TRY(read_reference(call, segments, number, section.end, limit, &reference));
+        REEL_TRY(add_shared(call, pool, &reference, outline));
     } else {
         *outline = *file;
         reset_outline(outline);
     }
-    failed = failed ? failed : parse_segment(call, pool, segment, reference.end, outline);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(parse_segment(call, pool, segment, reference.end, outline));
     char *name = reel_pool_allocate(call, pool, file->name.size, 1);
-    if (!name) {
-        return call->error.code;
-    }
+    REEL_NEED(name);
     reel_copy(name, file->name.bytes, file->name.size);
     outline->name = (meshreel_text){name, file->name.size};
     outline->end = end_of_blocks(outline);
@@ -783,12 +697,12 @@ static int read_indexed(reel_call *call, reel_pool *pool, reel_outline *outline,
                         reel_segments *segments) {
     reel_section index;
     uint64_t first;
-    int failed = find_index(call, outline, &index, &first);
-    failed = failed ? failed : read_leading(call, pool, outline, outline->begin, first);
-    failed = failed ? failed : read_index(call, pool, outline, &index, segments);
+    REEL_TRY(find_index(call, outline, &index, &first));
+    REEL_TRY(read_leading(call, pool, outline, outline->begin, first));
+    REEL_TRY(read_index(call, pool, outline, &index, segments));
     outline->is_whole = true;
     outline->end = call->source->size;
-    return failed ? failed : check_frames(call, outline, segments);
+    return check_frames(call, outline, segments);
 }
 
 static int add_scanned(reel_call *call, reel_pool *pool, const reel_outline *outline,
@@ -835,12 +749,12 @@ static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, re
 static int read_scanned(reel_call *call, reel_pool *pool, reel_outline *outline,
                         reel_segments *segments) {
     reel_section next;
-    int failed = read_sections(call, pool, outline, outline->begin, &next);
-    failed = failed ? failed : add_scanned(call, pool, outline, segments);
-    while (!failed && next.id == REEL_SEGMENT) {
-        failed = scan_segment(call, pool, outline, &next, segments);
+    REEL_TRY(read_sections(call, pool, outline, outline->begin, &next));
+    REEL_TRY(add_scanned(call, pool, outline, segments));
+    while (next.id == REEL_SEGMENT) {
+        REEL_TRY(scan_segment(call, pool, outline, &next, segments));
     }
-    return failed ? failed : check_frames(call, outline, segments);
+    return check_frames(call, outline, segments);
 }
 
 int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
@@ -850,12 +764,9 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
     if (call->source->size > REEL_MAX_FILE_BYTES) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, 0, "more than 2^40 bytes");
     }
-    int failed = read_header(call, pool, outline);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(read_header(call, pool, outline));
     reset_outline(outline);
-    failed = read_indexed(call, pool, outline, segments);
+    int failed = read_indexed(call, pool, outline, segments);
     if (failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
         return failed;
     }

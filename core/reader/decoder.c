@@ -79,25 +79,19 @@ static int check_track(const meshreel_decoder *decoder, uint32_t track, uint32_t
 
 int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uint32_t n_modes,
                   meshreel_error *error) {
-    int failed = check_track(decoder, track, n_modes, error);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(check_track(decoder, track, n_modes, error));
     if (block >= decoder->file->info.n_blocks) {
         return reel_invalid(error, "the block does not exist");
     }
     reel_call call = begin_call(decoder);
-    failed = reel_load(&call, decoder, track, block, n_modes);
-    return reel_end_call(&call, failed, error);
+    return reel_end_call(&call, reel_load(&call, decoder, track, block, n_modes), error);
 }
 
 int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
                       meshreel_modes *modes, meshreel_error *error) {
-    int failed = modes ? meshreel_load(decoder, track, block, 0, error)
-                       : reel_invalid(error, "a pointer to modes is NULL");
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(modes ? meshreel_load(decoder, track, block, 0, error)
+                   : reel_invalid(error, "a pointer to modes is NULL"));
+    int failed = MESHREEL_OK;
     const reel_track *definition = &decoder->file->tracks[track];
     reel_track_state *state = &decoder->tracks[track];
     reel_loaded_block *current = &state->current;
@@ -210,32 +204,28 @@ static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number
     }
     uint64_t frame_bytes = to->n_values * to->n_columns * to->stored;
     uint64_t together = PIECE_BYTES / (frame_bytes + 1) + reel_threads(call);
-    int failed = MESHREEL_OK;
-    for (uint64_t from = 0; from < count && !failed; from += together) {
+    for (uint64_t from = 0; from < count; from += together) {
         uint64_t n = count - from < together ? count - from : together;
         const reel_chunk *mark = call->scratch.last;
         uint8_t *values = is_direct ? out + from * to->frame_stride
                                     : reel_scratch(call, n, frame_bytes);
-        failed = values ? reel_values(call, decoder, number, first + from, n, to->stored, values)
-                        : call->error.code;
-        for (uint64_t t = 0; t < n && !failed && !is_direct; t++) {
-            failed = store_frame(call, to, values + t * frame_bytes,
-                                 out + (from + t) * to->frame_stride);
+        REEL_NEED(values);
+        REEL_TRY(reel_values(call, decoder, number, first + from, n, to->stored, values));
+        for (uint64_t t = 0; t < n && !is_direct; t++) {
+            REEL_TRY(store_frame(call, to, values + t * frame_bytes,
+                                 out + (from + t) * to->frame_stride));
         }
         reel_drop_scratch(call, mark);
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, uint32_t count,
                     uint32_t n_modes, const meshreel_layout *layout, void *values,
                     meshreel_error *error) {
     output_layout to = {0};
-    int failed = check_track(decoder, track, n_modes, error);
-    failed = failed ? failed : find_layout(decoder, track, layout, &to, error);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(check_track(decoder, track, n_modes, error));
+    REEL_TRY(find_layout(decoder, track, layout, &to, error));
     const reel_outline *outline = &decoder->file->outline;
     if (first > outline->n_frames || count > outline->n_frames - first || (!values && count)) {
         return reel_invalid(error, "the frames do not exist, or a pointer to values is NULL");
@@ -245,6 +235,7 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
     }
     reel_call call = begin_call(decoder);
     uint64_t done = 0;
+    int failed = MESHREEL_OK;
     while (done < count && !failed) {
         uint64_t frame = first + done;
         uint32_t block = meshreel_block_of_frame(decoder->file, (uint32_t)frame);

@@ -20,7 +20,7 @@ typedef struct {
 } item_map;
 
 static int fail(reel_call *call, uint64_t at) {
-    return reel_fail(call, MESHREEL_CORRUPT, at, "the edit does not fit its mesh");
+    return reel_corrupt(call, at, "the edit does not fit its mesh");
 }
 
 static int read_edit(reel_call *call, const reel_outline *outline, mesh_edit *edit) {
@@ -28,16 +28,13 @@ static int read_edit(reel_call *call, const reel_outline *outline, mesh_edit *ed
     uint64_t n_base, limits[3] = {outline->coded_verts + outline->n_verts,
                                   outline->coded_faces + outline->n_faces, outline->n_faces};
     uint64_t *numbers[3] = {&edit->n_steps[0], &edit->n_steps[1], &edit->n_inserted};
-    int failed = reel_read_varint(call, &left, &n_base);
-    failed = failed ? failed : reel_read_varint(call, &left, &n_base);
-    for (int i = 0; !failed && i < 3; i++) {
-        failed = reel_read_varint(call, &left, numbers[i]);
-        if (!failed && *numbers[i] > limits[i]) {
+    REEL_TRY(reel_read_varint(call, &left, &n_base));
+    REEL_TRY(reel_read_varint(call, &left, &n_base));
+    for (int i = 0; i < 3; i++) {
+        REEL_TRY(reel_read_varint(call, &left, numbers[i]));
+        if (*numbers[i] > limits[i]) {
             return fail(call, outline->edit.at);
         }
-    }
-    if (failed) {
-        return failed;
     }
     int64_t lengths[2 * N_COUNTS + 1];
     int32_t tables[2 * N_COUNTS + 1], *values;
@@ -47,12 +44,12 @@ static int read_edit(reel_call *call, const reel_outline *outline, mesh_edit *ed
     }
     lengths[2 * N_COUNTS] = 3 * (int64_t)edit->n_inserted;
     tables[2 * N_COUNTS] = 2 * N_COUNTS;
-    failed = reel_decode_rows(call, left, lengths, tables, 2 * N_COUNTS + 1, 2 * N_COUNTS + 1,
-                              &values);
+    REEL_TRY(reel_decode_rows(call, left, lengths, tables, 2 * N_COUNTS + 1, 2 * N_COUNTS + 1,
+                              &values));
     edit->rows[0] = values;
     edit->rows[1] = values + N_COUNTS * edit->n_steps[0];
     edit->corners = edit->rows[1] + N_COUNTS * edit->n_steps[1];
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Map the items of the base to the new ones; false if the counts do not fit. */
@@ -89,9 +86,7 @@ static bool fill_map(const mesh_edit *edit, int kind, item_map *map) {
 static int map_items(reel_call *call, const mesh_edit *edit, int kind, uint64_t at, item_map *map) {
     map->to_new = reel_scratch(call, map->n_base, sizeof *map->to_new);
     map->from_base = reel_scratch(call, map->n_new, sizeof *map->from_base);
-    if (!map->to_new || !map->from_base) {
-        return call->error.code;
-    }
+    REEL_NEED(map->to_new && map->from_base);
     return fill_map(edit, kind, map) ? MESHREEL_OK : fail(call, at);
 }
 
@@ -143,9 +138,7 @@ static bool list_triangles(const mesh_edit *edit, const reel_mesh_data *base, co
 static int list_internal(reel_call *call, const reel_mesh_data *base, const int32_t *corners,
                          const item_map *verts, const item_map *faces, reel_mesh_data *mesh) {
     int32_t *numbers = reel_scratch(call, faces->n_base, sizeof *numbers);
-    if (!numbers) {
-        return call->error.code;
-    }
+    REEL_NEED(numbers);
     for (uint64_t i = 0; i < faces->n_base; i++) {
         numbers[corners ? corners[i] / 3 : (int32_t)i] = faces->to_new[i];
     }
@@ -169,12 +162,9 @@ static int apply_edit(reel_call *call, const reel_outline *outline, const reel_m
     mesh_edit edit;
     item_map verts = {.n_base = outline->coded_verts, .n_new = outline->n_verts};
     item_map faces = {.n_base = outline->coded_faces, .n_new = outline->n_faces};
-    int failed = read_edit(call, outline, &edit);
-    failed = failed ? failed : map_items(call, &edit, 0, outline->edit.at, &verts);
-    failed = failed ? failed : map_items(call, &edit, 1, outline->edit.at, &faces);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(read_edit(call, outline, &edit));
+    REEL_TRY(map_items(call, &edit, 0, outline->edit.at, &verts));
+    REEL_TRY(map_items(call, &edit, 1, outline->edit.at, &faces));
     number_vertices(base, &verts, mesh);
     return list_triangles(&edit, base, &verts, &faces, mesh->triangles)
                ? list_internal(call, base, corners, &verts, &faces, mesh)
@@ -193,21 +183,15 @@ int reel_read_edited_mesh(reel_call *call, reel_pool *pool, const reel_outline *
     mesh->triangles = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(uint32_t));
     mesh->to_internal = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
     mesh->to_output = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
-    if (!mesh->internal_faces || !mesh->triangles || !mesh->to_internal || !mesh->to_output) {
-        return call->error.code;
-    }
-    int failed = reel_decode_connectivity(call, &call->scratch, &coded, &base);
-    failed = failed ? failed : reel_prepare_order(call, &call->scratch, &coded, &base, &order);
-    if (failed) {
-        return failed;
-    }
+    REEL_NEED(mesh->internal_faces && mesh->triangles && mesh->to_internal && mesh->to_output);
+    REEL_TRY(reel_decode_connectivity(call, &call->scratch, &coded, &base));
+    REEL_TRY(reel_prepare_order(call, &call->scratch, &coded, &base, &order));
     reel_decode_order(order);
-    failed = reel_finish_order(call, order);
-    failed = failed ? failed
-                    : apply_edit(call, outline, &base, reel_order_corners(order), mesh);
+    REEL_TRY(reel_finish_order(call, order));
+    REEL_TRY(apply_edit(call, outline, &base, reel_order_corners(order), mesh));
     reel_drop_scratch(call, mark);
-    return failed || outline->method != REEL_METHOD_GRID
-               ? failed
+    return outline->method != REEL_METHOD_GRID
+               ? MESHREEL_OK
                : reel_find_twins(call, pool, mesh->internal_faces, outline->n_faces,
                                  outline->n_verts, &mesh->twins);
 }

@@ -20,9 +20,7 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
     uint64_t n = graph->n_items;
     reel_hierarchy_job *job = reel_scratch(call, 1, sizeof *job);
     reel_field_mesh *field_mesh = reel_pool_allocate(call, pool, 1, sizeof *field_mesh);
-    if (!job || !field_mesh) {
-        return call->error.code;
-    }
+    REEL_NEED(job && field_mesh);
     *result = job;
     *job = (reel_hierarchy_job){.field_mesh = field_mesh};
     *field_mesh = (reel_field_mesh){.graph = graph};
@@ -114,9 +112,7 @@ int reel_copy_hierarchy(reel_call *call, reel_pool *pool, const reel_field_mesh 
                         reel_field_mesh **copy) {
     *copy = reel_pool_allocate(call, pool, 1, sizeof **copy);
     float *smooth = reel_pool_allocate(call, pool, (uint64_t)mesh->mesh.n_verts, SMOOTH_ROW);
-    if (!*copy || !smooth) {
-        return call->error.code;
-    }
+    REEL_NEED(*copy && smooth);
     **copy = *mesh;
     (*copy)->finest_smooth = smooth;
     (*copy)->mesh.finest_smooth = smooth;
@@ -207,10 +203,8 @@ int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, b
     result->pass_starts = reel_scratch(call, MAX_PASSES + 1, sizeof *result->pass_starts);
     result->near = reel_scratch(call, n * MAX_NEAR, sizeof *result->near);
     int32_t *moving = reel_scratch(call, (uint64_t)n_frames, sizeof *moving);
-    if (!result->columns || !result->near_starts || !result->pass_starts || !result->near ||
-        !moving) {
-        return call->error.code;
-    }
+    REEL_NEED(result->columns && result->near_starts && result->pass_starts);
+    REEL_NEED(result->near && moving);
     int64_t n_moving = 0;
     for (int64_t time = 0; time < n_frames; time++) {
         if (!rests || !rests[time]) {

@@ -49,24 +49,19 @@ static void fill_info_of_mesh(meshreel_file *file) {
 }
 
 static int parse(reel_call *call, meshreel_file *file) {
-    int failed = MESHREEL_OK;
-    if (reel_is_of_paper(file) && (file->outline.n_tracks > 1 || file->outline.edit.length)) {
-        failed = reel_fail(call, MESHREEL_CORRUPT, file->outline.begin,
-                           "a file of a method of the paper has a track or an edit");
-    }
-    failed = failed ? failed
-                    : reel_read_tracks(call, &file->pool, &file->outline, &file->tracks);
-    if (!failed) {
-        fill_info(file);
-        fill_info_of_mesh(file);
-    }
-    return failed;
+    REEL_CORRUPT_IF(reel_is_of_paper(file) &&
+                    (file->outline.n_tracks > 1 || file->outline.edit.length), file->outline.begin,
+                    "a file of a method of the paper has a track or an edit");
+    REEL_TRY(reel_read_tracks(call, &file->pool, &file->outline, &file->tracks));
+    fill_info(file);
+    fill_info_of_mesh(file);
+    return MESHREEL_OK;
 }
 
 static int parse_whole(reel_call *call, meshreel_file *file) {
-    int failed = reel_read_outline(call, &file->pool, &file->outline, &file->segments);
-    if (failed || file->segments.count == 1) {
-        return failed ? failed : parse(call, file);
+    REEL_TRY(reel_read_outline(call, &file->pool, &file->outline, &file->segments));
+    if (file->segments.count == 1) {
+        return parse(call, file);
     }
     fill_info(file);
     return MESHREEL_OK;
@@ -74,13 +69,10 @@ static int parse_whole(reel_call *call, meshreel_file *file) {
 
 static int parse_segment(reel_call *call, meshreel_file *file, const meshreel_file *whole,
                          uint32_t number) {
-    int failed = reel_read_segment(call, &file->pool, &whole->outline, &whole->segments, number,
-                                   &file->outline);
-    reel_segment *segment =
-        failed ? NULL : reel_pool_allocate(call, &file->pool, 1, sizeof *segment);
-    if (!segment) {
-        return call->error.code;
-    }
+    REEL_TRY(reel_read_segment(call, &file->pool, &whole->outline, &whole->segments, number,
+                               &file->outline));
+    reel_segment *segment = reel_pool_allocate(call, &file->pool, 1, sizeof *segment);
+    REEL_NEED(segment);
     *segment = whole->segments.all[number];
     file->segments = (reel_segments){.all = segment, .count = 1, .n_frames = segment->n_frames};
     file->is_segment = true;
@@ -306,26 +298,24 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     reel_mesh_data *mesh = &file->mesh;
     mesh_jobs jobs = {NULL, NULL};
     int64_t stencil = 0;
-    int failed = outline->edit.length ? reel_read_edited_mesh(call, pool, outline, mesh)
-                                      : reel_decode_connectivity(call, pool, outline, mesh);
-    failed = failed ? failed : reel_find_graph(call, pool, outline, mesh);
-    failed = failed ? failed : reel_read_face_sizes(call, pool, outline, &file->face_sizes);
-    if (!failed && !outline->edit.length) {
-        failed = reel_prepare_order(call, pool, outline, mesh, &jobs.order);
+    REEL_TRY(outline->edit.length
+                 ? reel_read_edited_mesh(call, pool, outline, mesh)
+                 : reel_decode_connectivity(call, pool, outline, mesh));
+    REEL_TRY(reel_find_graph(call, pool, outline, mesh));
+    REEL_TRY(reel_read_face_sizes(call, pool, outline, &file->face_sizes));
+    if (!outline->edit.length) {
+        REEL_TRY(reel_prepare_order(call, pool, outline, mesh, &jobs.order));
     }
-    failed = failed ? failed : first_stencil(call, file, &stencil);
-    if (!failed && stencil) {
-        failed = reel_prepare_hierarchy(call, pool, &mesh->graph, stencil, &jobs.hierarchy);
-    }
-    if (failed) {
-        return failed;
+    REEL_TRY(first_stencil(call, file, &stencil));
+    if (stencil) {
+        REEL_TRY(reel_prepare_hierarchy(call, pool, &mesh->graph, stencil, &jobs.hierarchy));
     }
     reel_run(call, run_mesh_job, &jobs, 2);
-    failed = jobs.order ? reel_finish_order(call, jobs.order) : MESHREEL_OK;
-    if (!failed && jobs.hierarchy) {
-        failed = reel_finish_hierarchy(call, jobs.hierarchy, &file->field_mesh);
+    REEL_TRY(jobs.order ? reel_finish_order(call, jobs.order) : MESHREEL_OK);
+    if (jobs.hierarchy) {
+        REEL_TRY(reel_finish_hierarchy(call, jobs.hierarchy, &file->field_mesh));
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {

@@ -32,24 +32,17 @@ static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool
     }
     for (uint64_t at = bytes.at; at < end;) {
         reel_section section;
-        int failed = reel_section_at(call, at, end, &section);
-        if (!failed && is_checked) {
-            failed = reel_section_check(call, &section);
-        }
-        if (failed) {
-            return failed;
+        REEL_TRY(reel_section_at(call, at, end, &section));
+        if (is_checked) {
+            REEL_TRY(reel_section_check(call, &section));
         }
         bool is_known = reel_is_known(section.id);
-        if (is_known && (section.id == first) == is_begun) {
-            return reel_corrupt(
-                call, at, "a block does not begin with its only section BLOCK or TRACK_BLOCK");
-        }
+        REEL_CORRUPT_IF(is_known && (section.id == first) == is_begun, at,
+                        "a block does not begin with its only section BLOCK or TRACK_BLOCK");
         is_begun |= is_known;
         if (is_known && section.id >= FIRST_ID && !(section.id & REEL_OPTIONAL)) {
             reel_range *slot = &all->of[section.id - FIRST_ID];
-            if (slot->at) {
-                return reel_corrupt(call, at, "a block has a section twice");
-            }
+            REEL_CORRUPT_IF(slot->at, at, "a block has a section twice");
             *slot = section.payload;
         }
         at = section.end;
@@ -62,16 +55,12 @@ static int read_counts(reel_call *call, const payloads *all, uint32_t number,
     reel_range left = *payload(all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
     uint64_t at = left.at;
     group->n_frames = n_frames;
-    int failed = number ? MESHREEL_OK : reel_read_varint(call, &left, &group->n_frames);
-    failed = failed ? failed : reel_read_varint(call, &left, &group->n_modes);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(number ? MESHREEL_OK : reel_read_varint(call, &left, &group->n_frames));
+    REEL_TRY(reel_read_varint(call, &left, &group->n_modes));
     bool is_exact = track->info.coding == REEL_EXACT || track->info.is_exact;
     uint64_t min_modes = is_exact ? 0 : 1, max_modes = is_exact ? 0 : track->n_coded * n_frames;
-    if (left.length || group->n_frames != n_frames) {
-        return reel_corrupt(call, at, "the block and the index disagree on the number of frames");
-    }
+    REEL_CORRUPT_IF(left.length || group->n_frames != n_frames, at,
+                    "the block and the index disagree on the number of frames");
     if (max_modes > MAX_TIMES) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "a block has more than 2^31 times");
     }
@@ -85,12 +74,12 @@ static int read_reused(reel_call *call, reel_range *left, reel_group *group) {
         return MESHREEL_OK;
     }
     uint64_t at = left->at;
-    int failed = reel_read_varint(call, left, &group->n_reused);
-    failed = failed ? failed : reel_read_bytes(call, left, &group->finer, sizeof group->finer);
+    REEL_TRY(reel_read_varint(call, left, &group->n_reused));
+    REEL_TRY(reel_read_bytes(call, left, &group->finer, sizeof group->finer));
     bool is_valid = group->n_reused >= 1 && group->n_reused <= group->n_modes &&
                     group->finer > 0.0F && group->finer < MAX_STEP;
-    return failed || is_valid
-               ? failed
+    return is_valid
+               ? MESHREEL_OK
                : reel_corrupt(call, at, "the number or scale of reused fields is out of range");
 }
 
@@ -98,14 +87,10 @@ static int read_reused(reel_call *call, reel_range *left, reel_group *group) {
 static int read_run(reel_call *call, reel_range *left, uint64_t n_frames, uint64_t *start,
                     uint64_t *end) {
     uint64_t gap, length, at = left->at;
-    int failed = reel_read_varint(call, left, &gap);
-    failed = failed ? failed : reel_read_varint(call, left, &length);
-    if (failed) {
-        return failed;
-    }
-    if (!gap || !length || gap >= n_frames - *end || length > n_frames - *end - gap) {
-        return reel_corrupt(call, at, "a run of resting times is not in its block");
-    }
+    REEL_TRY(reel_read_varint(call, left, &gap));
+    REEL_TRY(reel_read_varint(call, left, &length));
+    REEL_CORRUPT_IF(!gap || !length || gap >= n_frames - *end || length > n_frames - *end - gap, at,
+                    "a run of resting times is not in its block");
     *start = *end + gap;
     *end = *start + length;
     return MESHREEL_OK;
@@ -113,15 +98,15 @@ static int read_run(reel_call *call, reel_range *left, uint64_t n_frames, uint64
 
 static int read_resting_runs(reel_call *call, reel_range *left, reel_group *group) {
     uint64_t start, end = 0, at = left->at;
-    int failed = reel_read_varint(call, left, &group->rest_bits);
-    failed = failed ? failed : reel_read_varint(call, left, &group->n_rests);
+    REEL_TRY(reel_read_varint(call, left, &group->rest_bits));
+    REEL_TRY(reel_read_varint(call, left, &group->n_rests));
     group->rests = *left;
-    for (uint64_t i = 0; !failed && i < group->n_rests; i++) {
-        failed = read_run(call, left, group->n_frames, &start, &end);
+    for (uint64_t i = 0; i < group->n_rests; i++) {
+        REEL_TRY(read_run(call, left, group->n_frames, &start, &end));
     }
     bool is_valid = group->n_rests >= 1 && group->rest_bits <= REEL_MAX_REST_BITS;
-    return failed || is_valid
-               ? failed
+    return is_valid
+               ? MESHREEL_OK
                : reel_corrupt(call, at, "resting times have no runs, or too many fractional bits");
 }
 
@@ -133,29 +118,22 @@ int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
         return MESHREEL_OK;
     }
     *rests = reel_scratch(call, group->n_frames, 1);
-    int failed = *rests ? MESHREEL_OK : call->error.code;
-    if (!failed) {
-        reel_zero(*rests, (size_t)group->n_frames);
-    }
-    for (uint64_t i = 0; i < group->n_rests && !failed; i++) {
-        failed = read_run(call, &left, group->n_frames, &start, &end);
-        for (uint64_t time = start; time < end && !failed; time++) {
+    REEL_NEED(*rests);
+    reel_zero(*rests, (size_t)group->n_frames);
+    for (uint64_t i = 0; i < group->n_rests; i++) {
+        REEL_TRY(read_run(call, &left, group->n_frames, &start, &end));
+        for (uint64_t time = start; time < end; time++) {
             (*rests)[time] = 1;
         }
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 static int read_fields(reel_call *call, reel_range left, reel_group *group) {
     uint8_t layout;
     uint64_t at = left.at;
-    if (!left.at) {
-        return reel_corrupt(call, REEL_UNKNOWN, "a block has no section FIELDS");
-    }
-    int failed = reel_read_bytes(call, &left, &layout, 1);
-    if (failed) {
-        return failed;
-    }
+    REEL_CORRUPT_IF(!left.at, REEL_UNKNOWN, "a block has no section FIELDS");
+    REEL_TRY(reel_read_bytes(call, &left, &layout, 1));
     group->precision = layout & ~(WITH_RESTS | WITH_COSINES | ADAPTIVE);
     group->has_cosines = layout & WITH_COSINES;
     group->is_adaptive = layout & ADAPTIVE;
@@ -163,23 +141,22 @@ static int read_fields(reel_call *call, reel_range left, reel_group *group) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at,
                          "the layout of the fields needs a newer version; update meshreel");
     }
-    if (group->has_cosines &&
-        (layout & (WITH_RESTS | ADAPTIVE) || group->n_frames > REEL_MAX_COSINES)) {
-        return reel_corrupt(call, at, "a block with cosines over time rests, adapts or is too long");
+    REEL_CORRUPT_IF(group->has_cosines &&
+                    (layout & (WITH_RESTS | ADAPTIVE) || group->n_frames > REEL_MAX_COSINES), at,
+                    "a block with cosines over time rests, adapts or is too long");
+    REEL_TRY(reel_read_varint(call, &left, &group->reference));
+    REEL_TRY(reel_read_bytes(call, &left, &group->step, sizeof group->step));
+    REEL_TRY(reel_read_varint(call, &left, &group->stencil_size));
+    REEL_TRY(reel_read_varint(call, &left, &group->n_learned));
+    if (layout & WITH_RESTS) {
+        REEL_TRY(read_resting_runs(call, &left, group));
     }
-    failed = reel_read_varint(call, &left, &group->reference);
-    failed = failed ? failed : reel_read_bytes(call, &left, &group->step, sizeof group->step);
-    failed = failed ? failed : reel_read_varint(call, &left, &group->stencil_size);
-    failed = failed ? failed : reel_read_varint(call, &left, &group->n_learned);
-    if (!failed && layout & WITH_RESTS) {
-        failed = read_resting_runs(call, &left, group);
-    }
-    failed = failed ? failed : read_reused(call, &left, group);
+    REEL_TRY(read_reused(call, &left, group));
     bool is_valid = !left.length && group->stencil_size >= 1 &&
                     group->stencil_size <= REEL_MAX_STENCIL && group->n_learned <= MAX_LEARNED &&
                     group->step > 0.0F && group->step < MAX_STEP;
-    return failed || is_valid
-               ? failed
+    return is_valid
+               ? MESHREEL_OK
                : reel_corrupt(call, at, "a number of a section FIELDS is out of range");
 }
 
@@ -188,29 +165,27 @@ static int read_corrections(reel_call *call, reel_range left, reel_group *group)
     if (!left.at) {
         return MESHREEL_OK;
     }
-    int failed =
-        reel_read_bytes(call, &left, &group->correction_step, sizeof group->correction_step);
-    failed = failed ? failed : reel_read_varint(call, &left, &group->n_corrected);
-    failed = failed ? failed : reel_read_varint(call, &left, &group->n_corrections);
+    REEL_TRY(reel_read_bytes(call, &left, &group->correction_step, sizeof group->correction_step));
+    REEL_TRY(reel_read_varint(call, &left, &group->n_corrected));
+    REEL_TRY(reel_read_varint(call, &left, &group->n_corrections));
     bool is_valid = group->n_corrected <= group->n_corrections && group->correction_step > 0.0F &&
                     group->correction_step < MAX_STEP;
     group->corrections = left;
-    return failed || is_valid
-               ? failed
+    return is_valid
+               ? MESHREEL_OK
                : reel_corrupt(call, at, "the step or the counts of corrections are out of range");
 }
 
 static int read_values(reel_call *call, bool is_grid, reel_range left, reel_group *group) {
-    if (!left.at) {
-        return reel_corrupt(call, REEL_UNKNOWN, "a block has no section VALUES");
-    }
+    REEL_CORRUPT_IF(!left.at, REEL_UNKNOWN, "a block has no section VALUES");
     uint64_t at = left.at;
-    int failed =
-        is_grid ? reel_read_bytes(call, &left, &group->grid, sizeof group->grid) : MESHREEL_OK;
+    if (is_grid) {
+        REEL_TRY(reel_read_bytes(call, &left, &group->grid, sizeof group->grid));
+    }
     group->values = left;
     bool is_valid = group->grid >= 0.0 && group->grid <= 1.0;
-    return failed || is_valid
-               ? failed
+    return is_valid
+               ? MESHREEL_OK
                : reel_corrupt(call, at, "the step of a grid is not between 0 and 1 diagonal");
 }
 
@@ -219,36 +194,32 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     payloads all;
     reel_range bytes = reel_group_bytes(outline, block, number);
     *group = (reel_group){0};
-    int failed =
-        find_payloads(call, bytes, number ? REEL_TRACK_BLOCK : REEL_BLOCK, is_checked, &all);
-    failed = failed
-                 ? failed
-                 : read_counts(call, &all, number, track, outline->blocks[block].n_frames, group);
-    if (failed) {
-        return failed;
-    }
+    uint32_t first = number ? REEL_TRACK_BLOCK : REEL_BLOCK;
+    REEL_TRY(find_payloads(call, bytes, first, is_checked, &all));
+    REEL_TRY(read_counts(call, &all, number, track, outline->blocks[block].n_frames, group));
     if (track->info.is_exact || track->info.coding == REEL_EXACT) {
         bool is_grid = !number && outline->method == REEL_METHOD_GRID;
         return read_values(call, is_grid, *payload(&all, REEL_VALUES), group);
     }
-    failed = read_fields(call, *payload(&all, REEL_FIELDS), group);
-    failed = failed ? failed : read_corrections(call, *payload(&all, REEL_CORRECTIONS), group);
+    REEL_TRY(read_fields(call, *payload(&all, REEL_FIELDS), group));
+    REEL_TRY(read_corrections(call, *payload(&all, REEL_CORRECTIONS), group));
     group->basis = *payload(&all, REEL_BASIS);
     group->coefficients = *payload(&all, REEL_COEFFICIENTS);
     group->missing = number ? *payload(&all, REEL_MISSING) : (reel_range){0, 0};
-    bool has_all = failed || (group->basis.at && group->coefficients.at);
-    return has_all ? failed : reel_corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
+    return group->basis.at && group->coefficients.at
+               ? MESHREEL_OK
+               : reel_corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
 }
 
 int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t block,
                           bool is_checked, reel_group *group) {
     payloads all;
     *group = (reel_group){0};
-    int failed =
-        find_payloads(call, reel_group_bytes(outline, block, 0), REEL_BLOCK, is_checked, &all);
+    reel_range bytes = reel_group_bytes(outline, block, 0);
+    REEL_TRY(find_payloads(call, bytes, REEL_BLOCK, is_checked, &all));
     reel_range left = *payload(&all, REEL_BLOCK);
-    failed = failed ? failed : reel_read_varint(call, &left, &group->n_frames);
-    return failed ? failed : reel_read_varint(call, &left, &group->n_modes);
+    REEL_TRY(reel_read_varint(call, &left, &group->n_frames));
+    return reel_read_varint(call, &left, &group->n_modes);
 }
 
 /* ---- corrections ---- */
@@ -272,11 +243,11 @@ static int read_correction_rows(reel_call *call, const reel_group *group, uint32
         lengths[3 + i] = n_all;
         tables[3 + i] = 3;
     }
-    int failed = reel_decode_rows(call, group->corrections, lengths, tables, 3 + (int64_t)n_columns,
-                                  N_TABLES, &values);
+    REEL_TRY(reel_decode_rows(call, group->corrections, lengths, tables, 3 + (int64_t)n_columns,
+                              N_TABLES, &values));
     *result = (coded_corrections){
         n, n_all, n_columns, values, values + n, values + 2 * n, values + 2 * n + n_all};
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Check that items and frames exist and ascend, and that counts add up. Finds where the corrections
@@ -337,7 +308,7 @@ int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *gr
         return MESHREEL_OK;
     }
     const reel_chunk *mark = call->scratch.last;
-    int failed = read_correction_rows(call, group, n_columns, &coded);
+    REEL_TRY(read_correction_rows(call, group, n_columns, &coded));
     uint64_t n_frames = group->n_frames;
     int64_t *starts = result->starts = reel_pool_allocate(call, pool, n_frames + 1, sizeof *starts);
     result->items = reel_pool_allocate(call, pool, group->n_corrections, sizeof *result->items);
@@ -345,9 +316,7 @@ int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *gr
         reel_pool_allocate(call, pool, group->n_corrections, n_columns * sizeof *result->offsets);
     int64_t *begins = reel_scratch(call, group->n_corrected + 1, sizeof *begins);
     int32_t *run_of = reel_scratch(call, n_items, sizeof *run_of);
-    if (failed || !starts || !result->items || !result->offsets || !begins || !run_of) {
-        return call->error.code;
-    }
+    REEL_NEED(starts && result->items && result->offsets && begins && run_of);
     reel_zero(starts, (n_frames + 1) * sizeof *starts);
     if (!find_runs(&coded, inverse, (int64_t)n_items, (int64_t)n_frames, begins, run_of, starts)) {
         return reel_corrupt(call, group->corrections.at,

@@ -16,9 +16,7 @@ static int find_sides(reel_call *call, const reel_faces *faces, face_sides *side
     for (int row = 0; row < 2; row++) {
         sides->ends[row] = reel_scratch(call, outline->n_corners, sizeof(uint32_t));
     }
-    if (!vertices || !sides->ends[0] || !sides->ends[1]) {
-        return call->error.code;
-    }
+    REEL_NEED(vertices && sides->ends[0] && sides->ends[1]);
     reel_find_corner_vertices(outline, faces->triangles, faces->sizes, vertices);
     for (uint64_t face = 0; face < outline->n_polygons; face++) {
         uint32_t size = faces->sizes ? faces->sizes[face] : 3;
@@ -56,15 +54,13 @@ static int find_edges(reel_call *call, const reel_faces *faces, uint32_t **edges
                       uint64_t *n_edges) {
     face_sides sides;
     uint64_t n_verts = faces->outline->n_verts;
-    int failed = find_sides(call, faces, &sides);
+    REEL_TRY(find_sides(call, faces, &sides));
     uint32_t *starts = reel_scratch(call, n_verts + 1, sizeof *starts);
     uint32_t *by_high = reel_scratch(call, sides.count, sizeof *by_high);
     uint32_t *sorted = reel_scratch(call, sides.count, sizeof *sorted);
     uint8_t *is_shared = reel_scratch(call, sides.count, 1);
     *edges = reel_scratch(call, 2 * sides.count, sizeof **edges);
-    if (failed || !starts || !by_high || !sorted || !is_shared || !*edges) {
-        return call->error.code;
-    }
+    REEL_NEED(starts && by_high && sorted && is_shared && *edges);
     const uint32_t *low = sides.ends[0], *high = sides.ends[1];
     sort_by(high, n_verts, NULL, sides.count, starts, by_high);
     sort_by(low, n_verts, by_high, sides.count, starts, sorted);
@@ -89,30 +85,21 @@ static int find_edges(reel_call *call, const reel_faces *faces, uint32_t **edges
 int reel_read_hard_edges(reel_call *call, reel_pool *pool, const reel_faces *faces,
                          reel_range payload, meshreel_surface *surface) {
     reel_range left = payload;
-    uint32_t *edges = NULL;
+    uint32_t *edges;
     uint64_t n_hard, n_edges = 0;
-    int failed = reel_read_varint(call, &left, &n_hard);
-    failed = failed ? failed : find_edges(call, faces, &edges, &n_edges);
-    if (failed) {
-        return failed;
-    }
-    if (!n_hard || n_hard > n_edges) {
-        return reel_fail(call, MESHREEL_CORRUPT, payload.at,
-                         "the number of hard edges is 0, or exceeds the edges between faces");
-    }
+    REEL_TRY(reel_read_varint(call, &left, &n_hard));
+    REEL_TRY(find_edges(call, faces, &edges, &n_edges));
+    REEL_CORRUPT_IF(!n_hard || n_hard > n_edges, payload.at,
+                    "the number of hard edges is 0, or exceeds the edges between faces");
     int64_t length = (int64_t)n_hard, number = -1;
     int32_t row = 0, *between;
-    failed = reel_decode_rows(call, left, &length, &row, 1, 1, &between);
+    REEL_TRY(reel_decode_rows(call, left, &length, &row, 1, 1, &between));
     uint32_t *hard = reel_pool_allocate(call, pool, 2 * n_hard, sizeof *hard);
-    if (failed || !hard) {
-        return call->error.code;
-    }
+    REEL_NEED(hard);
     for (uint64_t i = 0; i < n_hard; i++) {
         number += (int64_t)between[i] + 1;
-        if (between[i] < 0 || number >= (int64_t)n_edges) {
-            return reel_fail(call, MESHREEL_CORRUPT, left.at,
-                             "a hard edge does not lie between faces");
-        }
+        REEL_CORRUPT_IF(between[i] < 0 || number >= (int64_t)n_edges, left.at,
+                        "a hard edge does not lie between faces");
         hard[2 * i] = edges[2 * number];
         hard[2 * i + 1] = edges[2 * number + 1];
     }

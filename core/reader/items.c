@@ -17,9 +17,7 @@ static int find_fans(reel_call *call, reel_pool *pool, const reel_outline *outli
     *result = (fans){.n_polygons = outline->n_polygons, .n_corners = outline->n_corners};
     result->corners = reel_scratch(call, 3 * outline->n_faces, sizeof *result->corners);
     result->polygons = reel_pool_allocate(call, pool, outline->n_faces, sizeof *result->polygons);
-    if (!result->corners || !result->polygons) {
-        return call->error.code;
-    }
+    REEL_NEED(result->corners && result->polygons);
     reel_find_fans(outline, face_sizes, result->corners);
     uint64_t triangle = 0;
     for (uint64_t polygon = 0; polygon < outline->n_polygons; polygon++) {
@@ -43,9 +41,7 @@ static int list_corners(reel_call *call, const int32_t *vertices, const int32_t 
                         uint64_t n_corners, uint64_t n_verts, int32_t **starts, int32_t **listed) {
     *starts = reel_scratch(call, n_verts + 2, sizeof **starts);
     *listed = reel_scratch(call, n_corners, sizeof **listed);
-    if (!*starts || !*listed) {
-        return call->error.code;
-    }
+    REEL_NEED(*starts && *listed);
     int32_t *next = *starts + 1; /* after filling, next[v] is the end of v */
     reel_zero(*starts, (n_verts + 2) * sizeof **starts);
     for (uint64_t i = 0; i < n_corners; i++) {
@@ -61,7 +57,7 @@ static int list_corners(reel_call *call, const int32_t *vertices, const int32_t 
 }
 
 static int damaged_rows(reel_call *call, const reel_track *track, const char *message) {
-    return reel_fail(call, MESHREEL_CORRUPT, track->rows.at, message);
+    return reel_corrupt(call, track->rows.at, message);
 }
 
 /* Assign rows to the corners of a vertex with several; returns the number of codes read, or -1 if
@@ -88,21 +84,17 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
     uint64_t n_codes, n_verts = outline->n_verts, n_corners = outline->n_corners;
     reel_range left = track->rows;
     int32_t *starts, *listed, *has_seam;
-    int failed = reel_read_varint(call, &left, &n_codes);
-    if (!failed && n_codes > n_corners) {
+    REEL_TRY(reel_read_varint(call, &left, &n_codes));
+    if (n_codes > n_corners) {
         return damaged_rows(call, track, "the row codes of corners exceed the number of corners");
     }
     const int64_t lengths[] = {(int64_t)n_verts, (int64_t)n_codes};
     const int32_t tables[] = {0, 1};
-    failed = failed ? failed : reel_decode_rows(call, left, lengths, tables, 2, 2, &has_seam);
-    failed = failed
-                 ? failed
-                 : list_corners(call, vertices, to_internal, n_corners, n_verts, &starts, &listed);
+    REEL_TRY(reel_decode_rows(call, left, lengths, tables, 2, 2, &has_seam));
+    REEL_TRY(list_corners(call, vertices, to_internal, n_corners, n_verts, &starts, &listed));
     rows->of_corners = reel_pool_allocate(call, pool, n_corners, sizeof *rows->of_corners);
     rows->n_rows = n_verts;
-    if (failed || !rows->of_corners) {
-        return call->error.code; /* the later failure, if there are two */
-    }
+    REEL_NEED(rows->of_corners);
     const int32_t *codes = has_seam + n_verts;
     int64_t n_read = 0;
     for (uint64_t v = 0; v < n_verts; v++) {
@@ -134,9 +126,7 @@ static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows
                              const int32_t *vertices, const int32_t **result) {
     int32_t *row_vertices = reel_pool_allocate(call, pool, rows->n_rows, sizeof *row_vertices);
     *result = row_vertices;
-    if (!row_vertices) {
-        return call->error.code;
-    }
+    REEL_NEED(row_vertices);
     reel_copy(row_vertices, mesh->to_output, n_verts * sizeof *row_vertices);
     for (uint64_t i = 0; i < n_corners; i++) {
         row_vertices[rows->of_corners[i]] = vertices[i];
@@ -185,14 +175,9 @@ static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outl
     uint64_t n_faces = outline->n_faces;
     edge_list all = {reel_scratch(call, 3 * 6 * n_faces, sizeof *all.faces), 0};
     int32_t *twins;
-    if (!all.faces) {
-        return call->error.code;
-    }
-    int failed = reel_find_twins(call, &call->scratch, (const int32_t *)mesh->triangles, n_faces, outline->n_verts,
-                                 &twins);
-    if (failed) {
-        return failed;
-    }
+    REEL_NEED(all.faces);
+    REEL_TRY(reel_find_twins(call, &call->scratch, (const int32_t *)mesh->triangles, n_faces,
+                             outline->n_verts, &twins));
     for (uint64_t side = 0; side < 3 * n_faces; side++) {
         uint64_t twin = (uint64_t)twins[side];
         if (domain == MESHREEL_CORNERS && !rows) {
@@ -227,32 +212,28 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
     fans of;
     int32_t *vertices = NULL;
     corner_rows rows = {NULL, 0};
-    int failed = find_fans(call, pool, outline, face_sizes, &of);
-    if (!failed && domain == MESHREEL_CORNERS) {
+    REEL_TRY(find_fans(call, pool, outline, face_sizes, &of));
+    if (domain == MESHREEL_CORNERS) {
         vertices = reel_pool_allocate(call, pool, of.n_corners, sizeof *vertices);
-        if (!vertices) {
-            return call->error.code;
-        }
+        REEL_NEED(vertices);
         reel_find_corner_vertices(outline, mesh->triangles, face_sizes, vertices);
         items->vertex = vertices;
         items->value_of = track->sharing == REEL_OF_VERTICES ? vertices : NULL;
     }
-    if (failed || track->sharing == REEL_OF_VERTICES) {
+    if (track->sharing == REEL_OF_VERTICES) {
         items->vertex = NULL;
-        return failed;
+        return MESHREEL_OK;
     }
     items->order = items->inverse = NULL;
     items->polygon = of.polygons;
     uint64_t n_items = domain == MESHREEL_FACES ? of.n_polygons : of.n_corners;
     if (track->sharing == REEL_OF_ROWS) {
-        failed = read_rows(call, pool, outline, track, vertices, mesh->to_internal, &rows);
-        failed = failed ? failed
-                        : find_row_vertices(call, pool, &rows, mesh, outline->n_verts,
-                                            of.n_corners, vertices, &items->vertex);
+        REEL_TRY(read_rows(call, pool, outline, track, vertices, mesh->to_internal, &rows));
+        REEL_TRY(find_row_vertices(call, pool, &rows, mesh, outline->n_verts, of.n_corners,
+                                   vertices, &items->vertex));
         items->value_of = rows.of_corners;
         n_items = rows.n_rows;
     }
-    return failed ? failed
-                  : find_graph(call, pool, outline, mesh, &of, domain, rows.of_corners, n_items,
-                               &items->graph);
+    return find_graph(call, pool, outline, mesh, &of, domain, rows.of_corners, n_items,
+                      &items->graph);
 }

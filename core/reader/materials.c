@@ -17,20 +17,17 @@
 /* Replace those of `count` default numbers that the file stores. */
 static int read_numbers(reel_call *call, reel_range *left, unsigned count, double *numbers) {
     uint64_t at = left->at, present;
-    int failed = reel_read_varint(call, left, &present);
-    if (!failed && present >> count) {
-        return reel_corrupt(call, at, "a material sets unknown numbers");
-    }
-    for (unsigned i = 0; !failed && i < count; i++) {
+    REEL_TRY(reel_read_varint(call, left, &present));
+    REEL_CORRUPT_IF(present >> count, at, "a material sets unknown numbers");
+    for (unsigned i = 0; i < count; i++) {
         if (present >> i & 1U) {
             at = left->at;
-            failed = reel_read_bytes(call, left, &numbers[i], sizeof numbers[i]);
-            if (!failed && !reel_is_finite(numbers[i])) {
-                return reel_corrupt(call, at, "a number of a material is not finite");
-            }
+            REEL_TRY(reel_read_bytes(call, left, &numbers[i], sizeof numbers[i]));
+            REEL_CORRUPT_IF(!reel_is_finite(numbers[i]), at,
+                            "a number of a material is not finite");
         }
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* ---- textures ---- */
@@ -47,24 +44,18 @@ static int read_sampling(reel_call *call, reel_range *left, unsigned slot,
                          meshreel_texture *result) {
     uint64_t at = left->at;
     uint8_t bytes[3];
-    int failed = reel_read_bytes(call, left, bytes, sizeof bytes);
-    if (failed) {
-        return failed;
-    }
-    if (!is_valid_for_slot(slot, bytes[0])) {
-        return reel_corrupt(call, at, "a texture uses channels that its slot does not allow");
-    }
+    REEL_TRY(reel_read_bytes(call, left, bytes, sizeof bytes));
+    REEL_CORRUPT_IF(!is_valid_for_slot(slot, bytes[0]), at,
+                    "a texture uses channels that its slot does not allow");
     result->channels = bytes[0];
     result->wrap_u = bytes[1] & 15U;
     result->wrap_v = bytes[1] >> 4;
     result->magnified = bytes[2] & 15U;
     result->shrunk = bytes[2] >> 4;
-    if (result->wrap_u > LAST_WRAP || result->wrap_v > LAST_WRAP) {
-        return reel_corrupt(call, at + 1, "the wrap mode of a texture is unknown");
-    }
-    if (result->magnified > LAST_MAGNIFIED || result->shrunk > LAST_SHRUNK) {
-        return reel_corrupt(call, at + 2, "the filter of a texture is unknown");
-    }
+    REEL_CORRUPT_IF(result->wrap_u > LAST_WRAP || result->wrap_v > LAST_WRAP, at + 1,
+                    "the wrap mode of a texture is unknown");
+    REEL_CORRUPT_IF(result->magnified > LAST_MAGNIFIED || result->shrunk > LAST_SHRUNK, at + 2,
+                    "the filter of a texture is unknown");
     return MESHREEL_OK;
 }
 
@@ -72,16 +63,11 @@ static int read_texture(reel_call *call, reel_pool *pool, reel_range *left, uint
                         unsigned slot, meshreel_texture *result) {
     uint64_t at = left->at, image;
     double numbers[TEXTURE_NUMBERS] = {0.0, 0.0, 0.0, 1.0, 1.0};
-    int failed = reel_read_varint(call, left, &image);
-    if (!failed && image >= n_images) {
-        return reel_corrupt(call, at, "a texture refers to an image that does not exist");
-    }
-    failed = failed ? failed : reel_read_text(call, pool, left, &result->uv);
-    failed = failed ? failed : read_sampling(call, left, slot, result);
-    failed = failed ? failed : read_numbers(call, left, TEXTURE_NUMBERS, numbers);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_read_varint(call, left, &image));
+    REEL_CORRUPT_IF(image >= n_images, at, "a texture refers to an image that does not exist");
+    REEL_TRY(reel_read_text(call, pool, left, &result->uv));
+    REEL_TRY(read_sampling(call, left, slot, result));
+    REEL_TRY(read_numbers(call, left, TEXTURE_NUMBERS, numbers));
     result->image = (uint32_t)image;
     reel_copy(result->offset, numbers, sizeof result->offset);
     result->rotation = numbers[2];
@@ -93,19 +79,17 @@ static int read_textures(reel_call *call, reel_pool *pool, reel_range *left, uin
                          meshreel_material *result) {
     uint64_t at = left->at;
     uint8_t slots;
-    int failed = reel_read_bytes(call, left, &slots, 1);
-    if (!failed && slots >> MESHREEL_SLOTS) {
-        return reel_corrupt(call, at, "a material has textures in unknown slots");
-    }
-    for (unsigned slot = 0; !failed && slot < MESHREEL_SLOTS; slot++) {
+    REEL_TRY(reel_read_bytes(call, left, &slots, 1));
+    REEL_CORRUPT_IF(slots >> MESHREEL_SLOTS, at, "a material has textures in unknown slots");
+    for (unsigned slot = 0; slot < MESHREEL_SLOTS; slot++) {
         meshreel_texture *texture = &result->textures[slot];
         *texture = (meshreel_texture){
             .image = MESHREEL_NONE, .uv = {.bytes = ""}, .scale = {1.0, 1.0}};
         if (slots >> slot & 1U) {
-            failed = read_texture(call, pool, left, n_images, slot, texture);
+            REEL_TRY(read_texture(call, pool, left, n_images, slot, texture));
         }
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* ---- materials ---- */
@@ -113,10 +97,7 @@ static int read_textures(reel_call *call, reel_pool *pool, reel_range *left, uin
 static int read_flags(reel_call *call, reel_range *left, meshreel_material *result) {
     uint64_t at = left->at;
     uint8_t flags;
-    int failed = reel_read_bytes(call, left, &flags, 1);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_read_bytes(call, left, &flags, 1));
     result->alpha_mode = flags & 3U;
     result->is_double_sided = (flags & DOUBLE_SIDED) != 0;
     result->is_unlit = (flags & UNLIT) != 0;
@@ -127,7 +108,7 @@ static int read_flags(reel_call *call, reel_range *left, meshreel_material *resu
 
 static int read_appearance(reel_call *call, reel_range *left, meshreel_material *result) {
     double numbers[MATERIAL_NUMBERS] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5};
-    int failed = read_numbers(call, left, MATERIAL_NUMBERS, numbers);
+    REEL_TRY(read_numbers(call, left, MATERIAL_NUMBERS, numbers));
     reel_copy(result->base_color, numbers, sizeof result->base_color);
     result->metallic = numbers[4];
     result->roughness = numbers[5];
@@ -135,19 +116,20 @@ static int read_appearance(reel_call *call, reel_range *left, meshreel_material 
     result->normal_scale = numbers[9];
     result->occlusion_strength = numbers[10];
     result->alpha_cutoff = numbers[11];
-    return failed;
+    return MESHREEL_OK;
 }
 
 int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uint32_t n_images,
                        meshreel_material *result) {
     reel_range left = payload;
     *result = (meshreel_material){0};
-    int failed = reel_read_text(call, pool, &left, &result->name);
-    failed = failed ? failed : read_flags(call, &left, result);
-    failed = failed ? failed : read_appearance(call, &left, result);
-    failed = failed ? failed : read_textures(call, pool, &left, n_images, result);
-    return failed || !left.length ? failed
-                                  : reel_corrupt(call, left.at, "bytes follow the last texture");
+    REEL_TRY(reel_read_text(call, pool, &left, &result->name));
+    REEL_TRY(read_flags(call, &left, result));
+    REEL_TRY(read_appearance(call, &left, result));
+    REEL_TRY(read_textures(call, pool, &left, n_images, result));
+    return !left.length
+               ? MESHREEL_OK
+               : reel_corrupt(call, left.at, "bytes follow the last texture");
 }
 
 /* ---- images ---- */
@@ -155,9 +137,9 @@ int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uin
 int reel_read_image(reel_call *call, reel_pool *pool, reel_range payload, meshreel_image *result) {
     reel_range left = payload;
     *result = (meshreel_image){0};
-    int failed = reel_read_text(call, pool, &left, &result->name);
-    failed = failed ? failed : reel_read_text(call, pool, &left, &result->media_type);
+    REEL_TRY(reel_read_text(call, pool, &left, &result->name));
+    REEL_TRY(reel_read_text(call, pool, &left, &result->media_type));
     result->offset = left.at;
     result->size = left.length;
-    return failed;
+    return MESHREEL_OK;
 }

@@ -12,9 +12,7 @@ int reel_find_neighbors(reel_call *call, reel_pool *pool, const int32_t *faces, 
     const reel_chunk *mark = call->scratch.last;
     size_t memory_size = reel_adjacency_memory(n_items, (int64_t)n_faces);
     void *memory = reel_scratch(call, memory_size, 1);
-    if (!starts || !near || !memory) {
-        return call->error.code;
-    }
+    REEL_NEED(starts && near && memory);
     int64_t result =
         reel_adjacency(memory, memory_size, faces, (int64_t)n_faces, n_items, starts, near);
     reel_drop_scratch(call, mark);
@@ -28,9 +26,7 @@ int reel_find_twins(reel_call *call, reel_pool *pool, const int32_t *faces, uint
     const reel_chunk *mark = call->scratch.last;
     size_t memory_size = reel_twins_memory((int64_t)n_verts, (int64_t)n_faces);
     void *memory = reel_scratch(call, memory_size, 1);
-    if (!*twins || !memory) {
-        return call->error.code;
-    }
+    REEL_NEED(*twins && memory);
     int64_t result =
         reel_twins(memory, memory_size, faces, (int64_t)n_faces, (int64_t)n_verts, *twins);
     reel_drop_scratch(call, mark);
@@ -41,10 +37,7 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
                              reel_mesh_data *mesh) {
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
     reel_range coded;
-    int failed = reel_only_section(call, outline, REEL_CONNECTIVITY, &coded);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_only_section(call, outline, REEL_CONNECTIVITY, &coded));
     mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
     bool is_grid = outline->method == REEL_METHOD_GRID;
     if (is_grid) {
@@ -57,10 +50,7 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
     if (!mesh->internal_faces || (is_grid && !mesh->twins) || !memory) {
         return call->error.code;
     }
-    failed = reel_view(call, coded, &bytes);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_view(call, coded, &bytes));
     int64_t result = reel_connectivity_decode(memory, memory_size, bytes, (size_t)coded.length,
                                               n_verts, n_faces, mesh->internal_faces, mesh->twins);
     reel_drop_scratch(call, mark);
@@ -95,24 +85,19 @@ static int view_order(reel_call *call, const reel_outline *outline, reel_order_j
     if (outline->order == REEL_ORDER_DROPPED) {
         return MESHREEL_OK;
     }
-    int failed = reel_only_section(call, outline, REEL_ORDER, &coded);
-    if (failed || !coded.length) {
-        return failed;
+    REEL_TRY(reel_only_section(call, outline, REEL_ORDER, &coded));
+    if (!coded.length) {
+        return MESHREEL_OK;
     }
-    failed = reel_view(call, coded, &job->bytes);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_view(call, coded, &job->bytes));
     job->size = (size_t)coded.length;
     job->at = coded.at;
     job->with_faces = job->bytes[0] == VERTICES_AND_FACES;
-    if (!job->with_faces && job->bytes[0] != VERTICES_ONLY) {
-        return reel_fail(call, MESHREEL_CORRUPT, coded.at, "the order begins with neither 1 nor 2");
-    }
+    REEL_CORRUPT_IF(!job->with_faces && job->bytes[0] != VERTICES_ONLY, coded.at,
+                    "the order begins with neither 1 nor 2");
     return coded.length == 1 || job->bytes[coded.length - 1]
                ? MESHREEL_OK
-               : reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
-                           "the order ends with a zero byte");
+               : reel_corrupt(call, coded.at + coded.length - 1, "the order ends with a zero byte");
 }
 
 int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *outline,
@@ -122,14 +107,12 @@ int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *out
     mesh->to_internal = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
     mesh->to_output = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
     mesh->triangles = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(uint32_t));
-    if (!job || !mesh->to_internal || !mesh->to_output || !mesh->triangles) {
-        return call->error.code;
-    }
+    REEL_NEED(job && mesh->to_internal && mesh->to_output && mesh->triangles);
     *job = (reel_order_job){.outline = outline, .mesh = mesh};
     *result = job;
-    int failed = view_order(call, outline, job);
-    if (failed || !job->bytes) {
-        return failed;
+    REEL_TRY(view_order(call, outline, job));
+    if (!job->bytes) {
+        return MESHREEL_OK;
     }
     job->order_size = reel_order_memory(n_verts, n_faces);
     job->order_memory = reel_scratch(call, job->order_size, 1);

@@ -29,9 +29,7 @@ int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint
                      const char *message) {
     const reel_chunk *mark = call->scratch.last;
     meshreel_text *sorted = names, *merged = reel_scratch(call, count, sizeof *merged);
-    if (!merged) {
-        return call->error.code;
-    }
+    REEL_NEED(merged);
     for (uint64_t run = 1; run < count; run *= 2) {
         for (uint64_t start = 0; start < count; start += 2 * run) {
             uint64_t middle = start + run < count ? start + run : count;
@@ -47,5 +45,5 @@ int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint
         differ &= compare(&sorted[i - 1], &sorted[i]) != 0;
     }
     reel_drop_scratch(call, mark);
-    return differ ? MESHREEL_OK : reel_fail(call, MESHREEL_CORRUPT, at, message);
+    return differ ? MESHREEL_OK : reel_corrupt(call, at, message);
 }

@@ -12,9 +12,9 @@ static int find_section(reel_call *call, const reel_outline *outline, reel_range
             (*n_found)++;
         }
     }
-    return *n_found <= 1 ? MESHREEL_OK
-                         : reel_fail(call, MESHREEL_CORRUPT, payload->at,
-                                     "the file has more than one section POLYGONS");
+    return *n_found <= 1
+               ? MESHREEL_OK
+               : reel_corrupt(call, payload->at, "the file has more than one section POLYGONS");
 }
 
 /* Whether the corners of all faces yield the number of triangles; `above` are their counts less
@@ -36,35 +36,23 @@ int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *o
     uint32_t n_found;
     uint64_t n_polygons;
     *face_sizes = NULL;
-    int failed = find_section(call, outline, &payload, &n_found);
-    if (failed || !n_found) {
-        return failed;
+    REEL_TRY(find_section(call, outline, &payload, &n_found));
+    if (!n_found) {
+        return MESHREEL_OK;
     }
     left = payload;
-    failed = reel_read_varint(call, &left, &n_polygons);
-    if (failed) {
-        return failed;
-    }
-    if (n_polygons != outline->n_polygons || n_polygons > outline->n_faces) {
-        return reel_fail(call, MESHREEL_CORRUPT, payload.at,
-                         "there are more polygons than triangles");
-    }
+    REEL_TRY(reel_read_varint(call, &left, &n_polygons));
+    REEL_CORRUPT_IF(n_polygons != outline->n_polygons || n_polygons > outline->n_faces, payload.at,
+                    "there are more polygons than triangles");
     const reel_chunk *mark = call->scratch.last;
     int64_t length = (int64_t)n_polygons;
     int32_t table = 0, *above;
-    failed = reel_decode_rows(call, left, &length, &table, 1, 1, &above);
-    if (failed) {
-        return failed;
-    }
-    if (!fits_triangles(outline, above)) {
-        return reel_fail(call, MESHREEL_CORRUPT, payload.at,
-                         "the corners of polygons do not fit the number of triangles");
-    }
+    REEL_TRY(reel_decode_rows(call, left, &length, &table, 1, 1, &above));
+    REEL_CORRUPT_IF(!fits_triangles(outline, above), payload.at,
+                    "the corners of polygons do not fit the number of triangles");
     if (n_polygons < outline->n_faces) { /* otherwise all are triangles */
         uint32_t *sizes = reel_pool_allocate(call, pool, n_polygons, sizeof *sizes);
-        if (!sizes) {
-            return call->error.code;
-        }
+        REEL_NEED(sizes);
         for (uint64_t i = 0; i < n_polygons; i++) {
             sizes[i] = 3U + (uint32_t)above[i];
         }

@@ -16,10 +16,8 @@ static int truncated(reel_call *call, uint64_t at) {
 /* Fail because a section ends behind `limit`: the end of the file, or of the bytes that the index
    lists. */
 static int fail_at_limit(reel_call *call, uint64_t at, uint64_t limit) {
-    if (limit < call->source->size) {
-        return reel_fail(call, MESHREEL_CORRUPT, at,
-                         "a section is longer than the index or the blocks allow");
-    }
+    REEL_CORRUPT_IF(limit < call->source->size, at,
+                    "a section is longer than the index or the blocks allow");
     return at >= limit ? truncated(call, at)
                        : reel_fail(call, MESHREEL_TRUNCATED, at,
                                    "the file ends inside a section; fetch it again");
@@ -135,49 +133,39 @@ int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
     }
     for (uint64_t done = 0; done < length;) {
         size_t size = length - done < PIECE ? (size_t)(length - done) : PIECE;
-        int failed = reel_read(call, at + done, piece, size);
-        if (failed) {
-            return failed;
-        }
+        REEL_TRY(reel_read(call, at + done, piece, size));
         sum = is_long ? update_long_crc(&tables, sum, piece, size) : update_crc(sum, piece, size);
         done += size;
     }
-    int failed = reel_read(call, at + length, &stored, sizeof stored);
-    if (failed) {
-        return failed;
-    }
-    return stored == ~sum ? MESHREEL_OK
-                          : reel_fail(call, MESHREEL_CORRUPT, at,
-                                      "a checksum does not match; fetch the file again");
+    REEL_TRY(reel_read(call, at + length, &stored, sizeof stored));
+    REEL_CORRUPT_IF(stored != ~sum, at, "a checksum does not match; fetch the file again");
+    return MESHREEL_OK;
 }
 
 int reel_read_bytes(reel_call *call, reel_range *left, void *to, size_t size) {
     if (left->length < size) {
         return reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside a number");
     }
-    int failed = reel_read(call, left->at, to, size);
+    REEL_TRY(reel_read(call, left->at, to, size));
     *left = (reel_range){left->at + size, left->length - size};
-    return failed;
+    return MESHREEL_OK;
 }
 
 int reel_read_varint(reel_call *call, reel_range *left, uint64_t *value) {
     uint8_t bytes[MAX_VARINT_BYTES];
     size_t size = left->length < MAX_VARINT_BYTES ? (size_t)left->length : MAX_VARINT_BYTES;
-    int failed = reel_read(call, left->at, bytes, size);
+    REEL_TRY(reel_read(call, left->at, bytes, size));
     *value = 0;
-    for (size_t i = 0; i < size && !failed; i++) {
+    for (size_t i = 0; i < size; i++) {
         *value |= (uint64_t)(bytes[i] & 0x7FU) << (7 * i);
         if (bytes[i] < 0x80U) {
             *left = (reel_range){left->at + i + 1, left->length - i - 1};
             return MESHREEL_OK;
         }
     }
-    if (failed) {
-        return failed;
-    }
     return size < MAX_VARINT_BYTES
                ? reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside an integer")
-               : reel_fail(call, MESHREEL_CORRUPT, left->at, "an integer has more than 9 bytes");
+               : reel_corrupt(call, left->at, "an integer has more than 9 bytes");
 }
 
 /* Length of the UTF-8 character at the front of `bytes`, or 0 if invalid. */
@@ -201,8 +189,8 @@ static size_t utf8_length(const uint8_t *bytes, size_t size) {
 
 int reel_read_text(reel_call *call, reel_pool *pool, reel_range *left, meshreel_text *text) {
     uint64_t size;
-    int failed = reel_read_varint(call, left, &size);
-    return failed ? failed : reel_read_text_bytes(call, pool, left, size, text);
+    REEL_TRY(reel_read_varint(call, left, &size));
+    return reel_read_text_bytes(call, pool, left, size, text);
 }
 
 int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uint64_t size,
@@ -212,15 +200,15 @@ int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uin
     }
     char *bytes = reel_pool_allocate(call, pool, size, 1);
     uint64_t at = left->at;
-    int failed = bytes ? reel_read_bytes(call, left, bytes, (size_t)size) : call->error.code;
+    REEL_NEED(bytes);
+    REEL_TRY(reel_read_bytes(call, left, bytes, (size_t)size));
     *text = (meshreel_text){bytes, (size_t)size};
-    for (size_t i = 0; i < size && !failed;) {
+    for (size_t i = 0; i < size;) {
         size_t length = utf8_length((const uint8_t *)bytes + i, (size_t)size - i);
-        failed = length ? MESHREEL_OK
-                        : reel_fail(call, MESHREEL_CORRUPT, at + i, "a text is not UTF-8");
+        REEL_CORRUPT_IF(!length, at + i, "a text is not UTF-8");
         i += length;
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 bool reel_is_stripped(const uint8_t *bytes, uint64_t length) {
@@ -238,17 +226,10 @@ int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
     const reel_chunk *mark = call->scratch.last;
     void *memory = reel_scratch(call, needed, 1);
     const uint8_t *bytes;
-    if (!*values || !memory) {
-        return call->error.code;
-    }
-    int failed = reel_view(call, coded, &bytes);
-    if (failed) {
-        return failed;
-    }
-    if (!reel_is_stripped(bytes, coded.length)) {
-        return reel_fail(call, MESHREEL_CORRUPT, coded.at + coded.length - 1,
-                         "integers end with a zero byte");
-    }
+    REEL_NEED(*values && memory);
+    REEL_TRY(reel_view(call, coded, &bytes));
+    REEL_CORRUPT_IF(!reel_is_stripped(bytes, coded.length), coded.at + coded.length - 1,
+                    "integers end with a zero byte");
     int64_t result = reel_integers_decode(memory, needed, bytes, (size_t)coded.length, lengths,
                                           tables, n_rows, n_tables, *values);
     reel_drop_scratch(call, mark);
@@ -282,10 +263,7 @@ bool reel_is_known(uint32_t id) {
 
 int reel_section_check(reel_call *call, const reel_section *section) {
     uint64_t length = section->payload.at + section->payload.length - section->at;
-    int failed = reel_check_crc(call, section->at, length);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_check_crc(call, section->at, length));
     bool is_needed = !(section->id & REEL_OPTIONAL) && !reel_is_known(section->id);
     return is_needed ? reel_fail(call, MESHREEL_UNSUPPORTED, section->at,
                                  "a section needs a newer version; update meshreel")

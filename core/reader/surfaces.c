@@ -14,13 +14,9 @@
 /* Read the number of items that follow, each of at least `bytes_each` bytes. */
 static int read_count(reel_call *call, reel_range *left, uint64_t bytes_each, uint32_t *count) {
     uint64_t at = left->at, result;
-    int failed = reel_read_varint(call, left, &result);
-    if (failed) {
-        return failed;
-    }
-    if (result > left->length / bytes_each) {
-        return reel_corrupt(call, at, "the count of labels or parts exceeds the section");
-    }
+    REEL_TRY(reel_read_varint(call, left, &result));
+    REEL_CORRUPT_IF(result > left->length / bytes_each, at,
+                    "the count of labels or parts exceeds the section");
     if (result > MAX_ITEMS) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^31 - 1 labels or parts");
     }
@@ -32,17 +28,14 @@ static int read_count(reel_call *call, reel_range *left, uint64_t bytes_each, ui
 
 static int read_labels(reel_call *call, reel_pool *pool, reel_range *left,
                        meshreel_groups *result) {
-    int failed = read_count(call, left, LABEL_BYTES, &result->n_labels);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(read_count(call, left, LABEL_BYTES, &result->n_labels));
     meshreel_text *labels = reel_pool_allocate(call, pool, result->n_labels, sizeof *labels);
-    failed = labels ? MESHREEL_OK : call->error.code;
-    for (uint32_t i = 0; !failed && i < result->n_labels; i++) {
-        failed = reel_read_text(call, pool, left, &labels[i]);
+    REEL_NEED(labels);
+    for (uint32_t i = 0; i < result->n_labels; i++) {
+        REEL_TRY(reel_read_text(call, pool, left, &labels[i]));
     }
     result->labels = labels;
-    return failed;
+    return MESHREEL_OK;
 }
 
 static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_range payload,
@@ -51,21 +44,15 @@ static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_
     int64_t length = (int64_t)n_faces, label = 0;
     int32_t table = 0, *differences;
     *result = (meshreel_groups){0};
-    int failed = reel_read_text(call, pool, &left, &result->name);
-    failed = failed ? failed : read_labels(call, pool, &left, result);
-    failed = failed ? failed : reel_decode_rows(call, left, &length, &table, 1, 1, &differences);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_read_text(call, pool, &left, &result->name));
+    REEL_TRY(read_labels(call, pool, &left, result));
+    REEL_TRY(reel_decode_rows(call, left, &length, &table, 1, 1, &differences));
     int32_t *of_faces = reel_pool_allocate(call, pool, n_faces, sizeof *of_faces);
-    if (!of_faces) {
-        return call->error.code;
-    }
+    REEL_NEED(of_faces);
     for (uint64_t i = 0; i < n_faces; i++) {
         label += differences[i];
-        if (label < -1 || label >= result->n_labels) {
-            return reel_corrupt(call, left.at, "a face is in a group that does not exist");
-        }
+        REEL_CORRUPT_IF(label < -1 || label >= result->n_labels, left.at,
+                        "a face is in a group that does not exist");
         of_faces[i] = (int32_t)label;
     }
     result->of_faces = of_faces;
@@ -77,15 +64,11 @@ static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_
 static int read_part(reel_call *call, reel_pool *pool, reel_range *left, uint64_t *n_verts,
                      uint64_t *n_faces, meshreel_part *result) {
     uint64_t at = left->at, own_verts, own_faces;
-    int failed = reel_read_varint(call, left, &own_verts);
-    failed = failed ? failed : reel_read_varint(call, left, &own_faces);
-    failed = failed ? failed : reel_read_text(call, pool, left, &result->name);
-    if (failed) {
-        return failed;
-    }
-    if (own_verts > *n_verts || own_faces > *n_faces) {
-        return reel_corrupt(call, at, "parts have more vertices or faces than the mesh");
-    }
+    REEL_TRY(reel_read_varint(call, left, &own_verts));
+    REEL_TRY(reel_read_varint(call, left, &own_faces));
+    REEL_TRY(reel_read_text(call, pool, left, &result->name));
+    REEL_CORRUPT_IF(own_verts > *n_verts || own_faces > *n_faces, at,
+                    "parts have more vertices or faces than the mesh");
     result->n_verts = (uint32_t)own_verts;
     result->n_faces = (uint32_t)own_faces;
     *n_verts -= own_verts;
@@ -97,24 +80,15 @@ static int read_parts(reel_call *call, reel_pool *pool, const reel_outline *outl
                       reel_range payload, meshreel_surface *surface) {
     reel_range left = payload;
     uint64_t n_verts = outline->n_verts, n_faces = outline->n_polygons;
-    int failed = read_count(call, &left, PART_BYTES, &surface->n_parts);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(read_count(call, &left, PART_BYTES, &surface->n_parts));
     meshreel_part *parts = reel_pool_allocate(call, pool, surface->n_parts, sizeof *parts);
-    failed = parts ? MESHREEL_OK : call->error.code;
-    for (uint32_t i = 0; !failed && i < surface->n_parts; i++) {
-        failed = read_part(call, pool, &left, &n_verts, &n_faces, &parts[i]);
+    REEL_NEED(parts);
+    for (uint32_t i = 0; i < surface->n_parts; i++) {
+        REEL_TRY(read_part(call, pool, &left, &n_verts, &n_faces, &parts[i]));
     }
-    if (failed) {
-        return failed;
-    }
-    if (left.length) {
-        return reel_corrupt(call, left.at, "bytes follow the last part");
-    }
-    if (surface->n_parts && (n_verts || n_faces)) {
-        return reel_corrupt(call, payload.at, "parts have fewer vertices or faces than the mesh");
-    }
+    REEL_CORRUPT_IF(left.length, left.at, "bytes follow the last part");
+    REEL_CORRUPT_IF(surface->n_parts && (n_verts || n_faces), payload.at,
+                    "parts have fewer vertices or faces than the mesh");
     surface->parts = parts;
     return MESHREEL_OK;
 }
@@ -193,16 +167,14 @@ static int read_sections(reel_call *call, reel_pool *pool, const reel_faces *fac
     const reel_outline *outline = faces->outline;
     uint32_t n_images = count_sections(outline, REEL_IMAGE);
     uint64_t last_material = REEL_UNKNOWN;
-    int failed = MESHREEL_OK;
-    for (uint32_t i = 0; !failed && i < outline->n_leading; i++) {
+    for (uint32_t i = 0; i < outline->n_leading; i++) {
         const reel_section *section = &outline->leading[i];
         const reel_chunk *mark = call->scratch.last;
-        failed = read_section(call, pool, faces, section, n_images, arrays, surface);
+        REEL_TRY(read_section(call, pool, faces, section, n_images, arrays, surface));
         last_material = section->id == REEL_MATERIAL ? section->payload.at : last_material;
         reel_drop_scratch(call, mark);
     }
-    return failed ? failed
-                  : check_materials(call, arrays->materials, surface->n_materials, last_material);
+    return check_materials(call, arrays->materials, surface->n_materials, last_material);
 }
 
 int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outline,
@@ -214,11 +186,11 @@ int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outl
     if (count_sections(outline, REEL_PARTS) > 1 || count_sections(outline, REEL_HARD_EDGES) > 1) {
         return reel_corrupt(call, REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
     }
-    int failed = allocate_arrays(call, pool, outline, &arrays);
-    failed = failed ? failed : read_sections(call, pool, &faces, &arrays, surface);
+    REEL_TRY(allocate_arrays(call, pool, outline, &arrays));
+    REEL_TRY(read_sections(call, pool, &faces, &arrays, surface));
     surface->attributes = arrays.attributes;
     surface->groups = arrays.groups;
     surface->materials = arrays.materials;
     surface->images = arrays.images;
-    return failed;
+    return MESHREEL_OK;
 }

@@ -9,7 +9,7 @@
 #define LAST_DOMAIN ((int)MESHREEL_CORNERS + (int)REEL_OF_ROWS)
 
 static int fail_track(reel_call *call, const reel_section *section, const char *message) {
-    return reel_fail(call, MESHREEL_CORRUPT, section->payload.at, message);
+    return reel_corrupt(call, section->payload.at, message);
 }
 
 static bool has_type(reel_track *track, uint32_t code) {
@@ -54,31 +54,28 @@ static bool is_valid_coding(const reel_track *track) {
 static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
     meshreel_track *info = &track->info;
     double numbers[2] = {0.0, 1.0};
-    int failed = MESHREEL_OK;
     if (!info->is_exact) {
-        failed = reel_read_bytes(call, left, numbers, sizeof numbers);
+        REEL_TRY(reel_read_bytes(call, left, numbers, sizeof numbers));
     }
     info->bound = numbers[0];
     track->placement[0] = numbers[1];
     bool are_valid = reel_is_finite(numbers[0]) && numbers[0] >= 0.0 &&
                      reel_is_finite(numbers[1]) && numbers[1] > 0.0;
-    for (uint32_t i = 0; i < track->n_coded && !failed; i++) {
+    for (uint32_t i = 0; i < track->n_coded; i++) {
         double origin = 0.0;
         if (info->coding == REEL_MODES) {
-            failed = reel_read_bytes(call, left, &origin, sizeof origin);
+            REEL_TRY(reel_read_bytes(call, left, &origin, sizeof origin));
         }
         track->placement[1 + i] = origin;
         are_valid &= reel_is_finite(origin);
     }
-    if (!failed && track->difference) {
-        failed = reel_read_bytes(call, left, &track->rate, sizeof track->rate);
+    if (track->difference) {
+        REEL_TRY(reel_read_bytes(call, left, &track->rate, sizeof track->rate));
         are_valid &= reel_is_finite(track->rate);
     }
-    if (failed || are_valid) {
-        return failed;
-    }
-    return reel_fail(call, MESHREEL_CORRUPT, left->at,
-                     "a track has a bound, scale, origin or rate that is out of range");
+    return are_valid ? MESHREEL_OK
+                     : reel_corrupt(call, left->at, "a track has a bound, scale, origin or rate "
+                                                    "that is out of range");
 }
 
 static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outline,
@@ -87,13 +84,10 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     meshreel_track *info = &track->info;
     uint8_t codes[4];
     uint64_t n_columns;
-    int failed = reel_read_bytes(call, &left, codes, sizeof codes);
-    failed = failed ? failed : reel_read_text(call, pool, &left, &info->name);
-    failed = failed ? failed : reel_read_text(call, pool, &left, &info->unit);
-    failed = failed ? failed : reel_read_varint(call, &left, &n_columns);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_read_bytes(call, &left, codes, sizeof codes));
+    REEL_TRY(reel_read_text(call, pool, &left, &info->name));
+    REEL_TRY(reel_read_text(call, pool, &left, &info->unit));
+    REEL_TRY(reel_read_varint(call, &left, &n_columns));
     if (codes[0] > LAST_KIND || codes[1] > LAST_DOMAIN || !has_type(track, codes[2]) ||
         codes[3] > REEL_EXACT_FORWARD) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.at,
@@ -125,12 +119,13 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
         return fail_track(call, section, "a track of integers is not exact");
     }
     track->placement = reel_pool_allocate(call, pool, 1 + track->n_coded, sizeof(double));
-    failed = track->placement ? read_numbers(call, &left, track) : call->error.code;
-    if (!failed && left.length && track->sharing != REEL_OF_ROWS) {
+    REEL_NEED(track->placement);
+    REEL_TRY(read_numbers(call, &left, track));
+    if (left.length && track->sharing != REEL_OF_ROWS) {
         return fail_track(call, section, "bytes follow a track");
     }
     track->rows = left;
-    return failed;
+    return MESHREEL_OK;
 }
 
 static int read_positions(reel_call *call, reel_pool *pool, const reel_outline *outline,
@@ -151,9 +146,7 @@ static int read_positions(reel_call *call, reel_pool *pool, const reel_outline *
     track->size = outline->number_bytes;
     track->is_float = true;
     track->placement = reel_pool_allocate(call, pool, 4, sizeof(double));
-    if (!track->placement) {
-        return call->error.code;
-    }
+    REEL_NEED(track->placement);
     reel_copy(track->placement, outline->placement, sizeof outline->placement);
     return MESHREEL_OK;
 }
@@ -170,21 +163,19 @@ static int check_names(reel_call *call, const reel_track *tracks, uint32_t count
 int reel_read_tracks(reel_call *call, reel_pool *pool, const reel_outline *outline,
                      reel_track **tracks) {
     reel_track *all = reel_pool_allocate(call, pool, outline->n_tracks, sizeof *all);
-    if (!all) {
-        return call->error.code;
-    }
+    REEL_NEED(all);
     reel_zero(all, outline->n_tracks * sizeof *all);
     *tracks = all;
-    int failed = read_positions(call, pool, outline, all);
+    REEL_TRY(read_positions(call, pool, outline, all));
     uint32_t count = 1;
     uint64_t at = outline->begin;
-    for (uint32_t i = 0; i < outline->n_leading && !failed; i++) {
+    for (uint32_t i = 0; i < outline->n_leading; i++) {
         const reel_section *section = &outline->leading[i];
         if (section->id != REEL_TRACK) {
             continue;
         }
-        failed = read_track(call, pool, outline, section, &all[count++]);
+        REEL_TRY(read_track(call, pool, outline, section, &all[count++]));
         at = section->payload.at;
     }
-    return failed || count == 1 ? failed : check_names(call, all + 1, count - 1, at);
+    return count == 1 ? MESHREEL_OK : check_names(call, all + 1, count - 1, at);
 }

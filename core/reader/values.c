@@ -60,7 +60,7 @@ static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track
                  .out = out};
     int64_t max_count =
         p.frames_per_task < MAX_FRAMES_PER_CALL ? p.frames_per_task : MAX_FRAMES_PER_CALL;
-    int failed = reel_pack_fields(call, state);
+    REEL_TRY(reel_pack_fields(call, state));
     p.frame_bytes = (size_t)state->items.graph.n_items * track->n_coded * (size_t)layout;
     p.memory_size =
         (reel_frames_memory(track->n_coded, (int64_t)state->current.n_modes, max_count) +
@@ -69,22 +69,20 @@ static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track
     p.memory = reel_scratch(call, n_tasks, p.memory_size);
     p.frames = reel_scratch(call, count, sizeof *p.frames);
     p.results = reel_scratch(call, n_tasks, sizeof *p.results);
-    if (failed || !p.memory || !p.frames || !p.results) {
-        return call->error.code;
-    }
+    REEL_NEED(p.memory && p.frames && p.results);
     for (uint64_t i = 0; i < count; i++) {
         p.frames[i] = (int32_t)(first + i);
     }
     reel_run(call, multiply_task, &p, n_tasks);
     bool is_finite = true;
-    for (uint32_t i = 0; i < n_tasks && !failed; i++) {
+    for (uint32_t i = 0; i < n_tasks; i++) {
         is_finite &= p.results[i] != 0;
-        failed = reel_fail_core(call, p.results[i], 0, "the frames of a block are damaged");
+        REEL_TRY(reel_fail_core(call, p.results[i], 0, "the frames of a block are damaged"));
     }
     if (are_finite) {
         *are_finite = is_finite;
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* ---- numbers of any type ---- */
@@ -171,11 +169,8 @@ static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64
     uint64_t n_items = state->items.graph.n_items;
     bool is_finite;
     if (outline->method == REEL_METHOD_REEL) {
-        int failed = multiply(call, decoder, state, decoder->file->tracks, first, count, size, out,
-                              &is_finite);
-        if (failed) {
-            return failed;
-        }
+        REEL_TRY(multiply(call, decoder, state, decoder->file->tracks, first, count, size, out,
+                          &is_finite));
     } else {
         for (uint64_t i = 0; i < count; i++) {
             store_exact(decoder, state, first + i, size,
@@ -211,10 +206,7 @@ static int positions_around(reel_call *call, meshreel_decoder *decoder, uint64_t
     uint64_t end = first + count + margin < n_frames ? first + count + margin : n_frames;
     *result = (position_window){NULL, outline->number_bytes, first - begin, end - begin,
                                 outline->n_verts};
-    int failed = reel_load(call, decoder, 0, block, 0);
-    if (failed) {
-        return failed;
-    }
+    REEL_TRY(reel_load(call, decoder, 0, block, 0));
     result->numbers = reel_scratch(call, 3 * outline->n_verts * result->count, result->size);
     return result->numbers
                ? positions_of(call, decoder, begin, result->count, result->size, result->numbers)
@@ -288,15 +280,13 @@ static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_
     position_window p;
     uint64_t n_items = state->items.graph.n_items, n = 3 * n_items;
     double *decoded = NULL;
-    int failed = positions_around(call, decoder, state->current.block, first, count, 1, &p);
-    if (!failed && !track->info.is_exact) {
+    REEL_TRY(positions_around(call, decoder, state->current.block, first, count, 1, &p));
+    if (!track->info.is_exact) {
         decoded = reel_scratch(call, n * count, sizeof *decoded);
-        failed = decoded
-                     ? multiply(call, decoder, state, track, first, count, REEL_VALUES_8, decoded,
-                                NULL)
-                     : call->error.code;
+        REEL_NEED(decoded);
+        REEL_TRY(multiply(call, decoder, state, track, first, count, REEL_VALUES_8, decoded, NULL));
     }
-    for (uint64_t t = 0; t < count && !failed; t++) {
+    for (uint64_t t = 0; t < count; t++) {
         bool is_first = first + t == 0, is_last = first + t + 1 == state->current.group.n_frames;
         for (uint64_t i = 0; i < n; i++) {
             double step = difference(&p, track->difference, p.before + t, i, is_first, is_last);
@@ -310,7 +300,7 @@ static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_
             }
         }
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* Surface normals of one frame at the values of a track; `of_vertices` has space for 3 n_verts
@@ -351,25 +341,21 @@ static int rotated_normals(reel_call *call, meshreel_decoder *decoder, reel_trac
     uint64_t n_items = state->items.graph.n_items, n_verts = file->outline.n_verts;
     uint32_t domain = track->sharing == REEL_OF_VERTICES ? MESHREEL_VERTICES : track->info.domain;
     position_window p;
-    int failed = positions_around(call, decoder, state->current.block, first, count, 0, &p);
+    REEL_TRY(positions_around(call, decoder, state->current.block, first, count, 0, &p));
     double *rotations = reel_scratch(call, 2 * n_items * count, sizeof *rotations);
     double *normals = reel_scratch(call, 3 * n_items, sizeof *normals);
     double *of_vertices = reel_scratch(call, 3 * n_verts, sizeof *of_vertices);
     int32_t *summed_faces_of = summed_faces(call, file);
-    if (failed || !rotations || !normals || !of_vertices || !summed_faces_of) {
-        return call->error.code;
-    }
-    failed = multiply(call, decoder, state, track, first, count, REEL_VALUES_8, rotations, NULL);
-    for (uint64_t t = 0; t < count && !failed; t++) {
+    REEL_NEED(rotations && normals && of_vertices && summed_faces_of);
+    REEL_TRY(multiply(call, decoder, state, track, first, count, REEL_VALUES_8, rotations, NULL));
+    for (uint64_t t = 0; t < count; t++) {
         const uint8_t *positions = (const uint8_t *)p.numbers + 3 * n_verts * p.size * t;
-        failed = surface_normals(call, file, state, domain, summed_faces_of, positions, of_vertices,
-                                 normals);
-        if (!failed) {
-            reel_rotate_normals(normals, rotations + 2 * n_items * t, (int64_t)n_items, track->size,
-                                (uint8_t *)out + 3 * n_items * track->size * t);
-        }
+        REEL_TRY(surface_normals(call, file, state, domain, summed_faces_of, positions,
+                                 of_vertices, normals));
+        reel_rotate_normals(normals, rotations + 2 * n_items * t, (int64_t)n_items, track->size,
+                            (uint8_t *)out + 3 * n_items * track->size * t);
     }
-    return failed;
+    return MESHREEL_OK;
 }
 
 /* ---- any track ---- */
@@ -411,14 +397,13 @@ int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uin
     const reel_track *track = &decoder->file->tracks[number];
     reel_track_state *state = &decoder->tracks[number];
     uint64_t n_items = state->items.graph.n_items;
-    int failed = MESHREEL_OK;
     if (!number) {
         return positions_of(call, decoder, first, count, size, out);
     }
     if (track->difference) {
-        failed = velocities_of(call, decoder, state, track, first, count, out);
+        REEL_TRY(velocities_of(call, decoder, state, track, first, count, out));
     } else if (track->info.coding == REEL_ROTATIONS) {
-        failed = rotated_normals(call, decoder, state, track, first, count, out);
+        REEL_TRY(rotated_normals(call, decoder, state, track, first, count, out));
     } else if (track->info.coding == REEL_EXACT) {
         size_t item_bytes = (size_t)track->info.n_columns * track->size;
         for (uint64_t t = 0; t < count; t++) {
@@ -427,13 +412,11 @@ int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uin
                    (uint8_t *)out + t * n_items * item_bytes);
         }
     } else {
-        failed = multiply(call, decoder, state, track, first, count, track->size, out, NULL);
-        if (!failed && track->info.kind == MESHREEL_TRACK_NORMAL) {
+        REEL_TRY(multiply(call, decoder, state, track, first, count, track->size, out, NULL));
+        if (track->info.kind == MESHREEL_TRACK_NORMAL) {
             to_unit_length(out, track->size, n_items * count);
         }
     }
-    if (!failed) {
-        store_missing(state, track, first, count, out);
-    }
-    return failed;
+    store_missing(state, track, first, count, out);
+    return MESHREEL_OK;
 }
