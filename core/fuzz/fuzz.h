@@ -32,6 +32,8 @@ double fuzz_float(void);
    contents, which differ when the run is repeated. */
 void *fuzz_allocate(int64_t count, size_t item);
 void *fuzz_copy(const void *from, int64_t count, size_t item);
+/* Working memory for a function of the core, and its size. */
+#define FUZZ_MEMORY(size) fuzz_allocate((int64_t)(size), 1), (size)
 /* The byte that this memory is filled with. */
 int fuzz_fill_byte(void);
 /* Let the address sanitizer report every use of this memory, or none. */
@@ -83,19 +85,10 @@ void fuzz_run_backward(void *user, void (*task)(void *shared, uint32_t i), void 
 
 /* ---- targets ---- */
 
-void fuzz_integers(void);
-void fuzz_fields(void);
-void fuzz_connectivity(void);
-void fuzz_order(void);
-void fuzz_corner_rows(void);
-void fuzz_patterns(void);
+void fuzz_streams(void);
 void fuzz_surface_integers(void);
 void fuzz_exact(void);
 void fuzz_hierarchy(void);
-void fuzz_frames(void);
 void fuzz_basis_encode(void);
-void fuzz_coordinates(void);
-void fuzz_streams(void);
-void fuzz_host_memory(void);
 
 #endif

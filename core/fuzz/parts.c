@@ -1,5 +1,5 @@
-/* Fuzz targets: segments decoded by one call of ../reader/parts.h, in the memory of
-   ../host_memory.c, against each decoded alone; and that memory alone. */
+/* Compares segments decoded by one call of ../reader/parts.h, in the memory of ../host_memory.c,
+   with each decoded alone. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -10,8 +10,6 @@
 #define LIMIT ((uint64_t)1 << 22)
 #define MAX_BYTES ((uint64_t)1 << 17) /* limit of the values of a track */
 #define MAX_PARTS 6
-#define MAX_HELD 24
-#define MAX_STEPS 200
 
 /* ---- memory ---- */
 
@@ -68,67 +66,6 @@ static void *allocate(void *user, size_t size) {
 static void release(void *user, void *memory, size_t size) {
     fuzz_poison(memory, size);
     reel_host_release(user, memory, size);
-}
-
-typedef struct {
-    uint8_t *memory;
-    size_t size;
-    int host;
-} held_block;
-
-static bool hold(held_block *block, reel_host_memory *hosts, int number) {
-    block->host = (int)fuzz_below(2);
-    block->size = (size_t)fuzz_below((int64_t)1 << fuzz_below(17));
-    if (fuzz_one_in(50)) {
-        FUZZ_CHECK(!reel_host_allocate(&hosts[block->host], SIZE_MAX >> fuzz_below(2)));
-    }
-    block->memory = allocate(&hosts[block->host], block->size);
-    if (!block->memory) {
-        FUZZ_CHECK(raw_fails_once_in);
-        return false;
-    }
-    FUZZ_CHECK((uintptr_t)block->memory % 64 == 0);
-    memset(block->memory, number, block->size);
-    return true;
-}
-
-static void give_back(held_block *block, reel_host_memory *hosts, int number) {
-    for (size_t i = 0; i < block->size; i++) {
-        FUZZ_CHECK(block->memory[i] == number);
-    }
-    release(&hosts[block->host], block->memory, block->size);
-    block->memory = NULL;
-}
-
-void fuzz_host_memory(void) {
-    reel_block_store store = make_store();
-    reel_host_memory hosts[2] = {{.store = &store}, {.store = &store}};
-    held_block blocks[MAX_HELD] = {{0}};
-    uint64_t n_bytes[2] = {0, 0};
-    for (int i = 0; i < MAX_STEPS; i++) {
-        int number = (int)fuzz_below(MAX_HELD);
-        held_block *block = &blocks[number];
-        uint64_t n_kept = store.n_bytes;
-        store.is_locked = fuzz_one_in(6); /* as if another thread changed the lists */
-        bool was_locked = store.is_locked;
-        if (block->memory) {
-            n_bytes[block->host] -= block->size;
-            give_back(block, hosts, number);
-        } else if (hold(block, hosts, number)) {
-            n_bytes[block->host] += block->size;
-        }
-        FUZZ_CHECK(was_locked == store.is_locked && (!was_locked || store.n_bytes == n_kept));
-        FUZZ_CHECK(store.n_bytes <= store.max_bytes);
-        FUZZ_CHECK(hosts[0].n_bytes == n_bytes[0] && hosts[1].n_bytes == n_bytes[1]);
-        fuzz_hash(&store.n_bytes, 1, sizeof store.n_bytes);
-        store.is_locked = 0;
-    }
-    for (int number = 0; number < MAX_HELD; number++) {
-        if (blocks[number].memory) {
-            give_back(&blocks[number], hosts, number);
-        }
-    }
-    end_store(&store);
 }
 
 /* ---- parts ---- */

@@ -14,7 +14,8 @@
 enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, REFERENCE = 6, EDIT = 7, BLOCK = 16, BASIS = 17 };
 enum { COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192 };
 enum { INDEX = 130, POLYGONS = 131, ATTRIBUTE = 132, GROUPS = 133, PARTS = 134, START = 135 };
-enum { MATERIAL = 136, IMAGE = 137, TRACK = 138, REEL = 7, GRID = 9 };
+enum { MATERIAL = 136, IMAGE = 137, TRACK = 138, HARD_EDGES = 139, REEL = 7, GRID = 9 };
+enum { WITH_RESTS = 16, WITH_COSINES = 32, ADAPTIVE = 64 }; /* of the layout of FIELDS */
 enum { MODES = 0, EXACT = 1, ROTATIONS = 2, BACKWARD = 3, EXACT_BACKWARD = 6 };
 enum { OTHER = 0, VELOCITY = 2, NORMAL = 3, SCALAR = 6 };
 
@@ -79,7 +80,7 @@ static void end_section(stream *s, int64_t id, size_t payload) {
     if (fuzz_one_in(60)) {
         copy = fuzz_mutate(copy); /* under a valid checksum */
     }
-    bool is_of_surface = id >= POLYGONS && id < TRACK && id != START;
+    bool is_of_surface = id >= POLYGONS && id <= HARD_EDGES && id != TRACK && id != START;
     s->n_of_mesh += id == CONNECTIVITY || id == ORDER || id == EDIT || is_of_surface;
     s->size = payload;
     put_byte(s, id);
@@ -102,10 +103,10 @@ static void put_rows(stream *s, int32_t *values, const int64_t *lengths, int64_t
         tables[i] = i;
     }
     capacity = 16 * count + 16;
-    size_t size = reel_integers_memory(n_rows);
     uint8_t *out = fuzz_allocate(capacity, 1);
-    int64_t length = reel_integers_encode(fuzz_allocate((int64_t)size, 1), size, values, lengths,
-                                          tables, n_rows, n_rows, out, (size_t)capacity);
+    int64_t length =
+        reel_integers_encode(FUZZ_MEMORY(reel_integers_memory(n_rows)), values, lengths, tables,
+                             n_rows, n_rows, out, (size_t)capacity);
     FUZZ_CHECK(length >= 0);
     put(s, out, (size_t)length);
 }
@@ -259,6 +260,19 @@ static void put_parts(stream *s) {
     end_section(s, PARTS, payload);
 }
 
+/* Write the numbers of some edges, as differences; there may be fewer edges. */
+static void put_hard_edges(stream *s) {
+    int64_t count = 1 + fuzz_below(4);
+    int32_t *between = fuzz_allocate(count, sizeof *between);
+    for (int64_t i = 0; i < count; i++) {
+        between[i] = (int32_t)fuzz_below(3) - fuzz_one_in(30);
+    }
+    size_t payload = s->size;
+    put_varint(s, (uint64_t)count);
+    put_rows(s, between, &count, 1);
+    end_section(s, HARD_EDGES, payload);
+}
+
 static void put_numbers(stream *s, int64_t count) {
     int64_t present = fuzz_below((int64_t)1 << count);
     put_varint(s, (uint64_t)present);
@@ -301,6 +315,9 @@ static void put_surface(stream *s) {
     }
     if (fuzz_one_in(3)) {
         put_parts(s);
+    }
+    if (fuzz_one_in(3)) {
+        put_hard_edges(s);
     }
     for (int64_t i = 0; i < n_materials; i++) {
         put_material(s, i, n_images);
@@ -413,7 +430,7 @@ static void put_mesh(stream *s) {
     int64_t capacity = 96 * mesh->n_faces + 1024;
     uint8_t *out = fuzz_allocate(capacity, 1);
     int64_t length =
-        reel_connectivity_encode(fuzz_allocate((int64_t)size, 1), size, mesh->faces, mesh->n_faces,
+        reel_connectivity_encode(FUZZ_MEMORY(size), mesh->faces, mesh->n_faces,
                                  mesh->n_verts, fuzz_one_in(6), fuzz_allocate(3 * mesh->n_faces, 4),
                                  NULL, fuzz_allocate(mesh->n_verts, 4), out, (size_t)capacity);
     FUZZ_CHECK(length >= 0);
@@ -469,11 +486,21 @@ static void put_fields(stream *s, int64_t number, int64_t n_frames, int64_t n_mo
                        bool may_miss) {
     size_t payload = s->size;
     int64_t reference = fuzz_one_in(20) ? fuzz_below(9) : fuzz_one_in(2) ? number : 0;
-    put_byte(s, fuzz_one_in(2) ? 8 : 4);
+    int64_t flags = fuzz_one_in(4) ? WITH_COSINES : ADAPTIVE * fuzz_below(2);
+    flags |= n_frames > 2 && (flags != WITH_COSINES || fuzz_one_in(30)) && fuzz_one_in(2)
+                 ? WITH_RESTS
+                 : 0;
+    put_byte(s, (fuzz_one_in(2) ? 8 : 4) | flags);
     put_varint(s, (uint64_t)reference);
     put(s, &(float){0x1p-12F}, sizeof(float));
     put_varint(s, (uint64_t)(fuzz_one_in(9) ? 1 + fuzz_below(16) : 6));
     put_varint(s, (uint64_t)fuzz_below(9));
+    if (flags & WITH_RESTS) { /* fractional bits, and a run: how long after the start, its length */
+        put_varint(s, (uint64_t)fuzz_below(REEL_MAX_REST_BITS + 1));
+        put_varint(s, 1);
+        put_varint(s, (uint64_t)(1 + fuzz_below(n_frames - 1)));
+        put_varint(s, (uint64_t)(fuzz_one_in(9) ? n_frames : 1));
+    }
     if (reference && fuzz_one_in(3)) {
         put_varint(s, (uint64_t)(1 + fuzz_below(n_modes < 3 ? n_modes : 3)));
         put(s, &(float){2.0F}, sizeof(float));
@@ -566,7 +593,7 @@ static int64_t choose_steps(stream *s, int kind, int64_t count) {
 }
 
 static void choose_mesh(stream *s) {
-    s->mesh = fuzz_make_mesh(40);
+    s->mesh = fuzz_make_mesh(fuzz_one_in(30) ? 400 : 40);
     if (!s->mesh.n_faces) { /* a file has at least one face */
         s->mesh = (fuzz_mesh){3, 1, fuzz_copy((int32_t[3]){0, 1, 2}, 3, sizeof(int32_t)), NULL};
     }
