@@ -138,11 +138,11 @@ int64_t reel_corner_codes(void *memory, size_t memory_size, const int32_t *trian
             return reel_failure(REEL_INVALID, (uint64_t)item);
         }
         candidate_list list = find_candidates(&walk, corner);
-        int found = 0;
-        while (found < list.n && list.rows[found] != row) {
-            found++;
+        int index = 0;
+        while (index < list.n && list.rows[index] != row) {
+            index++;
         }
-        int32_t code = found < list.n ? found + 2 * (found > 0) : row == n_new ? NEW : EXPLICIT;
+        int32_t code = index < list.n ? index + 2 * (index > 0) : row == n_new ? NEW : EXPLICIT;
         n_new += code == NEW;
         order[n_coded] = item;
         contexts[n_coded] = (uint8_t)list.context;
@@ -182,13 +182,13 @@ int64_t reel_corner_rows(void *memory, size_t memory_size, const int32_t *triang
             return reel_failure(REEL_CORRUPT, (uint64_t)item);
         }
         int32_t code = *next[list.context]++;
-        int64_t row = NONE, found = code > EXPLICIT ? (int64_t)code - EXPLICIT : 0;
+        int64_t row = NONE, index = code > EXPLICIT ? (int64_t)code - EXPLICIT : 0;
         if (code == NEW) {
             row = n_new++;
         } else if (code == EXPLICIT && n_used < n_explicit) {
             row = last_explicit += differences[n_used++];
-        } else if (code != EXPLICIT && code >= 0 && found < list.n) {
-            row = list.rows[found];
+        } else if (code != EXPLICIT && code >= 0 && index < list.n) {
+            row = list.rows[index];
         }
         if (row < 0 || row >= n_rows) {
             return reel_failure(REEL_CORRUPT, (uint64_t)item);

@@ -173,9 +173,9 @@ REEL_INLINE int32_t code_nonzero(reel_range_coder *coder, field_coder *f, int64_
     const int32_t *dependents = f->dependents + f->dependent_starts[position];
     const int32_t *end = f->dependents + f->dependent_starts[position + 1];
     for (; dependents < end; dependents++) {
-        near_magnitudes *one = &f->near_sums[*dependents];
-        one->sum += magnitude;
-        one->largest = one->largest > magnitude ? one->largest : magnitude;
+        near_magnitudes *sums = &f->near_sums[*dependents];
+        sums->sum += magnitude;
+        sums->largest = sums->largest > magnitude ? sums->largest : magnitude;
     }
     return negative ? -(int32_t)size : (int32_t)size;
 }

@@ -199,9 +199,9 @@ REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n
     const row_group *rows = coder->rows + group;
     vec4d near = {0}, opposite = {0}, around = {0};
     for (int32_t i = 0; i < coder->n_parallelograms; i++) {
-        const parallelogram *one = &coder->parallelograms[i];
-        near += rows[one->a * n_groups].values + rows[one->b * n_groups].values;
-        opposite += rows[one->c * n_groups].values;
+        const parallelogram *shape = &coder->parallelograms[i];
+        near += rows[shape->a * n_groups].values + rows[shape->b * n_groups].values;
+        opposite += rows[shape->c * n_groups].values;
     }
     for (int32_t i = 0; i < coder->n_around; i++) {
         around += rows[coder->around[i] * n_groups].values;
@@ -255,9 +255,9 @@ REEL_INLINE vec4i mean_deviation(const surface_coder *coder, int64_t group, int6
     const row_group *rows = coder->rows + group;
     vec4d prediction = __builtin_convertvector(predicted, vec4d), sum = {0};
     for (int32_t i = 0; i < coder->n_parallelograms; i++) {
-        const parallelogram *one = &coder->parallelograms[i];
-        vec4d difference = rows[one->a * n_groups].values + rows[one->b * n_groups].values -
-                           rows[one->c * n_groups].values - prediction;
+        const parallelogram *shape = &coder->parallelograms[i];
+        vec4d difference = rows[shape->a * n_groups].values + rows[shape->b * n_groups].values -
+                           rows[shape->c * n_groups].values - prediction;
         sum += (vec4d)((vec4l)difference & INT64_MAX);
     }
     sum *= 48.0 / (double)coder->n_parallelograms;
@@ -308,10 +308,10 @@ typedef struct {
 REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, int64_t n_groups) {
     near_residuals near = {.n = coder->n_around < N_CONTEXT ? coder->n_around : N_CONTEXT};
     for (int32_t i = 0; i < near.n; i++) {
-        vec4i one = coder->rows[coder->around[i] * n_groups + group].residuals;
-        vec4i is_negative = one < 0; /* -1 if true */
-        near.sizes += (one ^ is_negative) - is_negative;
-        near.signs += is_negative - (one > 0);
+        vec4i residuals = coder->rows[coder->around[i] * n_groups + group].residuals;
+        vec4i is_negative = residuals < 0; /* -1 if true */
+        near.sizes += (residuals ^ is_negative) - is_negative;
+        near.signs += is_negative - (residuals > 0);
     }
     return near;
 }

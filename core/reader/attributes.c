@@ -177,10 +177,10 @@ static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range
     void *memory = reel_scratch(call, size, 1);
     REEL_NEED(memory);
     int64_t n_explicit = lengths[REEL_CORNER_CONTEXTS];
-    int64_t found = reel_corner_rows(memory, size, triangles, twins, items, n_faces,
+    int64_t code = reel_corner_rows(memory, size, triangles, twins, items, n_faces,
                                      (int64_t)outline->n_verts, (int64_t)n_items, result->n_rows,
                                      values, lengths, values + n_items, n_explicit, rows);
-    return found < 0 ? reel_corrupt(call, at, "the references of corners do not match the faces")
+    return code < 0 ? reel_corrupt(call, at, "the references of corners do not match the faces")
                      : MESHREEL_OK;
 }
 

@@ -18,19 +18,19 @@ static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t bl
 /* ---- items and hierarchies ---- */
 
 /* Whether two tracks have the same items: equal domains and equal bytes of rows. */
-static int have_same_rows(reel_call *call, const reel_track *one, const reel_track *other,
+static int have_same_rows(reel_call *call, const reel_track *track, const reel_track *other,
                           bool *are_same) {
     const uint8_t *bytes_a, *bytes_b;
-    *are_same = one->info.domain == other->info.domain && one->sharing == other->sharing &&
-                one->rows.length == other->rows.length;
-    if (!*are_same || !one->rows.length) {
+    *are_same = track->info.domain == other->info.domain && track->sharing == other->sharing &&
+                track->rows.length == other->rows.length;
+    if (!*are_same || !track->rows.length) {
         return MESHREEL_OK;
     }
     const reel_chunk *mark = call->scratch.last;
     *are_same = false;
-    REEL_TRY(reel_view(call, one->rows, &bytes_a));
+    REEL_TRY(reel_view(call, track->rows, &bytes_a));
     REEL_TRY(reel_view(call, other->rows, &bytes_b));
-    *are_same = reel_equal_bytes(bytes_a, bytes_b, (size_t)one->rows.length);
+    *are_same = reel_equal_bytes(bytes_a, bytes_b, (size_t)track->rows.length);
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;
 }

@@ -21,10 +21,10 @@ static int find_sides(reel_call *call, const reel_faces *faces, face_sides *side
     for (uint64_t face = 0; face < outline->n_polygons; face++) {
         uint32_t size = faces->sizes ? faces->sizes[face] : 3;
         for (uint32_t k = 0; k < size; k++) {
-            uint32_t one = (uint32_t)vertices[k], other = (uint32_t)vertices[(k + 1) % size];
-            if (one != other) {
-                sides->ends[0][sides->count] = one < other ? one : other;
-                sides->ends[1][sides->count++] = one < other ? other : one;
+            uint32_t a = (uint32_t)vertices[k], b = (uint32_t)vertices[(k + 1) % size];
+            if (a != b) {
+                sides->ends[0][sides->count] = a < b ? a : b;
+                sides->ends[1][sides->count++] = a < b ? b : a;
             }
         }
         vertices += size;

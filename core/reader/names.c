@@ -3,25 +3,25 @@
 #include "names.h"
 
 /* Compare two texts as bytes: negative, 0 or positive. */
-static int compare(const meshreel_text *one, const meshreel_text *other) {
-    size_t shorter = one->size < other->size ? one->size : other->size;
+static int compare(const meshreel_text *first, const meshreel_text *second) {
+    size_t shorter = first->size < second->size ? first->size : second->size;
     for (size_t i = 0; i < shorter; i++) {
-        uint8_t a = (uint8_t)one->bytes[i], b = (uint8_t)other->bytes[i];
+        uint8_t a = (uint8_t)first->bytes[i], b = (uint8_t)second->bytes[i];
         if (a != b) {
             return a < b ? -1 : 1;
         }
     }
-    return one->size < other->size ? -1 : one->size > other->size;
+    return first->size < second->size ? -1 : first->size > second->size;
 }
 
 /* Merge the sorted ranges from[start .. middle - 1] and from[middle .. end - 1]. */
 static void merge(const meshreel_text *from, uint64_t start, uint64_t middle, uint64_t end,
                   meshreel_text *to) {
-    uint64_t one = start, other = middle;
+    uint64_t left = start, right = middle;
     for (uint64_t i = start; i < end; i++) {
-        bool takes_one =
-            other == end || (one < middle && compare(&from[one], &from[other]) <= 0);
-        to[i] = from[takes_one ? one++ : other++];
+        bool takes_left =
+            right == end || (left < middle && compare(&from[left], &from[right]) <= 0);
+        to[i] = from[takes_left ? left++ : right++];
     }
 }
 
