@@ -54,7 +54,8 @@ fuzz_bytes fuzz_mutate(fuzz_bytes from);
 
 #define FUZZ_CHECK(condition) fuzz_check((condition), #condition, __FILE__, __LINE__)
 void fuzz_check(bool condition, const char *text, const char *file, int line);
-/* Assert that a failure is a code of reel.h other than lack of memory: the arena had the stated size. */
+/* Assert that a failure is a code of reel.h other than lack of memory: the arena had the stated
+   size. */
 void fuzz_check_code(int64_t result);
 /* Add a result to the hash of the run, which a repetition must reproduce. */
 void fuzz_hash(const void *result, int64_t count, size_t item);

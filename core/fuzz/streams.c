@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "../reader/tracks.h"
 #include "fuzz.h"
 
 #define CAPACITY (1 << 18)
@@ -11,13 +12,8 @@
 #define MAX_BLOCKS 4
 #define MAX_TRACKS 5
 
-enum { CONNECTIVITY = 1, ORDER = 2, SEGMENT = 5, REFERENCE = 6, EDIT = 7, BLOCK = 16, BASIS = 17 };
-enum { COEFFICIENTS = 19, FIELDS = 21, CORRECTIONS = 22, TRACK_BLOCK = 23, VALUES = 24, MISSING = 25, UNKNOWN = 192 };
-enum { INDEX = 130, POLYGONS = 131, ATTRIBUTE = 132, GROUPS = 133, PARTS = 134, START = 135 };
-enum { MATERIAL = 136, IMAGE = 137, TRACK = 138, HARD_EDGES = 139, REEL = 7, GRID = 9 };
+enum { UNKNOWN_SECTION = 192 };
 enum { WITH_RESTS = 16, WITH_COSINES = 32, ADAPTIVE = 64 }; /* of the layout of FIELDS */
-enum { MODES = 0, EXACT = 1, ROTATIONS = 2, BACKWARD = 3, EXACT_BACKWARD = 6 };
-enum { OTHER = 0, VELOCITY = 2, NORMAL = 3, SCALAR = 6 };
 
 /* A track other than the positions. */
 typedef struct {
@@ -80,8 +76,9 @@ static void end_section(stream *s, int64_t id, size_t payload) {
     if (fuzz_one_in(60)) {
         copy = fuzz_mutate(copy); /* under a valid checksum */
     }
-    bool is_of_surface = id >= POLYGONS && id <= HARD_EDGES && id != TRACK && id != START;
-    s->n_of_mesh += id == CONNECTIVITY || id == ORDER || id == EDIT || is_of_surface;
+    bool is_of_surface = id >= REEL_POLYGONS && id <= REEL_HARD_EDGES && id != REEL_TRACK &&
+                         id != REEL_START;
+    s->n_of_mesh += id == REEL_CONNECTIVITY || id == REEL_ORDER || id == REEL_EDIT || is_of_surface;
     s->size = payload;
     put_byte(s, id);
     put_varint(s, copy.size);
@@ -153,7 +150,7 @@ static void put_polygons(stream *s) {
     size_t payload = s->size;
     put_varint(s, (uint64_t)s->n_polygons);
     put_rows(s, above, &s->n_polygons, 1);
-    end_section(s, POLYGONS, payload);
+    end_section(s, REEL_POLYGONS, payload);
 }
 
 static int64_t count_items(const stream *s, int64_t domain) {
@@ -226,7 +223,7 @@ static void put_attribute(stream *s) {
                                            : 64 + fuzz_below(25));
     put_byte(s, fuzz_below(domain == 1 ? 2 : 3));
     put_bits(s);
-    end_section(s, ATTRIBUTE, payload);
+    end_section(s, REEL_ATTRIBUTE, payload);
 }
 
 static void put_groups(stream *s) {
@@ -244,7 +241,7 @@ static void put_groups(stream *s) {
         put_text(s, i ? "red" : "\xC3\xBC");
     }
     put_rows(s, differences, &s->n_polygons, 1);
-    end_section(s, GROUPS, payload);
+    end_section(s, REEL_GROUPS, payload);
 }
 
 static void put_parts(stream *s) {
@@ -257,7 +254,7 @@ static void put_parts(stream *s) {
     put_varint(s, (uint64_t)(s->mesh.n_verts - verts));
     put_varint(s, (uint64_t)(s->n_polygons - faces));
     put_text(s, "");
-    end_section(s, PARTS, payload);
+    end_section(s, REEL_PARTS, payload);
 }
 
 /* Write the numbers of some edges, as differences; there may be fewer edges. */
@@ -270,7 +267,7 @@ static void put_hard_edges(stream *s) {
     size_t payload = s->size;
     put_varint(s, (uint64_t)count);
     put_rows(s, between, &count, 1);
-    end_section(s, HARD_EDGES, payload);
+    end_section(s, REEL_HARD_EDGES, payload);
 }
 
 static void put_numbers(stream *s, int64_t count) {
@@ -302,7 +299,7 @@ static void put_material(stream *s, int64_t number, int64_t n_images) {
             put_numbers(s, 5);
         }
     }
-    end_section(s, MATERIAL, payload);
+    end_section(s, REEL_MATERIAL, payload);
 }
 
 static void put_surface(stream *s) {
@@ -327,7 +324,7 @@ static void put_surface(stream *s) {
         put_text(s, "wood");
         put_text(s, "image/png");
         put_bits(s);
-        end_section(s, IMAGE, payload);
+        end_section(s, REEL_IMAGE, payload);
     }
 }
 
@@ -358,17 +355,18 @@ static void put_track(stream *s, int number) {
     track *own = &s->tracks[number];
     int64_t domain = fuzz_below(5), type = types[fuzz_below(fuzz_one_in(2) ? 2 : 10)];
     int64_t n_columns = 1 + fuzz_below(fuzz_one_in(9) ? 9 : 3),
-            kind = n_columns == 1 ? SCALAR : OTHER;
+            kind = n_columns == 1 ? MESHREEL_TRACK_SCALAR : MESHREEL_TRACK_OTHER;
     bool is_of_vertices = domain == 0 || domain == 3;
-    own->coding = type > 8 || fuzz_one_in(3) ? EXACT : MODES;
+    own->coding = type > 8 || fuzz_one_in(3) ? REEL_EXACT : REEL_MODES;
     if (type <= 8 && fuzz_one_in(3)) {
         n_columns = 3;
-        kind = is_of_vertices && fuzz_one_in(2) ? VELOCITY : NORMAL;
-        own->coding =
-            kind == NORMAL ? (fuzz_one_in(3) ? MODES : ROTATIONS) : BACKWARD + (int)fuzz_below(6);
+        kind = is_of_vertices && fuzz_one_in(2) ? MESHREEL_TRACK_VELOCITY : MESHREEL_TRACK_NORMAL;
+        own->coding = kind == MESHREEL_TRACK_VELOCITY ? REEL_BACKWARD + (int)fuzz_below(6)
+                      : fuzz_one_in(3)                ? REEL_MODES
+                                                      : REEL_ROTATIONS;
     }
-    own->n_coded = own->coding == ROTATIONS ? 2 : n_columns;
-    bool is_exact = own->coding == EXACT || own->coding >= EXACT_BACKWARD;
+    own->n_coded = own->coding == REEL_ROTATIONS ? 2 : n_columns;
+    bool is_exact = own->coding == REEL_EXACT || own->coding >= REEL_EXACT_BACKWARD;
     size_t payload = s->size;
     put_byte(s, kind);
     put_byte(s, domain);
@@ -381,16 +379,16 @@ static void put_track(stream *s, int number) {
         put_double(s, 0.5);
         put_double(s, 1.0 + (double)fuzz_below(9));
     }
-    for (int64_t i = 0; i < n_columns && own->coding == MODES; i++) {
+    for (int64_t i = 0; i < n_columns && own->coding == REEL_MODES; i++) {
         put_double(s, (double)fuzz_below(9));
     }
-    if (own->coding >= BACKWARD) {
+    if (own->coding >= REEL_BACKWARD) {
         put_double(s, fuzz_float());
     }
     if (domain == 4) {
         put_corner_rows(s);
     }
-    end_section(s, TRACK, payload);
+    end_section(s, REEL_TRACK, payload);
 }
 
 static void put_edit(stream *s) {
@@ -421,7 +419,7 @@ static void put_edit(stream *s) {
     put_varint(s, (uint64_t)s->n_steps[1]);
     put_varint(s, (uint64_t)(n_corners / 3));
     put_rows(s, values, lengths, 7);
-    end_section(s, EDIT, payload);
+    end_section(s, REEL_EDIT, payload);
 }
 
 static void put_mesh(stream *s) {
@@ -436,7 +434,7 @@ static void put_mesh(stream *s) {
     FUZZ_CHECK(length >= 0);
     size_t payload = s->size;
     put(s, out, (size_t)length);
-    end_section(s, CONNECTIVITY, payload);
+    end_section(s, REEL_CONNECTIVITY, payload);
     payload = s->size;
     if (s->order < 2) {
         if (fuzz_one_in(2)) {
@@ -444,7 +442,7 @@ static void put_mesh(stream *s) {
             put_bits(s);
             s->size -= s->bytes[s->size - 1] ? 0 : 1; /* trailing zeros are not allowed */
         }
-        end_section(s, ORDER, payload);
+        end_section(s, REEL_ORDER, payload);
     }
     if (s->is_edited) {
         put_edit(s);
@@ -467,7 +465,7 @@ static void put_leading(stream *s) {
     }
     size_t payload = s->size;
     put_double(s, fuzz_float());
-    end_section(s, fuzz_one_in(8) ? START : UNKNOWN, payload);
+    end_section(s, fuzz_one_in(8) ? REEL_START : UNKNOWN_SECTION, payload);
 }
 
 /* ---- blocks ---- */
@@ -479,7 +477,7 @@ static void put_corrections(stream *s, int64_t n_frames) {
     put_varint(s, (uint64_t)n);
     put_varint(s, (uint64_t)(n + more));
     put_bits(s);
-    end_section(s, CORRECTIONS, payload);
+    end_section(s, REEL_CORRECTIONS, payload);
 }
 
 static void put_fields(stream *s, int64_t number, int64_t n_frames, int64_t n_modes,
@@ -505,21 +503,21 @@ static void put_fields(stream *s, int64_t number, int64_t n_frames, int64_t n_mo
         put_varint(s, (uint64_t)(1 + fuzz_below(n_modes < 3 ? n_modes : 3)));
         put(s, &(float){2.0F}, sizeof(float));
     }
-    end_section(s, FIELDS, payload);
+    end_section(s, REEL_FIELDS, payload);
     payload = s->size;
     put_bits(s);
-    end_section(s, BASIS, payload);
+    end_section(s, REEL_BASIS, payload);
     if (fuzz_one_in(3)) {
         put_corrections(s, n_frames);
     }
     if (may_miss && fuzz_one_in(3)) {
         payload = s->size;
         put_bits(s);
-        end_section(s, MISSING, payload);
+        end_section(s, REEL_MISSING, payload);
     }
     payload = s->size;
     put_bits(s);
-    end_section(s, COEFFICIENTS, payload);
+    end_section(s, REEL_COEFFICIENTS, payload);
 }
 
 static void put_exact(stream *s, bool is_grid) {
@@ -528,30 +526,30 @@ static void put_exact(stream *s, bool is_grid) {
         put_double(s, fuzz_one_in(4) ? 0.0 : 0x1p-20);
     }
     put_bits(s);
-    end_section(s, VALUES, payload);
+    end_section(s, REEL_VALUES, payload);
 }
 
 static void put_block(stream *s, int64_t number, int64_t n_frames) {
-    int64_t n_modes = s->method == REEL ? 1 + fuzz_below(3 * n_frames) : 0;
+    int64_t n_modes = s->method == REEL_METHOD_REEL ? 1 + fuzz_below(3 * n_frames) : 0;
     s->begins[number] = s->size;
     s->n_frames[number] = n_frames;
     size_t payload = s->size;
     put_varint(s, (uint64_t)n_frames);
     put_varint(s, (uint64_t)n_modes);
-    end_section(s, BLOCK, payload);
-    if (s->method == REEL) {
+    end_section(s, REEL_BLOCK, payload);
+    if (s->method == REEL_METHOD_REEL) {
         put_fields(s, number, n_frames, n_modes, false);
     } else {
-        put_exact(s, s->method == GRID);
+        put_exact(s, s->method == REEL_METHOD_GRID);
     }
     s->ends[number][0] = s->size;
     for (int i = 1; i < s->n_tracks; i++) {
         const track *own = &s->tracks[i];
-        bool is_exact = own->coding == EXACT || own->coding >= EXACT_BACKWARD;
+        bool is_exact = own->coding == REEL_EXACT || own->coding >= REEL_EXACT_BACKWARD;
         n_modes = is_exact ? 0 : 1 + fuzz_below(own->n_coded * n_frames);
         payload = s->size;
         put_varint(s, (uint64_t)n_modes);
-        end_section(s, TRACK_BLOCK, payload);
+        end_section(s, REEL_TRACK_BLOCK, payload);
         if (is_exact) {
             put_exact(s, false);
         } else {
@@ -566,7 +564,7 @@ static void put_end(stream *s, const stream *index) {
     uint64_t at = s->size;
     size_t payload = s->size;
     put(s, index->bytes, index->size);
-    end_section(s, INDEX, payload);
+    end_section(s, REEL_INDEX, payload);
     payload = s->size;
     put(s, &at, sizeof at);
     end_section(s, 0, payload);
@@ -609,7 +607,7 @@ static void choose_mesh(stream *s) {
     }
     s->method = fuzz_one_in(40)  ? (int)fuzz_below(11)
                 : fuzz_one_in(4) ? 8 + (int)fuzz_below(2)
-                                 : REEL;
+                                 : REEL_METHOD_REEL;
     s->order = (int)fuzz_below(3);
     s->n_tracks = 1 + (fuzz_one_in(2) ? 1 + (int)fuzz_below(MAX_TRACKS - 1) : 0);
 }
@@ -625,7 +623,7 @@ static void put_segment(stream *s) {
     for (int i = fuzz_one_in(2) ? 4 : 0; i > 0; i--) {
         put_double(s, 1.0 + (double)fuzz_below(7));
     }
-    end_section(s, SEGMENT, payload);
+    end_section(s, REEL_SEGMENT, payload);
 }
 
 /* Continue the mesh of an earlier segment, `distance` before. */
@@ -645,7 +643,7 @@ static void put_reference(stream *s, const stream *to, int64_t distance) {
         put_varint(s, (uint64_t)fuzz_below(to->n_of_mesh + 1));
         put_varint(s, 1 + (uint64_t)fuzz_below(2));
     }
-    end_section(s, REFERENCE, payload);
+    end_section(s, REEL_REFERENCE, payload);
 }
 
 /* Write a number of the index; rarely any other one. */
