@@ -18,6 +18,19 @@
 #define REEL_TARGET_8 __attribute__((target("avx512f")))
 #endif
 
+/* Call a function of the widest vectors that the processor has, or of up to 4 lanes. */
+#ifdef REEL_HAS_WIDE
+#define REEL_WIDEST(width, function, ...)                                                          \
+    ((width) >= 8   ? function##_8(__VA_ARGS__)                                                    \
+     : (width) == 4 ? function##_4(__VA_ARGS__)                                                    \
+                    : function##_2(__VA_ARGS__))
+#define REEL_UP_TO_4(width, function, ...)                                                         \
+    ((width) >= 4 ? function##_4(__VA_ARGS__) : function##_2(__VA_ARGS__))
+#else
+#define REEL_WIDEST(width, function, ...) ((void)(width), function##_2(__VA_ARGS__))
+#define REEL_UP_TO_4 REEL_WIDEST
+#endif
+
 #define REEL_TARGET_2
 #define REEL_JOIN_(a, b) a##b
 #define REEL_JOIN(a, b) REEL_JOIN_(a, b)

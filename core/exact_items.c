@@ -101,17 +101,6 @@ REEL_INLINE prediction predict_first(exact_coder *coder, int64_t col) {
 
 #endif
 
-/* Code a row number by number. */
-REEL_INLINE void code_numbers(exact_coder *coder, int64_t t) {
-#ifdef REEL_HAS_WIDE
-    if (coder->vector_width >= 4) {
-        code_numbers_4(coder, t);
-        return;
-    }
-#endif
-    code_numbers_2(coder, t);
-}
-
 /* ---- rows ---- */
 
 /* Code whether a row differs from the previous one. */
@@ -290,7 +279,7 @@ static void code_item(exact_coder *coder) {
             if (coder->kind == FILTER && t >= coder->first + MOTION_FRAMES) {
                 load_motions(coder, t);
             }
-            code_numbers(coder, t);
+            REEL_UP_TO_4(coder->vector_width, code_numbers, coder, t);
         }
     }
     if (coder->kind == FILTER) {

@@ -146,17 +146,6 @@ REEL_INLINE void write_floats(float (*values)[TILE], int64_t left, int64_t strid
 #include "frames_lanes.h"
 #endif
 
-static void sum_tile(const frames_job *job, const void *tile, int64_t number,
-                     double (*sums)[TILE]) {
-#ifdef REEL_HAS_WIDE
-    if (job->widest > 2) {
-        (job->widest == 8 ? sum_tile_8 : sum_tile_4)(job, tile, number, sums);
-        return;
-    }
-#endif
-    sum_tile_2(job, tile, number, sums);
-}
-
 /* Add the corrections of a requested frame within a tile; corrections ascend by vertex. */
 static void add_corrections(const frames_job *job, int64_t number, int64_t first,
                             double (*sums)[TILE]) {
@@ -175,12 +164,7 @@ static void add_corrections(const frames_job *job, int64_t number, int64_t first
 static bool write_values(const frames_job *job, int64_t number, int64_t first, int count,
                          double (*sums)[TILE]) {
     int64_t start = job->n_columns * (number * job->n_verts + first);
-#ifdef REEL_HAS_WIDE
-    if (job->widest > 2) {
-        return (job->widest == 8 ? place_tile_8 : place_tile_4)(job, sums, start, count);
-    }
-#endif
-    return place_tile_2(job, sums, start, count);
+    return REEL_WIDEST(job->widest, place_tile, job, sums, start, count);
 }
 
 /* Write sums without scale and origin, each column separately. */
@@ -200,7 +184,7 @@ static bool write_tile(const frames_job *job, int64_t begin, int64_t end, int64_
     bool is_finite = true;
     const uint8_t *tile = job->packed + (size_t)(first / TILE) * job->tile_bytes;
     for (int64_t number = begin; number < end; number++) {
-        sum_tile(job, tile, number, sums);
+        REEL_WIDEST(job->widest, sum_tile, job, tile, number, sums);
         if (job->corrections) {
             add_corrections(job, number, first, sums);
         }

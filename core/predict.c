@@ -99,9 +99,11 @@ static const float *smooth_rows(const reel_mesh *mesh, int64_t level) {
 #include "predict_lanes.h"
 
 #if defined(__clang__) || __GNUC__ >= 12 /* which have __builtin_shufflevector */
-#define HAS_WIDEST 1
 #define LANES 8
 #include "predict_lanes.h"
+#else
+#define code_8 code_4
+#define prepare_vertices_8 prepare_vertices_4
 #endif
 #endif
 
@@ -136,36 +138,7 @@ static bool code_level(int widest, const reel_mesh *mesh, reel_fields *fields,
     if (!level) {
         return code_coarsest(fields, quantizer, first, last);
     }
-#ifdef HAS_WIDEST
-    if (widest >= 8) {
-        return code_8(mesh, fields, quantizer, level, first, last);
-    }
-#endif
-#ifdef REEL_HAS_WIDE
-    if (widest >= 4) {
-        return code_4(mesh, fields, quantizer, level, first, last);
-    }
-#endif
-    (void)widest;
-    return code_2(mesh, fields, quantizer, level, first, last);
-}
-
-static void prepare_level(int widest, const reel_mesh *mesh, const reel_fields *fields,
-                          int64_t level, int64_t first, int64_t last) {
-#ifdef HAS_WIDEST
-    if (widest >= 8) {
-        prepare_vertices_8(mesh, fields, level, first, last);
-        return;
-    }
-#endif
-#ifdef REEL_HAS_WIDE
-    if (widest >= 4) {
-        prepare_vertices_4(mesh, fields, level, first, last);
-        return;
-    }
-#endif
-    (void)widest;
-    prepare_vertices_2(mesh, fields, level, first, last);
+    return REEL_WIDEST(widest, code, mesh, fields, quantizer, level, first, last);
 }
 
 /* Code vertices first..last-1, level by level. */
@@ -203,7 +176,7 @@ int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *fields, i
         int64_t start = max(first, mesh->level_starts[level]);
         int64_t stop = min(last, mesh->level_starts[level + 1]);
         if (start < stop) {
-            prepare_level(widest, mesh, fields, level, start, stop);
+            REEL_WIDEST(widest, prepare_vertices, mesh, fields, level, start, stop);
         }
     }
     return 0;

@@ -92,23 +92,11 @@ static void write_neighbor_rows(int32_t *near, const reel_graph *graph) {
     }
 }
 
-static const float *diffuse(const reel_smoother *smoother, const reel_graph *graph) {
-#ifdef REEL_HAS_WIDE
-    if (smoother->lanes == 8) {
-        return diffuse_8(smoother, graph);
-    }
-    if (smoother->lanes == 4) {
-        return diffuse_4(smoother, graph);
-    }
-#endif
-    return diffuse_2(smoother, graph);
-}
-
 void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, const int32_t *order,
                  float *rows) {
     scatter_signs(smoother->signs, graph->n);
     write_neighbor_rows(smoother->near, graph);
-    const float *fields = diffuse(smoother, graph);
+    const float *fields = REEL_WIDEST(smoother->lanes, diffuse, smoother, graph);
     for (int32_t i = 0; i < graph->n; i++) {
         const float *row = fields + (size_t)(order ? order[i] : i) * FIELDS;
         reel_copy(rows + (size_t)i * FIELDS, row, FIELDS * sizeof *rows);
