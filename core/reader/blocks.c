@@ -58,13 +58,8 @@ static int find_items(reel_call *call, meshreel_decoder *decoder, uint32_t numbe
     reel_pool pool = {NULL, 0};
     int failed = reel_find_items(call, &pool, &file->outline, &file->mesh, file->face_sizes,
                                  &file->tracks[number], &state->items);
-    if (failed) {
-        reel_release(&file->host, &pool);
-        return failed;
-    }
-    reel_append(&decoder->pool, &pool);
-    state->has_items = true;
-    return MESHREEL_OK;
+    state->has_items = !failed;
+    return reel_append(&file->host, failed, &decoder->pool, &pool);
 }
 
 static bool is_mesh_of(const reel_field_mesh *mesh, const reel_graph *graph, int64_t stencil_size) {
@@ -101,13 +96,8 @@ static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_stat
         }
     }
     failed = failed ? failed : reel_copy_hierarchy(call, &pool, mesh, &state->mesh);
-    if (failed) {
-        state->mesh = NULL;
-        reel_release(&decoder->file->host, &pool);
-        return failed;
-    }
-    reel_append(&decoder->pool, &pool);
-    return MESHREEL_OK;
+    state->mesh = failed ? NULL : state->mesh;
+    return reel_append(&decoder->file->host, failed, &decoder->pool, &pool);
 }
 
 /* Parse the group of a track, whose items are known. */

@@ -106,15 +106,19 @@ void reel_release(const meshreel_host *host, reel_pool *pool) {
     }
 }
 
-void reel_append(reel_pool *pool, reel_pool *more) {
+int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_pool *more) {
     reel_chunk **end = &more->last;
+    if (failed) {
+        reel_release(host, more);
+        return failed;
+    }
     while (*end) {
         end = &(*end)->before;
     }
     *end = pool->last;
     pool->last = more->last;
     pool->held += more->held;
-    *more = (reel_pool){NULL, 0};
+    return MESHREEL_OK;
 }
 
 void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), void *shared,

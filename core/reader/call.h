@@ -83,8 +83,8 @@ void reel_drop_scratch(reel_call *call, const reel_chunk *mark);
 /* Release all memory of a pool. */
 void reel_release(const meshreel_host *host, reel_pool *pool);
 
-/* Move the memory of `more` to `pool`. */
-void reel_append(reel_pool *pool, reel_pool *more);
+/* Move the memory of `more` to `pool`, or release it if a step failed; returns `failed`. */
+int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_pool *more);
 
 /* Run tasks on the threads of the host. */
 void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), void *shared,

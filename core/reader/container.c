@@ -775,18 +775,15 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
     return read_scanned(call, pool, outline, segments);
 }
 
-int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
-                      reel_range *payload) {
+uint32_t reel_count_sections(const reel_outline *outline, uint32_t id, reel_range *payload) {
     uint32_t count = 0;
     for (uint32_t i = 0; i < outline->n_leading; i++) {
         if (outline->leading[i].id == id) {
-            *payload = outline->leading[i].payload;
             count++;
+            if (payload) {
+                *payload = outline->leading[i].payload;
+            }
         }
     }
-    return count == 1 ? MESHREEL_OK
-                      : reel_corrupt(call, outline->begin,
-                                id == REEL_CONNECTIVITY
-                                    ? "there is not exactly one section CONNECTIVITY"
-                                    : "there is not exactly one section ORDER");
+    return count;
 }

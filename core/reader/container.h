@@ -69,9 +69,8 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
 int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file,
                       const reel_segments *segments, uint32_t number, reel_outline *outline);
 
-/* Find the only leading section with an id; corrupt if there are none or several. */
-int reel_only_section(reel_call *call, const reel_outline *outline, uint32_t id,
-                      reel_range *payload);
+/* Count the leading sections with an id; `payload`, unless NULL, becomes that of the last. */
+uint32_t reel_count_sections(const reel_outline *outline, uint32_t id, reel_range *payload);
 
 /* Byte range of a track in a block. */
 reel_range reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track);

@@ -328,14 +328,9 @@ int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {
     reel_call call = reel_begin_call(&file->source, &file->host, file->pool.held);
     reel_pool pool = {NULL, 0};
     int failed = file->has_mesh ? MESHREEL_OK : read_mesh(&call, file, &pool);
-    if (failed) {
-        reel_release(&file->host, &pool);
-        file->field_mesh = NULL;
-    } else {
-        reel_append(&file->pool, &pool);
-        file->has_mesh = true;
-    }
-    return reel_end_call(&call, failed, error);
+    file->has_mesh = !failed;
+    file->field_mesh = failed ? NULL : file->field_mesh;
+    return reel_end_call(&call, reel_append(&file->host, failed, &file->pool, &pool), error);
 }
 
 const uint32_t *meshreel_triangles(const meshreel_file *file) {
@@ -357,13 +352,8 @@ int meshreel_read_surface(meshreel_file *file, meshreel_error *error) {
     reel_pool pool = {NULL, 0};
     failed = reel_read_surface(&call, &pool, &file->outline, file->mesh.triangles,
                                file->face_sizes, &file->surface);
-    if (failed) {
-        reel_release(&file->host, &pool);
-    } else {
-        reel_append(&file->pool, &pool);
-        file->has_surface = true;
-    }
-    return reel_end_call(&call, failed, error);
+    file->has_surface = !failed;
+    return reel_end_call(&call, reel_append(&file->host, failed, &file->pool, &pool), error);
 }
 
 const meshreel_surface *meshreel_surface_of(const meshreel_file *file) {

@@ -37,7 +37,8 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
                              reel_mesh_data *mesh) {
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
     reel_range coded;
-    REEL_TRY(reel_only_section(call, outline, REEL_CONNECTIVITY, &coded));
+    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_CONNECTIVITY, &coded) != 1, outline->begin,
+                    "there is not exactly one section CONNECTIVITY");
     mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
     bool is_grid = outline->method == REEL_METHOD_GRID;
     if (is_grid) {
@@ -85,7 +86,8 @@ static int view_order(reel_call *call, const reel_outline *outline, reel_order_j
     if (outline->order == REEL_ORDER_DROPPED) {
         return MESHREEL_OK;
     }
-    REEL_TRY(reel_only_section(call, outline, REEL_ORDER, &coded));
+    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_ORDER, &coded) != 1, outline->begin,
+                    "there is not exactly one section ORDER");
     if (!coded.length) {
         return MESHREEL_OK;
     }

@@ -2,21 +2,6 @@
 
 #include "polygons.h"
 
-/* Find the section POLYGONS, and the number of them; more than one is an error. */
-static int find_section(reel_call *call, const reel_outline *outline, reel_range *payload,
-                        uint32_t *n_found) {
-    *n_found = 0;
-    for (uint32_t i = 0; i < outline->n_leading; i++) {
-        if (outline->leading[i].id == REEL_POLYGONS) {
-            *payload = outline->leading[i].payload;
-            (*n_found)++;
-        }
-    }
-    return *n_found <= 1
-               ? MESHREEL_OK
-               : reel_corrupt(call, payload->at, "the file has more than one section POLYGONS");
-}
-
 /* Whether the corners of all faces yield the number of triangles; `above` are their counts less
    3. */
 static bool fits_triangles(const reel_outline *outline, const int32_t *above) {
@@ -33,13 +18,13 @@ static bool fits_triangles(const reel_outline *outline, const int32_t *above) {
 int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *outline,
                          const uint32_t **face_sizes) {
     reel_range payload, left;
-    uint32_t n_found;
+    uint32_t n_sections = reel_count_sections(outline, REEL_POLYGONS, &payload);
     uint64_t n_polygons;
     *face_sizes = NULL;
-    REEL_TRY(find_section(call, outline, &payload, &n_found));
-    if (!n_found) {
+    if (!n_sections) {
         return MESHREEL_OK;
     }
+    REEL_CORRUPT_IF(n_sections > 1, payload.at, "the file has more than one section POLYGONS");
     left = payload;
     REEL_TRY(reel_read_varint(call, &left, &n_polygons));
     REEL_CORRUPT_IF(n_polygons != outline->n_polygons || n_polygons > outline->n_faces, payload.at,

@@ -103,20 +103,12 @@ typedef struct {
     meshreel_image *images;
 } surface_arrays;
 
-static uint32_t count_sections(const reel_outline *outline, uint32_t id) {
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < outline->n_leading; i++) {
-        count += outline->leading[i].id == id;
-    }
-    return count;
-}
-
 static int allocate_arrays(reel_call *call, reel_pool *pool, const reel_outline *outline,
                            surface_arrays *arrays) {
-    uint64_t n_attributes = count_sections(outline, REEL_ATTRIBUTE);
-    uint64_t n_groups = count_sections(outline, REEL_GROUPS);
-    uint64_t n_materials = count_sections(outline, REEL_MATERIAL);
-    uint64_t n_images = count_sections(outline, REEL_IMAGE);
+    uint64_t n_attributes = reel_count_sections(outline, REEL_ATTRIBUTE, NULL);
+    uint64_t n_groups = reel_count_sections(outline, REEL_GROUPS, NULL);
+    uint64_t n_materials = reel_count_sections(outline, REEL_MATERIAL, NULL);
+    uint64_t n_images = reel_count_sections(outline, REEL_IMAGE, NULL);
     arrays->attributes = reel_pool_allocate(call, pool, n_attributes, sizeof *arrays->attributes);
     arrays->groups = reel_pool_allocate(call, pool, n_groups, sizeof *arrays->groups);
     arrays->materials = reel_pool_allocate(call, pool, n_materials, sizeof *arrays->materials);
@@ -165,7 +157,7 @@ static int check_materials(reel_call *call, const meshreel_material *materials, 
 static int read_sections(reel_call *call, reel_pool *pool, const reel_faces *faces,
                          const surface_arrays *arrays, meshreel_surface *surface) {
     const reel_outline *outline = faces->outline;
-    uint32_t n_images = count_sections(outline, REEL_IMAGE);
+    uint32_t n_images = reel_count_sections(outline, REEL_IMAGE, NULL);
     uint64_t last_material = REEL_UNKNOWN;
     for (uint32_t i = 0; i < outline->n_leading; i++) {
         const reel_section *section = &outline->leading[i];
@@ -183,9 +175,9 @@ int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outl
     reel_faces faces = {.outline = outline, .triangles = triangles, .sizes = face_sizes};
     surface_arrays arrays;
     *surface = (meshreel_surface){.face_sizes = face_sizes};
-    if (count_sections(outline, REEL_PARTS) > 1 || count_sections(outline, REEL_HARD_EDGES) > 1) {
-        return reel_corrupt(call, REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
-    }
+    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_PARTS, NULL) > 1 ||
+                        reel_count_sections(outline, REEL_HARD_EDGES, NULL) > 1,
+                    REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
     REEL_TRY(allocate_arrays(call, pool, outline, &arrays));
     REEL_TRY(read_sections(call, pool, &faces, &arrays, surface));
     surface->attributes = arrays.attributes;
