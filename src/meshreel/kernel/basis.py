@@ -3,14 +3,13 @@
 A track has C columns: positions have x, y and z.
 """
 
-import ctypes
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.library import Argument, call
+from meshreel.kernel.library import Argument, call, int32s
 
 MAX_REST_BITS = 8
 """REEL_MAX_REST_BITS of `core/reel.h`."""
@@ -83,7 +82,7 @@ def lengths_of(values: Floats, n_modes: int, finer: float) -> Floats:
         n_verts,
         n_fields,
         n_modes,
-        ctypes.c_double(finer),
+        float(finer),
         lengths,
         what="lengths",
     )
@@ -115,7 +114,7 @@ def basis_vectors(
     options = _options_of_times(coding, n_frames)
     call(
         name,
-        np.ascontiguousarray(coded, np.int32),
+        int32s(coded),
         n_modes,
         n_columns,
         n_frames,
@@ -168,7 +167,7 @@ def quantized_basis(
     options = _options_of_times(coding, n_frames)
     what = "basis vectors"
     call(
-        encode, np.ascontiguousarray(targets), *shape, *options, ctypes.c_double(rate_weight),
+        encode, np.ascontiguousarray(targets), *shape, *options, float(rate_weight),
         integers, what=what, memory_of=(f"{encode}_memory", n_frames),
     )  # fmt: skip
     call(

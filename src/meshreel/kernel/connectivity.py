@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.kernel.library import call
+from meshreel.kernel.library import encoded, int32s
 
 Faces = npt.NDArray[np.int32]
 
@@ -52,12 +52,11 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> EncodedFaces:
     InvalidInputError
         If a vertex does not exist, or there are more than `MAX_ITEMS`.
     """
-    faces = np.ascontiguousarray(faces, np.int32)
+    faces = int32s(faces)
     internal_faces = np.empty_like(faces)
     twins = np.empty(3 * len(faces), np.int32)
     internal_to_given = np.empty(n_verts, np.int32)
-    out = np.empty(BYTES_EACH * len(faces) + MORE_BYTES, np.uint8)
-    size = call(
+    data = encoded(
         "reel_connectivity_encode",
         faces,
         len(faces),
@@ -66,10 +65,8 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> EncodedFaces:
         internal_faces,
         twins,
         internal_to_given,
-        out,
-        len(out),
         what="faces",
+        capacity=BYTES_EACH * len(faces) + MORE_BYTES,
         memory_of=("reel_connectivity_encode_memory", n_verts, len(faces)),
     )
-    order = internal_to_given.astype(np.int64)
-    return EncodedFaces(out[:size].tobytes(), order, internal_faces, twins)
+    return EncodedFaces(data, internal_to_given.astype(np.int64), internal_faces, twins)

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.library import call
+from meshreel.kernel.library import call, int32s
 
 AnyIntegers = npt.NDArray[np.integer]
 Integers = npt.NDArray[np.int32]
@@ -41,13 +41,13 @@ def corner_codes(
     contexts = np.empty(n_items, np.uint8)
     call(
         "reel_corner_codes",
-        np.ascontiguousarray(faces, np.int32),
-        np.ascontiguousarray(twins, np.int32),
-        None if items is None else np.ascontiguousarray(items, np.int32),
+        int32s(faces),
+        int32s(twins),
+        None if items is None else int32s(items),
         len(faces),
         n_verts,
         n_items,
-        np.ascontiguousarray(rows, np.int32),
+        int32s(rows),
         order,
         contexts,
         codes,

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.library import call
+from meshreel.kernel.library import call, encoded
 from meshreel.kernel.mesh import Neighbors
 
 Numbers = npt.NDArray[Any]
@@ -40,19 +40,16 @@ def encode_exact(values: Numbers, neighbors: Neighbors) -> bytes:
     if values.size == 0:
         return b""
     table = np.array(values, dtype, order="C")  # a copy, because the core modifies it
-    out = np.empty(table.nbytes + MAX_OVERHEAD_BYTES, np.uint8)
-    size = call(
+    return encoded(
         "reel_exact_encode",
         table,
         *_layout(table),
         neighbors.starts,
         neighbors.near,
-        out,
-        len(out),
         what="values",
+        capacity=table.nbytes + MAX_OVERHEAD_BYTES,
         memory_of=("reel_exact_memory", *table.shape),
     )
-    return out[:size].tobytes()
 
 
 def decode_exact(
@@ -77,7 +74,6 @@ def decode_exact(
     call(
         "reel_exact_decode",
         data,
-        len(data),
         table,
         *_layout(table),
         neighbors.starts,

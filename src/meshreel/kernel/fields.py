@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.library import call, memory, size_of
+from meshreel.kernel.library import call, encoded
 
 MAX_MAGNITUDE = (1 << 31) - 1
 MAX_NEAR = 16
@@ -40,9 +40,9 @@ class CodingOrder(NamedTuple):
     near: npt.NDArray[np.int32]
 
     @property
-    def memory(self) -> npt.NDArray[np.uint8]:
-        """Working memory for the core."""
-        return memory(size_of("reel_fields_memory", self.n_columns, self.n_passes, len(self.near)))
+    def memory_of(self) -> tuple[str, int, int, int]:
+        """The size of the working memory, as `call` takes it."""
+        return "reel_fields_memory", self.n_columns, self.n_passes, len(self.near)
 
 
 def coding_order(
@@ -101,21 +101,16 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: CodingOrder | None = 
         )
     n_rows, n_columns = array.shape
     values = np.array(array, np.int32, order="C")  # a copy, because the core modifies it
-    out = np.empty(BYTES_EACH * values.size + BYTES_AT_FIRST, np.uint8)
     order = _checked(passes, n_columns)
-    work = order.memory
-    size = call(
+    return encoded(
         "reel_fields_encode",
-        work,
-        len(work),
         values,
         n_rows,
         *order,
-        out,
-        len(out),
         what="fields",
+        capacity=BYTES_EACH * values.size + BYTES_AT_FIRST,
+        memory_of=order.memory_of,
     )
-    return out[:size].tobytes()
 
 
 def decode_fields(
@@ -140,19 +135,8 @@ def decode_fields(
     n_wanted = n_rows if n_wanted is None else min(n_wanted, n_rows)
     values = np.empty((n_wanted, n_columns), np.int32)
     order = _checked(passes, n_columns)
-    work = order.memory
-    call(
-        "reel_fields_decode",
-        work,
-        len(work),
-        data,
-        len(data),
-        n_rows,
-        n_wanted,
-        *order,
-        values,
-        what="fields",
-    )
+    arguments = data, n_rows, n_wanted, *order, values
+    call("reel_fields_decode", *arguments, what="fields", memory_of=order.memory_of)
     return values
 
 

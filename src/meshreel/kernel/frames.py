@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.library import Argument, call, memory, size_of
+from meshreel.kernel.library import Argument, call, int32s, memory, size_of
 from meshreel.runtime.threads import chunks, in_threads
 
 Integers = npt.NDArray[np.integer]
@@ -123,14 +123,14 @@ class JointFrames:
         values = np.asarray(self.values, np.float64)
         n_verts, n_modes = values.shape
         packed = memory(size_of("reel_packed_bytes", n_modes, n_verts, self._precision))
-        order = None if self.order is None else np.ascontiguousarray(self.order, np.int32)
+        order = None if self.order is None else int32s(self.order)
 
         def pack(piece: slice) -> None:
             call(
                 "reel_pack",
                 ctypes.c_void_p(values.ctypes.data),
                 *(stride // values.itemsize for stride in reversed(values.strides)),
-                ctypes.c_double(self.step),
+                float(self.step),
                 self._precision,
                 order,
                 n_modes,

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.library import call
+from meshreel.kernel.library import call, encoded, int32s
 
 MAX_MAGNITUDE = (1 << 31) - 1
 BYTES_EACH = 16
@@ -45,22 +45,19 @@ def encode_integers(
     tables = _tables_of_rows(len(rows), tables)
     lengths = np.array([len(row) for row in rows], np.int64)
     values = np.concatenate([np.zeros(0, np.int32), *(np.asarray(row) for row in rows)])
-    values = np.ascontiguousarray(values, np.int32)
-    out = np.empty(BYTES_EACH * (len(values) + 1), np.uint8)
+    values = int32s(values)
     n_tables = max(tables, default=-1) + 1
-    size = call(
+    return encoded(
         "reel_integers_encode",
         values,
         lengths,
         np.array(tables, np.int32),
         len(rows),
         n_tables,
-        out,
-        len(out),
         what="integers",
+        capacity=BYTES_EACH * (len(values) + 1),
         memory_of=("reel_integers_memory", n_tables),
     )
-    return out[:size].tobytes()
 
 
 def decode_integers(
@@ -83,7 +80,6 @@ def decode_integers(
     call(
         "reel_integers_decode",
         data,
-        len(data),
         np.array(lengths, np.int64),
         np.array(tables, np.int32),
         len(lengths),

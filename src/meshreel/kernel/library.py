@@ -4,6 +4,7 @@ import ctypes
 import os
 import sys
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ ALIGNMENT = 64
 NO_MEMORY, TRUNCATED, CORRUPT, INVALID = range(1, 5)
 
 Argument = Any
-"""An integer, bytes, a contiguous array, None, or a ctypes reference."""
+"""A number, bytes with their size, a contiguous array, None, or a ctypes reference."""
 
 
 @cache
@@ -84,7 +85,7 @@ def call(
     if memory_of is not None:
         work = memory(size_of(*memory_of))
         arguments = work, len(work), *arguments
-    result = int(_function(function)(*map(_passed, arguments)))
+    result = int(_function(function)(*chain.from_iterable(map(_passed, arguments))))
     if result >= 0:
         return result
     code, position = -result & 0xFF, -result >> 8
@@ -97,6 +98,27 @@ def call(
             f"the {what} cannot be encoded: number {position} exceeds the limits of the format"
         )
     raise MemoryError(f"{function} got less memory than it requires ({position})")
+
+
+def encoded(
+    function: str,
+    *arguments: Argument,
+    what: str,
+    capacity: int,
+    memory_of: tuple[Any, ...] | None = None,
+) -> bytes:
+    """Return the bytes that a function of the core writes, at most `capacity`; raises as `call`.
+
+    They and their capacity are passed after `arguments`.
+    """
+    out = np.empty(capacity, np.uint8)
+    size = call(function, *arguments, out, capacity, what=what, memory_of=memory_of)
+    return out[:size].tobytes()
+
+
+def int32s(values: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
+    """The values as the core takes integers; copied only if they are not."""
+    return np.ascontiguousarray(values, np.int32)
 
 
 def memory(size_bytes: int) -> npt.NDArray[np.uint8]:
@@ -113,10 +135,15 @@ def _function(name: str) -> Any:
     return function
 
 
-def _passed(argument: Argument) -> Any:
-    if argument is None or isinstance(argument, bytes):
-        return ctypes.c_char_p(argument)
-    if isinstance(argument, np.ndarray):
-        assert argument.flags.c_contiguous  # the core receives only its address
-        return ctypes.c_void_p(argument.ctypes.data)
-    return ctypes.c_int64(argument) if isinstance(argument, int) else argument
+def _passed(argument: Argument) -> tuple[Any, ...]:
+    match argument:
+        case bytes():
+            return argument, ctypes.c_int64(len(argument))
+        case np.ndarray():
+            assert argument.flags.c_contiguous  # the core receives only its address
+            return (ctypes.c_void_p(argument.ctypes.data),)
+        case int():
+            return (ctypes.c_int64(argument),)
+        case float():
+            return (ctypes.c_double(argument),)
+    return (argument,)

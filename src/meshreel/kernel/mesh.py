@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.library import call
+from meshreel.kernel.library import call, int32s
 from meshreel.runtime.threads import in_background, n_cores
 
 Integers = npt.NDArray[np.int32]
@@ -103,7 +103,7 @@ def neighbors(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbors:
     InvalidInputError
         If a face contains a vertex that does not exist.
     """
-    faces = np.ascontiguousarray(faces, np.int32)
+    faces = int32s(faces)
     starts, near = np.empty(n_verts + 1, np.int32), np.empty(2 * faces.size, np.int32)
     n_near = call(
         "reel_adjacency",

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.library import call
+from meshreel.kernel.library import call, encoded, int32s
 
 Integers = npt.NDArray[np.int32]
 AnyIntegers = npt.NDArray[np.integer]
@@ -28,7 +28,7 @@ def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
     twins = np.empty(3 * n_faces, np.int32)
     call(
         "reel_twins",
-        _contiguous(faces),
+        int32s(faces),
         n_faces,
         n_verts,
         twins,
@@ -65,26 +65,19 @@ def encode_order(
     """
     n_verts, n_faces = len(sequence), len(faces)
     _check_count(n_faces)
-    out = np.empty(BYTES_EACH * (n_verts + n_faces + 1), np.uint8)
-    size = call(
+    return encoded(
         "reel_order_encode",
-        _contiguous(faces),
-        None if twins is None else _contiguous(twins),
+        int32s(faces),
+        None if twins is None else int32s(twins),
         n_verts,
         n_faces,
         int(corners is not None),
-        None if corners is None else _contiguous(corners).copy(),  # the core modifies copies
-        _contiguous(sequence).copy(),
-        out,
-        len(out),
+        None if corners is None else int32s(corners).copy(),  # the core modifies copies
+        int32s(sequence).copy(),
         what="orders",
+        capacity=BYTES_EACH * (n_verts + n_faces + 1),
         memory_of=("reel_order_memory", n_verts, n_faces),
     )
-    return out[:size].tobytes()
-
-
-def _contiguous(values: AnyIntegers) -> Integers:
-    return np.ascontiguousarray(values, np.int32)
 
 
 def _check_count(n_faces: int) -> None:

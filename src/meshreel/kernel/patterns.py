@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.library import call
+from meshreel.kernel.library import call, encoded, int32s
 
 Numbers = npt.NDArray[Any]
 
@@ -50,8 +50,8 @@ def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
     triples = np.empty((3 * len(faces) + n_rows, 3), np.int32)
     n_triples = call(
         "reel_predictors_find",
-        np.ascontiguousarray(faces, np.int32),
-        np.ascontiguousarray(twins, np.int32),
+        int32s(faces),
+        int32s(twins),
         n_rows,
         len(faces),
         order,
@@ -67,8 +67,7 @@ def encode_patterns(values: Numbers, expected: Expected) -> bytes:
     """Encode a table of shape (N, C) of uint8, int32, float32 or float64."""
     table = np.array(values, order="C")
     n_rows, width = table.shape
-    out = np.empty(BYTES_EACH * table.size + BYTES_A_ROW * (n_rows + 1), np.uint8)
-    size = call(
+    return encoded(
         "reel_patterns_encode",
         table,
         *table.shape,
@@ -77,12 +76,10 @@ def encode_patterns(values: Numbers, expected: Expected) -> bytes:
         expected.order,
         expected.starts,
         expected.triples,
-        out,
-        len(out),
         what="numbers",
+        capacity=BYTES_EACH * table.size + BYTES_A_ROW * (n_rows + 1),
         memory_of=("reel_patterns_memory", width),
     )
-    return out[:size].tobytes()
 
 
 def decode_patterns(
@@ -99,7 +96,6 @@ def decode_patterns(
     call(
         "reel_patterns_decode",
         data,
-        len(data),
         table,
         *shape,
         dtype.itemsize,

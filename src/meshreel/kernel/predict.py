@@ -12,6 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.kernel.library import call, memory, size_of
 from meshreel.kernel.mesh import Hierarchy
+from meshreel.kernel.structures import fields_of
 from meshreel.runtime.threads import in_threads, n_cores
 
 CHUNK_VERTICES = 16384
@@ -25,40 +26,31 @@ division of a level."""
 MIN_VERTICES = 512
 """Minimum part of a level that one thread decodes, about a millisecond."""
 
+_POINTER = ctypes.c_void_p
+
 Prepared = npt.NDArray[np.uint8]
 """Prediction weights of all vertices before the first mode, in the core's layout."""
 
 
 class _Mesh(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int64) for name in ("n_verts", "n_levels", "stencil_size")),
-        *(
-            (name, ctypes.c_void_p)
-            for name in (
-                "level_starts",
-                "smooth_starts",
-                "stencil",
-                "hops",
-                "smooth",
-                "finest_smooth",
-            )
-        ),
+        *fields_of(ctypes.c_int64, "n_verts n_levels stencil_size"),
+        *fields_of(_POINTER, "level_starts smooth_starts stencil hops smooth finest_smooth"),
     ]
 
 
 class _Fields(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int64) for name in ("n_verts", "n_modes", "n_learned", "n_key")),
-        *((name, ctypes.c_void_p) for name in ("residuals", "values", "key", "prepared")),
+        *fields_of(ctypes.c_int64, "n_verts n_modes n_learned n_key"),
+        *fields_of(_POINTER, "residuals values key prepared"),
     ]
 
 
 class _Choice(ctypes.Structure):
     _fields_ = [
         ("first_shaped", ctypes.c_int64),
-        ("gain", ctypes.c_double),
-        ("rate_weight", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("target", "counts", "zones")),
+        *fields_of(ctypes.c_double, "gain rate_weight"),
+        *fields_of(_POINTER, "target counts zones"),
     ]
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.library import call
+from meshreel.kernel.library import encoded, int32s
 
 Integers = npt.NDArray[np.integer[Any]]
 Table = npt.NDArray[np.int32]
@@ -34,18 +34,15 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
         If a value is too large.
     """
     n_rows, n_columns = values.shape
-    out = np.empty(HEAD_BYTES + BYTES_EACH * values.size + MORE_BYTES, np.uint8)
-    size = call(
+    return encoded(
         "reel_surface_integers_encode",
-        np.ascontiguousarray(values, np.int32),
+        int32s(values),
         n_rows,
         n_columns,
-        np.ascontiguousarray(faces, np.int32),
-        np.ascontiguousarray(twins, np.int32),
+        int32s(faces),
+        int32s(twins),
         len(faces),
-        out,
-        len(out),
         what="integers on a surface",
+        capacity=HEAD_BYTES + BYTES_EACH * values.size + MORE_BYTES,
         memory_of=("reel_surface_integers_memory", n_rows, len(faces), n_columns),
     )
-    return out[:size].tobytes()
