@@ -6,11 +6,6 @@
 
 #define MAX_FACES ((int64_t)INT32_MAX / 6)
 
-size_t reel_adjacency_builder_bytes(size_t n, size_t pairs) {
-    return 3 * reel_array_bytes(n + 1, sizeof(int32_t)) +
-           2 * reel_array_bytes(pairs, sizeof(int32_t));
-}
-
 reel_adjacency_builder reel_allocate_adjacency_builder(reel_arena *arena, size_t n, size_t pairs) {
     return (reel_adjacency_builder){
         .starts = reel_allocate(arena, n + 1, sizeof(int32_t)),
@@ -105,7 +100,9 @@ static int64_t list_edges(const int32_t *faces, int32_t n_faces, int32_t n_verts
 }
 
 size_t reel_adjacency_memory(int64_t n_verts, int64_t n_faces) {
-    return reel_adjacency_builder_bytes((size_t)n_verts, 3 * (size_t)n_faces);
+    reel_arena arena = REEL_MEASURE;
+    reel_allocate_adjacency_builder(&arena, (size_t)n_verts, 3 * (size_t)n_faces);
+    return arena.used;
 }
 
 int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t *faces, int64_t n_faces,

@@ -14,7 +14,6 @@ typedef struct {
     int32_t *lows;   /* lower ends by upper end */
 } reel_adjacency_builder;
 
-size_t reel_adjacency_builder_bytes(size_t n, size_t pairs);
 reel_adjacency_builder reel_allocate_adjacency_builder(reel_arena *arena, size_t n, size_t pairs);
 
 /* Build the graph of n vertices with edges low < high. `near` holds the edges as low, high, low,

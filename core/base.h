@@ -34,6 +34,9 @@ REEL_INLINE reel_arena reel_arena_of(void *memory, size_t size) {
     return (reel_arena){.base = memory, .size = size, .used = 0, .failed = false};
 }
 
+/* An arena that measures: allocations return NULL, and `used` becomes the size that they need. */
+#define REEL_MEASURE {.size = SIZE_MAX}
+
 /* Arrays in an arena are adjacent, so no sanitizer sees an overrun from one into the next. Builds
    with REEL_GUARDED poison a gap behind each of them. */
 #ifdef REEL_GUARDED
@@ -59,8 +62,12 @@ REEL_INLINE void *reel_allocate(reel_arena *arena, size_t count, size_t item) {
         arena->failed = true;
         return NULL;
     }
-    uint8_t *block = arena->base + arena->used;
+    size_t first = arena->used;
     arena->used += size;
+    if (!arena->base) {
+        return NULL;
+    }
+    uint8_t *block = arena->base + first;
     REEL_GUARD(block, count * item, size);
     return block;
 }

@@ -8,45 +8,36 @@
 
 #include "exact_state.h"
 
-size_t reel_exact_memory(int64_t n_frames, int64_t n_items, int64_t width) {
-    size_t n = (size_t)n_items, rows = n * (size_t)n_frames, all = rows * (size_t)width;
-    size_t row = (size_t)(n_frames * width);
-    return reel_traversal_bytes(n) + reel_array_bytes(1, sizeof(exact_models)) +
-           reel_array_bytes((size_t)width, sizeof(column_state)) +
-           reel_array_bytes(all, sizeof(double)) + reel_array_bytes(all, sizeof(int16_t)) +
-           reel_array_bytes(rows, 1) + reel_array_bytes(n, 1) +
-           reel_array_bytes((size_t)n_frames, sizeof(int32_t)) +
-           reel_array_bytes((size_t)n_frames * N_SAMPLES, sizeof(float)) +
-           reel_array_bytes(n, sizeof(double)) + reel_array_bytes(row, sizeof(uint64_t)) +
-           reel_array_bytes(row, sizeof(int32_t)) + reel_array_bytes(row, sizeof(int16_t)) +
-           reel_array_bytes(2 * exact_motions_count(width), sizeof(double));
-}
-
-static bool allocate_state(exact_coder *coder, void *memory, size_t memory_size) {
-    reel_arena arena = reel_arena_of(memory, memory_size);
+static void allocate_state(exact_coder *coder, reel_arena *arena) {
     size_t n = (size_t)coder->n_items, rows = n * (size_t)coder->n_frames,
            all = rows * (size_t)coder->width;
     size_t row = (size_t)(coder->n_frames * coder->width);
-    reel_allocate_traversal(&coder->traversal, &arena, n);
-    coder->models = reel_allocate(&arena, 1, sizeof *coder->models);
-    coder->columns = reel_allocate(&arena, (size_t)coder->width, sizeof *coder->columns);
-    coder->known = reel_allocate(&arena, all, sizeof *coder->known);
-    coder->sizes = reel_allocate(&arena, all, sizeof *coder->sizes);
-    coder->flags = reel_allocate(&arena, rows, 1);
-    coder->constant = reel_allocate(&arena, n, 1);
-    coder->lags = reel_allocate(&arena, (size_t)coder->n_frames, sizeof *coder->lags);
+    reel_allocate_traversal(&coder->traversal, arena, n);
+    coder->models = reel_allocate(arena, 1, sizeof *coder->models);
+    coder->columns = reel_allocate(arena, (size_t)coder->width, sizeof *coder->columns);
+    coder->known = reel_allocate(arena, all, sizeof *coder->known);
+    coder->sizes = reel_allocate(arena, all, sizeof *coder->sizes);
+    coder->flags = reel_allocate(arena, rows, 1);
+    coder->constant = reel_allocate(arena, n, 1);
+    coder->lags = reel_allocate(arena, (size_t)coder->n_frames, sizeof *coder->lags);
     coder->samples =
-        reel_allocate(&arena, (size_t)coder->n_frames * N_SAMPLES, sizeof *coder->samples);
-    coder->noises = reel_allocate(&arena, n, sizeof *coder->noises);
-    coder->patterns = reel_allocate(&arena, row, sizeof *coder->patterns);
-    coder->sums = reel_allocate(&arena, row, sizeof *coder->sums);
-    coder->max_sizes = reel_allocate(&arena, row, sizeof *coder->max_sizes);
+        reel_allocate(arena, (size_t)coder->n_frames * N_SAMPLES, sizeof *coder->samples);
+    coder->noises = reel_allocate(arena, n, sizeof *coder->noises);
+    coder->patterns = reel_allocate(arena, row, sizeof *coder->patterns);
+    coder->sums = reel_allocate(arena, row, sizeof *coder->sums);
+    coder->max_sizes = reel_allocate(arena, row, sizeof *coder->max_sizes);
     coder->motions =
-        reel_allocate(&arena, 2 * exact_motions_count(coder->width), sizeof *coder->motions);
+        reel_allocate(arena, 2 * exact_motions_count(coder->width), sizeof *coder->motions);
     coder->lagged_motions =
-        arena.failed ? NULL : coder->motions + exact_motions_count(coder->width);
+        coder->motions ? coder->motions + exact_motions_count(coder->width) : NULL;
     coder->n_filled = INPUTS;
-    return !arena.failed;
+}
+
+size_t reel_exact_memory(int64_t n_frames, int64_t n_items, int64_t width) {
+    exact_coder coder = {.n_frames = n_frames, .n_items = n_items, .width = width};
+    reel_arena arena = REEL_MEASURE;
+    allocate_state(&coder, &arena);
+    return arena.used;
 }
 
 static void start_models(exact_coder *coder) {
@@ -151,7 +142,9 @@ enum reel_code reel_exact_prepare(exact_coder *coder, void *memory, size_t memor
     if (!reel_is_graph(&coder->traversal.graph)) {
         return REEL_INVALID;
     }
-    if (!allocate_state(coder, memory, memory_size)) {
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    allocate_state(coder, &arena);
+    if (arena.failed) {
         return REEL_NO_MEMORY;
     }
     reel_traverse_graph(&coder->traversal);

@@ -22,11 +22,6 @@ typedef struct {
     bool in_given_order; /* the order is that of the item numbers */
 } reel_traversal;
 
-REEL_INLINE size_t reel_traversal_bytes(size_t n) {
-    return 3 * reel_array_bytes(n, sizeof(int32_t)) +
-           reel_array_bytes(REEL_QUEUES * n, sizeof(int32_t));
-}
-
 REEL_INLINE void reel_allocate_traversal(reel_traversal *traversal, reel_arena *arena, size_t n) {
     traversal->order = reel_allocate(arena, n, sizeof(int32_t));
     traversal->position = reel_allocate(arena, n, sizeof(int32_t));

@@ -429,15 +429,10 @@ static void allocate_fields(reel_arena *arena, field_coder *f, size_t n_near) {
 }
 
 size_t reel_fields_memory(int64_t n_columns, int64_t n_passes, int64_t n_near) {
-    size_t n = (size_t)n_columns, near = (size_t)n_near;
-    return 2 * reel_array_bytes(n + 1, sizeof(int64_t)) +
-           2 * reel_array_bytes(near, sizeof(int32_t)) +
-           reel_array_bytes(near + SIGN_LANES, sizeof(int16_t)) +
-           reel_array_bytes(n, sizeof(near_magnitudes)) + 6 * reel_array_bytes(n, sizeof(int16_t)) +
-           reel_array_bytes(n, sizeof(int8_t)) + 3 * reel_array_bytes(n, sizeof(int32_t)) +
-           2 * reel_array_bytes((size_t)n_passes, sizeof(int32_t)) +
-           reel_array_bytes(n / GROUP + 1, sizeof(uint8_t)) +
-           reel_array_bytes(1, sizeof(field_models));
+    field_coder f = {.n_positions = n_columns, .n_passes = n_passes};
+    reel_arena arena = REEL_MEASURE;
+    allocate_fields(&arena, &f, (size_t)n_near);
+    return arena.used;
 }
 
 /* Set up the coder with the order and neighbors of the caller. */

@@ -263,13 +263,6 @@ static void build(workspace *work, hierarchy_results *results) {
     add_coarsest(work, results, resolution);
 }
 
-static size_t workspace_bytes(size_t n, size_t n_near) {
-    return 5 * reel_array_bytes(n + 1, sizeof(int32_t)) + reel_array_bytes(n, 1) +
-           2 * reel_array_bytes(n_near, sizeof(int32_t)) +
-           reel_adjacency_builder_bytes(n, n_near / 2) + reel_stencil_finder_bytes(n, n_near) +
-           reel_smoother_bytes(n, n_near);
-}
-
 static workspace allocate_workspace(reel_arena *arena, size_t n, size_t n_near) {
     return (workspace){
         .members = reel_allocate(arena, n + 1, sizeof(int32_t)),
@@ -288,7 +281,9 @@ static workspace allocate_workspace(reel_arena *arena, size_t n, size_t n_near) 
 
 size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near) {
     size_t n = (size_t)n_verts, row = REEL_SMOOTH_FIELDS * sizeof(float);
-    return workspace_bytes(n, (size_t)n_near) + reel_array_bytes(REEL_SMOOTH_ROWS * n, row);
+    reel_arena arena = REEL_MEASURE;
+    allocate_workspace(&arena, n, (size_t)n_near);
+    return arena.used + reel_array_bytes(REEL_SMOOTH_ROWS * n, row);
 }
 
 /* Write the levels, which were listed in reverse, and where the smooth fields of each resolution

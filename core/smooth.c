@@ -49,12 +49,6 @@ static const series large = {
 #include "smooth_lanes.h"
 #endif
 
-size_t reel_smoother_bytes(size_t n, size_t n_near) {
-    return 2 * reel_array_bytes(n + 1, FIELDS * sizeof(float)) +
-           reel_array_bytes(n, sizeof(uint16_t)) +
-           reel_array_bytes(n_near + (UNROLL - 1) * n, sizeof(int32_t));
-}
-
 reel_smoother reel_allocate_smoother(reel_arena *arena, size_t n, size_t n_near) {
     return (reel_smoother){
         .fields = reel_allocate(arena, n + 1, FIELDS * sizeof(float)),
@@ -104,7 +98,9 @@ void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, const i
 }
 
 size_t reel_finest_smooth_memory(int64_t n_verts, int64_t n_near) {
-    return reel_smoother_bytes((size_t)n_verts, (size_t)n_near);
+    reel_arena arena = REEL_MEASURE;
+    reel_allocate_smoother(&arena, (size_t)n_verts, (size_t)n_near);
+    return arena.used;
 }
 
 int64_t reel_finest_smooth(void *memory, size_t memory_size, const int32_t *starts,

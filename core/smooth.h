@@ -14,7 +14,6 @@ typedef struct {
     int lanes; /* doubles in the widest vectors */
 } reel_smoother;
 
-size_t reel_smoother_bytes(size_t n, size_t n_near);
 reel_smoother reel_allocate_smoother(reel_arena *arena, size_t n, size_t n_near);
 
 /* Compute the smooth fields of a graph, a row of REEL_SMOOTH_FIELDS for each vertex; if `order` is

@@ -24,13 +24,6 @@ typedef struct {
     int32_t paths[GATHERED + MAX_PASSAGE_DEGREE + WIDE];
 } gathered;
 
-size_t reel_stencil_finder_bytes(size_t n, size_t n_near) {
-    return reel_array_bytes(n_near + WIDE, sizeof(int32_t)) +
-           2 * reel_array_bytes(n + 1, sizeof(int32_t)) +
-           reel_array_bytes(n, sizeof(reel_row_ends)) + reel_array_bytes(n, sizeof(uint64_t)) +
-           reel_array_bytes(n + WIDE, sizeof(int32_t));
-}
-
 reel_stencil_finder reel_allocate_stencil_finder(reel_arena *arena, size_t n, size_t n_near) {
     return (reel_stencil_finder){
         .rows = reel_allocate(arena, n_near + WIDE, sizeof(int32_t)),

@@ -25,7 +25,6 @@ typedef struct {
     int lanes;     /* doubles in the widest vectors */
 } reel_stencil_finder;
 
-size_t reel_stencil_finder_bytes(size_t n, size_t n_near);
 reel_stencil_finder reel_allocate_stencil_finder(reel_arena *arena, size_t n, size_t n_near);
 
 /* Find the stencils of the vertices order[0 .. n - 1], whose states are 1 or more: up to `size`

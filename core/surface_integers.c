@@ -62,17 +62,6 @@ typedef struct {
     vec4d near, opposite, around;
 } row_means;
 
-size_t reel_surface_integers_memory(int64_t n_rows, int64_t n_faces, int64_t n_columns) {
-    size_t rows = (size_t)n_rows, faces = (size_t)n_faces;
-    size_t groups = ((size_t)n_columns + LANES - 1) / LANES;
-    return reel_array_bytes(rows + 2, sizeof(int32_t)) + reel_array_bytes(rows, sizeof(int32_t)) +
-           reel_array_bytes(faces, sizeof(int32_t)) +
-           reel_array_bytes(2 * faces + 1, sizeof(int32_t)) +
-           reel_array_bytes(faces + 1, sizeof(parallelogram)) +
-           reel_array_bytes(groups * rows, sizeof(row_group)) +
-           reel_array_bytes(1, sizeof(residual_models));
-}
-
 /* ---- neighbors ---- */
 
 static bool has_valid_faces(const surface_coder *coder) {
@@ -164,17 +153,28 @@ static void start_models(residual_models *models) {
     }
 }
 
-static bool prepare(surface_coder *coder, void *memory, size_t memory_size) {
-    reel_arena arena = reel_arena_of(memory, memory_size);
+static void allocate_coder(surface_coder *coder, reel_arena *arena) {
     size_t rows = (size_t)coder->n_rows, faces = (size_t)coder->n_faces;
     coder->n_groups = (coder->n_columns + LANES - 1) / LANES;
-    coder->starts = reel_allocate(&arena, rows + 2, sizeof *coder->starts);
-    coder->seen_at = reel_allocate(&arena, rows, sizeof *coder->seen_at);
-    coder->corners = reel_allocate(&arena, faces, sizeof *coder->corners);
-    coder->around = reel_allocate(&arena, 2 * faces + 1, sizeof *coder->around);
-    coder->parallelograms = reel_allocate(&arena, faces + 1, sizeof *coder->parallelograms);
-    coder->rows = reel_allocate(&arena, (size_t)coder->n_groups * rows, sizeof *coder->rows);
-    coder->models = reel_allocate(&arena, 1, sizeof *coder->models);
+    coder->starts = reel_allocate(arena, rows + 2, sizeof *coder->starts);
+    coder->seen_at = reel_allocate(arena, rows, sizeof *coder->seen_at);
+    coder->corners = reel_allocate(arena, faces, sizeof *coder->corners);
+    coder->around = reel_allocate(arena, 2 * faces + 1, sizeof *coder->around);
+    coder->parallelograms = reel_allocate(arena, faces + 1, sizeof *coder->parallelograms);
+    coder->rows = reel_allocate(arena, (size_t)coder->n_groups * rows, sizeof *coder->rows);
+    coder->models = reel_allocate(arena, 1, sizeof *coder->models);
+}
+
+size_t reel_surface_integers_memory(int64_t n_rows, int64_t n_faces, int64_t n_columns) {
+    surface_coder coder = {.n_rows = n_rows, .n_columns = n_columns, .n_faces = n_faces};
+    reel_arena arena = REEL_MEASURE;
+    allocate_coder(&coder, &arena);
+    return arena.used;
+}
+
+static bool prepare(surface_coder *coder, void *memory, size_t memory_size) {
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    allocate_coder(coder, &arena);
     if (arena.failed) {
         return false;
     }
