@@ -1,7 +1,11 @@
 /* Prediction and coding of numbers, on vectors of LANES doubles: see cpu.h and exact_items.c.
 
    Rows of the filter are padded to INPUTS numbers with zeros. Nothing is summed across lanes but
-   sums of products, in a fixed order. */
+   sums of products, in a fixed order.
+
+     VEC            LANES doubles; a row has N_VECS of them
+     FOR_VECS(k)    loop over the vectors of a row
+     FOR_SUMS(k)    loop over the vectors that hold four partial sums */
 
 #define N_VECS (INPUTS / LANES)
 #define SUMS (4 / LANES)

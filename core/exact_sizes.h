@@ -1,8 +1,9 @@
-/* Differences of the exact coder: their entropy coding, and the prediction of their size.
+/* Entropy coding of the differences between numbers and their predictions.
 
-   docs/format.md, "Exact values", "Sizes". A size is a logarithm, in sixteenths of an octave.
-   Linear regression in integers predicts it from the sizes of earlier rows, neighbors and earlier
-   columns. The predicted size selects the class, which is the context of the difference. */
+   docs/format.md, "Exact values", "Sizes". The size of a difference is 16 log2 of its magnitude: an
+   octave has 16 units. Before a difference is coded, its size is predicted by linear regression in
+   integers, from sizes in earlier rows, at neighbors and in earlier columns. Four consecutive sizes
+   form a class; each class has its own bit models. */
 
 #ifndef REEL_EXACT_SIZES_H
 #define REEL_EXACT_SIZES_H
@@ -28,8 +29,8 @@ REEL_INLINE int32_t size_of(uint64_t magnitude) {
     return 16 * (length - 2) + (int32_t)(twice << (64 - length) >> 59 & 15U);
 }
 
-/* Code the number of bits of a magnitude, in steps up or down from the number that its class
-   predicts. */
+/* Code the number of bits of a magnitude: unary steps up or down from the bits that numbers of its
+   class have. */
 REEL_INLINE int code_length(exact_coder *coder, int class, int actual) {
     exact_models *models = coder->models;
     int length = class >> 2;
@@ -88,8 +89,8 @@ REEL_INLINE int class_of(int32_t size) {
 
 static const int32_t inverses_q16[N_NEAR + 1] = {0, 65536, 32768, 21845, 16384, 13107, 10922};
 
-/* Predict the size of a difference. `inputs` receives those of the regression: a constant, then
-   differences of sizes. */
+/* Predict the size of the next difference. `inputs` receives the inputs of the regression, which
+   `update_size_weights` needs: a constant, then differences of sizes. */
 REEL_INLINE int32_t predict_size(exact_coder *coder, int64_t t, int64_t col, double spread,
                                  int32_t inputs[N_INPUTS]) {
     column_state *state = &coder->columns[col];

@@ -1,13 +1,13 @@
-/* A cache of memory blocks, for hosts whose allocator is slow or takes a lock: a released block is
-   reused by a later request of about its size. The Python package lends it to the file reader.
+/* The allocator that the Python package gives to the file reader. It keeps released blocks in a
+   store, by size, and reuses them for later requests of about their size.
 
-   The lists of free blocks have a lock for which no thread waits: while another thread holds it,
-   blocks come from the allocator, and return there. So does a process that was forked meanwhile, in
-   which nobody releases the lock. */
+   One lock protects the lists of free blocks, but no thread waits for it: a thread that finds it
+   taken uses the allocator below the store instead. In a process that was forked while another
+   thread held the lock, it is never released, and all blocks come from that allocator. */
 
 #include "base.h"
 
-/* Header of a block, in the REEL_ALIGNMENT bytes before the memory that the host receives. */
+/* Header of a block, in the REEL_ALIGNMENT bytes before the memory that callers use. */
 typedef struct reel_block {
     struct reel_block *next;
     void *raw; /* what the allocator returned */
@@ -15,8 +15,9 @@ typedef struct reel_block {
 
 _Static_assert(sizeof(reel_block) <= REEL_ALIGNMENT, "the header precedes an aligned address");
 
-/* Round a size up to the next of four per power of 2; `list` becomes the number of its list. */
-static size_t round_up(size_t size, int *list) {
+/* Round a size up to a multiple of a quarter of its power of 2, so that few sizes exist; `list`
+   becomes the number of the list of blocks of this size. */
+static size_t block_size(size_t size, int *list) {
     size = size < REEL_ALIGNMENT ? REEL_ALIGNMENT : size;
     int shift = 61 - __builtin_clzll(size);
     size_t quarters = (size >> shift) + ((size & (((size_t)1 << shift) - 1)) != 0);
@@ -67,7 +68,7 @@ void *reel_host_allocate(void *user, size_t size) {
         return NULL;
     }
     int list;
-    size_t capacity = round_up(size, &list);
+    size_t capacity = block_size(size, &list);
     reel_block *block = pop_block(host->store, list, capacity);
     if (!block) {
         void *raw = host->store->allocate(capacity + 2 * REEL_ALIGNMENT);
@@ -86,7 +87,7 @@ void reel_host_release(void *user, void *memory, size_t size) {
     reel_host_memory *host = user;
     reel_block *block = (reel_block *)((uint8_t *)memory - REEL_ALIGNMENT);
     int list;
-    size_t capacity = round_up(size, &list);
+    size_t capacity = block_size(size, &list);
     __atomic_sub_fetch(&host->n_bytes, size, __ATOMIC_RELAXED);
     if (!push_block(host->store, block, list, capacity)) {
         host->store->release(block->raw);
