@@ -87,10 +87,8 @@ static int allocate_values(reel_call *call, reel_pool *pool, const value_layout 
                            meshreel_attribute *result, void **values) {
     *values = reel_pool_allocate(call, pool, layout->n_rows, result->width * size_of(result));
     REEL_NEED(*values);
-    if (layout->n_rows > MAX_ROWS) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, layout->references.at,
-                         "an attribute has more than 2^31 - 1 rows");
-    }
+    REEL_UNSUPPORTED_IF(layout->n_rows > MAX_ROWS, layout->references.at,
+                        "an attribute has more than 2^31 - 1 rows");
     result->values = *values;
     result->n_rows = (uint32_t)layout->n_rows;
     return MESHREEL_OK;

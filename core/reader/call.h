@@ -54,21 +54,21 @@ int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char
         }                                                                                          \
     } while (0)
 
-/* Return with the failure that an allocation recorded in `call`, if `is_allocated` is false. */
-#define REEL_NEED(is_allocated)                                                                    \
-    do {                                                                                           \
-        if (!(is_allocated)) {                                                                     \
-            return call->error.code;                                                               \
-        }                                                                                          \
-    } while (0)
-
-/* Return with MESHREEL_CORRUPT if a condition holds. */
-#define REEL_CORRUPT_IF(condition, offset, message)                                                \
+/* Return a failure if a condition holds; REEL_INVALID_IF is for checks before a call has begun. */
+#define REEL_RETURN_IF(condition, failure)                                                         \
     do {                                                                                           \
         if (condition) {                                                                           \
-            return reel_corrupt(call, offset, message);                                            \
+            return failure;                                                                        \
         }                                                                                          \
     } while (0)
+#define REEL_CORRUPT_IF(condition, offset, message)                                                \
+    REEL_RETURN_IF(condition, reel_corrupt(call, offset, message))
+#define REEL_UNSUPPORTED_IF(condition, offset, message)                                            \
+    REEL_RETURN_IF(condition, reel_fail(call, MESHREEL_UNSUPPORTED, offset, message))
+#define REEL_INVALID_IF(condition, message) REEL_RETURN_IF(condition, reel_invalid(error, message))
+
+/* Return the failure that an allocation recorded, if `is_allocated` is false. */
+#define REEL_NEED(is_allocated) REEL_RETURN_IF(!(is_allocated), call->error.code)
 
 /* Allocate `count` items of `item` bytes, aligned to 64 bytes. Returns NULL after recording a
    failure; 0 items are not NULL. */

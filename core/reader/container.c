@@ -160,9 +160,8 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     outline->leading = items;
     outline->leading_capacity = (uint32_t)capacity;
     outline->leading[outline->n_leading++] = *section;
-    if (section->id == REEL_TRACK && ++outline->n_tracks > MAX_TRACKS) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, section->at, "more than 2^20 tracks");
-    }
+    outline->n_tracks += section->id == REEL_TRACK;
+    REEL_UNSUPPORTED_IF(outline->n_tracks > MAX_TRACKS, section->at, "more than 2^20 tracks");
     REEL_CORRUPT_IF(section->id == REEL_REFERENCE, section->at,
                     "a reference does not follow the section SEGMENT");
     if (section->id == REEL_EDIT) {
@@ -330,9 +329,8 @@ static int read_segment_entry(reel_call *call, reel_range *left, uint64_t limit,
 
 static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments,
                        reel_segment segment) {
-    if (segment.n_frames > REEL_MAX_FRAMES - segments->n_frames) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, segment.at, "more than 2^28 frames");
-    }
+    REEL_UNSUPPORTED_IF(segment.n_frames > REEL_MAX_FRAMES - segments->n_frames, segment.at,
+                        "more than 2^28 frames");
     void *all = segments->all;
     REEL_TRY(grow(call, pool, &all, segments->count, &segments->capacity, sizeof segment));
     segments->all = all;
@@ -761,9 +759,7 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
                       reel_segments *segments) {
     *outline = (reel_outline){0};
     *segments = (reel_segments){0};
-    if (call->source->size > REEL_MAX_FILE_BYTES) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, 0, "more than 2^40 bytes");
-    }
+    REEL_UNSUPPORTED_IF(call->source->size > REEL_MAX_FILE_BYTES, 0, "more than 2^40 bytes");
     REEL_TRY(read_header(call, pool, outline));
     reset_outline(outline);
     int failed = read_indexed(call, pool, outline, segments);

@@ -5,9 +5,7 @@
 #define PIECE_BYTES ((uint64_t)16 << 20) /* of values converted or predicted at once */
 
 int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshreel_error *error) {
-    if (!file || !decoder) {
-        return reel_invalid(error, "a pointer to a file or a decoder is NULL");
-    }
+    REEL_INVALID_IF(!file || !decoder, "a pointer to a file or a decoder is NULL");
     *decoder = NULL;
     if (file->info.n_segments > 1) {
         return reel_refuse_several(error);
@@ -20,9 +18,7 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
                       "the file uses a method of the paper, which only Python decodes"),
             error);
     }
-    if (!file->has_mesh) {
-        return reel_invalid(error, "the mesh of the file was not read");
-    }
+    REEL_INVALID_IF(!file->has_mesh, "the mesh of the file was not read");
     reel_pool pool = {NULL, 0};
     meshreel_decoder *new_decoder = reel_pool_allocate(&call, &pool, 1, sizeof *new_decoder);
     reel_track_state *tracks =
@@ -65,12 +61,8 @@ static reel_call begin_call(const meshreel_decoder *decoder) {
 
 static int check_track(const meshreel_decoder *decoder, uint32_t track, uint32_t n_modes,
                        meshreel_error *error) {
-    if (!decoder) {
-        return reel_invalid(error, "a pointer to a decoder is NULL");
-    }
-    if (track >= decoder->file->info.n_tracks) {
-        return reel_invalid(error, "the track does not exist");
-    }
+    REEL_INVALID_IF(!decoder, "a pointer to a decoder is NULL");
+    REEL_INVALID_IF(track >= decoder->file->info.n_tracks, "the track does not exist");
     bool may_rest = !track && decoder->file->outline.method == REEL_METHOD_REEL;
     return n_modes && !may_rest
                ? reel_invalid(error, "only positions of the method reel have previews")
@@ -80,9 +72,7 @@ static int check_track(const meshreel_decoder *decoder, uint32_t track, uint32_t
 int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uint32_t n_modes,
                   meshreel_error *error) {
     REEL_TRY(check_track(decoder, track, n_modes, error));
-    if (block >= decoder->file->info.n_blocks) {
-        return reel_invalid(error, "the block does not exist");
-    }
+    REEL_INVALID_IF(block >= decoder->file->info.n_blocks, "the block does not exist");
     reel_call call = begin_call(decoder);
     return reel_end_call(&call, reel_load(&call, decoder, track, block, n_modes), error);
 }
@@ -159,12 +149,10 @@ static int find_layout(const meshreel_decoder *decoder, uint32_t number,
     result->value_stride = layout && layout->value_stride ? layout->value_stride : value;
     size_t frame = result->value_stride * (size_t)result->n_places;
     result->frame_stride = layout && layout->frame_stride ? layout->frame_stride : frame;
-    if (result->value_stride < value) {
-        return reel_invalid(error, "values overlap: their stride is below their size");
-    }
-    if (result->value_stride % result->size || result->frame_stride % result->size) {
-        return reel_invalid(error, "a stride is not a multiple of the size of a number");
-    }
+    REEL_INVALID_IF(result->value_stride < value,
+                    "values overlap: their stride is below their size");
+    REEL_INVALID_IF(result->value_stride % result->size || result->frame_stride % result->size,
+                    "a stride is not a multiple of the size of a number");
     result->is_packed = result->value_stride == value && result->frame_stride == frame;
     return MESHREEL_OK;
 }
@@ -227,12 +215,9 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
     REEL_TRY(check_track(decoder, track, n_modes, error));
     REEL_TRY(find_layout(decoder, track, layout, &to, error));
     const reel_outline *outline = &decoder->file->outline;
-    if (first > outline->n_frames || count > outline->n_frames - first || (!values && count)) {
-        return reel_invalid(error, "the frames do not exist, or a pointer to values is NULL");
-    }
-    if ((uintptr_t)values % to.size) {
-        return reel_invalid(error, "values are not aligned to their number type");
-    }
+    REEL_INVALID_IF(first > outline->n_frames || count > outline->n_frames - first ||
+                    (!values && count), "the frames do not exist, or a pointer to values is NULL");
+    REEL_INVALID_IF((uintptr_t)values % to.size, "values are not aligned to their number type");
     reel_call call = begin_call(decoder);
     uint64_t done = 0;
     int failed = MESHREEL_OK;
@@ -257,15 +242,12 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
 
 int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *positions,
                      void *normals, meshreel_error *error) {
-    if (!decoder || !positions || !normals) {
-        return reel_invalid(error, "a pointer to a decoder, positions or normals is NULL");
-    }
-    if (type != MESHREEL_FLOAT32 && type != MESHREEL_FLOAT64) {
-        return reel_invalid(error, "normals are floats or doubles");
-    }
-    if ((uintptr_t)positions % type || (uintptr_t)normals % type) {
-        return reel_invalid(error, "positions or normals are not aligned to their number type");
-    }
+    REEL_INVALID_IF(!decoder || !positions || !normals,
+                    "a pointer to a decoder, positions or normals is NULL");
+    REEL_INVALID_IF(type != MESHREEL_FLOAT32 && type != MESHREEL_FLOAT64,
+                    "normals are floats or doubles");
+    REEL_INVALID_IF((uintptr_t)positions % type || (uintptr_t)normals % type,
+                    "positions or normals are not aligned to their number type");
     const meshreel_file *file = decoder->file;
     int64_t n_verts = file->info.n_verts, n_faces = file->info.n_triangles;
     reel_call call = begin_call(decoder);

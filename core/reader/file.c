@@ -104,21 +104,17 @@ static int open_file(const meshreel_source *source, const meshreel_host *host,
 
 int meshreel_open(const meshreel_source *source, const meshreel_host *host, meshreel_file **file,
                   meshreel_error *error) {
-    if (!source || !host || !file || (!source->bytes && !source->read) || !host->allocate ||
-        !host->release) {
-        return reel_invalid(error, "a pointer to a source, a host, a file or a callback is NULL");
-    }
+    REEL_INVALID_IF(!source || !host || !file || (!source->bytes && !source->read) ||
+                    !host->allocate || !host->release,
+                    "a pointer to a source, a host, a file or a callback is NULL");
     return open_file(source, host, NULL, 0, file, error);
 }
 
 int meshreel_open_segment(const meshreel_file *file, uint32_t number, meshreel_file **segment,
                           meshreel_error *error) {
-    if (!file || !segment || number >= file->info.n_segments) {
-        return reel_invalid(error, "the segment does not exist, or a pointer is NULL");
-    }
-    if (file->is_segment) {
-        return reel_invalid(error, "the file is a segment already");
-    }
+    REEL_INVALID_IF(!file || !segment || number >= file->info.n_segments,
+                    "the segment does not exist, or a pointer is NULL");
+    REEL_INVALID_IF(file->is_segment, "the file is a segment already");
     const meshreel_file *whole = file->info.n_segments > 1 ? file : NULL;
     return open_file(&file->source, &file->host, whole, number, segment, error);
 }
@@ -172,13 +168,10 @@ static meshreel_section describe_section(const reel_section *section) {
 
 int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                         meshreel_section *section, meshreel_error *error) {
-    if (!file || !section) {
-        return reel_invalid(error, "a pointer to a file or a section is NULL");
-    }
+    REEL_INVALID_IF(!file || !section, "a pointer to a file or a section is NULL");
     uint64_t at = offset ? offset : file->outline.begin;
-    if (at < file->outline.begin || at >= file->outline.end) {
-        return reel_invalid(error, "no section begins at this byte");
-    }
+    REEL_INVALID_IF(at < file->outline.begin || at >= file->outline.end,
+                    "no section begins at this byte");
     reel_call call = reel_begin_call(&file->source, &file->host, 0);
     reel_section result;
     int failed = reel_section_at(&call, at, file->outline.end, &result);
@@ -319,9 +312,7 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
 }
 
 int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {
-    if (!file) {
-        return reel_invalid(error, "a pointer to a file is NULL");
-    }
+    REEL_INVALID_IF(!file, "a pointer to a file is NULL");
     if (file->info.n_segments > 1) {
         return reel_refuse_several(error);
     }

@@ -61,9 +61,7 @@ static int read_counts(reel_call *call, const payloads *all, uint32_t number,
     uint64_t min_modes = is_exact ? 0 : 1, max_modes = is_exact ? 0 : track->n_coded * n_frames;
     REEL_CORRUPT_IF(left.length || group->n_frames != n_frames, at,
                     "the block and the index disagree on the number of frames");
-    if (max_modes > MAX_TIMES) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, at, "a block has more than 2^31 times");
-    }
+    REEL_UNSUPPORTED_IF(max_modes > MAX_TIMES, at, "a block has more than 2^31 times");
     return group->n_modes >= min_modes && group->n_modes <= max_modes
                ? MESHREEL_OK
                : reel_corrupt(call, at, "a block has no modes, or more than its frames allow");

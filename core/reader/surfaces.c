@@ -17,9 +17,7 @@ static int read_count(reel_call *call, reel_range *left, uint64_t bytes_each, ui
     REEL_TRY(reel_read_varint(call, left, &result));
     REEL_CORRUPT_IF(result > left->length / bytes_each, at,
                     "the count of labels or parts exceeds the section");
-    if (result > MAX_ITEMS) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, at, "more than 2^31 - 1 labels or parts");
-    }
+    REEL_UNSUPPORTED_IF(result > MAX_ITEMS, at, "more than 2^31 - 1 labels or parts");
     *count = (uint32_t)result;
     return MESHREEL_OK;
 }
