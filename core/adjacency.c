@@ -16,13 +16,6 @@ reel_adjacency_builder reel_allocate_adjacency_builder(reel_arena *arena, size_t
     };
 }
 
-/* Turn the counts in starts[1 ..] into where each list begins, by a prefix sum. */
-static void prefix_sum(int32_t *starts, int32_t n) {
-    for (int32_t i = 0; i < n; i++) {
-        starts[i + 1] += starts[i];
-    }
-}
-
 /* List the upper ends of each lower end, in the order of the edges. */
 static void list_highs(const reel_adjacency_builder *builder, int32_t n, int32_t pairs,
                        const int32_t *pair) {
@@ -33,8 +26,8 @@ static void list_highs(const reel_adjacency_builder *builder, int32_t n, int32_t
         starts[pair[2 * i] + 1]++;
         firsts[pair[2 * i + 1] + 1]++;
     }
-    prefix_sum(starts, n);
-    prefix_sum(firsts, n);
+    reel_prefix_sum(starts, n);
+    reel_prefix_sum(firsts, n);
     reel_copy(cursor, starts, (size_t)n * sizeof *starts);
     for (int32_t i = 0; i < pairs; i++) {
         builder->highs[cursor[pair[2 * i]]++] = pair[2 * i + 1];
@@ -67,7 +60,7 @@ int32_t reel_build_adjacency(const reel_adjacency_builder *builder, int32_t n, i
             starts[builder->lows[i] + 1]++;
         }
     }
-    prefix_sum(starts, n);
+    reel_prefix_sum(starts, n);
     int32_t *cursor = builder->starts;
     reel_copy(cursor, starts, (size_t)n * sizeof *cursor);
     for (int32_t v = 0; v < n; v++) { /* lower neighbors of v precede upper ones */

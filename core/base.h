@@ -86,6 +86,13 @@ REEL_INLINE bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t siz
     return i == size;
 }
 
+/* Turn the counts in starts[1..n] into where each of n + 1 lists begins. */
+REEL_INLINE void reel_prefix_sum(int32_t *starts, int64_t n) {
+    for (int64_t i = 0; i < n; i++) {
+        starts[i + 1] += starts[i];
+    }
+}
+
 /* Number of significant bits: 0 for 0, 1 for 1, 2 for 2 and 3. */
 REEL_INLINE int reel_bit_length(uint32_t value) { return value ? 32 - __builtin_clz(value) : 0; }
 

@@ -52,9 +52,7 @@ static void rank_vertices(int32_t n, int32_t *ranked, int32_t *ends) {
     for (int32_t v = 0; v < n; v++) {
         ends[~reel_hash((uint64_t)v) >> shift]++;
     }
-    for (int32_t i = 0; i < n; i++) {
-        ends[i + 1] += ends[i];
-    }
+    reel_prefix_sum(ends, n);
     for (int32_t v = n - 1; v >= 0; v--) {
         ranked[--ends[~reel_hash((uint64_t)v) >> shift]] = v;
     }

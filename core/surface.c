@@ -73,9 +73,7 @@ static void list_sides(pairing *sides, reel_surface *surface, int32_t *starts, i
                 }
             }
         }
-        for (int64_t v = 0; !pass && v < n_verts; v++) {
-            ends[v + 1] += ends[v];
-        }
+        reel_prefix_sum(ends, pass ? 0 : n_verts);
     }
     for (int64_t i = 0; i < 3 * surface->n_faces; i++) {
         sides->pair[i] = NONE;

@@ -86,9 +86,7 @@ static void sort_faces(surface_coder *coder) {
         const int32_t *face = coder->faces + 3 * (int64_t)i;
         ends[face[latest_corner(face)] + 1]++;
     }
-    for (int64_t i = 0; i < coder->n_rows; i++) {
-        ends[i + 1] += ends[i];
-    }
+    reel_prefix_sum(ends, coder->n_rows);
     for (int32_t i = 0; i < coder->n_faces; i++) {
         const int32_t *face = coder->faces + 3 * (int64_t)i;
         int32_t latest = latest_corner(face);

@@ -21,9 +21,7 @@ static void sort_by_end(const sorter *s, bool higher, const int32_t *sides, int3
     for (int64_t i = 0; i < s->n_sides; i++) {
         s->starts[end_of(s, (int32_t)i, higher) + 1]++;
     }
-    for (int64_t v = 0; v < s->n_verts; v++) {
-        s->starts[v + 1] += s->starts[v];
-    }
+    reel_prefix_sum(s->starts, s->n_verts);
     for (int64_t i = 0; i < s->n_sides; i++) {
         int32_t side = sides ? sides[i] : (int32_t)i;
         sorted[s->starts[end_of(s, side, higher)]++] = side;

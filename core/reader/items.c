@@ -47,9 +47,7 @@ static int list_corners(reel_call *call, const int32_t *vertices, const int32_t 
     for (uint64_t i = 0; i < n_corners; i++) {
         next[to_internal[vertices[i]] + 1]++;
     }
-    for (uint64_t v = 0; v < n_verts; v++) {
-        next[v + 1] += next[v];
-    }
+    reel_prefix_sum(next, (int64_t)n_verts);
     for (uint64_t i = 0; i < n_corners; i++) {
         (*listed)[next[to_internal[vertices[i]]]++] = (int32_t)i;
     }
