@@ -166,10 +166,8 @@ export interface BlockFields {
   readonly start: number;
   readonly nFrames: number;
   readonly nModes: number;
-  /** Modes that the file stores; modes behind them are residuals of their rounding. */
-  readonly nBlockModes: number;
   readonly nVerts: number;
-  /** nModes x nVerts, vertices in file order. The first modes carry the coarse motion. */
+  /** nModes x nVerts, vertices in file order. */
   readonly fields: Int16Array;
   /** Mean of each field over all vertices. */
   readonly means: Float64Array;

@@ -66,7 +66,7 @@ async function decodeBlock(engine, number) {
 }
 
 test("fields of positions are within the tolerance", async () => {
-  let [nCorrections, nResiduals] = [0, 0];
+  let nCorrections = 0;
   for (const name of REELS) {
     const engine = await openEngine(internals, streamBytes(name));
     if (engine.info.diagonal < MIN_DIAGONAL) continue;
@@ -74,10 +74,9 @@ test("fields of positions are within the tolerance", async () => {
       const { fields, frames } = await decodeBlock(engine, number);
       assert.ok(largestError(engine.info, frames, fields) <= TOLERANCE, name);
       nCorrections += fields.correctionVertices.length;
-      nResiduals += fields.nModes - fields.nBlockModes;
     }
   }
-  assert.ok(nCorrections > 0 && nResiduals > 0);
+  assert.ok(nCorrections > 0);
 });
 
 test("fields of exact positions are within the tolerance, with at most 32 frames", async () => {
@@ -105,11 +104,11 @@ test("fields of exact positions are within the tolerance, with at most 32 frames
 
 test("each mode uses the full range of integers", async () => {
   const engine = await openEngine(internals, streamBytes("geometry"));
-  const { fields, means, nBlockModes, nVerts } = await engine.fields(0, 0, AXES, signal);
-  assert.ok(nBlockModes > 1);
-  for (let k = 0; k < nBlockModes; k++) {
+  const { fields, means, nModes, nVerts } = await engine.fields(0, 0, AXES, signal);
+  assert.ok(nModes > 1);
+  for (let k = 0; k < nModes; k++) {
     const field = fields.subarray(k * nVerts, (k + 1) * nVerts);
-    assert.equal(Math.max(...field.map(Math.abs)), 32767);
+    if (k < 2) assert.equal(Math.max(...field.map(Math.abs)), 32767); // the last are residuals
     const mean = field.reduce((sum, value) => sum + value, 0) / nVerts;
     assert.equal(means[k], mean);
   }

@@ -119,7 +119,6 @@ const { meanPosition, composePicture, withoutFields } = await loadModule("loaded
 const BLOCK = withoutFields({
   nFrames: 2,
   nModes: 2,
-  nBlockModes: 2,
   nVerts: 3,
   means: Float64Array.of(2, 20),
   weights: Float32Array.of(1, 0, 0, 0, 1, 0, 2, 0, 0, 0, 0, 1),
@@ -129,8 +128,8 @@ const BLOCK = withoutFields({
 });
 const FIELDS = Int16Array.of(1, 2, 3, 10, 20, 30);
 
-function positions(t, nextT, fraction, next = BLOCK, nActiveModes = Infinity) {
-  const moment = { block: BLOCK, t, next, nextT, fraction, nActiveModes };
+function positions(t, nextT, fraction, next = BLOCK) {
+  const moment = { block: BLOCK, t, next, nextT, fraction };
   return [...computePositions(composePicture(moment), () => FIELDS, [100, 0, 0], new Float32Array(9))];
 }
 
@@ -145,15 +144,9 @@ test("positions are interpolated within a block and between blocks", () => {
   assert.deepEqual(positions(0, 1, 0.5, { ...BLOCK }), between);
 });
 
-test("inactive modes stay at their mean, and corrections are omitted", () => {
-  assert.deepEqual(positions(1, 1, 0, BLOCK, 1), [102, 5, 5, 104, 10, 10, 106, 15, 15]);
-  assert.deepEqual(positions(1, 1, 0, BLOCK, 2), positions(1, 1, 0));
-});
-
 test("the mean position ignores corrections", () => {
-  const moment = { block: BLOCK, t: 0, next: BLOCK, nextT: 1, fraction: 0.5, nActiveModes: Infinity };
+  const moment = { block: BLOCK, t: 0, next: BLOCK, nextT: 1, fraction: 0.5 };
   assert.deepEqual(meanPosition(composePicture(moment)), [3, 10, 10]);
-  assert.deepEqual(meanPosition(composePicture({ ...moment, fraction: 0, nActiveModes: 1 })), [2, 10, 10]);
 });
 
 test("normals are weighted by the areas of the faces around a vertex", () => {

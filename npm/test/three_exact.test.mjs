@@ -64,18 +64,6 @@ test("a file with several blocks is played with interpolation", async () => {
   });
 });
 
-test("setting the number of modes is an error", async () => {
-  await withMesh("lossless", async (mesh) => {
-    assert.throws(
-      () => (mesh.modes = 2),
-      (error) =>
-        error instanceof InvalidInputError &&
-        error.message === "files of the method lossless have no modes; got 2",
-    );
-    mesh.modes = Infinity;
-  });
-});
-
 test("a clone plays independently, and the last mesh closes the file", async () => {
   await withMesh("grid_doubles", async (mesh) => {
     mesh.position.set(1, 2, 3);

@@ -25,9 +25,8 @@ class Fixture {
         return block;
       },
       release: (_segment, block) => this.held.delete(block.index),
-      show: (_segment, { block, t, next, nextT, fraction, nActiveModes }) => {
+      show: (_segment, { block, t, next, nextT, fraction }) => {
         this.moments.push([block.index, t, next.index, nextT, fraction]);
-        this.nActiveModes = nActiveModes;
       },
     };
     const segments = [{ start: 0, nFrames: nFrames * nBlocks }];
@@ -257,16 +256,6 @@ test("blocks are loaded again when the display has lost its data", async () => {
   fixture.player.restart();
   await fixture.deliver();
   assert.deepEqual(fixture.moments, [[0, 2, 0, 2, 0], [0, 2, 0, 2, 0]]);
-});
-
-test("changing the number of active modes updates the picture", async () => {
-  const fixture = await started(2);
-  const { player, moments } = fixture;
-  const shown = moments.length;
-  player.nActiveModes = 3;
-  assert.deepEqual([moments.length, fixture.nActiveModes], [shown + 1, 3]);
-  player.nActiveModes = 3;
-  assert.equal(moments.length, shown + 1);
 });
 
 test("only blocks of a range are loaded, and loaded frames are reported", async () => {

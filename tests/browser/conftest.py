@@ -95,7 +95,7 @@ def kept_tabs():
 def shared_page(browser, kept_tabs):
     """Opens an address once per module; script errors fail the test.
 
-    Tests find the first frame, all modes and no heat map. They change nothing else, unless each
+    Tests find the first frame and no heat map. They change nothing else, unless each
     test that shares the address sets it first.
     """
     used = []
@@ -109,7 +109,6 @@ def shared_page(browser, kept_tabs):
             wait_for_player(tab.page)
         used.append(tab)
         put_to_rest(tab.page)
-        tab.page.evaluate("player.setModes(Infinity)")
         return tab.page
 
     yield page_of

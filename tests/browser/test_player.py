@@ -28,8 +28,6 @@ from samples.player_pages import (
 )
 
 LAST = 35
-MOST_MODES = 1000
-FEW_MODES = 3
 FILLED = 2 / 3
 FRAMES = (0, 5, 11, 12, 23, 24, LAST)
 """Frames on both sides of each block boundary."""
@@ -48,7 +46,7 @@ def distance_percent(flag, decoded, frame):
 
 @pytest.fixture
 def page(shared_page, url):
-    """The player, shared by tests that change only its frame, modes and heat map."""
+    """The player, shared by tests that change only its frame and heat map."""
     return shared_page(url)
 
 
@@ -60,7 +58,7 @@ def own_page(new_page, url):
 
 @pytest.fixture
 def compared(shared_page, compared_url):
-    """The player with an original; tests change only its frame, modes and heat map."""
+    """The player with an original; tests change only its frame and heat map."""
     return when_measured(shared_page(compared_url))
 
 
@@ -101,65 +99,6 @@ def test_sought_frames_match_decode(page, decoded):
         assert state_of(page)["frame"] == frame
         errors = np.abs(positions_of(page) - decoded[frame])
         assert errors.max() < 1e-4 * diagonal_of(decoded), frame
-
-
-def test_more_modes_converge_to_decode(page, decoded):
-    show(page, 17)
-    errors = []
-    for n_modes in (1, 3, 8, MOST_MODES):
-        page.evaluate("n => player.setModes(n)", n_modes)
-        errors.append(np.sqrt(np.mean((positions_of(page) - decoded[17]) ** 2)))
-    assert errors == sorted(errors, reverse=True)
-    assert errors[0] > 100 * errors[-1]
-
-
-def test_reduced_modes_match_decode(page, flag):
-    for n_modes in (1, FEW_MODES):
-        few = meshreel.decode((flag / "flag.reel").read_bytes(), n_modes=n_modes).vertices
-        page.evaluate("n => player.setModes(n)", n_modes)
-        for frame in (5, 30):
-            show(page, frame)
-            off = np.abs(positions_of(page) - few[frame]).max()
-            assert off < 1e-4 * diagonal_of(few), (n_modes, frame)
-
-
-def test_heat_map_follows_reduced_modes(compared, flag):
-    original = meshreel.load(flag / "original.npz")
-    show(compared, 17)
-    compared.evaluate("n => player.setModes(n)", FEW_MODES)
-    for kind in ("distance", "angle", "sted"):
-        compared.evaluate("kind => player.setHeat(kind)", kind)
-        field = heat_field(kind, original.faces, original.n_verts, diagonal_of(original.vertices))
-        values = field(original.vertices[17], positions_of(compared))
-        assert state_of(compared)["hottest"] == pytest.approx(values.max(), rel=2e-3), kind
-        np.testing.assert_allclose(values_of(compared), values, atol=2e-3 * values.max())
-
-
-def test_panel_shows_errors_of_reduced_modes(compared, flag):
-    few = meshreel.decode((flag / "flag.reel").read_bytes(), n_modes=FEW_MODES).vertices
-    largest = distance_percent(flag, few, 20).max()
-    show(compared, 20)
-    compared.locator("#modes").fill(str(FEW_MODES))
-    wait_until(compared, "player.state().frameErrors !== null")
-    told = compared.locator("#few").inner_text()
-    assert f"Frame 20 with {FEW_MODES} modes" in told
-    assert float(re.search(r"largest error\s+([\d.]+) %", told)[1]) == pytest.approx(
-        largest, rel=5e-3
-    )
-
-
-def test_errors_of_all_modes_are_gray_with_reduced_modes(compared):
-    marked = "() => [...document.querySelectorAll('.of-all')].map((part) => part.id)"
-    assert compared.evaluate(marked) == []
-    compared.locator("#modes").fill("2")
-    wait_until(compared, "player.state().isFew")
-    assert compared.evaluate(marked) == ["plots", "original-rows"]
-    assert state_of(compared)["modes"] == 2
-    assert re.fullmatch(r"first 2 of \d+ modes", compared.locator("#modes-label").inner_text())
-    compared.locator("#modes").fill(str(MOST_MODES))
-    wait_until(compared, "!player.state().isFew")
-    assert compared.evaluate(marked) == []
-    assert not compared.locator("#few").is_visible()
 
 
 def test_playback_crosses_blocks(page):
@@ -533,12 +472,6 @@ def test_exported_page_draws_decoded_positions(new_page, tmp_path, method, optio
         show(page, frame)
         off = np.abs(positions_of(page) - vertices[frame]).max()
         assert off < percent / 100 * diagonal_of(vertices)
-    has_modes = method == "reel"
-    assert page.locator("#detail").is_hidden() != has_modes
-    page.keyboard.press("[")
-    assert state_of(page)["isFew"] is has_modes
-    page.keyboard.press("?")
-    assert page.locator("#help dt.of-modes").is_hidden() != has_modes
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ export function fieldsOfModes(modes: Modes, columns: readonly number[]): Fields 
   const fields = roundFields(steps, refined, modes);
   const offsets = selectColumns(corrections, nColumns, columns);
   return {
-    ...{ nFrames, nModes, nBlockModes: modes.nModes, nVerts: nItems, nColumns: columns.length },
+    ...{ nFrames, nModes, nVerts: nItems, nColumns: columns.length },
     origin: columns.map((column) => modes.origin[column]),
     fields,
     means: fieldMeans(fields, nModes, nItems),

@@ -67,7 +67,7 @@ export function fieldsOfValues(
     starts[t + 1] = vertices.length;
   }
   return {
-    ...{ nFrames, nModes, nBlockModes: nModes, nVerts, nColumns: width },
+    ...{ nFrames, nModes, nVerts, nColumns: width },
     ...{ origin: origins, fields, means, weights, correctionStarts: starts },
     correctionVertices: Uint32Array.from(vertices),
     correctionOffsets: Float32Array.from(offsets),

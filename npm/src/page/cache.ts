@@ -5,11 +5,9 @@ export class Cache<T> {
   private readonly entries = new Map<number, T>();
   private readonly loading = new Map<number, Promise<T>>();
 
-  /** @param discard - frees resources of an evicted value */
   constructor(
     private readonly fetch: (index: number) => Promise<T>,
     private readonly capacity: number,
-    private readonly discard: (value: T) => void = () => {},
   ) {}
 
   /** Number of values that are being loaded. */
@@ -54,10 +52,9 @@ export class Cache<T> {
   }
 
   private trim(): void {
-    for (const [index, value] of this.entries) {
+    for (const index of this.entries.keys()) {
       if (this.entries.size <= this.capacity) return;
       this.entries.delete(index);
-      this.discard(value);
     }
   }
 }

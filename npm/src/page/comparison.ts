@@ -3,7 +3,6 @@
 
 import { loadErrorProgress } from "./data.js";
 import { fillRows, inputById, byId } from "./page.js";
-import { formatNumber } from "../player/axis_numbers.js";
 import type { LegendContent } from "../player/legend.js";
 import { colorAt } from "../three/color/color_map.js";
 import type { Opening } from "./opening.js";
@@ -40,20 +39,16 @@ export class ComparisonPanel {
     if (original.plots.length === 0) void this.pollErrors().catch(player.onError);
   }
 
-  /**
-   * The legend of the shown heat map, or null.
-   *
-   * @param modes - how many modes are shown; empty for all
-   */
-  legendContent(modes: string): LegendContent | null {
-    const { heat: shown, hottest, isFew, perFrameRange } = this.player.state();
+  /** The legend of the shown heat map, or null. */
+  get legendContent(): LegendContent | null {
+    const { heat: shown, hottest, perFrameRange } = this.player.state();
     const heat = allHeats(this.original).find(({ kind }) => kind === shown);
     if (!heat) return null;
     return {
-      title: modes ? `${heat.label} (${modes})` : heat.label,
+      title: heat.label,
       unit: heat.unit,
       range: [0, hottest],
-      isClipped: !isFew && !perFrameRange && hottest < heat.maximum,
+      isClipped: !perFrameRange && hottest < heat.maximum,
       colorOf: (value) => colorAt(HEAT_COLORS, value / (hottest || 1)),
     };
   }
@@ -65,33 +60,13 @@ export class ComparisonPanel {
   }
 
   update(): void {
-    const { frame, playing, heat, isFew } = this.player.state();
+    const { frame, playing, heat } = this.player.state();
     this.heat.value = heat ?? "";
     this.perFrame.disabled = heat === null;
     const now = performance.now();
     const writesValues = !playing || now - this.lastWriteMs > VALUE_INTERVAL_MS;
     if (writesValues) this.lastWriteMs = now;
     for (const plot of this.plots) plot.update(frame, writesValues);
-    this.markReducedModes(isFew);
-    if (writesValues) this.writeFrameErrors();
-  }
-
-  /** Gray out the errors of all modes while fewer modes are shown. */
-  private markReducedModes(isFew: boolean): void {
-    byId("few").hidden = !isFew;
-    for (const id of ["plots", "original-rows"]) byId(id).classList.toggle("of-all", isFew);
-  }
-
-  private writeFrameErrors(): void {
-    const { modes, frameErrors } = this.player.state();
-    if (!frameErrors) return;
-    const { frame } = frameErrors;
-    const percent = (value: number) => `${formatNumber(value, 3)} %`;
-    byId("few-title").textContent = `Frame ${frame} with ${modes === 1 ? "1 mode" : `${modes} modes`}`;
-    fillRows(byId("few-rows"), [
-      ["largest error", `${percent(frameErrors.maxFinite)} of the diagonal`],
-      ["RMS error", `${percent(frameErrors.rms)} of the diagonal`],
-    ]);
   }
 
   private chooseHeat(): void {

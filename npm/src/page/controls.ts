@@ -4,7 +4,7 @@ import { ComparisonPanel } from "./comparison.js";
 import { Labels } from "./labels.js";
 import type { Opening } from "./opening.js";
 import { Choice, inputById, byId } from "./page.js";
-import { Panel } from "./panel.js";
+import { fillPanel } from "./panel.js";
 import type { Arrangement, Background, Look, Picture, Shading } from "./picture.js";
 import type { Player } from "./player.js";
 import type { Reel } from "./facts.js";
@@ -21,7 +21,7 @@ export function connectControls(
   opening: Opening,
 ): TrackPanel {
   const { legend, view } = player.parts;
-  const panel = new Panel(player, reel);
+  fillPanel(reel);
   const comparison = reel.original && new ComparisonPanel(player, reel.original, opening);
   const tracks = new TrackPanel(reel, picture, player);
   view.canvas.addEventListener("dblclick", ({ clientX, clientY }) => {
@@ -30,8 +30,6 @@ export function connectControls(
   const actions: Actions = {
     ...playbackKeys(player, reel),
     ...viewKeys(reel, picture, player),
-    "[": () => player.setModes(player.state().modes - 1),
-    "]": () => player.setModes(player.state().modes + 1),
     h: () => comparison?.nextHeat(),
     t: () => tracks.next(),
     p: togglePanel,
@@ -50,11 +48,9 @@ export function connectControls(
   if (isFramed || (window.matchMedia(PHONE).matches && !reel.original)) togglePanel();
   const labels = new Labels();
   player.onChange = () => {
-    panel.update();
     comparison?.update();
     tracks.update(player.frame, player.isPlaying);
-    const modes = player.state().isFew ? panel.modesText : "";
-    legend.show(comparison?.legendContent(modes) ?? tracks.legendContent);
+    legend.show(comparison?.legendContent ?? tracks.legendContent);
     labels.update(picture.look.arrangement, view.isPortrait, player.isTrackMissing);
   };
   return tracks;

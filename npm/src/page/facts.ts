@@ -75,8 +75,6 @@ export interface Facts {
   swept: [number, number, number][];
   up: "y" | "z";
   is_whole: boolean;
-  /** Number of modes of each block. */
-  n_modes: number[];
   rows: [string, string][];
   budget: [string, number][];
   original: OriginalInfo | null;
@@ -97,9 +95,4 @@ export interface Reel extends Facts {
 /** Playback rate in frames per second; 24 if the file does not define it. */
 export function playbackFps({ file }: Reel): number {
   return file.info.fps > 0 ? file.info.fps : 24;
-}
-
-/** Largest number of modes of a block. */
-export function maxModes(reel: Reel): number {
-  return Math.max(0, ...reel.n_modes);
 }

@@ -1,41 +1,13 @@
-// The panel: file properties, sizes of its parts, and modes.
+// The panel: file properties, and sizes of its parts.
 
-import { createElement, fillRows, inputById, byId } from "./page.js";
-import type { Player } from "./player.js";
-import { maxModes, type Reel } from "./facts.js";
+import { createElement, fillRows, byId } from "./page.js";
+import type { Reel } from "./facts.js";
 
-export class Panel {
-  private readonly modes = inputById("modes");
-  private shownModes = 0;
-
-  constructor(
-    private readonly player: Player,
-    private readonly reel: Reel,
-  ) {
-    const missing: [string, string][] = reel.is_whole
-      ? []
-      : [["end", "missing: the file is truncated"]];
-    fillRows(byId("rows"), [...reel.rows, ...missing]);
-    fillBudget(reel.budget);
-    const hasModes = reel.file.info.method === "reel";
-    for (const one of document.querySelectorAll<HTMLElement>(".of-modes")) one.hidden = !hasModes;
-    this.modes.max = String(maxModes(reel));
-    this.modes.addEventListener("input", () => player.setModes(Number(this.modes.value)));
-  }
-
-  update(): void {
-    const { modes } = this.player.state();
-    if (modes === this.shownModes) return;
-    this.shownModes = modes;
-    this.modes.value = String(modes);
-    byId("modes-label").textContent = this.modesText;
-  }
-
-  /** Describe how many modes are shown. */
-  get modesText(): string {
-    const [{ modes }, most] = [this.player.state(), maxModes(this.reel)];
-    return modes < most ? `first ${modes} of ${most} modes` : `all ${most} modes`;
-  }
+/** Fill the panel with the properties of a file. */
+export function fillPanel({ rows, budget, is_whole: isWhole }: Reel): void {
+  const missing: [string, string][] = isWhole ? [] : [["end", "missing: the file is truncated"]];
+  fillRows(byId("rows"), [...rows, ...missing]);
+  fillBudget(budget);
 }
 
 /** Format a size in bytes with one decimal place and a unit. */

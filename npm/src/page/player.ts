@@ -6,8 +6,7 @@ import type { ColorLegend } from "../three/color/track_colors.js";
 import type { ReelMesh } from "../three/reel_mesh.js";
 
 import { FrameData } from "./frame_data.js";
-import { maxModes, type Reel } from "./facts.js";
-import type { FrameErrors } from "./heat/error_fields.js";
+import type { Reel } from "./facts.js";
 import { showError } from "./page.js";
 import type { Picture } from "./picture.js";
 import type { TrackSettings } from "./tracks/settings.js";
@@ -15,11 +14,6 @@ import type { TrackSettings } from "./tracks/settings.js";
 export interface PlayerState {
   frame: number;
   playing: boolean;
-  modes: number;
-  /** Whether fewer modes than all are shown. */
-  isFew: boolean;
-  /** Errors of the shown frame with reduced modes, if there is an original. */
-  frameErrors: (FrameErrors & { frame: number }) | null;
   heat: string | null;
   hottest: number;
   perFrameRange: boolean;
@@ -31,7 +25,6 @@ export class Player {
   onChange: () => void = () => {};
   readonly onError = showError;
   readonly parts: PlayerParts;
-  private nModes: number;
   private readonly mesh: ReelMesh;
   private readonly extras: FrameData;
   private loadingFrameData: Promise<void> | null = null;
@@ -43,12 +36,7 @@ export class Player {
   ) {
     this.parts = partsOf(element);
     this.mesh = picture.mesh;
-    this.nModes = maxModes(reel);
-    const markDirty = () => {
-      this.parts.view.invalidate();
-      this.onChange();
-    };
-    this.extras = new FrameData(reel, picture, markDirty, showError);
+    this.extras = new FrameData(reel, picture, showError);
     this.parts.view.onDraw = () => picture.prepare();
     element.addEventListener("timeupdate", () => this.update());
     element.addEventListener("pause", () => this.redraw());
@@ -71,9 +59,6 @@ export class Player {
     return {
       frame: this.frame,
       playing: this.isPlaying,
-      modes: this.nModes,
-      isFew: extras.reducedModes !== null,
-      frameErrors: extras.frameErrors,
       heat: extras.heatKind,
       hottest: extras.heatMaximum,
       perFrameRange: extras.isPerFrameRange,
@@ -90,15 +75,6 @@ export class Player {
     const last = this.reel.segments.info.nFrames - 1;
     this.element.seek({ frame: Math.min(Math.max(0, Math.round(frame)), last) });
     await this.show();
-  }
-
-  setModes(nModes: number): void {
-    const maxCount = maxModes(this.reel);
-    this.nModes = Math.min(Math.max(1, Math.round(nModes)), maxCount);
-    const hasReducedModes = this.nModes < maxCount;
-    this.extras.reducedModes = hasReducedModes ? this.nModes : null;
-    this.mesh.modes = hasReducedModes ? this.nModes : Infinity;
-    this.redraw();
   }
 
   /** The track that colors the mesh, or will once it is loaded. */

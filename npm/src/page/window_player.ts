@@ -28,10 +28,6 @@ export function windowPlayer(player: Player, picture: Picture, opening: Opening,
     /** Heat map values of all vertices; null without a heat map. */
     heatValues: () => picture.heatValues(),
     measureFps: (seconds: number) => player.measureFps(seconds),
-    setModes: (nModes: number) => {
-      player.setModes(nModes);
-      player.parts.view.drawNow();
-    },
     setHeat: (kind: string | null) => player.setHeat(kind),
     /** Color the mesh by a track. */
     setTrack: (look: TrackSettings | null) => tracks.show(look),

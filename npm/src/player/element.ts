@@ -65,7 +65,7 @@ export type PlayerMesh = Pick<
   ReelMesh,
   | ("file" | "reel" | "segment" | "isOnGpu" | "positionsAt" | "addEventListener" | "removeEventListener")
   | ("play" | "pause" | "retry" | "seek" | "isPlaying" | "isWaiting" | "isLoading" | "buffered")
-  | ("time" | "duration" | "frame" | "nFrames" | "range" | "loop" | "speed" | "interpolate" | "modes")
+  | ("time" | "duration" | "frame" | "nFrames" | "range" | "loop" | "speed" | "interpolate")
   | ("colorBy" | "video")
 > & {
   setTexture(

@@ -18,8 +18,6 @@ export interface Moment {
   readonly nextT: number;
   /** Interpolation weight of the next frame, in [0, 1). */
   readonly fraction: number;
-  /** Modes of each block that are animated; the others stay at their mean over the block. */
-  readonly nActiveModes: number;
 }
 
 /** A block and the weights of its modes: nModes x 3. */
@@ -41,10 +39,10 @@ export function composePicture(moment: Moment): Picture {
   return { blocks: weightedBlocks(moment), corrections: blendCorrections(moment) };
 }
 
-function weightedBlocks({ block, t, next, nextT, fraction, nActiveModes }: Moment): WeightedBlock[] {
-  const weights = frameWeights(block, t, 1 - fraction, nActiveModes);
+function weightedBlocks({ block, t, next, nextT, fraction }: Moment): WeightedBlock[] {
+  const weights = frameWeights(block, t, 1 - fraction);
   if (fraction === 0) return [{ block, weights }];
-  const nextWeights = frameWeights(next, nextT, fraction, nActiveModes);
+  const nextWeights = frameWeights(next, nextT, fraction);
   if (block === next) return [{ block, weights: weights.map((weight, i) => weight + nextWeights[i]) }];
   return [
     { block, weights },
@@ -52,25 +50,15 @@ function weightedBlocks({ block, t, next, nextT, fraction, nActiveModes }: Momen
   ];
 }
 
-/** Return the weights of a frame, times a factor; inactive modes stay at their mean over the block. */
-function frameWeights(block: LoadedBlock, t: number, factor: number, nActiveModes: number): Float32Array {
-  const nWeights = 3 * block.nModes;
-  const weights = block.weights.subarray(nWeights * t, nWeights * (t + 1));
-  const resting = nActiveModes < block.nBlockModes ? meanWeights(block) : weights;
-  return weights.map((weight, i) => factor * (i < 3 * nActiveModes ? weight : resting[i]));
+/** Return the weights of a frame, times a factor. */
+function frameWeights({ weights, nModes }: LoadedBlock, t: number, factor: number): Float32Array {
+  return weights.subarray(3 * nModes * t, 3 * nModes * (t + 1)).map((weight) => factor * weight);
 }
 
-function meanWeights({ weights, nModes, nFrames }: LoadedBlock): Float64Array {
-  const means = new Float64Array(3 * nModes);
-  weights.forEach((weight, i) => (means[i % means.length] += weight / nFrames));
-  return means;
-}
-
-/** Blend the corrections of a moment. Blocks are not corrected if some of their modes are inactive. */
-function blendCorrections({ block, t, next, nextT, fraction, nActiveModes }: Moment): Map<number, number[]> {
+/** Blend the corrections of a moment. */
+function blendCorrections({ block, t, next, nextT, fraction }: Moment): Map<number, number[]> {
   const offsets = new Map<number, number[]>();
   const add = (from: LoadedBlock, frame: number, factor: number) => {
-    if (nActiveModes < from.nBlockModes) return;
     for (let i = from.correctionStarts[frame]; i < from.correctionStarts[frame + 1]; i++) {
       const vertex = from.correctionVertices[i];
       const sum = offsets.get(vertex) ?? [0, 0, 0];

@@ -91,7 +91,6 @@ export class Playback {
   readonly nFrames: number;
   /** Whether to interpolate between frames. */
   isInterpolating = true;
-  #nActiveModes = Infinity;
   /** Whether it plays, or will once it no longer waits. */
   isPlaying = false;
   /** Whether the picture at the current time is not available yet. */
@@ -254,18 +253,6 @@ export class Playback {
     this.#cache.request([]);
   }
 
-  /** Number of modes of each block that are animated. */
-  get nActiveModes(): number {
-    return this.#nActiveModes;
-  }
-
-  set nActiveModes(count: number) {
-    if (count === this.#nActiveModes) return;
-    this.#nActiveModes = count;
-    this.#shown = null;
-    this.show();
-  }
-
   /** Show the current picture if it is available, and request its blocks and the next one. */
   show(): void {
     if (!this.#hasDisplay) return this.#masterClock?.setBlocked(true);
@@ -288,7 +275,7 @@ export class Playback {
       const t = frame - current.start;
       const nextT = fraction > 0 ? frame + 1 - next.start : t;
       const [block, nextBlock] = [current.loaded as LoadedBlock, next.loaded as LoadedBlock];
-      const moment = { block, t, next: nextBlock, nextT, fraction, nActiveModes: this.#nActiveModes };
+      const moment = { block, t, next: nextBlock, nextT, fraction };
       this.#display.show(current.segment, moment);
     }
     const isNewPicture = this.#masterClock?.show() ?? false;

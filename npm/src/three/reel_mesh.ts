@@ -323,25 +323,6 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   /**
-   * Number of animated modes of each block, most important first. The others stay at their mean over
-   * the block, and corrections are omitted: a coarser animation that shows what modes contribute.
-   * Default: Infinity, all modes. Only files of the method "reel" have modes: for others, all values
-   * but Infinity throw an `InvalidInputError`.
-   */
-  get modes(): number {
-    return this.#playback.nActiveModes;
-  }
-
-  set modes(count: number) {
-    const { method } = this.reel.info;
-    if (method !== "reel" && count < Infinity) {
-      throw new InvalidInputError(`files of the method ${method} have no modes; got ${count}`);
-    }
-    if (!(count >= 1)) throw new InvalidInputError(`modes must be at least 1; got ${count}`);
-    this.#playback.nActiveModes = count;
-  }
-
-  /**
    * Compute the mean of all vertices in the current picture, in the space of the mesh, such as for a
    * camera that follows the model. Ignores corrections; reads nothing back from the GPU.
    *
@@ -490,8 +471,8 @@ export class ReelMesh extends THREE.Mesh<
     const clone = new ReelMesh(this.file, { ...this.#options, renderer });
     THREE.Object3D.prototype.copy.call(clone, this, recursive);
     if (this.material !== this.segmentMaterial) clone.material = this.material;
-    const { loop, speed, interpolate, modes, range } = this;
-    Object.assign(clone, { loop, speed, interpolate, modes, range });
+    const { loop, speed, interpolate, range } = this;
+    Object.assign(clone, { loop, speed, interpolate, range });
     clone.#playback.seek(this.#playback.clock.position);
     if (this.isPlaying) clone.play();
     return clone as this;
@@ -552,8 +533,7 @@ export class ReelMesh extends THREE.Mesh<
       reel.fields(block, { signal }),
       this.#colors?.fields(block, signal),
     ]);
-    const nBlockModes = reel.info.method === "reel" ? fields.nBlockModes : 0;
-    const loaded = withoutFields({ ...fields, nBlockModes });
+    const loaded = withoutFields(fields);
     signal.throwIfAborted();
     try {
       segment.backend ??= (this.#createBackend as CreateBackend)(segment);

@@ -83,7 +83,7 @@ export function gridTrack(
     });
     const corrected = Array.from({ length: nFrames }, () => [3, MISSING]).flat();
     return {
-      ...{ index: number, start, nFrames, nModes: N_MODES, nBlockModes: N_MODES, nVerts: nItems },
+      ...{ index: number, start, nFrames, nModes: N_MODES, nVerts: nItems },
       ...{ nColumns, origin, fields: fields.slice(), weights },
       means: new Float64Array(N_MODES),
       correctionStarts: Uint32Array.from({ length: nFrames + 1 }, (_, t) => 2 * t),

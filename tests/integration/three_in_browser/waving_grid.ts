@@ -55,7 +55,6 @@ function blockOf(number: number): BlockFields {
     start,
     nFrames,
     nModes,
-    nBlockModes: nModes,
     nVerts: N_VERTS,
     fields,
     means: Float64Array.from({ length: nModes }, (_, mode) => meanOf(fields, mode)),

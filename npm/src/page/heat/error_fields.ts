@@ -1,16 +1,10 @@
-// Errors per vertex of a frame, as in meshreel.metrics.heat. The page computes them itself, since only
-// it has the mesh with reduced modes.
+// Errors per vertex of a frame, as in meshreel.metrics.heat. The page computes them itself,
+// so that exported pages need no server.
 
 import { StedField } from "./sted_field.js";
 
 /** Faces of at most this area, in squared diagonals of the frame, have no normal. */
 const DEGENERATE_AREA = 1e-14;
-
-/** Largest and RMS error of the vertices of a frame, in percent of the diagonal. */
-export interface FrameErrors {
-  maxFinite: number;
-  rms: number;
-}
 
 /** Computes errors per vertex. */
 export class ErrorFields {
@@ -28,12 +22,6 @@ export class ErrorFields {
     if (kind === "angle") return this.angles(original, decoded);
     this.sted ??= new StedField(this.faces, this.nVerts);
     return this.sted.values(original, decoded);
-  }
-
-  errors(original: Float32Array, decoded: Float32Array): FrameErrors {
-    const distances = this.distances(original, decoded);
-    const squares = distances.reduce((sum, value) => sum + value * value, 0);
-    return { maxFinite: maxFinite(distances), rms: Math.sqrt(squares / this.nVerts) };
   }
 
   private distances(original: Float32Array, decoded: Float32Array): Float32Array {

@@ -30,12 +30,13 @@ export class ErrorWorker {
     this.worker.postMessage(mesh);
   }
 
-  /** Compute the errors of a frame, and a heat map unless `kind` is null. */
-  measure(kind: string | null, original: Float32Array, decoded: Float32Array): Promise<ErrorResponse> {
+  /** Compute a heat map of a frame. */
+  async measure(kind: string, original: Float32Array, decoded: Float32Array): Promise<Float32Array> {
     const question: ErrorRequest = { id: this.nRequests++, kind, original, decoded };
-    return new Promise((resolve, reject) => {
+    const answer = await new Promise<ErrorResponse>((resolve, reject) => {
       this.pending.set(question.id, { resolve, reject });
       this.worker.postMessage(question);
     });
+    return answer.values;
   }
 }

@@ -1,7 +1,5 @@
 // Messages between the page and the worker that computes errors.
 
-import type { FrameErrors } from "./error_fields.js";
-
 /** The mesh; sent first. */
 export interface MeshMessage {
   triangles: Uint32Array;
@@ -10,18 +8,17 @@ export interface MeshMessage {
   diagonal: number;
 }
 
-/** Original and decoded positions (V, 3) of a frame; `kind` is the requested heat map, if any. */
+/** Original and decoded positions (V, 3) of a frame; `kind` is the requested heat map. */
 export interface ErrorRequest {
   id: number;
-  kind: string | null;
+  kind: string;
   original: Float32Array;
   decoded: Float32Array;
 }
 
-/** The errors of a frame. */
+/** The heat map of a frame. */
 export interface ErrorResponse {
   id: number;
-  /** The heat map at all vertices. */
-  values: Float32Array | null;
-  errors: FrameErrors;
+  /** Errors of all vertices. */
+  values: Float32Array;
 }

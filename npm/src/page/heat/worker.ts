@@ -11,7 +11,6 @@ addEventListener("message", ({ data }: MessageEvent<MeshMessage | ErrorRequest>)
     return;
   }
   const { id, kind, original, decoded } = data;
-  const values = kind === null ? null : fields.values(kind, original, decoded);
-  const answer: ErrorResponse = { id, values, errors: fields.errors(original, decoded) };
+  const answer: ErrorResponse = { id, values: fields.values(kind, original, decoded) };
   postMessage(answer);
 });

@@ -328,7 +328,7 @@ void main() {
   show(moment: Moment): void {
     const [block, next] = [moment.block, moment.next].map((meshBlock) => this.#colorBlocks.get(meshBlock));
     if (!block || !next) return;
-    this.#backend?.show(composePicture({ ...moment, block, next, nActiveModes: Infinity }));
+    this.#backend?.show(composePicture({ ...moment, block, next }));
     if (!this.#restore.length) this.#applyToMaterials();
   }
 
@@ -357,7 +357,7 @@ void main() {
 
   /** Convert the selected columns, normalized, to the three axes of position fields. */
   #toPositionFields(block: TrackFields): BlockFields {
-    const { nColumns, origin, nFrames, nModes, nBlockModes, nVerts } = block;
+    const { nColumns, origin, nFrames, nModes, nVerts } = block;
     const [low, high] = this.#range;
     const axes = (numbers: Float32Array) => {
       const found = new Float32Array((numbers.length / nColumns) * 3);
@@ -382,7 +382,7 @@ void main() {
     fields.set(block.fields);
     return {
       ...block,
-      ...{ nModes: nModes + 1, nBlockModes: nBlockModes + 1, fields, weights: all },
+      ...{ nModes: nModes + 1, fields, weights: all },
       means: Float64Array.of(...block.means, 1),
       correctionOffsets: axes(block.correctionOffsets),
     };
@@ -392,7 +392,7 @@ void main() {
 /** Fields of a block with only missing values. */
 function missingFields({ start, nFrames }: BlockInfo, number: number, nItems: number): BlockFields {
   return {
-    ...{ index: number, start, nFrames, nModes: 1, nBlockModes: 1, nVerts: nItems },
+    ...{ index: number, start, nFrames, nModes: 1, nVerts: nItems },
     fields: new Int16Array(nItems).fill(1),
     means: Float64Array.of(1),
     weights: new Float32Array(3 * nFrames).fill(MISSING_VALUE),

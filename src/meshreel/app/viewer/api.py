@@ -177,7 +177,6 @@ class Api:
             "swept": self._swept.tolist(),
             "up": "y",
             "is_whole": self.file.is_whole,
-            "n_modes": _n_modes(self.file),
             "rows": [list(row) for row in self._rows.items()],
             "budget": [list(row) for row in self._budget.items()],
             "original": self._original(),
@@ -238,28 +237,6 @@ def _look_facts(look: TrackLook) -> dict[str, str | None]:
         "range": look.range,
         "colormap": look.colormap,
     }
-
-
-def _n_modes(file: ReelFile) -> list[int]:
-    """Number of modes of each block; 0 if it is damaged."""
-    if file.n_segments > 1:
-        segments = (_segment_or_none(file, number) for number in range(file.n_segments))
-        return [n_modes for reel in segments if reel is not None for n_modes in _n_modes(reel)]
-    return [_n_modes_of(file, number) for number in range(len(file.block_starts) - 1)]
-
-
-def _segment_or_none(file: ReelFile, number: int) -> ReelFile | None:
-    try:
-        return file.segments[number]
-    except CorruptStreamError:
-        return None
-
-
-def _n_modes_of(reel: ReelFile, number: int) -> int:
-    try:
-        return reel.n_modes_of(number)
-    except CorruptStreamError:
-        return 0
 
 
 def _json(value: Mapping[str, Any]) -> Answer:

@@ -12,7 +12,7 @@ from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Progress, silent
 
 METHOD = "reel"
-"""The method that the player is made for: it can omit modes and load frames in any order."""
+"""The method that the player is made for: it loads frames in any order."""
 
 EXACT_METHODS = ("lossless", "grid")
 """Methods without modes, which pages decode block by block and more slowly."""

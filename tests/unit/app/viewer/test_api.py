@@ -20,7 +20,7 @@ from samples.meshes import quad_sheet, waving_grid
 from samples.players import opened_api
 
 KEYS = [
-    "name", "swept", "up", "is_whole", "n_modes", "rows", "budget", "original", "colored_by",
+    "name", "swept", "up", "is_whole", "rows", "budget", "original", "colored_by",
     "texture",
 ]  # fmt: skip
 
@@ -37,7 +37,6 @@ def test_facts_describe_the_file():
         info = api.reel.info()
     assert list(facts) == KEYS
     assert (facts["name"], facts["is_whole"]) == ("sheet", True)
-    assert facts["n_modes"] == list(info.n_modes)
     assert facts["rows"] == [["size", "6 kB"]]
     assert sum(size for _, size in facts["budget"]) == info.size_bytes
     assert facts["original"] is None
@@ -245,7 +244,6 @@ def test_stream_is_played_unchanged_when_its_positions_are_exact(encoding):
         assert api.reel.stored(0, api.reel.size_bytes) == data
         facts = get_json(api, "api/facts")
     assert "shown" not in dict(facts["rows"])
-    assert facts["n_modes"] == [0]
 
 
 def test_tracks_of_a_lossless_file_are_exact_when_it_is_reencoded(monkeypatch):
@@ -270,7 +268,6 @@ def test_facts_describe_all_segments(segmented):
     facts = Api(file, "two", lambda info: {"frames": str(info.n_frames)}).facts()
     assert list(facts) == KEYS
     assert facts["rows"] == [["frames", "10"]]
-    assert facts["n_modes"] == list(file.info().n_modes)
     diagonal = file.segments[0].frame.scale
     half = np.abs(facts["swept"]).max(axis=0)
     assert np.linalg.norm(half) == pytest.approx(diagonal / 2, rel=0.01)
