@@ -2,7 +2,14 @@
 
 import type { OpenReel, OpenSegments } from "../index.js";
 
-import type { TrackSettings } from "./tracks/settings.js";
+/** How a track colors the mesh, from the command line or the controls; null selects the default. */
+export interface TrackSettings {
+  readonly track: string;
+  readonly component: string | null;
+  /** "LOW:HIGH", each a number or a percentile. */
+  readonly range: string | null;
+  readonly colormap: "sequential" | "diverging" | null;
+}
 
 /** A heat map. */
 export interface HeatInfo {
@@ -90,9 +97,4 @@ export interface Reel extends Facts {
   readonly segments: OpenSegments;
   /** The first segment; most files have only one. */
   readonly file: OpenReel;
-}
-
-/** Playback rate in frames per second; 24 if the file does not define it. */
-export function playbackFps({ file }: Reel): number {
-  return file.info.fps > 0 ? file.info.fps : 24;
 }

@@ -2,8 +2,9 @@
 
 import { Cache } from "./cache.js";
 import { openOriginals, type Originals } from "./data.js";
-import { allHeats, isTrackHeat, playbackFps, type Reel } from "./facts.js";
+import { allHeats, isTrackHeat, type Reel } from "./facts.js";
 import type { TrackValues } from "../index.js";
+import { DEFAULT_FPS } from "../three/playback.js";
 
 import { maxFinite } from "./heat/error_fields.js";
 import { ErrorWorker } from "./heat/error_worker.js";
@@ -43,7 +44,7 @@ export class FrameData {
     private readonly failed: (error: unknown) => void,
   ) {
     this.originals = new Cache(async (frame) => (await this.source()).frame(frame), this.frameCapacity(3));
-    this.lookahead = new Lookahead(reel.file.info.nFrames, playbackFps(reel));
+    this.lookahead = new Lookahead(reel.file.info.nFrames, reel.file.info.fps || DEFAULT_FPS);
   }
 
   /** Repaint the heat map, since its kind or range has changed. */

@@ -1,6 +1,7 @@
 // Labels of the views.
 
-import { createElement, byId } from "./page.js";
+import { createElement } from "../player/dom.js";
+import { byId } from "./page.js";
 import type { Arrangement } from "./picture.js";
 
 export class Labels {
@@ -24,8 +25,7 @@ export class Labels {
     const isBelow = arrangement === "beside" && isUpright;
     byId("labels").replaceChildren(
       ...texts.map((text, i) => {
-        const label = createElement("span", text);
-        if (i === 1) label.className = "original";
+        const label = createElement("span", i === 1 ? "original" : "", text);
         const left = arrangement === "beside" ? 25 + 50 * i : 40 + 20 * i;
         label.style.left = isBelow ? "60px" : `${left}%`;
         label.style.top = isBelow ? `calc(${50 * i}% + 10px)` : "10px";

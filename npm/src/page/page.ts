@@ -1,5 +1,6 @@
 // Helpers for DOM elements.
 
+import { createElement } from "../player/dom.js";
 import { partsOf, type ReelPlayerElement } from "../player/element.js";
 
 /** Return the element of index.html with an id. */
@@ -14,14 +15,8 @@ export function inputById(id: string): HTMLInputElement {
 /** Fill a description list with names and values. */
 export function fillRows(list: HTMLElement, rows: [string, string][]): void {
   list.replaceChildren(
-    ...rows.flatMap(([name, value]) => [createElement("dt", name), createElement("dd", value)]),
+    ...rows.flatMap(([name, value]) => [createElement("dt", "", name), createElement("dd", "", value)]),
   );
-}
-
-export function createElement(tag: string, text = ""): HTMLElement {
-  const created = document.createElement(tag);
-  created.textContent = text;
-  return created;
 }
 
 /** A group of radio buttons. */

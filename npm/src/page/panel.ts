@@ -1,6 +1,7 @@
 // The panel: file properties, and sizes of its parts.
 
-import { createElement, fillRows, byId } from "./page.js";
+import { createElement } from "../player/dom.js";
+import { fillRows, byId } from "./page.js";
 import type { Reel } from "./facts.js";
 
 /** Fill the panel with the properties of a file. */
@@ -22,10 +23,10 @@ function fillBudget(budget: [string, number][]): void {
   const maxBytes = budget.reduce((largest, [, bytes]) => Math.max(largest, bytes), 1);
   byId("budget").replaceChildren(
     ...budget.map(([name, bytes]) => {
-      const [item, bar] = [createElement("li"), createElement("i")];
+      const [item, bar] = [createElement("li", ""), createElement("i", "")];
       bar.style.width = `${(100 * bytes) / maxBytes}%`;
       const share = `${formatBytes(bytes)}, ${((100 * bytes) / total).toFixed(1)} %`;
-      item.append(createElement("span", name), createElement("b", share), bar);
+      item.append(createElement("span", "", name), createElement("b", "", share), bar);
       return item;
     }),
   );

@@ -2,6 +2,7 @@
 
 import type { TrackValues } from "../index.js";
 import type { PlayerParts } from "../player/element.js";
+import { parseComponent } from "../player/settings.js";
 import type { View } from "../player/view.js";
 import type { ColorLegend } from "../three/color/track_colors.js";
 import type { ReelMesh } from "../three/reel_mesh.js";
@@ -9,11 +10,10 @@ import { BufferAttribute, DynamicDrawUsage, Mesh, Vector3 } from "../webgl/index
 
 import { extremePoints } from "./extreme_points.js";
 import { uniqueEdges } from "./edges.js";
-import type { Reel } from "./facts.js";
+import type { Reel, TrackSettings } from "./facts.js";
 import { Marker } from "./shading/marker.js";
 import { MeshView } from "./shading/mesh_view.js";
 import { OriginalMesh } from "./shading/original.js";
-import { parseComponent, type TrackSettings, DEFAULT_RANGE } from "./tracks/settings.js";
 import { type Picked, pickFirst } from "./tracks/pick.js";
 
 export type Background = "light" | "dark" | "none";
@@ -188,14 +188,12 @@ export class Picture {
       return null;
     }
     const { track, component, range, colormap } = look;
-    const { kind } = this.reel.file.track(track).info;
-    const isColor = kind === "color" && (component ?? "color") === "color";
-    const defaultRange = kind === "normal" ? undefined : DEFAULT_RANGE;
+    const isColor = this.reel.file.track(track).info.kind === "color" && (component ?? "color") === "color";
     this.hasTrackColors = true;
     this.applyLook(); // `colorBy` applies to the current material
     const legend = await this.mesh.colorBy(track, {
-      component: component === null || isColor ? undefined : parseComponent(component),
-      ...(isColor ? {} : { range: range ?? defaultRange, wholeFile: true }),
+      component: parseComponent(isColor ? null : component),
+      ...(isColor ? {} : { range: range ?? undefined, wholeFile: true }),
       ...(colormap ? { map: colormap } : {}),
     });
     this.rebuildAttributes();

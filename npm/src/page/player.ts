@@ -1,15 +1,14 @@
 // Playback: loads what the page shows in addition to the picture of <reel-player>.
 
-import { CorruptStreamError, TruncatedStreamError } from "../index.js";
 import { partsOf, type PlayerParts, type ReelPlayerElement } from "../player/element.js";
+import { isDamageError } from "../three/block_cache.js";
 import type { ColorLegend } from "../three/color/track_colors.js";
 import type { ReelMesh } from "../three/reel_mesh.js";
 
 import { FrameData } from "./frame_data.js";
-import type { Reel } from "./facts.js";
+import type { Reel, TrackSettings } from "./facts.js";
 import { showError } from "./page.js";
 import type { Picture } from "./picture.js";
-import type { TrackSettings } from "./tracks/settings.js";
 
 export interface PlayerState {
   frame: number;
@@ -177,7 +176,7 @@ export class Player {
           else resolve();
         };
         const shown = () => end();
-        const fail = ({ error }: { error: Error }) => end(isDamage(error) ? undefined : error);
+        const fail = ({ error }: { error: Error }) => end(isDamageError(error) ? undefined : error);
         mesh.addEventListener("frame", shown);
         mesh.addEventListener("error", fail);
       });
@@ -198,8 +197,4 @@ export class Player {
     this.extras.show(this.frame);
     this.parts.view.invalidate();
   }
-}
-
-function isDamage(error: unknown): boolean {
-  return error instanceof CorruptStreamError || error instanceof TruncatedStreamError;
 }

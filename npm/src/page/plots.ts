@@ -1,7 +1,7 @@
 // Plots of values over frames: a line marks the current frame, and clicking or dragging seeks.
 
 import { formatNumber, roundTicks } from "../player/axis_numbers.js";
-import { createElement } from "./page.js";
+import { createElement } from "../player/dom.js";
 import type { PlotInfo } from "./facts.js";
 
 const WIDTH = 280;
@@ -14,19 +14,19 @@ const RIGHT = 6;
 const MIN_LOG_RATIO = 50;
 
 export class Plot {
-  readonly figure = createElement("figure");
-  private readonly output = createElement("output");
+  readonly figure = createElement("figure", "");
+  private readonly output = createElement("output", "");
   private readonly svg: SVGSVGElement;
   // Separate from the SVG: moving it does not repaint the curve, which is slow without a GPU.
-  private readonly cursor = createElement("i");
+  private readonly cursor = createElement("i", "");
 
   constructor(
     private readonly info: PlotInfo,
     seek: (frame: number) => void,
   ) {
     const axis = new Axis(info.values, info.isTrack ?? false);
-    const caption = createElement("figcaption");
-    caption.append(createElement("span", axis.isLog ? `${info.label} (log)` : info.label), this.output);
+    const label = createElement("span", "", axis.isLog ? `${info.label} (log)` : info.label);
+    const caption = createElement("figcaption", "", label, this.output);
     this.svg = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img" }) as SVGSVGElement;
     this.svg.setAttribute("aria-label", `${info.label}, frame by frame`);
     for (const tick of axis.ticks) {
@@ -41,9 +41,7 @@ export class Plot {
       this.svg.append(svg("text", { x, y: HEIGHT - 2, "text-anchor": "middle" }, String(frame)));
     }
     this.svg.append(svg("path", { class: "curve", d: this.curve(axis) }));
-    const container = createElement("div");
-    container.append(this.svg, this.cursor);
-    this.figure.append(caption, container);
+    this.figure.append(caption, createElement("div", "", this.svg, this.cursor));
     this.listen(seek);
   }
 

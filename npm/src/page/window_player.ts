@@ -3,7 +3,7 @@
 import type { Opening } from "./opening.js";
 import type { Picture } from "./picture.js";
 import type { Player } from "./player.js";
-import type { TrackSettings } from "./tracks/settings.js";
+import type { TrackSettings } from "./facts.js";
 import type { TrackPanel } from "./tracks/panel.js";
 
 declare global {

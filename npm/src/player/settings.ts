@@ -159,7 +159,7 @@ function parseAddress(read: ReadAttribute, name: AttributeName): string | null {
 }
 
 /** Parse a component; `ReelMesh.colorBy` validates it. */
-function parseComponent(value: string | null): Component | undefined {
+export function parseComponent(value: string | null): Component | undefined {
   if (value === null) return undefined;
   return /^\d+$/.test(value) ? Number(value) : (value as Component);
 }

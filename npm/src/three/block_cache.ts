@@ -84,7 +84,7 @@ export class BlockCache<Block extends CachedBlock> {
   }
 }
 
-// Compares names, since a page may load the error classes twice, once per entry point.
-function isDamageError(error: Error): boolean {
+/** Whether bytes are damaged. Compares names: a page may load the error classes once per entry point. */
+export function isDamageError(error: Error): boolean {
   return /^(Corrupt|Truncated)StreamError$/.test(error.name);
 }

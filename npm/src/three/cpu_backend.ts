@@ -3,7 +3,7 @@
 import * as THREE from "three";
 
 import type { BlockFields } from "../types.js";
-import { computeNormals, computePositions } from "./cpu_frames.js";
+import { computeNormals, computePositions, gather } from "./cpu_frames.js";
 import type { LoadedBlock, Picture } from "./loaded_block.js";
 import type { MeshSegment } from "./mesh_segment.js";
 import type { AttributeBackend, Backend, ItemAttributeSetup } from "./backend.js";
@@ -78,12 +78,5 @@ export class CpuBackend implements Backend {
 
   dispose(): void {
     this.#fields.clear();
-  }
-}
-
-/** Gather three numbers per source. */
-function gather(values: Float32Array, sources: Uint32Array, into: Float32Array): void {
-  for (let i = 0; i < into.length; i++) {
-    into[i] = values[3 * sources[Math.floor(i / 3)] + (i % 3)];
   }
 }

@@ -73,3 +73,10 @@ export function computeNormals(
   }
   return into;
 }
+
+/** Gather three numbers per source. */
+export function gather(values: Float32Array, sources: Uint32Array, into: Float32Array): void {
+  for (let i = 0; i < into.length; i++) {
+    into[i] = values[3 * sources[Math.floor(i / 3)] + (i % 3)];
+  }
+}

@@ -2,7 +2,7 @@
 
 import type { Surface, TrackInfo, TrackValues } from "../../index.js";
 
-import { type Domain, itemsAtCorners } from "../tracks/items.js";
+import { createItemLookup } from "../../three/corners.js";
 
 /**
  * Compute the errors of a track at all vertices: the length of the difference, in the unit of the
@@ -28,11 +28,10 @@ export function trackErrors(
   }
   if (domain === "vertex") return errors;
   const maxima = new Float32Array(nVerts).fill(NaN);
-  const { triangles } = surface;
-  itemsAtCorners(surface, domain as Domain).forEach((item, at) => {
-    const vertex = triangles[at];
-    const previous = maxima[vertex];
-    if (Number.isNaN(previous) || errors[item] > previous) maxima[vertex] = errors[item];
+  const itemAt = createItemLookup(surface)(domain);
+  surface.triangles.forEach((vertex, corner) => {
+    const error = errors[itemAt(corner)];
+    if (Number.isNaN(maxima[vertex]) || error > maxima[vertex]) maxima[vertex] = error;
   });
   return maxima;
 }

@@ -1,7 +1,8 @@
 // The original as a three.js mesh that shows one frame at a time.
 
-import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Mesh, Vector3 } from "../../webgl/index.js";
+import { BufferAttribute, BufferGeometry, DynamicDrawUsage, Mesh } from "../../webgl/index.js";
 
+import { computeNormals, gather } from "../../three/cpu_frames.js";
 import type { ColorAttribute } from "../../three/color/track_colors.js";
 import type { ReelMesh } from "../../three/reel_mesh.js";
 
@@ -37,7 +38,7 @@ export class OriginalMesh extends Mesh {
   /** Set the positions (V, 3) of a frame. */
   setPositions(positions: Float32Array): void {
     this.current = positions;
-    scatter(positions, this.sources, this.positions);
+    this.update(this.positions, positions);
     this.areNormalsStale = true;
   }
 
@@ -50,30 +51,16 @@ export class OriginalMesh extends Mesh {
 
   /** Compute normals from the positions, for smooth shading. */
   computeNormals(): void {
-    if (!this.areNormalsStale) return;
+    if (!this.areNormalsStale || !this.current) return;
     this.areNormalsStale = false;
-    const { triangles } = this.decoded.reel.surface;
-    const places = this.geometry.index?.array as Uint32Array;
-    const sums = new Float32Array(3 * this.decoded.reel.info.nVerts);
-    const corners = [0, 1, 2].map(() => new Vector3());
-    const [ab, ac] = [new Vector3(), new Vector3()];
-    for (let i = 0; i < triangles.length; i += 3) {
-      const vertices = [0, 1, 2].map((corner) => places[i + corner]);
-      vertices.forEach((at, corner) => corners[corner].fromBufferAttribute(this.positions, at));
-      ab.subVectors(corners[1], corners[0]);
-      ab.cross(ac.subVectors(corners[2], corners[0]));
-      for (const at of vertices) {
-        const source = 3 * this.sources[at];
-        sums[source] += ab.x;
-        sums[source + 1] += ab.y;
-        sums[source + 2] += ab.z;
-      }
-    }
-    for (let at = 0; at < sums.length; at += 3) {
-      const size = Math.hypot(sums[at], sums[at + 1], sums[at + 2]) || 1;
-      for (let axis = 0; axis < 3; axis++) sums[at + axis] /= size;
-    }
-    scatter(sums, this.sources, this.normals);
+    const normals = new Float32Array(this.current.length);
+    this.update(this.normals, computeNormals(this.current, this.decoded.reel.surface.triangles, normals));
+  }
+
+  /** Set an attribute to three numbers of each vertex of the file. */
+  private update(attribute: BufferAttribute, values: Float32Array): void {
+    gather(values, this.sources, attribute.array as Float32Array);
+    attribute.needsUpdate = true;
   }
 
   /** Free the attributes that only this mesh uses. */
@@ -90,11 +77,4 @@ export class OriginalMesh extends Mesh {
     this.geometry.setAttribute(name, created);
     return created;
   }
-}
-
-/** Copy three numbers of each source vertex to the vertices of the geometry. */
-function scatter(from: Float32Array, sources: Uint32Array, into: BufferAttribute): void {
-  const values = into.array as Float32Array;
-  for (let i = 0; i < values.length; i++) values[i] = from[3 * sources[Math.floor(i / 3)] + (i % 3)];
-  into.needsUpdate = true;
 }

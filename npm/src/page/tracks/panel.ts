@@ -1,13 +1,13 @@
 // The panel section that colors the mesh by a track.
 
 import { type LegendContent, trackTitle } from "../../player/legend.js";
+import { DEFAULT_RANGE } from "../../three/color/color_range.js";
 import type { ColorLegend } from "../../three/color/track_colors.js";
 
-import type { Reel } from "../facts.js";
+import type { Reel, TrackSettings } from "../facts.js";
 import { inputById, byId } from "../page.js";
 import type { Picture } from "../picture.js";
 import type { Player } from "../player.js";
-import { formatComponent, type TrackSettings, DEFAULT_RANGE } from "./settings.js";
 import type { Picked } from "./pick.js";
 import { Probe } from "./probe.js";
 
@@ -172,6 +172,12 @@ export class TrackPanel {
     const { name, component } = this.legend;
     return trackTitle(name, component, this.reel.file.track(name).info.nColumns);
   }
+}
+
+/** Format a component, such as "y" for column 1. */
+function formatComponent(component: ColorLegend["component"], nColumns: number): string {
+  if (typeof component !== "number") return component;
+  return nColumns > 1 && nColumns <= 3 ? "xyz"[component] : String(component);
 }
 
 function componentLabel(component: string): string {

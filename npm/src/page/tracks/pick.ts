@@ -1,9 +1,11 @@
 // Picks the vertex, face and corner of the file at a position on the mesh.
 
+import type { TrackInfo } from "../../index.js";
+import { createItemLookup } from "../../three/corners.js";
 import type { ReelMesh } from "../../three/reel_mesh.js";
 import { Raycaster, Vector3 } from "../../webgl/index.js";
 
-import { type Domain, itemsAtCorners } from "./items.js";
+type Domain = TrackInfo["domain"];
 
 /** The items of all domains at a position. */
 export type Picked = Readonly<Record<Domain, number>>;
@@ -19,15 +21,16 @@ export function pickFirst(ray: Raycaster, mesh: ReelMesh): Picked | null {
     return mesh.localToWorld(point).distanceTo(hit.point);
   });
   const corner = 3 * hit.faceIndex + distances.indexOf(Math.min(...distances));
-  const { surface } = mesh.reel;
-  const itemAt = (domain: Domain) => itemsAtCorners(surface, domain)[corner];
-  return { vertex: itemAt("vertex"), face: itemAt("face"), corner: itemAt("corner") };
+  const lookup = createItemLookup(mesh.reel.surface);
+  return { vertex: lookup("vertex")(corner), face: lookup("face")(corner), corner: lookup("corner")(corner) };
 }
 
 /** Return a vertex of a face or corner, or the vertex itself. */
 export function vertexOfItem(mesh: ReelMesh, domain: Domain, item: number): number {
   if (domain === "vertex") return item;
-  const corner = itemsAtCorners(mesh.reel.surface, domain).indexOf(item);
-  if (corner < 0) throw new RangeError(`there is no ${domain} ${item}`);
-  return mesh.reel.surface.triangles[corner];
+  const { surface } = mesh.reel;
+  const itemAt = createItemLookup(surface)(domain);
+  const vertex = surface.triangles.find((_, corner) => itemAt(corner) === item);
+  if (vertex === undefined) throw new RangeError(`there is no ${domain} ${item}`);
+  return vertex;
 }

@@ -9,7 +9,6 @@ import { inputById, byId } from "../page.js";
 import type { Picture } from "../picture.js";
 import type { Player } from "../player.js";
 import { Plot } from "../plots.js";
-import type { Domain } from "./items.js";
 import { vertexOfItem, type Picked } from "./pick.js";
 
 /** The plot of a track at one item. */
@@ -63,7 +62,7 @@ export class Probe {
 
   private get domain(): keyof Picked | null {
     if (!this.legend) return null;
-    return this.reel.file.track(this.legend.name).info.domain as keyof Picked;
+    return this.reel.file.track(this.legend.name).info.domain;
   }
 
   private plotItem(item: number | null): void {
@@ -115,7 +114,7 @@ export class Probe {
     const info = { label, values, isTrack: true };
     this.plot = new Plot(info, seek);
     byId("probe-plot").replaceChildren(this.plot.figure);
-    this.picture.setMarker(vertexOfItem(this.picture.mesh, domain as Domain, item));
+    this.picture.setMarker(vertexOfItem(this.picture.mesh, domain, item));
     this.player.redraw();
     this.plot.update(this.player.frame, true);
   }
