@@ -2,6 +2,7 @@
 
 import { PerspectiveCamera, Vector3 } from "../webgl/index.js";
 import { type CameraOrbit, MIN_PHI, OrbitControls, sphericalAround } from "./orbit_controls.js";
+import type { CameraSettings } from "./settings.js";
 
 /** Fraction of the canvas that the model fills; the rest is a margin. */
 const FILL_RATIO = 0.93;
@@ -17,19 +18,9 @@ const [MIN_DISTANCE, MAX_DISTANCE] = [0.02, 10];
 const AUTO_ROTATION = Math.PI / 6;
 const AUTO_ROTATION_DELAY_MS = 3000;
 
-/** The initial view. */
-export interface CameraPose {
-  /** Azimuth, and angle from the vertical, in radians. */
-  readonly theta: number;
-  readonly phi: number;
-  /** Distance to the target in model units; null: as close as all points are in view. */
-  readonly distance: number | null;
-  /** Factor of that closest distance. */
-  readonly zoom: number;
-  /** The point that stays in the middle; null: such that the points fill the view. */
+/** The initial view; the target is in the coordinates of the view, null: such that the points fill it. */
+export interface CameraPose extends Omit<CameraSettings, "target"> {
   readonly target: Vector3 | null;
-  /** Vertical field of view, in degrees. */
-  readonly fieldOfView: number;
 }
 
 /** A camera that frames points and orbits around them, with y up. */

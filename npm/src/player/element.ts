@@ -97,11 +97,8 @@ export let partsOf: (player: ReelPlayerElement) => PlayerParts;
 /**
  * The element `<reel-player>`: opens a `.reel` file and plays it.
  *
- * Attributes, which are also properties: `src`, `alt`, `loading`, `autoplay`, `loop` (or
- * `loop="pingpong"`), `speed`, `start-time` or `start-frame`, `interpolate`, `camera-controls`,
- * `camera-orbit`, `camera-target`, `field-of-view`, `auto-rotate`, `controls`, `up`, `background`, `poster`, `texture`, `texture-kind`,
- * `texture-offset`, `frame-number`, `muted`, `track`, `track-component`, `track-range` and
- * `track-colormap`. All of them may change at any time.
+ * Its attributes, which are also properties, are those of `ATTRIBUTES`. All of them may change at any
+ * time.
  *
  * Properties and methods have the names of `<video>` and `<model-viewer>` where these have them.
  *

@@ -4,16 +4,15 @@ import { InvalidInputError } from "../errors.js";
 import type { Loop } from "../three/clock.js";
 import type { Component } from "../three/color/color_range.js";
 import type { FrameNumber } from "../three/texture/frame_number.js";
-import type { TextureKind } from "../three/texture/texture_source.js";
 
 /** The initial view, as `camera-orbit`, `camera-target` and `field-of-view` describe it. */
 export interface CameraSettings {
   /** Azimuth, and angle from the vertical, in radians. */
   readonly theta: number;
   readonly phi: number;
-  /** Distance in model units; null: the one that frames the model. */
+  /** Distance in model units; null: as close as all points are in view. */
   readonly distance: number | null;
-  /** Factor of the distance that frames the model. */
+  /** Factor of that closest distance. */
   readonly zoom: number;
   /** In the coordinates of the file; null: the center of the model. */
   readonly target: readonly (number | null)[];
@@ -21,68 +20,61 @@ export interface CameraSettings {
   readonly fieldOfView: number;
 }
 
-/** Parsed attributes of a player, with defaults. */
-export interface PlayerSettings {
-  readonly src: string | null;
-  /** When the file is opened: at once, or when the player is near the viewport. */
-  readonly loading: "eager" | "lazy";
-  readonly alt: string | null;
-  readonly autoplay: boolean;
-  readonly loop: Loop;
-  readonly speed: number;
-  /** Initial time: seconds, or a frame. */
-  readonly start: number | { readonly frame: number };
-  readonly interpolate: boolean;
-  readonly cameraControls: boolean;
-  readonly camera: CameraSettings;
-  readonly autoRotate: boolean;
-  readonly controls: boolean;
-  /** The up axis of the file. */
-  readonly up: "y" | "z";
-  /** A CSS color. */
-  readonly background: string | null;
-  readonly poster: string | null;
-  readonly texture: string | null;
-  readonly kind: TextureKind | undefined;
-  /** In seconds. */
-  readonly offset: number | undefined;
-  readonly frameNumber: FrameNumber | undefined;
-  readonly muted: boolean;
-  /** The track that colors the mesh. */
-  readonly track: string | null;
-  readonly component: Component | undefined;
-  readonly range: string | undefined;
-  readonly map: "sequential" | "diverging" | undefined;
-}
-
 /** The attributes, and the types of their values. */
 export const ATTRIBUTES = {
+  /** Address of the file. */
   src: "text",
+  /** Text alternative: describes the animation. */
   alt: "text",
+  /** "eager", the default, or "lazy": opens the file when the player is near the viewport. */
   loading: "text",
+  /** Plays once the file is open, unless the user prefers reduced motion. */
   autoplay: "flag",
+  /** Repeats: true or "repeat" from the start, "pingpong" forwards and backwards. */
   loop: "loop",
+  /** Playback rate; 1 by default, negative values play backwards. */
   speed: "number",
+  /** Initial time, in seconds. */
   "start-time": "number",
+  /** Initial frame, counted from 0. */
   "start-frame": "number",
+  /** Whether to interpolate between frames; true by default. */
   interpolate: "switch",
+  /** Enables rotating, panning and zooming. */
   "camera-controls": "flag",
+  /** Initial view: azimuth, angle from the vertical and distance, such as "30deg 75deg 105%". */
   "camera-orbit": "text",
+  /** Point that the camera looks at, in coordinates of the file, such as "0 1.5 0". */
   "camera-target": "text",
+  /** Vertical field of view, such as "30deg", the default. */
   "field-of-view": "text",
+  /** Rotates the camera around the model, unless the user prefers reduced motion. */
   "auto-rotate": "flag",
+  /** Shows a control bar: play, steps of a frame, timeline, speed, sound, full screen. */
   controls: "flag",
+  /** The up axis of the file: "y", the default, or "z". */
   up: "text",
+  /** Background, a CSS color; by default the color of the style sheet or of the color scheme. */
   background: "text",
+  /** Address of an image that is shown until the first frame is drawn. */
   poster: "text",
+  /** Address of an image or video to use as texture. */
   texture: "text",
+  /** "image" or "video", if the file extension of the texture does not tell. */
   "texture-kind": "text",
+  /** Time of the texture video at the first frame of the mesh, in seconds. */
   "texture-offset": "number",
+  /** Where images of the video encode their frame number: x, y, cell and bits. */
   "frame-number": "text",
+  /** Mutes the video. */
   muted: "flag",
+  /** Name of the track that colors the mesh. */
   track: "text",
+  /** Component of its values: "x", "y", "z", a column index, or "magnitude". */
   "track-component": "text",
+  /** Range of its color map, such as "0:500" or "2%:98%". */
   "track-range": "text",
+  /** Color map: "sequential" or "diverging". */
   "track-colormap": "text",
 } as const;
 
@@ -102,12 +94,15 @@ type ReadAttribute = (name: AttributeName) => string | null;
 const TEXTURE_ATTRIBUTES = ["texture-kind", "texture-offset", "frame-number", "muted"] as const;
 const TRACK_ATTRIBUTES = ["track-component", "track-range", "track-colormap"] as const;
 
+/** Parsed attributes of a player, with defaults; `start` is seconds, or a frame. */
+export type PlayerSettings = Readonly<ReturnType<typeof parseSettings>>;
+
 /**
  * Parse the attributes of a player.
  *
  * @throws InvalidInputError if a value is invalid or has no effect.
  */
-export function parseSettings(read: ReadAttribute): PlayerSettings {
+export function parseSettings(read: ReadAttribute) {
   const [texture, track] = [parseAddress(read, "texture"), read("track")];
   if (texture === null) rejectUnused(read, TEXTURE_ATTRIBUTES, "texture");
   if (track === null) rejectUnused(read, TRACK_ATTRIBUTES, "track");
@@ -254,7 +249,7 @@ function parseChoice<Choice extends string>(
   throw new InvalidInputError(`${name} must be ${allowed}; got ${name}="${value}"`);
 }
 
-function parseStart(read: ReadAttribute): PlayerSettings["start"] {
+function parseStart(read: ReadAttribute): number | { readonly frame: number } {
   const [time, frame] = [parseNumber(read, "start-time"), parseNumber(read, "start-frame")];
   if (time === undefined) return frame === undefined ? 0 : { frame };
   if (frame === undefined) return time;
