@@ -42,7 +42,6 @@ test("missing attributes have defaults", () => {
     map: undefined,
     kind: undefined,
     offset: undefined,
-    frameNumber: undefined,
     muted: false,
   });
 });
@@ -69,7 +68,6 @@ test("all attributes are parsed", () => {
     texture: "walk",
     "texture-kind": "video",
     "texture-offset": "0.25",
-    "frame-number": " 0 8  16 12 ",
     muted: "",
   });
   assert.deepEqual(settings, {
@@ -98,7 +96,6 @@ test("all attributes are parsed", () => {
     texture: "walk",
     kind: "video",
     offset: 0.25,
-    frameNumber: { x: 0, y: 8, cell: 16, bits: 12 },
     muted: true,
     track: null,
     component: undefined,
@@ -142,7 +139,6 @@ test("invalid values are rejected", () => {
     [{ track: "u", texture: "a.png" }, /texture and track cannot be combined/],
     [{ track: "u", "track-colormap": "jet" }, /track-colormap must be "sequential" or "diverging"/],
     [{ texture: "a.png", "texture-kind": "film" }, /texture-kind must be "image" or "video"/],
-    [{ texture: "a.mp4", "frame-number": "0 0 16" }, /frame-number must be four numbers/],
   ];
   for (const [attributes, message] of wrong) {
     assert.throws(() => parse(attributes), { name: "InvalidInputError", message });

@@ -4,26 +4,6 @@ import { test } from "node:test";
 import { loadModule } from "./three_modules.mjs";
 
 const { commonLength, frameAtTime, seekTime } = await loadModule("texture/frame_times");
-const { cellsSize, checkFrameNumber, readFrameNumber } = await loadModule("texture/frame_number");
-
-const CODE = { x: 0, y: 0, cell: 8, bits: 5 };
-
-/** Render cells with the given gray levels, 0..255. */
-function renderCells(levels, { cell } = CODE) {
-  const pixels = new Uint8ClampedArray(4 * cell * cell * levels.length).fill(255);
-  for (let i = 0; i < pixels.length; i++) {
-    const level = levels[Math.floor(i / 4 / cell) % levels.length];
-    if (i % 4 < 3) pixels[i] = level;
-  }
-  return pixels;
-}
-
-/** Encode a number as gray levels of cells. */
-function encodeLevels(number, { bits } = CODE) {
-  const text = number.toString(2).padStart(bits, "0");
-  const isEven = [...text].filter((one) => one === "1").length % 2 === 0;
-  return [...text, isEven ? "1" : "0"].map((one) => 255 * Number(one));
-}
 
 test("times rounded to milliseconds yield the right frame", () => {
   for (const fps of [12, 23.976, 24, 25, 29.97, 30, 50, 59.94, 60, 120]) {
@@ -81,57 +61,4 @@ test("the whole mesh is played if the duration of the video is unknown", () => {
 
 test("one frame is played if the video ends before the offset", () => {
   assert.equal(commonLength(90, 30, -1).nFrames, 1);
-});
-
-test("all numbers are read correctly", () => {
-  for (let number = 0; number < 2 ** CODE.bits; number++) {
-    assert.equal(readFrameNumber(renderCells(encodeLevels(number)), CODE), number);
-  }
-});
-
-test("numbers are read with limited video range", () => {
-  const levels = encodeLevels(19).map((level) => 16 + (level * 219) / 255);
-  assert.equal(readFrameNumber(renderCells(levels), CODE), 19);
-});
-
-test("no number is read if one cell is inverted", () => {
-  for (let number = 0; number < 2 ** CODE.bits; number++) {
-    for (let cell = 0; cell <= CODE.bits; cell++) {
-      const levels = encodeLevels(number);
-      levels[cell] = 255 - levels[cell];
-      assert.equal(readFrameNumber(renderCells(levels), CODE), null);
-    }
-  }
-});
-
-test("no number is read if a cell is gray", () => {
-  const levels = encodeLevels(5);
-  levels[2] = 128;
-  assert.equal(readFrameNumber(renderCells(levels), CODE), null);
-});
-
-test("no number is read from a black image", () => {
-  assert.equal(readFrameNumber(renderCells(Array(6).fill(0)), CODE), null);
-});
-
-test("blurred edges of cells are ignored", () => {
-  const levels = encodeLevels(22);
-  const pixels = renderCells(levels);
-  const { width, height } = cellsSize(CODE);
-  for (let i = 0; i < width * height; i++) {
-    const [x, y] = [(i % width) % CODE.cell, Math.floor(i / width)];
-    if (Math.min(x, y, CODE.cell - 1 - x, CODE.cell - 1 - y) < 2) pixels.fill(128, 4 * i, 4 * i + 3);
-  }
-  assert.equal(readFrameNumber(pixels, CODE), 22);
-});
-
-test("invalid layouts of cells are rejected", () => {
-  const wrong = [{ x: -1 }, { y: 0.5 }, { cell: 3 }, { bits: 0 }, { bits: 31 }, { cell: NaN }];
-  for (const one of wrong) {
-    assert.throws(() => checkFrameNumber({ ...CODE, ...one }), {
-      name: "InvalidInputError",
-      message: /frameNumber must have integers x >= 0, y >= 0, cell >= 4 and bits from 1 to 30/,
-    });
-  }
-  checkFrameNumber(CODE);
 });

@@ -71,7 +71,7 @@ class Stand {
 
   constructor(mesh, screen) {
     Object.assign(this, { mesh, screen });
-    for (const type of ["loop", "ended", "waiting", "playing", "error", "warning", "unreadable"]) {
+    for (const type of ["loop", "ended", "waiting", "playing", "error", "warning"]) {
       mesh.addEventListener(type, ({ target: _, error, ...rest }) => {
         this.events.push(error ? { ...rest, error: `${error.name}: ${error.message}` } : rest);
       });

@@ -24,7 +24,7 @@ const NO_ALT = "Animated 3D model";
 
 /** Settings that determine the texture or the colors: a change applies them again. */
 const APPEARANCE_KEYS = [
-  ...["texture", "kind", "offset", "frameNumber"],
+  ...["texture", "kind", "offset"],
   ...["track", "component", "range", "map"],
 ] as (keyof PlayerSettings)[];
 
@@ -575,11 +575,11 @@ export class ReelPlayerElement extends PlayerAttributes {
   }
 
   async #applyAppearance(mesh: ReelMesh, settings: PlayerSettings): Promise<void> {
-    const { texture, kind, offset, frameNumber, muted } = settings;
+    const { texture, kind, offset, muted } = settings;
     const { track, component, range, map } = settings;
     this.#ui?.legend.show(null);
     try {
-      if (track === null) await mesh.setTexture(texture, { kind, offset, frameNumber, muted });
+      if (track === null) await mesh.setTexture(texture, { kind, offset, muted });
       else {
         const legend = await mesh.colorBy(track, { component, range, map });
         const title = trackTitle(track, legend.component, mesh.reel.track(track).info.nColumns);

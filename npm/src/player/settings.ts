@@ -3,7 +3,6 @@
 import { InvalidInputError } from "../errors.js";
 import type { Loop } from "../three/clock.js";
 import type { Component } from "../three/color/color_range.js";
-import type { FrameNumber } from "../three/texture/frame_number.js";
 
 /** The initial view, as `camera-orbit`, `camera-target` and `field-of-view` describe it. */
 export interface CameraSettings {
@@ -64,8 +63,6 @@ export const ATTRIBUTES = {
   "texture-kind": "text",
   /** Time of the texture video at the first frame of the mesh, in seconds. */
   "texture-offset": "number",
-  /** Where images of the video encode their frame number: x, y, cell and bits. */
-  "frame-number": "text",
   /** Mutes the video. */
   muted: "flag",
   /** Name of the track that colors the mesh. */
@@ -91,7 +88,7 @@ const DEFAULT_FIELD_OF_VIEW = 30;
 type ReadAttribute = (name: AttributeName) => string | null;
 
 /** Attributes that need a texture or a track. */
-const TEXTURE_ATTRIBUTES = ["texture-kind", "texture-offset", "frame-number", "muted"] as const;
+const TEXTURE_ATTRIBUTES = ["texture-kind", "texture-offset", "muted"] as const;
 const TRACK_ATTRIBUTES = ["track-component", "track-range", "track-colormap"] as const;
 
 /** Parsed attributes of a player, with defaults; `start` is seconds, or a frame. */
@@ -130,7 +127,6 @@ export function parseSettings(read: ReadAttribute) {
     texture,
     kind: parseChoice(read, "texture-kind", ["image", "video"]),
     offset: parseNumber(read, "texture-offset"),
-    frameNumber: parseFrameNumber(read("frame-number")),
     muted: parseFlag(read, "muted"),
     track,
     component: parseComponent(read("track-component")),
@@ -254,17 +250,4 @@ function parseStart(read: ReadAttribute): number | { readonly frame: number } {
   if (time === undefined) return frame === undefined ? 0 : { frame };
   if (frame === undefined) return time;
   throw new InvalidInputError("start-time and start-frame cannot be combined; remove one of them");
-}
-
-function parseFrameNumber(value: string | null): FrameNumber | undefined {
-  if (value === null) return undefined;
-  const numbers = value.trim().split(/\s+/).map(Number);
-  if (numbers.length === 4 && numbers.every(Number.isFinite)) {
-    const [x, y, cell, bits] = numbers;
-    return { x, y, cell, bits };
-  }
-  throw new InvalidInputError(
-    `frame-number must be four numbers, such as "0 0 16 12": left and upper edge of the first cell,` +
-      ` size of a cell, bits; got frame-number="${value}"`,
-  );
 }

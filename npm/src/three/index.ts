@@ -7,6 +7,5 @@ export type { ColorAttribute, ColorLegend, ColorOptions } from "./color/track_co
 export type { PlaybackEvents } from "./playback.js";
 export { ReelLoader, type ReelLoaderOptions } from "./reel_loader.js";
 export { ReelMesh, type ReelMeshEventMap, type ReelMeshOptions } from "./reel_mesh.js";
-export type { FrameNumber } from "./texture/frame_number.js";
 export type { TextureOptions } from "./texture/mesh_texture.js";
 export type { TextureSource } from "./texture/texture_source.js";

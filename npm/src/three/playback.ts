@@ -34,11 +34,6 @@ export interface PlaybackEvents {
   error: { error: Error; block: number | null; frames?: FrameRange; track?: string };
   /** Playback differs from the request, such as when the video is longer than the mesh. */
   warning: { message: string };
-  /**
-   * The frame number in the video cannot be read at a time, in seconds. The last picture and its
-   * mesh stay.
-   */
-  unreadable: { time: number };
 }
 
 /** An event of `PlaybackEvents` with its type. */
@@ -63,10 +58,10 @@ export interface Display {
 /** Drives the time in place of the clock: a video that the mesh follows. */
 export interface MasterClock {
   /**
-   * State of its picture at the current time: not available yet, captured, or captured with an
-   * unknown frame. Captured pictures belong to the position of the clock.
+   * State of its picture at the current time: not available yet, captured, or past the last frame.
+   * Captured pictures belong to the position of the clock.
    */
-  readonly picture: "pending" | "captured" | "unknown";
+  readonly picture: "pending" | "captured" | "over";
   /** Show the captured picture; returns false if it is shown already. */
   show(): boolean;
   play(): void;
@@ -268,7 +263,7 @@ export class Playback {
     if (missing) return this.#setWaiting(true, missing.block ?? 0);
     if (this.#masterClock?.picture === "pending") return this.#setWaiting(true);
     this.#setWaiting(false);
-    if (this.#masterClock?.picture === "unknown") return;
+    if (this.#masterClock?.picture === "over") return;
     const isNewPosition = this.#shown !== frame + fraction;
     if (isNewPosition) {
       this.#shown = frame + fraction;

@@ -6,7 +6,6 @@ import { InvalidInputError } from "../../errors.js";
 import type { MeshSegment } from "../mesh_segment.js";
 import type { Playback, PlaybackEvent } from "../playback.js";
 import { MaterialOverride } from "./material_override.js";
-import { checkFrameNumber, type FrameNumber } from "./frame_number.js";
 import {
   closeVideo,
   type CrossOrigin,
@@ -35,11 +34,6 @@ export interface TextureOptions {
   offset?: number;
   /** Whether a video starts without sound, which browsers need to start it by themselves. */
   muted?: boolean;
-  /**
-   * Where each image of the video encodes its frame number, which then takes precedence over the
-   * time of the video.
-   */
-  frameNumber?: FrameNumber;
 }
 
 /** The mesh that gets a texture. */
@@ -127,11 +121,7 @@ function validateOptions(source: TextureSource, options: TextureOptions): Textur
     reject("kind", "addresses");
     reject("crossOrigin", "addresses");
   }
-  if (kind === "image") {
-    reject("offset", "videos");
-    reject("frameNumber", "videos");
-  }
-  if (options.frameNumber) checkFrameNumber(options.frameNumber);
+  if (kind === "image") reject("offset", "videos");
   const { offset = 0 } = options;
   if (Number.isFinite(offset)) return kind;
   throw new InvalidInputError(`offset must be a finite number of seconds; got ${offset}`);
@@ -170,10 +160,10 @@ function applyVideo(
   mesh: TexturedMesh,
   video: HTMLVideoElement,
   channel: number,
-  { offset = 0, frameNumber }: TextureOptions,
+  { offset = 0 }: TextureOptions,
   isOwned: boolean,
 ): AppliedTexture {
-  const picture = new VideoPicture(frameNumber ?? null);
+  const picture = new VideoPicture();
   const { texture } = picture;
   texture.channel = channel;
   const materialOverride = overrideMaterials(texture, mesh);

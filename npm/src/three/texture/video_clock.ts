@@ -227,7 +227,7 @@ export class VideoClock implements MasterClock {
 
   /** Capture the displayed image, whose time is `timeS`, and make the mesh follow. */
   #capture(timeS: number): void {
-    const { video, picture, playback, offset, send } = this.#options;
+    const { video, picture, playback, offset } = this.#options;
     clearTimeout(this.#timeout);
     this.#announcedTime = null;
     this.#lastTime = timeS;
@@ -239,17 +239,14 @@ export class VideoClock implements MasterClock {
     }
     this.#isStalled = false;
     const { nFrames, fps } = playback.clock;
-    const position = picture.hasFrameNumbers ? picture.readNumber() : frameAtTime(shownS - offset, fps);
-    const isOver = position !== null && position >= nFrames;
-    if (position !== null && !isOver) {
+    const position = frameAtTime(shownS - offset, fps);
+    if (position < nFrames) {
       this.picture = "captured";
       return this.#follow(position);
     }
     picture.discard();
-    this.picture = "unknown";
-    if (isOver && !picture.hasFrameNumbers) return this.#finish();
-    send({ type: "unreadable", time: shownS });
-    playback.show();
+    this.picture = "over";
+    this.#finish();
   }
 
   /** Make the mesh follow to a position in frames, whose picture is pending or captured. */

@@ -2,8 +2,6 @@
 
 import * as THREE from "three";
 
-import { InvalidInputError } from "../../errors.js";
-import { type FrameNumber, readFrameNumber, cellsSize } from "./frame_number.js";
 import { requireReadable } from "./texture_source.js";
 
 type Context2D = CanvasRenderingContext2D;
@@ -14,14 +12,13 @@ const [MIN_TIMESTAMP_S, MAX_TIMESTAMP_DEVIATION_S] = [0.02, 0.5];
 /**
  * The shown image of a video, and a captured one that waits for its mesh.
  *
- * A video advances concurrently with scripts. Images are therefore copied, so that the frame number
- * and the texture come from the same image.
+ * A video advances concurrently with scripts. Images are therefore copied, so that the time and the
+ * texture come from the same image.
  */
 export class VideoPicture {
   readonly texture: THREE.CanvasTexture;
   #shown = createContext();
   #captured = createContext();
-  readonly #cells: { layout: FrameNumber; context: Context2D } | null;
   #hasCaptured = false;
   #isReadable = false;
   /**
@@ -30,12 +27,7 @@ export class VideoPicture {
    */
   #hasFrameTimestamps = "userAgentData" in navigator;
 
-  /** @param frameNumber - where images encode their frame number; null if they do not */
-  constructor(frameNumber: FrameNumber | null) {
-    this.#cells = frameNumber && {
-      layout: frameNumber,
-      context: createContext({ willReadFrequently: true }),
-    };
+  constructor() {
     this.texture = new THREE.CanvasTexture(this.#shown.canvas);
     this.texture.colorSpace = THREE.SRGBColorSpace;
     this.texture.wrapS = this.texture.wrapT = THREE.RepeatWrapping;
@@ -48,7 +40,6 @@ export class VideoPicture {
    *
    * @param timeS - time of the image as reported by the browser
    * @throws SourceError if the page must not read the video.
-   * @throws InvalidInputError if the cells of frame numbers are outside of the image.
    */
   capture(video: HTMLVideoElement, timeS: number): number {
     const { videoWidth, videoHeight } = video;
@@ -57,32 +48,14 @@ export class VideoPicture {
     this.#captured.drawImage(videoFrame ?? video, 0, 0, videoWidth, videoHeight);
     const timestampS = videoFrame ? videoFrame.timestamp / 1e6 : NaN;
     videoFrame?.close();
-    if (!this.#isReadable) this.#check(video);
+    if (!this.#isReadable) requireReadable(this.#captured.canvas, videoWidth, `video ${video.currentSrc}`);
+    this.#isReadable = true;
     this.#hasCaptured = true;
     const deviationS = Math.abs(timestampS - timeS);
     if (timestampS > MIN_TIMESTAMP_S && deviationS < MAX_TIMESTAMP_DEVIATION_S) {
       this.#hasFrameTimestamps = true;
     }
     return this.#hasFrameTimestamps && !Number.isNaN(timestampS) ? timestampS : timeS;
-  }
-
-  /** Whether images encode their frame numbers. */
-  get hasFrameNumbers(): boolean {
-    return this.#cells !== null;
-  }
-
-  /** Read the frame number in the captured image; null if it is unreadable. */
-  readNumber(): number | null {
-    if (!this.#cells) return null;
-    const { layout, context } = this.#cells;
-    const { width, height } = cellsSize(layout);
-    resize(context.canvas, width, height);
-    context.drawImage(
-      this.#captured.canvas,
-      ...([layout.x, layout.y, width, height] as const),
-      ...([0, 0, width, height] as const),
-    );
-    return readFrameNumber(context.getImageData(0, 0, width, height).data, layout);
   }
 
   /** Show the captured image; returns false if there is none. */
@@ -108,19 +81,6 @@ export class VideoPicture {
     this.texture.dispose();
     for (const { canvas } of [this.#shown, this.#captured]) resize(canvas, 0, 0);
   }
-
-  #check({ videoWidth, videoHeight, currentSrc }: HTMLVideoElement): void {
-    requireReadable(this.#captured.canvas, videoWidth, `video ${currentSrc}`);
-    this.#isReadable = true;
-    if (!this.#cells) return;
-    const { x, y } = this.#cells.layout;
-    const { width, height } = cellsSize(this.#cells.layout);
-    if (x + width <= videoWidth && y + height <= videoHeight) return;
-    throw new InvalidInputError(
-      `cells of ${width} x ${height} pixels at (${x}, ${y}) exceed the video of ` +
-        `${videoWidth} x ${videoHeight} pixels`,
-    );
-  }
 }
 
 /**
@@ -136,10 +96,10 @@ function captureVideoFrame(video: HTMLVideoElement): VideoFrame | null {
   }
 }
 
-function createContext(settings?: CanvasRenderingContext2DSettings): Context2D {
+function createContext(): Context2D {
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [1, 1];
-  return canvas.getContext("2d", settings) as Context2D;
+  return canvas.getContext("2d") as Context2D;
 }
 
 /** Resize a canvas, which clears it, only if necessary. */
