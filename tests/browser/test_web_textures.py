@@ -1,7 +1,6 @@
 """Images and videos on a mesh, which shows the frame of the current picture."""
 
 import io
-import json
 from pathlib import Path
 
 import numpy as np

@@ -7,14 +7,12 @@ import {
   type Object3D,
   Raycaster,
   Scene,
-  type Texture,
   Vector3,
   WebGLRenderer,
 } from "../webgl/index.js";
 import { PlayerCamera } from "./camera.js";
 import { type ContextHolder, releaseContext, acquireContext } from "./context_pool.js";
 import type { HalfExtents } from "./half_extents.js";
-import { studioEnvironment, MAX_RADIANCE } from "./studio_environment.js";
 
 /** Limit of canvas pixels per CSS pixel: more take time without a visible gain. */
 const MAX_PIXEL_RATIO = 2;
@@ -55,7 +53,6 @@ export class View implements ContextHolder {
   /** Points of `model` to frame in place of its box; null: the box. */
   framedPoints: readonly Vector3[] | null = null;
   readonly #scene = new Scene();
-  #studio: Texture | null = null;
   #extents: HalfExtents = [1, 1, 1];
   /** Objects of `model` in each of several views; null: one view of all. */
   #panes: readonly (readonly Object3D[])[] | null = null;
@@ -125,12 +122,10 @@ export class View implements ContextHolder {
     this.model.add(mesh);
   }
 
-  /** Light a mesh: metals need an environment to reflect; others are lit by a hemisphere light. */
+  /** Light a mesh: metals need a studio to reflect; others are lit by a hemisphere light. */
   setLights(mesh: Mesh): void {
     const hasMetal = [mesh.material].flat().some((material) => "metalness" in material && material.metalness);
-    if (hasMetal) this.#studio ??= studioEnvironment();
-    this.#scene.environment = hasMetal ? this.#studio : null;
-    this.#scene.environmentIntensity = MAX_RADIANCE;
+    this.#scene.hasStudio = hasMetal;
     // Of such intensities that a white surface that faces the camera appears white.
     this.#scene.skyIntensity = hasMetal ? 0 : Math.PI / 2;
     this.#scene.keyIntensity = Math.PI / 2;
@@ -231,7 +226,6 @@ export class View implements ContextHolder {
     this.#visibilityObserver.disconnect();
     if (this.#frameRequest !== null) cancelAnimationFrame(this.#frameRequest);
     this.camera.dispose();
-    this.#studio?.dispose();
     this.#renderer?.dispose();
     // Contexts are scarce, and browsers free them late.
     if (this.#context === "active") this.#renderer?.forceContextLoss();

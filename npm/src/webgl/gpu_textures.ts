@@ -52,14 +52,8 @@ export class GpuTextures {
     return this.#entries.get(texture)?.handle;
   }
 
-  /** Create and bind the WebGL texture of a texture that the caller fills. */
-  bindNew(texture: Texture, target: number): void {
-    this.#add(texture, target);
-    this.bind(texture);
-  }
-
-  #add(texture: Texture, target?: number): Entry {
-    target ??= asData(texture).depth ? this.#gl.TEXTURE_2D_ARRAY : this.#gl.TEXTURE_2D;
+  #add(texture: Texture): Entry {
+    const target = asData(texture).depth ? this.#gl.TEXTURE_2D_ARRAY : this.#gl.TEXTURE_2D;
     const entry = { handle: this.#gl.createTexture(), target, version: 0, nUsers: 1 };
     this.#register(texture, entry);
     return entry;

@@ -5,7 +5,6 @@ import { BufferAttribute, BufferGeometry } from "./geometry.js";
 import { DoubleSide, type Material } from "./materials.js";
 import { Matrix4, Vector3 } from "./math.js";
 import type { Intersection, Raycaster } from "./raycaster.js";
-import type { Texture } from "./textures.js";
 
 /** Events of all objects. */
 export interface Object3DEventMap {
@@ -96,9 +95,8 @@ export class Group extends Object3D {}
 
 /** The root of what is drawn, with its lights. */
 export class Scene extends Object3D {
-  /** Panorama that lights standard materials. */
-  environment: Texture | null = null;
-  environmentIntensity = 1;
+  /** Whether a studio surrounds standard materials. */
+  hasStudio = false;
   /** Intensity of the light of the sky, with a gray ground. */
   skyIntensity = 0;
   /** Intensity of the light that moves with the camera. */

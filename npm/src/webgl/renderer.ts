@@ -1,14 +1,13 @@
 // Draws scenes with WebGL 2. The interface is the part of that of three.js that `ReelMesh` and the
 // player use; scenes are small, so that the state of the context is set for each object.
 
-import { createDfgTable, filterEnvironment, type FilteredEnvironment } from "./environment.js";
 import { type BufferAttribute, type BufferGeometry, GLBufferAttribute } from "./geometry.js";
 import { GpuTextures, onDispose } from "./gpu_textures.js";
 import { DoubleSide, type Material, RawShaderMaterial } from "./materials.js";
 import { Matrix4, Vector3 } from "./math.js";
-import { type Camera, Mesh, type Object3D, Scene } from "./objects.js";
+import { type Camera, Mesh, type Object3D, type Scene } from "./objects.js";
 import { type Program, Programs, type UniformValues } from "./programs.js";
-import { type Lighting, type Surface, surfaceMacros, surfaceShaders, surfaceUniforms } from "./surface_shader.js";
+import { type Surface, surfaceMacros, surfaceShaders, surfaceUniforms } from "./surface_shader.js";
 import type { Texture, WebGLRenderTarget } from "./textures.js";
 
 /** A part of a mesh with one material. */
@@ -44,8 +43,6 @@ export class WebGLRenderer {
   #buffers!: WeakMap<BufferAttribute, { readonly handle: WebGLBuffer; version: number }>;
   /** Geometries whose buffers are freed when they are disposed of. */
   #geometries!: WeakSet<BufferGeometry<any>>;
-  #environments!: WeakMap<Texture, FilteredEnvironment>;
-  #dfgTable: Texture | null = null;
   #target: WebGLRenderTarget | null = null;
   #pixelRatio = 1;
   #viewport: Rectangle = [0, 0, 0, 0];
@@ -69,11 +66,10 @@ export class WebGLRenderer {
   /** Prepare a context without data. */
   #initialize(): void {
     const gl = this.#gl;
-    for (const name of ["EXT_color_buffer_float", "EXT_color_buffer_half_float"]) gl.getExtension(name);
+    gl.getExtension("EXT_color_buffer_float");
     this.#textures = new GpuTextures(gl);
     this.#programs = new Programs(gl);
-    [this.#buffers, this.#geometries, this.#environments] = [new WeakMap(), new WeakSet(), new WeakMap()];
-    this.#dfgTable = null;
+    [this.#buffers, this.#geometries] = [new WeakMap(), new WeakSet()];
   }
 
   getContext(): WebGL2RenderingContext {
@@ -145,8 +141,6 @@ export class WebGLRenderer {
     if (!camera.parent) camera.updateMatrixWorld();
     const viewMatrix = new Matrix4().copyInverse(camera.matrixWorld);
     const items = collectItems(scene, viewMatrix);
-    const isLit = items.some(({ material }) => !isRaw(material));
-    const lighting = isLit ? this.#lighting(scene as Scene) : null;
     const target = this.#target;
     gl.bindFramebuffer(gl.FRAMEBUFFER, target && this.#textures.framebuffer(target));
     gl.viewport(...(target ? ([0, 0, target.width, target.height] as Rectangle) : this.#viewport));
@@ -159,7 +153,7 @@ export class WebGLRenderer {
     for (const item of items) {
       const { mesh, material } = item;
       mesh.onBeforeRender(this);
-      const [program, values] = this.#programOf(material, lighting as Lighting);
+      const [program, values] = this.#programOf(material, scene as Scene);
       const modelViewMatrix = new Matrix4().multiplyMatrices(viewMatrix, mesh.matrixWorld);
       const { projectionMatrix } = camera;
       const matrices = { viewMatrix, modelViewMatrix, projectionMatrix, modelMatrix: mesh.matrixWorld };
@@ -191,25 +185,8 @@ export class WebGLRenderer {
     this.#loss?.restoreContext();
   }
 
-  #lighting({ keyIntensity, skyIntensity, environmentIntensity, environment: panorama }: Scene): Lighting {
-    this.#dfgTable ??= createDfgTable(this.#gl, this.#textures);
-    let filtered = panorama && this.#environments.get(panorama);
-    if (panorama && !filtered) {
-      filtered = filterEnvironment(this.#gl, this.#textures, panorama);
-      this.#environments.set(panorama, filtered);
-      const { texture } = filtered;
-      onDispose(panorama, () => {
-        texture.dispose();
-        this.#environments.delete(panorama);
-      });
-    }
-    const { texture: environment = null, maxLod = 0 } = filtered ?? {};
-    const lights = { keyIntensity, skyIntensity, environmentIntensity };
-    return { ...lights, environment, maxLod, dfgTable: this.#dfgTable };
-  }
-
   /** Return the program of a material and the values of its uniforms. */
-  #programOf(material: Material, lighting: Lighting): [Program, UniformValues] {
+  #programOf(material: Material, scene: Scene): [Program, UniformValues] {
     if (isRaw(material)) {
       const { vertexShader, fragmentShader, uniforms } = material;
       const key = vertexShader + fragmentShader;
@@ -217,10 +194,10 @@ export class WebGLRenderer {
       return [program, Object.fromEntries(Object.entries(uniforms).map(([name, { value }]) => [name, value]))];
     }
     const surface = material as Surface;
-    const macros = surfaceMacros(surface, lighting);
+    const macros = surfaceMacros(surface, scene);
     const key = macros + (surface.glsl ?? "");
     const program = this.#programs.get(material, key, () => surfaceShaders(surface, macros));
-    return [program, surfaceUniforms(surface, lighting)];
+    return [program, surfaceUniforms(surface, scene)];
   }
 
   #applyMaterial(material: Material): void {

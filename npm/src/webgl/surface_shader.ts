@@ -1,9 +1,9 @@
 // The shader of surfaces. Its equations are those of three.js, so that the player and a page with
-// three.js show the same: GGX with height-correlated Smith masking, multiple scattering, and a
-// prefiltered environment.
+// three.js show the same: GGX with height-correlated Smith masking, and multiple scattering.
 
 import type { Material, MeshBasicMaterial, MeshStandardMaterial } from "./materials.js";
 import { Color } from "./math.js";
+import type { Scene } from "./objects.js";
 import type { UniformValues } from "./programs.js";
 import type { Texture } from "./textures.js";
 
@@ -12,7 +12,7 @@ const SLOTS = ["map", "roughnessMap", "metalnessMap", "normalMap", "aoMap", "emi
 /** Color of the sky's light from below. */
 const GROUND = new Color(0x8a8f98);
 
-export const TO_SRGB = `
+const TO_SRGB = `
 vec3 toSrgb(vec3 light) {
   vec3 isDark = vec3(lessThanEqual(light, vec3(0.0031308)));
   return mix(pow(light, vec3(0.41666)) * 1.055 - 0.055, light * 12.92, isDark);
@@ -85,22 +85,45 @@ void main() {
   shown = vec4(toSrgb(light), base.a);
 }`;
 
+// What metals reflect: a neutral studio, brighter at the top, with two area lights; angles in degrees. A
+// rough surface blurs it, and for light that is scattered its roughness is 1.
+const STUDIO = `
+float coverage(float away, float halfSize, float blur) {
+  return clamp((halfSize + blur - away) / (2.0 * blur), 0.0, min(halfSize / blur, 1.0));
+}
+float areaLight(vec2 direction, vec2 center, vec2 halfSize, float blur) {
+  vec2 away = abs(direction - center);
+  return coverage(min(away.x, 360.0 - away.x), halfSize.x, blur) * coverage(away.y, halfSize.y, blur);
+}
+float studio(vec3 d, float rough) {
+  vec2 direction = degrees(vec2(atan(d.z, d.x), asin(clamp(d.y, -1.0, 1.0))));
+  float blur = 3.0 + 57.0 * rough * rough;
+  float walls = 0.32 + (d.y > 0.0 ? 0.28 : -0.2) * sqrt(abs(d.y));
+  return mix(walls, 0.34 + 0.19 * d.y, rough)
+    + 2.4 * areaLight(direction, vec2(-130.0, 40.0), vec2(32.0, 18.0), blur)
+    + 1.3 * areaLight(direction, vec2(-15.0, 15.0), vec2(14.0, 40.0), blur);
+}`;
+
 const STANDARD_MAIN = `
 uniform mat4 viewMatrix;
 uniform vec3 emissive;
 uniform float roughness;
 uniform float metalness;
 uniform vec2 normalScale;
-uniform sampler2D dfgTable;
 uniform float keyIntensity;
 uniform float skyIntensity;
 uniform vec3 groundColor;
-uniform samplerCube environment;
-uniform float environmentIntensity;
-uniform float maxLod;
 
 float pow2(float x) { return x * x; }
 float saturate(float x) { return clamp(x, 0.0, 1.0); }
+
+// The light that a surface reflects of uniform light, as a factor of the color at normal incidence and
+// a constant; see https://www.unrealengine.com/en-US/blog/physically-based-shading-on-mobile
+vec2 albedo(float rough, float nv) {
+  vec4 r = rough * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+  float a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
+  return vec2(-1.04, 1.04) * a + r.zw;
+}
 
 // Single and multiple scattering of a light from all directions.
 void scatter(vec2 dfg, vec3 f0, out vec3 single, out vec3 multi) {
@@ -151,7 +174,7 @@ void main() {
   vec3 f0 = mix(vec3(0.04), base.rgb, metal);
   vec3 v = normalize(-place);
   float nv = saturate(dot(n, v));
-  vec2 dfg = texture(dfgTable, vec2(rough, nv)).rg;
+  vec2 dfg = albedo(rough, nv);
 
   // The key light, which moves with the camera.
   vec3 l = normalize(vec3(-0.5, 1.0, 2.0));
@@ -168,7 +191,7 @@ void main() {
   vec3 key = (f0 * (1.0 - fresnel) + fresnel) * visible * facets * lost + matte / PI * 0.96 * (1.0 - fresnel);
   vec3 light = keyIntensity * nl * key;
 
-  // The sky and the environment.
+  // The sky and the studio.
   vec3 single;
   vec3 multi;
   scatter(dfg, vec3(0.04), single, multi);
@@ -176,11 +199,11 @@ void main() {
   float up = dot(n, viewMatrix[1].xyz) * 0.5 + 0.5;
   float ambient = occlusion();
   vec3 around = skyIntensity * mix(groundColor, vec3(1.0), up) / PI;
-#ifdef ENVIRONMENT
+#ifdef STUDIO
   mat3 toWorld = transpose(mat3(viewMatrix));
-  around += textureLod(environment, toWorld * n, maxLod).rgb * environmentIntensity;
+  around += studio(toWorld * n, 1.0);
   vec3 r = toWorld * normalize(mix(reflect(-v, n), n, pow2(pow2(rough))));
-  vec3 radiance = textureLod(environment, r, maxLod * rough * (2.0 - rough)).rgb * environmentIntensity;
+  float radiance = studio(r, rough);
   vec3 metalSingle;
   vec3 metalMulti;
   scatter(dfg, base.rgb, metalSingle, metalMulti);
@@ -199,20 +222,8 @@ void main() {
 /** A material without its own shaders. */
 export type Surface = Material & Partial<Omit<MeshStandardMaterial, keyof Material> & Pick<MeshBasicMaterial, "glsl">>;
 
-/** What shaders need to know about a scene. */
-export interface Lighting {
-  readonly keyIntensity: number;
-  readonly skyIntensity: number;
-  readonly environmentIntensity: number;
-  /** The prefiltered environment; null without one. */
-  readonly environment: Texture | null;
-  /** Level of the environment with roughness 1. */
-  readonly maxLod: number;
-  readonly dfgTable: Texture;
-}
-
 /** Return the macros of a material, which together with its own GLSL identify its shader. */
-export function surfaceMacros(surface: Surface, { environment }: Lighting): string {
+export function surfaceMacros(surface: Surface, { hasStudio }: Scene): string {
   const isStandard = "roughness" in surface;
   const names = [
     isStandard ? "STANDARD" : "BASIC",
@@ -222,7 +233,7 @@ export function surfaceMacros(surface: Surface, { environment }: Lighting): stri
     !surface.transparent && "OPAQUE",
     surface.flatShading && "FLAT",
     surface.side && "DOUBLE",
-    isStandard && environment && "ENVIRONMENT",
+    isStandard && hasStudio && "STUDIO",
   ];
   return names.filter(Boolean).map((name) => `#define ${name}\n`).join("");
 }
@@ -236,7 +247,7 @@ export function surfaceShaders(surface: Surface, macros: string): [string, strin
   const matrices = lines((slot) => `uniform mat3 ${slot}Matrix;out vec2 ${slot}Uv;`);
   const transforms = lines((slot) => `${slot}Uv = (${slot}Matrix * vec3(${slot.toUpperCase()}, 1.0)).xy;`);
   const samplers = lines((slot) => `uniform sampler2D ${slot};in vec2 ${slot}Uv;`);
-  const main = "roughness" in surface ? STANDARD_MAIN : BASIC_MAIN.replace("GLSL", surface.glsl ?? "");
+  const main = "roughness" in surface ? STUDIO + STANDARD_MAIN : BASIC_MAIN.replace("GLSL", surface.glsl ?? "");
   return [
     macros + VERTEX.replace("IN_OUT", inputs + matrices).replace("UVS", transforms),
     macros + BASE.replace("IN_OUT", samplers) + main,
@@ -244,13 +255,13 @@ export function surfaceShaders(surface: Surface, macros: string): [string, strin
 }
 
 /** Return the uniforms of a material. */
-export function surfaceUniforms(surface: Surface, lighting: Lighting): UniformValues {
+export function surfaceUniforms(surface: Surface, { keyIntensity, skyIntensity }: Scene): UniformValues {
   const matrices = SLOTS.map((slot) => {
     surface[slot]?.updateMatrix();
     return [`${slot}Matrix`, surface[slot]?.matrix];
   });
   const rest = { ...Object.fromEntries(matrices), diffuse: surface.color, groundColor: GROUND };
-  return { ...(surface as object), ...lighting, ...rest };
+  return { ...(surface as object), keyIntensity, skyIntensity, ...rest };
 }
 
 function uvName({ channel }: Texture): string {
