@@ -2,8 +2,6 @@
 
 import assert from "node:assert/strict";
 import { appendFileSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import files from "node:fs/promises";
-import { syncBuiltinESMExports } from "node:module";
 import { tmpdir } from "node:os";
 import { join, relative } from "node:path";
 import { after, test } from "node:test";
@@ -45,29 +43,15 @@ test("a file is only read partially", async (context) => {
   const bytes = largeTracks();
   const url = writeTemporary("large.reel", bytes);
   let nRead = 0;
-  let nClosed = 0;
-  const { open } = files;
-  context.mock.method(files, "open", async (...args) => {
-    const handle = await open(...args);
-    const { read, close } = handle;
-    handle.read = async (...args) => {
-      const result = await read.apply(handle, args);
-      nRead += result.bytesRead;
-      return result;
-    };
-    handle.close = () => (nClosed++, close.apply(handle));
-    return handle;
-  });
-  syncBuiltinESMExports();
-  context.after(() => {
-    context.mock.restoreAll();
-    syncBuiltinESMExports();
+  const { slice } = Blob.prototype;
+  context.mock.method(Blob.prototype, "slice", function (start, end) {
+    nRead += end - start;
+    return slice.call(this, start, end);
   });
   const reel = await ReelFile.open(url);
   await reel.frame(0);
   reel.close();
   assert.ok(nRead > 0 && nRead < bytes.length, `${nRead} of ${bytes.length} bytes were read`);
-  assert.equal(nClosed, 1);
 });
 
 test("a missing file is an error that contains its path", async () => {

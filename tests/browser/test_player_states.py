@@ -324,33 +324,6 @@ window.Worker = class extends Given {
 ALL = "[...document.querySelectorAll('reel-player')]"
 
 
-def test_players_of_one_file_share_a_worker_and_a_download(shown):
-    body = '<reel-player src="/flag.reel"></reel-player>'
-    size = {"width": 1280, "height": 720}  # six players are visible
-    page = shown(body, script=NETWORK + WORKERS, **size)
-    settled(page)
-    page.evaluate("player.remove()")
-    until(page, "window.workers === 0")
-    page.evaluate(
-        """() => {
-          window.nAsked = 0;
-          const six = Array(6).fill('<reel-player src="flag.reel" autoplay loop></reel-player>');
-          document.querySelector("main").innerHTML = six.join("");
-          for (const one of document.querySelectorAll("reel-player")) one.style.width = "200px";
-        }"""
-    )
-    until(page, f"{ALL}.every(({{ mesh }}) => mesh && mesh.frame > 16)")
-    assert page.evaluate("window.workers") == 1
-    assert (
-        page.evaluate("window.nAsked") < 6
-    )  # ranges of one download; separate players would request at least one each
-    page.evaluate(f"{ALL}.slice(1).forEach((one) => one.remove())")
-    page.evaluate("player = document.querySelector('reel-player'); player.seek({ frame: 40 })")
-    settled(page)
-    page.evaluate("player.remove()")
-    until(page, "window.workers === 0")
-
-
 def test_many_players_keep_snapshots_and_release_contexts_off_screen(shown):
     page = shown("")
     warnings = []

@@ -290,7 +290,7 @@ def test_play_waits_for_the_file(shown):
         }"""
     )
     page.wait_for_timeout(200)
-    assert page.evaluate("[state, player.paused, player.readyState]") == ["pending", False, 0]
+    assert page.evaluate("[state, player.paused, player.mesh]") == ["pending", False, None]
     page.evaluate("release()")
     until(page, "state === 'playing'")
     assert page.evaluate("!player.mesh.isWaiting && player.mesh.isPlaying")
@@ -349,20 +349,6 @@ def test_seeks_and_rates_are_reported_like_those_of_a_video(shown):
                                      "{ return error.message } })()")  # fmt: skip
 
 
-def test_ready_state_and_buffered_times_tell_what_is_loaded(shown):
-    page = shown("<reel-player></reel-player>")
-    page.evaluate(EVENTS, ["progress"])
-    assert page.evaluate("[player.readyState, player.buffered.length]") == [0, 0]
-    page.evaluate("player.src = '/flag.reel'")
-    settled(page)
-    until(page, "told.length === 2")  # the current block and the next
-    assert page.evaluate("player.readyState === player.constructor.HAVE_ENOUGH_DATA")
-    start, end = page.evaluate("[player.buffered.start(0), player.buffered.end(0)]")
-    assert [start, end] == pytest.approx([0, 30 / 30])
-    with pytest.raises(Exception, match="IndexSizeError"):
-        page.evaluate("player.buffered.start(1)")
-
-
 def test_the_end_is_reported_until_playback_continues(shown):
     page = shown('<reel-player src="/flag.reel" speed="4" autoplay></reel-player>')
     until(page, "player.ended && player.paused")
@@ -383,9 +369,9 @@ def test_a_lazy_player_opens_its_file_near_the_viewport(shown):
         body,
     )
     page.wait_for_timeout(400)
-    assert page.evaluate("[player.mesh, player.readyState]") == [None, 0]
+    assert page.evaluate("player.mesh") is None
     page.evaluate("scrollTo(0, 4300)")  # the player is below the viewport, but near
-    until(page, "player.mesh && player.readyState === 1")
+    until(page, "player.mesh?.isWaiting")
     page.evaluate("player.scrollIntoView()")
     settled(page)
 

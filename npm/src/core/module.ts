@@ -38,6 +38,6 @@ async function compile(): Promise<WebAssembly.Module> {
 
 function tooOld(feature: string): MeshReelError {
   return new MeshReelError(
-    `this JavaScript engine lacks ${feature}; decoding needs Chrome 91, Firefox 113, Safari 16.4 or Node 18`,
+    `this JavaScript engine lacks ${feature}; decoding needs Chrome 91, Firefox 113, Safari 16.4 or Node 20`,
   );
 }

@@ -18,10 +18,6 @@ export class Struct {
     return this.view.getUint32(this.next(4, 4), true);
   }
 
-  int32(): number {
-    return this.view.getInt32(this.next(4, 4), true);
-  }
-
   float64(): number {
     return this.view.getFloat64(this.next(8, 8), true);
   }

@@ -10,27 +10,9 @@ import {
   type CallMessage,
   type ToEngine,
 } from "../engine/messages.js";
-import {
-  CorruptStreamError,
-  InvalidInputError,
-  MemoryLimitError,
-  MeshReelError,
-  SourceError,
-  TruncatedStreamError,
-  UnsupportedVersionError,
-} from "../errors.js";
+import * as errors from "../errors.js";
 import type { ByteSource } from "../types.js";
 import { startEngine } from "./engine_script.js";
-
-const ERROR_CLASSES: Readonly<Record<string, new (message: string) => Error>> = {
-  CorruptStreamError,
-  InvalidInputError,
-  MemoryLimitError,
-  MeshReelError,
-  SourceError,
-  TruncatedStreamError,
-  UnsupportedVersionError,
-};
 
 interface PendingCall {
   readonly message: CallMessage;
@@ -127,7 +109,7 @@ export class RemoteEngine {
   private recover(reason: string): void {
     if (this.closed) return;
     if (this.hasResponded) {
-      this.close(new MeshReelError(`the decoding worker stopped (${reason})`));
+      this.close(new errors.MeshReelError(`the decoding worker stopped (${reason})`));
       return;
     }
     this.connection.close();
@@ -169,9 +151,9 @@ export class RemoteEngine {
   }
 }
 
-/** Create the error of a failure; of another name than those of `ERROR_CLASSES`, a DOMException. */
+/** Create the error of a failure; of another name than those of our classes, a DOMException. */
 function toError({ name, message }: Failure): Error {
-  const ErrorClass = ERROR_CLASSES[name];
+  const ErrorClass = (errors as Partial<Record<string, typeof errors.MeshReelError>>)[name];
   return ErrorClass ? new ErrorClass(message) : new DOMException(message, name);
 }
 

@@ -1,6 +1,7 @@
 // The element <reel-player>.
 
 import { InvalidInputError } from "../errors.js";
+import { SegmentedReelFile } from "../index.js";
 import { ReelMesh } from "../three/reel_mesh.js";
 import type { TextureOptions } from "../three/texture/mesh_texture.js";
 import type { FrameRange } from "../three/clock.js";
@@ -15,7 +16,6 @@ import type { CameraOrbit } from "./orbit_controls.js";
 import { createElement, IconButton } from "./dom.js";
 import { type HalfExtents, boxCorners, estimateHalfExtents } from "./half_extents.js";
 import { ATTRIBUTE_NAMES, type PlayerSettings, parseSettings } from "./settings.js";
-import { openShared } from "./shared_reels.js";
 import { playerStyleSheet } from "./style_sheet.js";
 import { View } from "./view.js";
 
@@ -33,15 +33,6 @@ const VIEW_KEYS = ["up", "camera", "autoRotate"] as const;
 
 /** Distance to the viewport at which a player with `loading="lazy"` opens its file. */
 const LAZY_MARGIN = "400px";
-
-/** States of `readyState`, as of media elements. */
-const READY_STATES = {
-  HAVE_NOTHING: 0,
-  HAVE_METADATA: 1,
-  HAVE_CURRENT_DATA: 2,
-  HAVE_FUTURE_DATA: 3,
-  HAVE_ENOUGH_DATA: 4,
-} as const;
 
 /** A pending promise of `play`. */
 interface PlayRequest {
@@ -113,11 +104,6 @@ export let partsOf: (player: ReelPlayerElement) => PlayerParts;
  */
 export class ReelPlayerElement extends PlayerAttributes {
   static readonly observedAttributes = ATTRIBUTE_NAMES;
-  static readonly HAVE_NOTHING = READY_STATES.HAVE_NOTHING;
-  static readonly HAVE_METADATA = READY_STATES.HAVE_METADATA;
-  static readonly HAVE_CURRENT_DATA = READY_STATES.HAVE_CURRENT_DATA;
-  static readonly HAVE_FUTURE_DATA = READY_STATES.HAVE_FUTURE_DATA;
-  static readonly HAVE_ENOUGH_DATA = READY_STATES.HAVE_ENOUGH_DATA;
   static {
     partsOf = (player) => player.#ui as PlayerParts;
   }
@@ -126,8 +112,6 @@ export class ReelPlayerElement extends PlayerAttributes {
   #settings: PlayerSettings | null = null;
   #loading: AbortController | null = null;
   #mesh: ReelMesh | null = null;
-  /** Releases the file, which other players may share. */
-  #release: (() => void) | null = null;
   #extents: HalfExtents = [1, 1, 1];
   #srcObject: Exclude<SourceInput, string | URL> | null = null;
   /** What is open or opening: an address or an object. */
@@ -219,28 +203,6 @@ export class ReelPlayerElement extends PlayerAttributes {
       throw new InvalidInputError(`playbackRate must be a finite number; got ${rate}`);
     }
     this.speed = rate;
-  }
-
-  /**
-   * What is loaded: nothing (0), metadata (1), the current picture (2), the next one too (3), or
-   * the frames that playback needs for the time being (4).
-   */
-  get readyState(): number {
-    const mesh = this.#mesh;
-    if (!mesh) return READY_STATES.HAVE_NOTHING;
-    const loaded = mesh.buffered.find(({ start, nFrames }) => {
-      return mesh.frame >= start && mesh.frame < start + nFrames;
-    });
-    if (mesh.isWaiting || !loaded) return READY_STATES.HAVE_METADATA;
-    if (!mesh.isLoading) return READY_STATES.HAVE_ENOUGH_DATA;
-    const hasNext = mesh.frame < loaded.start + loaded.nFrames - 1;
-    return hasNext ? READY_STATES.HAVE_FUTURE_DATA : READY_STATES.HAVE_CURRENT_DATA;
-  }
-
-  /** Times in memory, which are shown without waiting. */
-  get buffered(): TimeRanges {
-    const { buffered, duration, nFrames } = this.#mesh ?? { buffered: [], duration: 0, nFrames: 1 };
-    return timeRanges(buffered, duration / nFrames);
   }
 
   /** A blob, a response or bytes to play in place of `src`; null: none. */
@@ -491,21 +453,21 @@ export class ReelPlayerElement extends PlayerAttributes {
     if (source === null) return;
     const { signal } = (this.#loading = new AbortController());
     this.#updateUi();
+    let file: SegmentedReelFile | null = null;
     let mesh: ReelMesh;
     try {
-      const { file, release } = await openShared(source, signal);
-      if (signal.aborted) return release();
-      this.#release = release;
+      const from = typeof source === "string" ? new URL(source, document.baseURI) : source;
+      file = await SegmentedReelFile.open(from, { signal });
       // Errors of frames are reported when they are shown.
       const extents = await estimateHalfExtents(file, settings.start, { signal }).catch(() => null);
-      if (signal.aborted) return;
+      signal.throwIfAborted();
       const { center, diagonal } = file.info;
       const radius = diagonal / 2;
       this.#extents = extents ?? [radius, radius, radius];
-      mesh = new ReelMesh(file, { origin: center });
+      mesh = new ReelMesh(file, { origin: center, ownsReel: true });
     } catch (error) {
+      file?.close();
       if (signal.aborted) return;
-      this.#releaseReel();
       this.#loading = null;
       const retry = () => this.#settings && void this.#open(this.#settings);
       this.#rejectPlay(error as Error);
@@ -650,12 +612,6 @@ export class ReelPlayerElement extends PlayerAttributes {
       this.#ui?.view.remove(mesh);
       mesh.dispose();
     }
-    this.#releaseReel();
-  }
-
-  #releaseReel(): void {
-    this.#release?.();
-    this.#release = null;
   }
 
   /**
@@ -813,19 +769,6 @@ function barState(mesh: ReelMesh, isPlaying: boolean): BarState {
 
 function prefersReducedMotion(): boolean {
   return matchMedia("(prefers-reduced-motion: reduce)").matches;
-}
-
-/** Convert ranges of frames to ranges of seconds. */
-function timeRanges(ranges: readonly FrameRange[], secondsPerFrame: number): TimeRanges {
-  const at = (index: number): FrameRange => {
-    if (index in ranges) return ranges[index];
-    throw new DOMException(`there is no range ${index}`, "IndexSizeError");
-  };
-  return {
-    length: ranges.length,
-    start: (index) => at(index).start * secondsPerFrame,
-    end: (index) => (at(index).start + at(index).nFrames) * secondsPerFrame,
-  };
 }
 
 function isEqual(one: unknown, other: unknown): boolean {

@@ -27,7 +27,10 @@ export class MemorySource implements ByteSource {
 export class BlobSource implements ByteSource {
   readonly hasRanges = true;
 
-  constructor(private readonly blob: Blob) {}
+  constructor(
+    private readonly blob: Blob,
+    private readonly name = (blob as Partial<File>).name ?? "the file",
+  ) {}
 
   get size(): number {
     return this.blob.size;
@@ -37,9 +40,8 @@ export class BlobSource implements ByteSource {
     signal?.throwIfAborted();
     const slice = this.blob.slice(...clampRange(start, end, this.size));
     const buffer = await slice.arrayBuffer().catch((error: unknown) => {
-      const { name = "the file" } = this.blob as Partial<File>;
       throw new SourceError(
-        `${name} cannot be read (${errorReason(error)}); if it has changed, select it again`,
+        `${this.name} cannot be read (${errorReason(error)}); if it has changed, open it again`,
         { cause: error },
       );
     });
