@@ -11,6 +11,8 @@ import { BufferAttribute, DynamicDrawUsage, Mesh, Vector3 } from "../webgl/index
 import { extremePoints } from "./extreme_points.js";
 import { uniqueEdges } from "./edges.js";
 import type { Reel, TrackSettings } from "./facts.js";
+import { colorUv } from "../three/color/color_map.js";
+import { HEAT_ATTRIBUTE } from "./shading/faces.js";
 import { Marker } from "./shading/marker.js";
 import { MeshView } from "./shading/mesh_view.js";
 import { OriginalMesh } from "./shading/original.js";
@@ -57,8 +59,9 @@ export class Picture {
   readonly hasFileMaterials: boolean;
   private readonly decoded: MeshView;
   private readonly original: { mesh: OriginalMesh; figure: MeshView } | null = null;
-  private heat: BufferAttribute;
-  private hasHeat = false;
+  /** UVs of the heat map. */
+  private heatUvs!: BufferAttribute;
+  private heat: { values: Float32Array; heatMaximum: number } | null = null;
   private hasTrackColors = false;
   /** Whether the original is colored by the track. */
   private hasOriginalTrackColors = false;
@@ -79,11 +82,10 @@ export class Picture {
       this.decoded.setFileMaterials(this.mesh.segmentMaterial);
       this.rebuildAttributes();
     });
-    const { geometry, material, sources } = this.mesh;
+    const { geometry, material } = this.mesh;
     const { materials } = reel.file.surface;
     this.hasFileMaterials = hasTexture || "color" in geometry.attributes || materials.length > 0;
-    this.heat = new BufferAttribute(new Float32Array(sources.length), 1);
-    geometry.setAttribute("heat", this.heat.setUsage(DynamicDrawUsage));
+    this.createHeatUvs();
     this.decoded = new MeshView(this.mesh, material);
     this.decoded.group.add(this.marker);
     this.view.model.add(this.decoded.group);
@@ -112,7 +114,7 @@ export class Picture {
     const isSmooth = shading === "smooth";
     const ink = [...INK[background], 0.45] as const;
     const own = usesOwn ? "own" : "plain";
-    this.decoded.setAppearance(this.hasHeat ? "plain" : this.hasTrackColors ? "track" : own, isSmooth);
+    this.decoded.setAppearance(this.heat ? "plain" : this.hasTrackColors ? "track" : own, isSmooth);
     this.setLines(this.decoded, this.mesh, wire, ink, LINE_LIFT.wire);
     const { original } = this;
     if (original) {
@@ -167,11 +169,18 @@ export class Picture {
 
   /** Show a heat map on the decoded mesh; null: none. */
   setHeat(heat: { values: Float32Array; heatMaximum: number } | null): void {
-    const hadHeat = this.hasHeat;
-    this.hasHeat = heat !== null;
-    this.decoded.faces.heatMaximum = heat?.heatMaximum ?? null;
-    if (heat) this.paint(heat.values);
-    if (hadHeat !== this.hasHeat) this.applyLook();
+    const hadHeat = this.heat !== null;
+    this.heat = heat;
+    if (heat) {
+      const uvs = this.heatUvs.array;
+      this.mesh.sources.forEach((source, vertex) => {
+        uvs.set(colorUv(heat.values[source] / (heat.heatMaximum || 1)), 2 * vertex);
+      });
+      this.heatUvs.needsUpdate = true;
+    }
+    if (hadHeat === (heat !== null)) return;
+    this.decoded.faces.hasHeat = heat !== null;
+    this.applyLook();
   }
 
   /**
@@ -223,10 +232,7 @@ export class Picture {
 
   /** Return the heat map values of the vertices; null without a heat map. */
   heatValues(): Float32Array | null {
-    if (!this.hasHeat) return null;
-    const values = new Float32Array(this.reel.file.info.nVerts);
-    this.mesh.sources.forEach((source, vertex) => (values[source] = this.heat.array[vertex]));
-    return values;
+    return this.heat && this.heat.values;
   }
 
   /** Prepare the next drawing. */
@@ -249,27 +255,23 @@ export class Picture {
 
   /** Rebuild attributes and lines for the current geometry, whose vertices a track may have split. */
   private rebuildAttributes(): void {
-    const { geometry, sources } = this.mesh;
+    const { geometry } = this.mesh;
     this.original?.mesh.rebuildGeometry();
-    if (geometry.getAttribute("heat") === this.heat) return;
-    const vertex = this.markedVertex;
-    this.heat = new BufferAttribute(new Float32Array(sources.length), 1);
-    geometry.setAttribute("heat", this.heat.setUsage(DynamicDrawUsage));
+    if (geometry.getAttribute(HEAT_ATTRIBUTE) === this.heatUvs) return;
+    this.createHeatUvs();
     for (const figure of [this.decoded, this.original?.figure]) figure?.lines.geometry.setIndex(null);
-    if (vertex !== null) this.markedVertex = null;
+    this.markedVertex = null;
     this.applyAppearance();
+  }
+
+  private createHeatUvs(): void {
+    const { geometry, sources } = this.mesh;
+    this.heatUvs = new BufferAttribute(new Float32Array(2 * sources.length), 2).setUsage(DynamicDrawUsage);
+    geometry.setAttribute(HEAT_ATTRIBUTE, this.heatUvs);
   }
 
   private centroid(target = new Vector3()): Vector3 {
     return this.mesh.getCentroid(target);
-  }
-
-  private paint(values: Float32Array): void {
-    const painted = this.heat.array as Float32Array;
-    this.mesh.sources.forEach((source, vertex) => {
-      painted[vertex] = Number.isNaN(values[source]) ? -1 : values[source];
-    });
-    this.heat.needsUpdate = true;
   }
 
   private setLines(

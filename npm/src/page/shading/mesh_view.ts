@@ -4,7 +4,6 @@ import { Group, Material, Mesh } from "../../webgl/index.js";
 
 import { POLYGON_OFFSET, FaceMaterial } from "./faces.js";
 import { EdgeLines } from "./lines.js";
-import { TrackMaterial } from "../tracks/material.js";
 
 /** Materials of the file, which need lights. */
 export type FileMaterials = Material | Material[];
@@ -17,7 +16,7 @@ export class MeshView {
   readonly group = new Group();
   readonly lines = new EdgeLines();
   readonly faces = new FaceMaterial();
-  readonly track = new TrackMaterial();
+  readonly track = new FaceMaterial();
 
   constructor(
     private readonly mesh: Mesh,
@@ -37,8 +36,7 @@ export class MeshView {
   /** Use the materials of the file, the default one, or that of a track. */
   setAppearance(appearance: Appearance, isSmooth: boolean): void {
     this.mesh.material = { own: this.own, plain: this.faces, track: this.track }[appearance];
-    this.faces.isSmooth = isSmooth;
-    for (const material of [this.own].flat()) {
+    for (const material of [this.own, this.faces, this.track].flat()) {
       if (!("flatShading" in material) || material.flatShading === !isSmooth) continue;
       material.flatShading = !isSmooth;
       material.needsUpdate = true;

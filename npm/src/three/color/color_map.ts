@@ -95,3 +95,9 @@ export const U_OFFSET = 0.5 / N_COLORS;
 export const V_ROW = 0.5 / N_ROWS;
 /** UVs of a missing value. */
 export const MISSING_UV = [0.5, 1] as const;
+
+/** Return the UVs of a position in the map, clamped to 0..1; NaN is a missing value. */
+export function colorUv(position: number): readonly number[] {
+  if (Number.isNaN(position)) return MISSING_UV;
+  return [Math.min(Math.max(position, 0), 1) * U_SCALE + U_OFFSET, V_ROW];
+}

@@ -15,11 +15,13 @@ import type { Drawing } from "../drawing.js";
 import { composePicture, type LoadedBlock, type Moment, withoutFields } from "../loaded_block.js";
 import type { PlaybackEvent } from "../playback.js";
 import type { AttributeBackend, Backend } from "../backend.js";
+import { hasMap, overrideMaterial } from "../material_override.js";
 import {
   centerAtZero,
   colorAt,
   type ColorMap,
   type Colors,
+  colorUv,
   resolveColorMap,
   MISSING_UV,
   U_OFFSET,
@@ -103,9 +105,6 @@ export interface ColoredMesh {
 /** Options that apply only to numbers. */
 const NUMBER_OPTIONS = ["range", "map", "wholeFile"] as const;
 
-/** A material that may have a map. */
-type MappedMaterial = THREE.Material & { map?: THREE.Texture | null; color?: THREE.Color };
-
 /** The attribute of a vertex that encodes a value. */
 interface EncodedColor {
   readonly name: string;
@@ -126,7 +125,7 @@ export class TrackColors {
   readonly #range: readonly [number, number];
   readonly #mesh: ColoredMesh;
   readonly #channel: number;
-  readonly #materials: readonly MappedMaterial[];
+  readonly #materials: readonly THREE.Material[];
   readonly #texture: THREE.DataTexture;
   /** Functions that restore the materials. */
   readonly #restore: (() => void)[] = [];
@@ -285,7 +284,7 @@ void main() {
         const [x, y, z] = [values[from], values[from + 1], values[from + 2]];
         const isThere = Math.max(Math.abs(x), Math.abs(y), Math.abs(z)) < MISSING_THRESHOLD;
         const at = isMagnitude ? Math.hypot(x, y, z) - lowest : x;
-        return isThere ? [Math.min(Math.max(at, 0), 1) * U_SCALE + U_OFFSET, V_ROW] : MISSING_UV;
+        return colorUv(isThere ? at : NaN);
       },
     };
   }
@@ -340,18 +339,10 @@ void main() {
   }
 
   #applyToMaterials(): void {
+    const isColor = this.#selection.as === "color";
     for (const material of this.#materials) {
-      const { map, vertexColors } = material;
-      const maps = (one: typeof map) => ("map" in material ? { map: one } : {});
-      const color = material.color?.clone();
-      this.#restore.push(() => {
-        Object.assign(material, maps(map), { vertexColors, needsUpdate: true });
-        if (color) material.color?.copy(color);
-      });
-      const isColor = this.#selection.as === "color";
-      const worn = maps(isColor ? null : this.#texture);
-      Object.assign(material, worn, { vertexColors: isColor, needsUpdate: true });
-      material.color?.set(0xffffff);
+      const map = hasMap(material) ? { map: isColor ? null : this.#texture } : {};
+      this.#restore.push(overrideMaterial(material, { ...map, vertexColors: isColor }));
     }
   }
 
@@ -424,7 +415,7 @@ const COLOR_ATTRIBUTE = {
 } as const;
 
 /** Return the materials that can show colors. @throws InvalidInputError if there are none. */
-function colorableMaterials({ material, drawing }: ColoredMesh, { as }: Selection): readonly MappedMaterial[] {
+function colorableMaterials({ material, drawing }: ColoredMesh, { as }: Selection): readonly THREE.Material[] {
   const materials = [material].flat();
   if (as === "color") return materials;
   if (drawing.uvNames.length >= MAX_UV_SETS) {
@@ -433,7 +424,7 @@ function colorableMaterials({ material, drawing }: ColoredMesh, { as }: Selectio
         " a track needs one",
     );
   }
-  const mapped = materials.filter((material): material is MappedMaterial => "map" in material);
+  const mapped = materials.filter(hasMap);
   if (mapped.length) return mapped;
   throw new InvalidInputError(
     "no material of the mesh can be colored by a track: none has a map; use one such as" +

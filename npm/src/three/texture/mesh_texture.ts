@@ -3,9 +3,9 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../../errors.js";
+import { hasMap, type MappedMaterial, overrideMaterial } from "../material_override.js";
 import type { MeshSegment } from "../mesh_segment.js";
 import type { Playback, PlaybackEvent } from "../playback.js";
-import { MaterialOverride } from "./material_override.js";
 import {
   closeVideo,
   type CrossOrigin,
@@ -130,7 +130,7 @@ function validateOptions(source: TextureSource, options: TextureOptions): Textur
 function applyImage(mesh: TexturedMesh, source: ImageSource, channel: number): AppliedTexture {
   const isOwned = !("isTexture" in source);
   const texture = isOwned ? createImageTexture(source) : source;
-  const materialOverride = overrideMaterials(texture, mesh);
+  const materialOverride = new MaterialOverride(texture, mesh);
   const previousChannel = texture.channel;
   texture.channel = channel;
   materialOverride.apply();
@@ -166,7 +166,7 @@ function applyVideo(
   const picture = new VideoPicture();
   const { texture } = picture;
   texture.channel = channel;
-  const materialOverride = overrideMaterials(texture, mesh);
+  const materialOverride = new MaterialOverride(texture, mesh);
   const { playback, send } = mesh;
   const onShown = () => materialOverride.apply();
   const videoClock = new VideoClock({ video, picture, playback, offset, send, onShown });
@@ -179,17 +179,69 @@ function applyVideo(
   return { texture, video, ...followSegments(mesh, materialOverride, channel), dispose };
 }
 
-/** Override the materials of all segments, or those that the page uses in place of them. */
-function overrideMaterials(texture: THREE.Texture, { segments, current, material }: TexturedMesh): MaterialOverride {
-  const all = [...segments.values()];
-  const isOwn = material === current.material;
-  const materials = isOwn ? all.flatMap((one) => one.materials?.list ?? []) : [material].flat();
-  const isDefault = (one: THREE.Material) =>
-    [...segments.values()].some((segment) => {
-      const name = segment.drawing.materialNames[segment.materials?.list.indexOf(one as never) ?? -1];
-      return name !== undefined && !segment.reel.surface.materials.some((defined) => defined.name === name);
+/** Shows a texture on all materials that have a map: those of segments, or those that the page uses. */
+class MaterialOverride {
+  readonly #texture: THREE.Texture;
+  readonly #segments: TexturedMesh["segments"];
+  #materials: readonly MappedMaterial[];
+  #isApplied = false;
+  readonly #restore = new Map<THREE.Material, () => void>();
+
+  /** @throws InvalidInputError if no material has a map. */
+  constructor(texture: THREE.Texture, { segments, current, material }: TexturedMesh) {
+    this.#texture = texture;
+    this.#segments = segments;
+    const isOwn = material === current.material;
+    const own = [...segments.values()].flatMap(({ materials }) => materials?.list ?? []);
+    this.#materials = (isOwn ? own : [material].flat()).filter(hasMap);
+    if (this.#materials.length) return;
+    throw new InvalidInputError(
+      "no material of the mesh can show a texture: none has a map; use one such as" +
+        " MeshStandardMaterial",
+    );
+  }
+
+  /** Apply the texture to the materials. */
+  apply(): void {
+    if (!this.#isApplied) this.#override(this.#materials);
+    this.#isApplied = true;
+  }
+
+  /** Include further materials. */
+  add(materials: readonly THREE.Material[]): void {
+    const added = materials.filter(hasMap).filter((material) => !this.#materials.includes(material));
+    this.#materials = [...this.#materials, ...added];
+    if (this.#isApplied) this.#override(added);
+  }
+
+  /** Forget materials, without restoring them. */
+  remove(materials: readonly THREE.Material[]): void {
+    this.#materials = this.#materials.filter((material) => !materials.includes(material));
+    for (const material of materials) this.#restore.delete(material);
+  }
+
+  /** Restore all materials. */
+  dispose(): void {
+    for (const restore of this.#restore.values()) restore();
+    this.#restore.clear();
+  }
+
+  /** The colors of materials tint the texture, except for those of default materials. */
+  #override(materials: readonly MappedMaterial[]): void {
+    for (const material of materials) {
+      const isDefault = this.#isDefault(material);
+      const properties = { map: this.#texture, ...(isDefault && { vertexColors: false }) };
+      this.#restore.set(material, overrideMaterial(material, properties, isDefault));
+    }
+  }
+
+  /** Whether a material is that of faces for which the file defines none. */
+  #isDefault(material: THREE.Material): boolean {
+    return [...this.#segments.values()].some(({ drawing, materials, reel }) => {
+      const name = drawing.materialNames[materials?.list.indexOf(material as never) ?? -1];
+      return name !== undefined && !reel.surface.materials.some((defined) => defined.name === name);
     });
-  return new MaterialOverride(texture, materials, isDefault);
+  }
 }
 
 /** Return how the texture follows changes of segments; reports those in memory that lack its UVs. */
