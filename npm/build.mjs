@@ -158,27 +158,12 @@ async function buildPackage() {
   }
 }
 
-/** `import text from "./name.ts?script"` imports a bundled module as text, for workers. */
-const scriptText = {
-  name: "script text",
-  setup(bundler) {
-    bundler.onResolve({ filter: /\?script$/ }, ({ path, resolveDir }) => ({
-      path: relative(here, join(resolveDir, path.replace("?script", ""))), // hashes depend on it
-      namespace: "script",
-    }));
-    bundler.onLoad({ filter: /.*/, namespace: "script" }, async ({ path }) => ({
-      contents: (await bundleForPage({ entryPoints: [join(here, path)], outdir: here, format: "iife" })).outputFiles[0].text,
-      loader: "text",
-    }));
-  },
-};
-
 /** Bundle parts of the page; returns the result of esbuild. */
 async function bundleForPage(options) {
   const result = await build({
     ...common,
     write: false,
-    plugins: [embedEngine, ownRenderer, scriptText],
+    plugins: [embedEngine, ownRenderer],
     ...options,
   });
   for (const input of Object.keys(result.metafile.inputs)) {

@@ -1,4 +1,4 @@
-// Per-frame data besides the animation: the original, and heat maps, which a worker computes.
+// Per-frame data besides the animation: the original, and heat maps.
 
 import { Cache } from "./cache.js";
 import { openOriginals, type Originals } from "./data.js";
@@ -6,8 +6,7 @@ import { allHeats, isTrackHeat, type Reel } from "./facts.js";
 import type { TrackValues } from "../index.js";
 import { DEFAULT_FPS } from "../three/playback.js";
 
-import { maxFinite } from "./heat/error_fields.js";
-import { ErrorWorker } from "./heat/error_worker.js";
+import { type ErrorKind, maxFinite, vertexErrors } from "./heat/error_fields.js";
 import { trackErrors } from "./heat/track_errors.js";
 import type { Picture } from "./picture.js";
 
@@ -34,7 +33,6 @@ export class FrameData {
   private readonly heats = new Map<string, Cache<Float32Array>>();
   private readonly lookahead: Lookahead;
   private opened: Promise<Originals> | null = null;
-  private measurer: ErrorWorker | null = null;
   /** The frame that each layer shows. */
   private readonly shown = new Map<Layer<unknown>["name"], number>();
 
@@ -124,12 +122,8 @@ export class FrameData {
     const { center } = file.info;
     const [original, positions] = await Promise.all([this.originals.load(frame), file.frame(frame)]);
     const decoded = Float32Array.from(positions, (value, i) => value - center[i % 3]);
-    this.measurer ??= new ErrorWorker({
-      triangles: file.surface.triangles,
-      nVerts: file.info.nVerts,
-      diagonal: info?.diagonal ?? file.info.diagonal,
-    });
-    return this.measurer.measure(kind, original, decoded);
+    const diagonal = info?.diagonal ?? file.info.diagonal;
+    return vertexErrors(kind as ErrorKind, file.surface.triangles, diagonal, original, decoded);
   }
 
   private async trackErrorsOf(kind: string, frame: number): Promise<Float32Array> {

@@ -1,53 +1,47 @@
-// Errors per vertex of a frame, as in meshreel.metrics.heat. The page computes them itself,
-// so that exported pages need no server.
-
-import { StedField } from "./sted_field.js";
+// Errors per vertex of a frame, as in meshreel.metrics.heat. The page computes them itself, so that
+// exported pages need no server.
 
 /** Faces of at most this area, in squared diagonals of the frame, have no normal. */
 const DEGENERATE_AREA = 1e-14;
 
-/** Computes errors per vertex. */
-export class ErrorFields {
-  private sted: StedField | null = null;
+/** Kinds of errors of positions; "angle" is that between normals, averaged over the faces of a vertex. */
+export type ErrorKind = "distance" | "angle";
 
-  constructor(
-    private readonly faces: Uint32Array,
-    private readonly nVerts: number,
-    private readonly diagonal: number,
-  ) {}
+/** Compute the errors of all vertices from positions (V, 3); distances in percent of the diagonal. */
+export function vertexErrors(
+  kind: ErrorKind,
+  faces: Uint32Array,
+  diagonal: number,
+  original: Float32Array,
+  decoded: Float32Array,
+): Float32Array {
+  return kind === "angle" ? angles(faces, original, decoded) : distances(diagonal, original, decoded);
+}
 
-  /** Compute a heat map at all vertices from positions (V, 3). */
-  values(kind: string, original: Float32Array, decoded: Float32Array): Float32Array {
-    if (kind === "distance") return this.distances(original, decoded);
-    if (kind === "angle") return this.angles(original, decoded);
-    this.sted ??= new StedField(this.faces, this.nVerts);
-    return this.sted.values(original, decoded);
-  }
+function distances(diagonal: number, original: Float32Array, decoded: Float32Array): Float32Array {
+  const unit = diagonal > 0 ? 100 / diagonal : 0;
+  return new Float32Array(original.length / 3).map((_, vertex) => {
+    const at = 3 * vertex;
+    const [x, y, z] = [0, 1, 2].map((axis) => decoded[at + axis] - original[at + axis]);
+    return unit * Math.hypot(x, y, z);
+  });
+}
 
-  private distances(original: Float32Array, decoded: Float32Array): Float32Array {
-    const unit = this.diagonal > 0 ? 100 / this.diagonal : 0;
-    return new Float32Array(this.nVerts).map((_, vertex) => {
-      const at = 3 * vertex;
-      const [x, y, z] = [0, 1, 2].map((axis) => decoded[at + axis] - original[at + axis]);
-      return unit * Math.hypot(x, y, z);
-    });
-  }
-
-  private angles(original: Float32Array, decoded: Float32Array): Float32Array {
-    const minNormal = 2 * DEGENERATE_AREA * diagonalOf(original) ** 2;
-    const [sums, counts] = [new Float64Array(this.nVerts), new Uint32Array(this.nVerts)];
-    for (let i = 0; i < this.faces.length; i += 3) {
-      const face = this.faces.subarray(i, i + 3);
-      const [a, b] = [normalOf(original, face), normalOf(decoded, face)];
-      if (Math.min(Math.hypot(...a), Math.hypot(...b)) <= minNormal) continue;
-      const angle = (180 / Math.PI) * Math.atan2(Math.hypot(...cross(a, b)), dot(a, b));
-      for (const vertex of face) {
-        sums[vertex] += angle;
-        counts[vertex]++;
-      }
+function angles(faces: Uint32Array, original: Float32Array, decoded: Float32Array): Float32Array {
+  const minNormal = 2 * DEGENERATE_AREA * diagonalOf(original) ** 2;
+  const nVerts = original.length / 3;
+  const [sums, counts] = [new Float64Array(nVerts), new Uint32Array(nVerts)];
+  for (let i = 0; i < faces.length; i += 3) {
+    const face = faces.subarray(i, i + 3);
+    const [a, b] = [normalOf(original, face), normalOf(decoded, face)];
+    if (Math.min(Math.hypot(...a), Math.hypot(...b)) <= minNormal) continue;
+    const angle = (180 / Math.PI) * Math.atan2(Math.hypot(...cross(a, b)), dot(a, b));
+    for (const vertex of face) {
+      sums[vertex] += angle;
+      counts[vertex]++;
     }
-    return Float32Array.from(sums, (sum, vertex) => (counts[vertex] ? sum / counts[vertex] : 0));
   }
+  return Float32Array.from(sums, (sum, vertex) => (counts[vertex] ? sum / counts[vertex] : 0));
 }
 
 /** Maximum of the finite values, at least 0. */

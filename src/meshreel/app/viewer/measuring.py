@@ -20,6 +20,9 @@ from meshreel.runtime.progress import Progress, silent
 Heats = dict[str, Floats]
 """Values of every kind of heat map at every vertex of a frame, each of shape (V,)."""
 
+PAGE_HEATS = ("distance", "angle")
+"""Heat maps that the page can compute."""
+
 PERCENTILE = 99.5
 """Percentile of the values of all frames at which the fixed color range ends."""
 
@@ -122,7 +125,7 @@ class Figures:
         return int(np.argmax(self.largest_percent))
 
     def described_heats(self) -> list[dict[str, Any]]:
-        """Kinds of heat maps and their ranges, for the page."""
+        """Heat maps of the page and their ranges."""
         return [
             {
                 "kind": kind,
@@ -132,6 +135,7 @@ class Figures:
                 "range": float(np.percentile(self._quantiles[kind], PERCENTILE)),
             }
             for kind, largest in self._largest.items()
+            if kind in PAGE_HEATS
         ]
 
     def plots(self) -> list[dict[str, Any]]:

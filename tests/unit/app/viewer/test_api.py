@@ -12,7 +12,6 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
-from meshreel.metrics.heat import HEATS
 from meshreel.model.sequence import MeshSequence, concatenate
 from meshreel.model.tracks import Track
 from meshreel.rendering.track_colors import TrackLook
@@ -89,7 +88,7 @@ def test_frames_of_the_original_are_answered_when_there_is_one():
         center = np.array(api.reel.frame.origin)
     np.testing.assert_allclose(positions + center, grid.vertices[3], atol=1e-6)
     assert facts["original"]["name"] == "grid"
-    assert [heat["kind"] for heat in facts["original"]["heats"]] == list(HEATS)
+    assert [heat["kind"] for heat in facts["original"]["heats"]] == ["distance", "angle"]
     assert (facts["original"]["plots"], facts["original"]["rows"]) == ([], [])
 
 

@@ -5,7 +5,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from meshreel.app.viewer.measuring import Comparison, Measuring
+from meshreel.app.viewer.measuring import PAGE_HEATS, Comparison, Measuring
 from meshreel.app.viewer.original import Original
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.decoder import decode
@@ -117,7 +117,7 @@ def test_ranges_cover_all_frames_when_all_are_measured(opened):
     first = {heat["kind"]: heat for heat in measuring.figures.described_heats()}
     measuring.run()
     heats = {heat["kind"]: heat for heat in measuring.figures.described_heats()}
-    assert list(heats) == list(HEATS)
+    assert list(heats) == list(PAGE_HEATS)
     for kind, heat in heats.items():
         values = [comparison.heat(kind, comparison.pair(number)) for number in range(12)]
         assert heat["maximum"] == np.max(values) >= first[kind]["maximum"]
