@@ -118,34 +118,3 @@ test("leaving pingpong in reverse resumes forward playback", () => {
     near(it.time, before + 0.05);
   }
 });
-
-test("only the frames of a range are played", () => {
-  const it = clock({ range: { start: 4, nFrames: 3 } });
-  assert.equal(it.current(false).frame, 4);
-  assert.equal(it.advance(0.25), null);
-  assert.deepEqual(it.current(false), { frame: 6, fraction: 0 });
-  assert.equal(it.advance(0.1), "loop");
-  near(it.time, 0.45);
-  it.seek(9);
-  near(it.time, 0.6);
-  it.range = null;
-  it.seek(9);
-  near(it.time, 0.9);
-});
-
-test("a range ends once, runs back, and starts again", () => {
-  const it = clock({ range: { start: 4, nFrames: 3 }, loop: "once" });
-  assert.equal(it.advance(1), "ended");
-  near(it.time, 0.7);
-  it.rewind();
-  near(it.time, 0.4);
-  it.speed = -1;
-  it.rewind();
-  near(it.time, 0.7);
-  it.loop = "pingpong";
-  it.speed = 1;
-  it.seek(4);
-  it.advance(0.15);
-  assert.equal(it.advance(0.15), "loop");
-  near(it.time, 0.5);
-});

@@ -56,7 +56,7 @@ export type PlayerMesh = Pick<
   ReelMesh,
   | ("file" | "reel" | "segment" | "isOnGpu" | "positionsAt" | "addEventListener" | "removeEventListener")
   | ("play" | "pause" | "retry" | "seek" | "isPlaying" | "isWaiting" | "isLoading" | "buffered")
-  | ("time" | "duration" | "frame" | "nFrames" | "range" | "loop" | "speed" | "interpolate")
+  | ("time" | "duration" | "frame" | "nFrames" | "loop" | "speed" | "interpolate")
   | ("colorBy" | "video")
 > & {
   setTexture(
@@ -681,10 +681,9 @@ export class ReelPlayerElement extends PlayerAttributes {
   #step(nFrames: number): void {
     const mesh = this.#requireMesh();
     this.pause();
-    const { start, nFrames: count } = mesh.range ?? { start: 0, nFrames: mesh.nFrames };
-    const offset = mesh.frame - start + nFrames;
     const wraps = mesh.loop === "repeat" && Math.abs(nFrames) === 1;
-    this.seek({ frame: start + (wraps ? (offset + count) % count : offset) });
+    const frame = mesh.frame + nFrames;
+    this.seek({ frame: wraps ? (frame + mesh.nFrames) % mesh.nFrames : frame });
   }
 
   /** Whether the camera rotates on its own. */

@@ -1,29 +1,10 @@
-// Bytes in memory and blobs.
+// Blobs.
 
 import { InvalidInputError, SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
 import { errorReason } from "./transport.js";
 
-/** Bytes in memory. Reads return copies, which can be transferred to a worker. */
-export class MemorySource implements ByteSource {
-  readonly hasRanges = true;
-
-  constructor(private readonly bytes: Uint8Array) {}
-
-  get size(): number {
-    return this.bytes.length;
-  }
-
-  async read(start: number, end: number, signal?: AbortSignal): Promise<Uint8Array> {
-    signal?.throwIfAborted();
-    // Not `slice`: on Node's Buffer, a Uint8Array, it returns a view.
-    return new Uint8Array(this.bytes.subarray(...clampRange(start, end, this.size)));
-  }
-
-  close(): void {}
-}
-
-/** A blob, such as a selected or dropped file. */
+/** A blob, such as bytes in memory, or a selected or dropped file. */
 export class BlobSource implements ByteSource {
   readonly hasRanges = true;
 

@@ -2,7 +2,7 @@
 
 import type { ByteSource } from "../types.js";
 import { openLocalFile } from "./local_file.js";
-import { BlobSource, MemorySource } from "./memory.js";
+import { BlobSource } from "./memory.js";
 import { openRemote } from "./remote.js";
 import type { SourceInput, SourceOptions } from "./transport.js";
 
@@ -13,8 +13,8 @@ import type { SourceInput, SourceOptions } from "./transport.js";
  * Last-Modified, the whole file is downloaded once and kept in memory; received bytes can be read
  * while the rest is being downloaded. Lost connections are resumed where they ended.
  *
- * @param from - An address, a response whose body is unread, a blob, or bytes. Bytes in memory are
- *   neither changed nor detached, and must not change while the source is open.
+ * @param from - An address, a response whose body is unread, a blob, or bytes, which are
+ *   copied.
  * @throws InvalidInputError if `from` cannot be opened; SourceError if the server does not send the
  *   file.
  */
@@ -25,8 +25,9 @@ export async function openSource(
   const { signal, headers, credentials, cache = "no-store" } = options;
   signal?.throwIfAborted();
   if (from instanceof Blob) return new BlobSource(from);
-  if (from instanceof ArrayBuffer) return new MemorySource(new Uint8Array(from));
-  if (from instanceof Uint8Array) return new MemorySource(from);
+  if (from instanceof ArrayBuffer || from instanceof Uint8Array) {
+    return new BlobSource(new Blob([from as BlobPart])); // a copy
+  }
   if (isNode() && (/^file:/i.test(String(from)) || isPath(from))) return openLocalFile(String(from), signal);
   return openRemote(from, { headers, credentials, cache }, options);
 }

@@ -24,18 +24,15 @@ export interface ClockSettings {
   loop: Loop;
   /** Playback rate; negative values play backwards. */
   speed: number;
-  /** The frames to play; null: all. */
-  range: FrameRange | null;
 }
 
 /**
- * Time in frames, from the start to the end of the played range, by default 0 to `nFrames`. All
- * frames last equally long; the last frame is not interpolated with the first.
+ * Time in frames, 0 to `nFrames`. All frames last equally long; the last frame is not interpolated with
+ * the first.
  */
 export class Clock implements ClockSettings {
   speed = 1;
   #loop: Loop = "repeat";
-  #range: FrameRange | null = null;
   /** Time in frames; `seek` changes it. */
   position = 0;
   /** -1 while "pingpong" plays in reverse, else 1. */
@@ -69,72 +66,51 @@ export class Clock implements ClockSettings {
     return this.nFrames / this.fps;
   }
 
-  get range(): FrameRange | null {
-    return this.#range;
-  }
-
-  set range(range: FrameRange | null) {
-    this.#range = range;
-    const isInside = this.position >= this.start && this.position <= this.end;
-    if (!isInside) this.seek(this.position);
-  }
-
-  /** First played frame. */
-  get start(): number {
-    return Math.min(this.#range?.start ?? 0, this.nFrames - 1);
-  }
-
-  /** Frame after the last played one. */
-  get end(): number {
-    const { start, nFrames } = this.#range ?? { start: 0, nFrames: this.nFrames };
-    return Math.max(Math.min(start + nFrames, this.nFrames), this.start + 1);
-  }
-
   get isForward(): boolean {
     return this.speed * this.#direction >= 0;
   }
 
   /** Return the current position, between frames only if `interpolate` is true. */
   current(interpolate: boolean): FramePosition {
-    const last = this.end - 1;
+    const last = this.nFrames - 1;
     const frame = Math.min(Math.floor(this.position), last);
     return { frame, fraction: interpolate && frame < last ? this.position - frame : 0 };
   }
 
-  /** Set the time in frames, clamped to the first and the last played frame. */
+  /** Set the time in frames, clamped to the first and the last frame. */
   seek(position: number): void {
-    this.position = Math.min(Math.max(position, this.start), this.end - 1);
+    this.position = Math.min(Math.max(position, 0), this.nFrames - 1);
   }
 
-  /** Move to the end of the last played frame. */
+  /** Move to the end of the last frame. */
   goToEnd(): void {
-    this.position = this.end;
+    this.position = this.nFrames;
   }
 
   /** Move to the start if the end was reached, with the loop "once". */
   rewind(): void {
     if (this.loop !== "once") return;
-    if (this.isForward && this.position >= this.end) this.position = this.start;
-    if (!this.isForward && this.position <= this.start) this.position = this.end;
+    if (this.isForward && this.position >= this.nFrames) this.position = 0;
+    if (!this.isForward && this.position <= 0) this.position = this.nFrames;
   }
 
   /** Advance by real time, in seconds. */
   advance(seconds: number): ClockEvent {
-    const { start, end, loop } = this;
+    const { nFrames, loop } = this;
     const to = this.position + seconds * this.fps * this.speed * this.#direction;
     if (loop === "once") {
-      const isOver = this.isForward ? to >= end : to < start;
-      this.position = Math.min(Math.max(to, start), end);
+      const isOver = this.isForward ? to >= nFrames : to < 0;
+      this.position = Math.min(Math.max(to, 0), nFrames);
       return isOver ? "ended" : null;
     }
     // "pingpong" turns around at the last frame, and "repeat" plays it to its end.
-    const length = loop === "pingpong" ? end - 1 - start : end - start;
-    const nLoops = length && Math.floor((to - start) / length);
-    const rest = length && to - start - nLoops * length;
+    const length = loop === "pingpong" ? nFrames - 1 : nFrames;
+    const nLoops = length && Math.floor(to / length);
+    const rest = length && to - nLoops * length;
     const isReversed = loop === "pingpong" && nLoops % 2 !== 0;
     if (isReversed) this.#direction = -this.#direction;
-    this.position = start + (isReversed ? length - rest : rest);
-    if (this.position >= end) this.position = start; // by rounding
+    this.position = isReversed ? length - rest : rest;
+    if (this.position >= nFrames) this.position = 0; // by rounding
     return nLoops ? "loop" : null;
   }
 }

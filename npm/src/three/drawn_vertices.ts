@@ -105,6 +105,7 @@ function colorColumn({ domain, width, values }: Attribute): DomainAttribute {
   return { name: "color", domain, width: channels, values: colors };
 }
 
-function srgbToLinear(value: number): number {
+/** Convert a number from sRGB to linear, 0..1. */
+export function srgbToLinear(value: number): number {
   return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
 }

@@ -161,24 +161,13 @@ export class Playback {
   }
 
   /**
-   * Change the loop, the speed, or the range of frames to play; null: all.
+   * Change the loop or the speed.
    *
-   * @throws InvalidInputError if the speed is not finite, the range contains other frames than those
-   *   of the file, or a video drives the time and does not support them.
+   * @throws InvalidInputError if the speed is not finite, or a video drives the time and does not
+   *   support them.
    */
   change(settings: Partial<ClockSettings>): void {
-    const { range } = settings;
     if ("speed" in settings) requireFinite("speed", settings.speed);
-    if (range) {
-      const { start, nFrames } = range;
-      const isInside = start >= 0 && nFrames >= 1 && start + nFrames <= this.nFrames;
-      if (!(Number.isInteger(start) && Number.isInteger(nFrames) && isInside)) {
-        throw new InvalidInputError(
-          `range must be at least one of the frames 0 to ${this.nFrames - 1}; ` +
-            `got start ${start} and nFrames ${nFrames}`,
-        );
-      }
-    }
     this.#masterClock?.change(settings);
     Object.assign(this.clock, settings);
     this.show();
@@ -224,7 +213,7 @@ export class Playback {
    * Set what drives the time; null: the clock.
    *
    * @param nFrames - frames to play, at most those of the file
-   * @throws InvalidInputError if it does not support the loop, the speed or the range.
+   * @throws InvalidInputError if it does not support the loop or the speed.
    */
   setMasterClock(masterClock: MasterClock | null, nFrames = this.nFrames): void {
     masterClock?.change(this.clock);
@@ -299,8 +288,8 @@ export class Playback {
 
   /** The block that will be played after the current picture, which may lie between two blocks. */
   #blockAfter(current: PlayedBlock, next: PlayedBlock): PlayedBlock | undefined {
-    const { start, end, isForward, loop } = this.clock;
-    const played = this.#blocks.slice(this.#indexAt(start), this.#indexAt(end - 1) + 1);
+    const { nFrames, isForward, loop } = this.clock;
+    const played = this.#blocks.slice(0, this.#indexAt(nFrames - 1) + 1);
     const [last, first] = isForward ? [next, current] : [current, next];
     if (!isForward) played.reverse();
     const after = played.slice(played.indexOf(last) + 1);

@@ -268,23 +268,6 @@ export class ReelMesh extends THREE.Mesh<
     return this.#playback.clock.current(false).frame;
   }
 
-  /**
-   * The frames to play; null, the default: all. Times and frames are still counted from the first
-   * frame of the file, and `seek` is clamped to the range.
-   *
-   * @example
-   * mesh.range = { start: 24, nFrames: 48 }; // the third second and the fourth, at 24 fps
-   *
-   * @throws InvalidInputError if the file lacks a frame of the range, or a video plays in sync.
-   */
-  get range(): FrameRange | null {
-    return this.#playback.clock.range;
-  }
-
-  set range(range: FrameRange | null) {
-    this.#playback.change({ range });
-  }
-
   /** Whether frames that playback needs now or next are being loaded. */
   get isLoading(): boolean {
     return this.#playback.isLoading;
@@ -295,7 +278,7 @@ export class ReelMesh extends THREE.Mesh<
     return this.#playback.loaded;
   }
 
-  /** What happens at the end of the played frames. Default: "repeat". */
+  /** What happens at the end. Default: "repeat". */
   get loop(): Loop {
     return this.#playback.clock.loop;
   }
@@ -471,8 +454,8 @@ export class ReelMesh extends THREE.Mesh<
     const clone = new ReelMesh(this.file, { ...this.#options, renderer });
     THREE.Object3D.prototype.copy.call(clone, this, recursive);
     if (this.material !== this.segmentMaterial) clone.material = this.material;
-    const { loop, speed, interpolate, range } = this;
-    Object.assign(clone, { loop, speed, interpolate, range });
+    const { loop, speed, interpolate } = this;
+    Object.assign(clone, { loop, speed, interpolate });
     clone.#playback.seek(this.#playback.clock.position);
     if (this.isPlaying) clone.play();
     return clone as this;

@@ -12,6 +12,7 @@ import type {
   TrackValues,
 } from "../../types.js";
 import type { Drawing } from "../drawing.js";
+import { srgbToLinear } from "../drawn_vertices.js";
 import { composePicture, type LoadedBlock, type Moment, withoutFields } from "../loaded_block.js";
 import type { PlaybackEvent } from "../playback.js";
 import type { AttributeBackend, Backend } from "../backend.js";
@@ -410,7 +411,7 @@ const COLOR_ATTRIBUTE = {
   evaluate(values: Float32Array, from: number) {
     const [...color] = values.subarray(from, from + 3);
     const isThere = color.every((one) => Math.abs(one) < MISSING_THRESHOLD);
-    return color.map((one) => (isThere ? toLinear(one) : MISSING_INTENSITY));
+    return color.map((one) => (isThere ? srgbToLinear(Math.min(Math.max(one, 0), 1)) : MISSING_INTENSITY));
   },
 } as const;
 
@@ -430,12 +431,6 @@ function colorableMaterials({ material, drawing }: ColoredMesh, { as }: Selectio
     "no material of the mesh can be colored by a track: none has a map; use one such as" +
       " MeshStandardMaterial",
   );
-}
-
-/** Convert a number from sRGB to linear, 0..1. */
-function toLinear(value: number): number {
-  const selection = Math.min(Math.max(value, 0), 1);
-  return selection <= 0.04045 ? selection / 12.92 : ((selection + 0.055) / 1.055) ** 2.4;
 }
 
 /** Format a number in GLSL. */

@@ -106,14 +106,11 @@ export class VideoClock implements MasterClock {
     else this.#seekVideo(position);
   }
 
-  change({ loop, speed, range }: Partial<ClockSettings>): void {
+  change({ loop, speed }: Partial<ClockSettings>): void {
     const isBackward = speed !== undefined && speed < 0;
     if (loop === "pingpong" || isBackward) {
       const what = isBackward ? `the speed ${speed}` : 'the loop "pingpong"';
       throw new InvalidInputError(`videos play only forwards; got ${what}`);
-    }
-    if (range) {
-      throw new InvalidInputError("a range cannot be played in sync with a video; remove one of them");
     }
     if (speed === undefined) return;
     try {
@@ -261,7 +258,7 @@ export class VideoClock implements MasterClock {
     const { playback, send } = this.#options;
     const { clock } = playback;
     if (!playback.isPlaying) {
-      clock.seek(clock.end - 1);
+      clock.seek(clock.nFrames - 1);
       this.seek(clock.position);
     } else if (clock.loop === "once") {
       playback.pause();
