@@ -125,7 +125,7 @@ async function buildPackage() {
     outdir: dist,
     external: ["three"],
     plugins: [externalIndex],
-    chunkNames: "three_[name]",
+    chunkNames: "three_[name]_[hash]",
   });
   // For pages without a bundler: one script with the decoder and a renderer.
   const player = await build({

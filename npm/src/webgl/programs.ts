@@ -1,6 +1,6 @@
 // Compiled shaders and their uniforms.
 
-import type { Material, UniformValue } from "./materials.js";
+import type { UniformValue } from "./materials.js";
 import type { Texture } from "./textures.js";
 
 /** A value by the name of its uniform. */
@@ -61,45 +61,5 @@ export class Program {
         gl.uniform1i(location, unit);
       }
     }
-  }
-}
-
-/** Programs of materials, which share those of equal source. */
-export class Programs {
-  readonly #gl: WebGL2RenderingContext;
-  readonly #programs = new Map<string, { program: Program; nUsers: number }>();
-  /** Keys of the programs that a material uses. */
-  readonly #keys = new WeakMap<Material, Set<string>>();
-
-  constructor(gl: WebGL2RenderingContext) {
-    this.#gl = gl;
-  }
-
-  /**
-   * Return the program of a material; it is compiled if no other material uses it.
-   *
-   * @param key - identifies the source
-   */
-  get(material: Material, key: string, source: () => readonly [vertex: string, fragment: string]): Program {
-    let entry = this.#programs.get(key);
-    if (!entry) this.#programs.set(key, (entry = { program: new Program(this.#gl, ...source()), nUsers: 0 }));
-    let keys = this.#keys.get(material);
-    if (!keys) {
-      this.#keys.set(material, (keys = new Set()));
-      material.addEventListener("dispose", () => this.#release(material));
-    }
-    if (!keys.has(key)) entry.nUsers++;
-    keys.add(key);
-    return entry.program;
-  }
-
-  #release(material: Material): void {
-    for (const key of this.#keys.get(material) ?? []) {
-      const entry = this.#programs.get(key);
-      if (!entry || --entry.nUsers) continue;
-      this.#gl.deleteProgram(entry.program.handle);
-      this.#programs.delete(key);
-    }
-    this.#keys.get(material)?.clear();
   }
 }

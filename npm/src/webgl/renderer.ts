@@ -6,7 +6,7 @@ import { GpuTextures, onDispose } from "./gpu_textures.js";
 import { DoubleSide, type Material, RawShaderMaterial } from "./materials.js";
 import { Matrix4, Vector3 } from "./math.js";
 import { type Camera, Mesh, type Object3D, type Scene } from "./objects.js";
-import { type Program, Programs, type UniformValues } from "./programs.js";
+import { Program, type UniformValues } from "./programs.js";
 import { type Surface, surfaceMacros, surfaceShaders, surfaceUniforms } from "./surface_shader.js";
 import type { Texture, WebGLRenderTarget } from "./textures.js";
 
@@ -39,7 +39,8 @@ export class WebGLRenderer {
   };
   readonly #gl: WebGL2RenderingContext;
   #textures!: GpuTextures;
-  #programs!: Programs;
+  /** By their source, which most materials share; they stay until the context is lost. */
+  #programs!: Map<string, Program>;
   #buffers!: WeakMap<BufferAttribute, { readonly handle: WebGLBuffer; version: number }>;
   /** Geometries whose buffers are freed when they are disposed of. */
   #geometries!: WeakSet<BufferGeometry<any>>;
@@ -68,7 +69,7 @@ export class WebGLRenderer {
     const gl = this.#gl;
     gl.getExtension("EXT_color_buffer_float");
     this.#textures = new GpuTextures(gl);
-    this.#programs = new Programs(gl);
+    this.#programs = new Map();
     [this.#buffers, this.#geometries] = [new WeakMap(), new WeakSet()];
   }
 
@@ -189,15 +190,19 @@ export class WebGLRenderer {
   #programOf(material: Material, scene: Scene): [Program, UniformValues] {
     if (isRaw(material)) {
       const { vertexShader, fragmentShader, uniforms } = material;
-      const key = vertexShader + fragmentShader;
-      const program = this.#programs.get(material, key, () => [vertexShader, fragmentShader]);
+      const program = this.#program(vertexShader + fragmentShader, () => [vertexShader, fragmentShader]);
       return [program, Object.fromEntries(Object.entries(uniforms).map(([name, { value }]) => [name, value]))];
     }
     const surface = material as Surface;
     const macros = surfaceMacros(surface, scene);
-    const key = macros + (surface.glsl ?? "");
-    const program = this.#programs.get(material, key, () => surfaceShaders(surface, macros));
+    const program = this.#program(macros + (surface.glsl ?? ""), () => surfaceShaders(surface, macros));
     return [program, surfaceUniforms(surface, scene)];
+  }
+
+  #program(key: string, shaders: () => readonly [vertex: string, fragment: string]): Program {
+    const program = this.#programs.get(key) ?? new Program(this.#gl, ...shaders());
+    this.#programs.set(key, program);
+    return program;
   }
 
   #applyMaterial(material: Material): void {

@@ -5,7 +5,8 @@ import * as THREE from "three";
 import { PRELUDE, setTable, type TableUniform } from "./tables.js";
 
 // An entry has the vertex and its offset. The shader knows the size of the target from that of fields.
-const vertexShader = (shift: string) => `${PRELUDE}
+const VERTEX_SHADER = `${PRELUDE}
+uniform vec3 shift;
 uniform isampler2DArray fields;
 uniform sampler2D corrections;
 flat out vec3 start;
@@ -14,7 +15,7 @@ void main() {
   vec2 texel = vec2(texelOf(int(entry.x))) + 0.5;
   gl_Position = vec4(texel / vec2(textureSize(fields, 0)) * 2.0 - 1.0, 0.0, 1.0);
   gl_PointSize = 1.0;
-  start = ${shift} + entry.yzw;
+  start = shift + entry.yzw;
 }`;
 
 /**
@@ -25,15 +26,12 @@ export class CorrectedPoints {
   readonly #points: THREE.Points<THREE.BufferGeometry, THREE.RawShaderMaterial>;
   readonly #uniform: TableUniform = { value: null };
 
-  /**
-   * @param triangle - draws all texels before
-   * @param shift - GLSL of the vector that is added to all sums
-   */
-  constructor(triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>, shift: string) {
+  /** @param triangle - draws all texels before */
+  constructor(triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>) {
     const { fragmentShader, uniforms } = triangle.material;
     const material = new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
-      vertexShader: vertexShader(shift),
+      vertexShader: VERTEX_SHADER,
       fragmentShader,
       uniforms: { ...uniforms, corrections: this.#uniform },
     });

@@ -48,11 +48,12 @@ void main() {
 }`;
 
 // A triangle that covers the target. Points that are drawn over it have corrections.
-const triangleShader = (shift: string) => `${PRELUDE}
+const TRIANGLE_SHADER = `${PRELUDE}
+uniform vec3 shift;
 flat out vec3 start;
 void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
-  start = ${shift};
+  start = shift;
 }`;
 
 const CAMERA = new THREE.Camera();
@@ -91,9 +92,9 @@ export class GpuBackend implements Backend {
     nextFields: { value: null as THREE.DataArrayTexture | null },
     weights: { value: null } as TableUniform,
     nNextGroups: { value: 0 },
+    /** Added to all sums. */
+    shift: { value: new THREE.Vector3() },
   };
-  /** GLSL of the vector that is added to all sums. */
-  readonly #shift: string;
   /** A triangle that covers the target. */
   readonly #triangle: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
   /** Null until a picture has corrections. */
@@ -110,10 +111,10 @@ export class GpuBackend implements Backend {
       minFilter: THREE.NearestFilter,
       magFilter: THREE.NearestFilter,
     });
-    this.#shift = `vec3(${setup.shift.map((offset) => offset.toExponential())})`; // large integers are not valid GLSL
+    this.#uniforms.shift.value.fromArray(setup.shift);
     const material = new THREE.RawShaderMaterial({
       glslVersion: THREE.GLSL3,
-      vertexShader: triangleShader(this.#shift),
+      vertexShader: TRIANGLE_SHADER,
       fragmentShader: FRAGMENT_SHADER,
       uniforms: this.#uniforms,
     });
@@ -150,7 +151,7 @@ export class GpuBackend implements Backend {
     nextFields.value = next ?? first;
     nNextGroups.value = next?.image.depth ?? 0;
     setTable(weights, packWeights(blocks));
-    if (corrections.size) this.#corrected ??= new CorrectedPoints(this.#triangle, this.#shift);
+    if (corrections.size) this.#corrected ??= new CorrectedPoints(this.#triangle);
     this.#corrected?.set(corrections);
     const renderer = this.#renderer;
     const before = renderer.getRenderTarget();
