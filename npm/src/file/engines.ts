@@ -4,7 +4,7 @@ import { loadModule } from "../core/module.js";
 import type { Calls, Results } from "../engine/messages.js";
 import { openSource } from "../source/open.js";
 import type { SourceInput, SourceOptions } from "../source/transport.js";
-import type { ByteSource, SegmentInfo } from "../types.js";
+import type { ByteSource } from "../types.js";
 import { RemoteEngine } from "./remote_engine.js";
 
 /** Default memory limit in bytes: 2 GiB. */
@@ -30,7 +30,8 @@ export class FileEngines {
   private tracks: Promise<RemoteEngine> | null = null;
 
   private constructor(
-    private readonly positions: RemoteEngine,
+    /** Decodes positions and surfaces. */
+    readonly positions: RemoteEngine,
     private readonly source: ByteSource,
     private readonly options: FileOptions,
   ) {}
@@ -57,26 +58,7 @@ export class FileEngines {
 
   /** Open a segment, which may be null if there is only one. */
   openSegment(segment: number | null, signal?: AbortSignal): Promise<Results["open"]> {
-    return this.call("open", this.parameters(segment), signal);
-  }
-
-  /** Describe all segments; closes the file if that fails or is cancelled. */
-  async segments(signal?: AbortSignal): Promise<readonly SegmentInfo[]> {
-    try {
-      return await this.positions.call("segments", {}, signal);
-    } catch (error) {
-      this.close();
-      throw error;
-    }
-  }
-
-  /** Call the engine of positions and surface. */
-  call<Name extends "open" | "frame" | "fields">(
-    call: Name,
-    args: Calls[Name],
-    signal?: AbortSignal,
-  ): Promise<Results[Name]> {
-    return this.positions.call(call, args, signal);
+    return this.positions.call("open", this.parameters(segment), signal);
   }
 
   /** Start, on the first call, the engine that decodes tracks, and open a segment in it. */
@@ -86,11 +68,6 @@ export class FileEngines {
       throw error;
     });
     return this.tracks;
-  }
-
-  /** Whether a worker decodes positions, rather than the calling thread. */
-  get isInWorker(): boolean {
-    return this.positions.isInWorker;
   }
 
   /** Release all memory and connections. Pending calls throw an `AbortError`. */

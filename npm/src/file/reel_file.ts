@@ -92,7 +92,7 @@ export class ReelFile implements OpenReel {
   async frame(index: number, { signal }: CallOptions = {}): Promise<Positions> {
     requireIndex("frame", index, this.info.nFrames);
     const call = { segment: this.index, track: 0, frame: index };
-    return (await this.engines.call("frame", call, signal)) as Positions;
+    return (await this.engines.positions.call("frame", call, signal)) as Positions;
   }
 
   /**
@@ -130,12 +130,12 @@ export class ReelFile implements OpenReel {
   async fields(block: number, { signal }: CallOptions = {}): Promise<BlockFields> {
     requireIndex("block", block, this.info.blocks.length);
     const call = { segment: this.index, track: 0, block, columns: POSITION_COLUMNS };
-    return this.engines.call("fields", call, signal);
+    return this.engines.positions.call("fields", call, signal);
   }
 
   /** Whether a worker decodes frames, rather than the calling thread. */
   get isInWorker(): boolean {
-    return this.engines.isInWorker;
+    return this.engines.positions.isInWorker;
   }
 
   /**

@@ -50,7 +50,10 @@ export class SegmentedReelFile implements OpenSegments {
    */
   static async open(from: SourceInput, options: FileOptions = {}): Promise<SegmentedReelFile> {
     const { engines, opened } = await FileEngines.open(from, options, 0);
-    const segments = await engines.segments(options.signal);
+    const segments = await engines.positions.call("segments", {}, options.signal).catch((error: unknown) => {
+      engines.close();
+      throw error;
+    });
     const first = ReelFile.segment(engines, 0, opened);
     return new SegmentedReelFile(engines, opened.file, segments, first);
   }
@@ -91,7 +94,7 @@ export class SegmentedReelFile implements OpenSegments {
 
   /** Whether a worker decodes frames, rather than the calling thread. */
   get isInWorker(): boolean {
-    return this.#engines.isInWorker;
+    return this.#engines.positions.isInWorker;
   }
 
   /** Release all memory and connections. Pending calls throw an `AbortError`. */

@@ -127,13 +127,13 @@ export class FrameData {
   }
 
   private async trackErrorsOf(kind: string, frame: number): Promise<Float32Array> {
-    const { file, original } = this.reel;
-    const { track } = original?.track_heats.find((heat) => heat.kind === kind) as { track: string };
-    const [given, decoded] = await Promise.all([
+    const { file, original: info } = this.reel;
+    const { track } = info?.track_heats.find((heat) => heat.kind === kind) as { track: string };
+    const [original, decoded] = await Promise.all([
       this.source().then((source) => source.values(track, frame)),
       file.track(track).frame(frame),
     ]);
-    return trackErrors(file.track(track).info, file.surface, file.info.nVerts, given, decoded);
+    return trackErrors(file.track(track).info, file.surface, file.info.nVerts, original, decoded);
   }
 
   /** Number of cached frames with `width` numbers per vertex. */

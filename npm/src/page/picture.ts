@@ -147,7 +147,7 @@ export class Picture {
   movesFar(): boolean {
     const { camera, world } = this.view;
     const [all, pose] = [this.sweptPoints, this.posePoints()].map((points) => {
-      return camera.distanceTo(points.map((one) => one.clone().applyMatrix4(world.matrixWorld)));
+      return camera.distanceTo(points.map((point) => point.clone().applyMatrix4(world.matrixWorld)));
     });
     return all > FOLLOW_RATIO * pose;
   }

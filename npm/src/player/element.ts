@@ -520,8 +520,8 @@ export class ReelPlayerElement extends PlayerAttributes {
   /** Convert `camera-target` to the coordinates of the view; null if it is the center of the model. */
   #worldTarget(target: readonly (number | null)[]): Vector3 | null {
     const { center } = (this.#mesh as ReelMesh).file.info;
-    if (target.every((one) => one === null)) return null;
-    const offsets = target.map((one, axis) => (one === null ? 0 : one - center[axis]));
+    if (target.every((coordinate) => coordinate === null)) return null;
+    const offsets = target.map((coordinate, axis) => (coordinate === null ? 0 : coordinate - center[axis]));
     return new Vector3(...offsets).applyMatrix4((this.#ui as PlayerParts).view.world.matrixWorld);
   }
 
@@ -770,8 +770,8 @@ function prefersReducedMotion(): boolean {
   return matchMedia("(prefers-reduced-motion: reduce)").matches;
 }
 
-function isEqual(one: unknown, other: unknown): boolean {
-  return JSON.stringify(one) === JSON.stringify(other);
+function isEqual(value: unknown, other: unknown): boolean {
+  return JSON.stringify(value) === JSON.stringify(other);
 }
 
 /** @throws InvalidInputError if a value is not a CSS color. */

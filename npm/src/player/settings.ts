@@ -192,8 +192,8 @@ function parseCamera(read: ReadAttribute): CameraSettings {
   if (!(zoom > 0) || (distance !== null && !(distance > 0))) {
     throw new InvalidInputError(`the radius of camera-orbit must be above 0; got "${radius}"`);
   }
-  const target = parseTriple(read, "camera-target", "0 1.5 0").map((one) =>
-    one === "auto" ? null : parseLength(one, "camera-target"),
+  const target = parseTriple(read, "camera-target", "0 1.5 0").map((word) =>
+    word === "auto" ? null : parseLength(word, "camera-target"),
   );
   const fov = read("field-of-view") ?? "auto";
   const fieldOfView = parseAngle(fov, DEFAULT_FIELD_OF_VIEW, "field-of-view").degrees;
@@ -239,9 +239,9 @@ function parseChoice<Choice extends string>(
   choices: readonly Choice[],
 ): Choice | undefined {
   const value = read(name);
-  const choice = choices.find((one) => one === value);
+  const choice = choices.find((allowed) => allowed === value);
   if (choice !== undefined || value === null) return choice;
-  const allowed = choices.filter(Boolean).map((one) => `"${one}"`).join(" or ");
+  const allowed = choices.filter(Boolean).map((name) => `"${name}"`).join(" or ");
   throw new InvalidInputError(`${name} must be ${allowed}; got ${name}="${value}"`);
 }
 

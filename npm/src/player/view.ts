@@ -141,7 +141,7 @@ export class View implements ContextHolder {
   /** Show several views with the same camera, each with some objects of `model`; null: one view. */
   setPanes(panes: readonly (readonly Object3D[])[] | null): void {
     this.#panes = panes;
-    if (!panes) for (const one of this.model.children) one.visible = true;
+    if (!panes) for (const object of this.model.children) object.visible = true;
     this.#updateAspect();
     this.invalidate();
   }
@@ -181,7 +181,7 @@ export class View implements ContextHolder {
     panes.forEach((objects, i) => {
       if (this.isPortrait) renderer.setViewport(0, h - ((i + 1) * h) / n, w, h / n, n > 1);
       else renderer.setViewport((i * w) / n, 0, w / n, h, n > 1);
-      if (this.#panes) for (const one of this.model.children) one.visible = objects.includes(one);
+      if (this.#panes) for (const object of this.model.children) object.visible = objects.includes(object);
       renderer.render(this.#scene, this.camera.camera);
     });
   }

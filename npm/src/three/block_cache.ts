@@ -50,7 +50,7 @@ export class BlockCache<Block extends CachedBlock> {
       this.#handlers.release(block, block.loaded);
       block.loaded = null;
     }
-    const missing = wanted.find((one) => !(one.loaded || one.hasFailed || one.isDamaged));
+    const missing = wanted.find((block) => !(block.loaded || block.hasFailed || block.isDamaged));
     if (this.#loading && this.#loading.block !== missing) {
       this.#loading.abort.abort();
       this.#loading = null;

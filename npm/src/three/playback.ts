@@ -295,7 +295,7 @@ export class Playback {
     const after = played.slice(played.indexOf(last) + 1);
     if (loop === "repeat") after.push(...played);
     if (loop === "pingpong") after.push(...played.slice(0, played.indexOf(first)).reverse());
-    return after.find((one) => !one.isDamaged);
+    return after.find((block) => !block.isDamaged);
   }
 
   #setWaiting(isWaiting: boolean, block: number | null = null): void {

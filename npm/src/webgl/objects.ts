@@ -27,10 +27,10 @@ export class Object3D<Events extends object = Object3DEventMap> extends EventDis
   readonly matrixWorld = new Matrix4();
 
   add(...objects: Object3D<any>[]): this {
-    for (const one of objects) {
-      one.removeFromParent();
-      one.parent = this;
-      this.children.push(one);
+    for (const object of objects) {
+      object.removeFromParent();
+      object.parent = this;
+      this.children.push(object);
     }
     return this;
   }

@@ -283,7 +283,7 @@ function collectItems(scene: Object3D, viewMatrix: Matrix4): DrawItem[] {
     for (const child of object.children) visit(child);
   };
   visit(scene);
-  const order = (one: DrawItem) => one.mesh.renderOrder;
+  const order = ({ mesh }: DrawItem) => mesh.renderOrder;
   return items.sort((a, b) => {
     const isLater = Number(a.material.transparent) - Number(b.material.transparent);
     return isLater || order(a) - order(b) || (a.material.transparent ? b.depth - a.depth : 0);
@@ -300,7 +300,7 @@ function itemsOf(mesh: Mesh, viewMatrix: Matrix4): DrawItem[] {
   return parts.flatMap(({ start, count, materialIndex = 0 }) => {
     const first = Math.max(start, drawRange.start);
     const shown = Math.min(start + count, drawRange.start + drawRange.count) - first;
-    const one = [material].flat()[materialIndex] as Material | undefined;
-    return one && shown > 0 ? [{ mesh, material: one, start: first, count: shown, depth: -z }] : [];
+    const ofGroup = [material].flat()[materialIndex] as Material | undefined;
+    return ofGroup && shown > 0 ? [{ mesh, material: ofGroup, start: first, count: shown, depth: -z }] : [];
   });
 }

@@ -97,8 +97,8 @@ export class Probe {
     const values: (number | null)[] = [];
     for (let frame = 0; frame < file.info.nFrames; frame++) {
       if (frame % 20 === 0) status.textContent = `Reading frame ${frame} of ${file.info.nFrames}`;
-      const found = await track.frame(frame, { signal });
-      const row = Array.from({ length: nColumns }, (_, c) => Number(found[item * nColumns + c]));
+      const frameValues = await track.frame(frame, { signal });
+      const row = Array.from({ length: nColumns }, (_, c) => Number(frameValues[item * nColumns + c]));
       const value = selectedNumber(row, legend.component);
       values.push(Number.isFinite(value) ? value : null);
     }

@@ -352,23 +352,23 @@ void main() {
     const { nColumns, origin, nFrames, nModes, nVerts } = block;
     const [low, high] = this.#range;
     const axes = (numbers: Float32Array) => {
-      const found = new Float32Array((numbers.length / nColumns) * 3);
-      for (let row = 0; 3 * row < found.length; row++) {
+      const padded = new Float32Array((numbers.length / nColumns) * 3);
+      for (let row = 0; 3 * row < padded.length; row++) {
         for (let axis = 0; axis < nColumns; axis++) {
           const part = numbers[row * nColumns + axis] / (high - low);
-          found[3 * row + axis] = Number.isFinite(part) ? part : MISSING_VALUE;
+          padded[3 * row + axis] = Number.isFinite(part) ? part : MISSING_VALUE;
         }
       }
-      return found;
+      return padded;
     };
     // An additional constant mode adds the origin of each column.
     const weights = axes(block.weights);
-    const resting = [0, 0, 0];
-    origin.forEach((one, axis) => (resting[axis] = this.#normalize(one)));
+    const constant = [0, 0, 0];
+    origin.forEach((value, axis) => (constant[axis] = this.#normalize(value)));
     const all = new Float32Array(3 * (nModes + 1) * nFrames);
     for (let t = 0; t < nFrames; t++) {
       all.set(weights.subarray(3 * nModes * t, 3 * nModes * (t + 1)), 3 * (nModes + 1) * t);
-      all.set(resting, 3 * (nModes + 1) * (t + 1) - 3);
+      all.set(constant, 3 * (nModes + 1) * (t + 1) - 3);
     }
     const fields = new Int16Array((nModes + 1) * nVerts).fill(1);
     fields.set(block.fields);
@@ -410,8 +410,8 @@ const COLOR_ATTRIBUTE = {
     color = isThere ? light : vec3(${glslFloat(MISSING_INTENSITY)});`,
   evaluate(values: Float32Array, from: number) {
     const [...color] = values.subarray(from, from + 3);
-    const isThere = color.every((one) => Math.abs(one) < MISSING_THRESHOLD);
-    return color.map((one) => (isThere ? srgbToLinear(Math.min(Math.max(one, 0), 1)) : MISSING_INTENSITY));
+    const isThere = color.every((value) => Math.abs(value) < MISSING_THRESHOLD);
+    return color.map((value) => (isThere ? srgbToLinear(Math.min(Math.max(value, 0), 1)) : MISSING_INTENSITY));
   },
 } as const;
 
