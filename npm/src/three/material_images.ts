@@ -31,65 +31,42 @@ const WRAPS = [
   THREE.RepeatWrapping,
 ] as const;
 
-/** Assigns the images of a file to materials as they are decoded. */
-export class MaterialImages {
-  readonly #images: readonly Image[];
-  readonly #uvNames: readonly string[];
-  readonly #send: SendEvent;
-  readonly #signal: AbortSignal;
-  readonly #textures: THREE.Texture[] = [];
+/**
+ * Assign the images of a file to materials as they are decoded.
+ *
+ * @param definitions - the materials of the file; undefined for materials that it does not define
+ * @param uvNames - names of UV attributes, by channel
+ * @param send - called with "change" when an image is shown, or with "error"
+ * @param signal - frees the images
+ */
+export async function applyImages(
+  materials: readonly THREE.Material[],
+  definitions: readonly (Material | undefined)[],
+  images: readonly Image[],
+  uvNames: readonly string[],
+  send: SendEvent,
+  signal: AbortSignal,
+): Promise<void> {
+  const textures: THREE.Texture[] = [];
   /** By image index: an image that several textures use is decoded once. */
-  readonly #decodedImages: Promise<THREE.Texture>[] = [];
-
-  /**
-   * @param uvNames - names of UV attributes, by channel
-   * @param send - called with "change" when an image is shown, or with "error"
-   * @param signal - frees the images
-   */
-  constructor(
-    images: readonly Image[],
-    uvNames: readonly string[],
-    send: SendEvent,
-    signal: AbortSignal,
-  ) {
-    this.#images = images;
-    this.#uvNames = uvNames;
-    this.#send = send;
-    this.#signal = signal;
-    signal.addEventListener("abort", () => this.#dispose());
-  }
-
-  #dispose(): void {
-    for (const texture of this.#textures) texture.dispose();
-    for (const image of this.#decodedImages) {
+  const decodedImages: Promise<THREE.Texture>[] = [];
+  signal.addEventListener("abort", () => {
+    for (const texture of textures) texture.dispose();
+    for (const image of decodedImages) {
       image?.then(
         (texture) => (texture.image as ImageBitmap).close(),
         () => {}, // reported when decoding failed
       );
     }
-  }
-
-  /** Assign the images of materials by their definitions in the file. */
-  async applyTo(
-    materials: readonly THREE.Material[],
-    definitions: readonly (Material | undefined)[],
-  ): Promise<void> {
-    await Promise.all(
-      materials.flatMap((material, i) =>
-        (definitions[i]?.textures ?? []).map((reference) => this.#apply(material, reference)),
-      ),
-    );
-  }
-
-  /** Assign an image to a material, if the material has the slot. */
-  async #apply(material: THREE.Material, reference: MaterialTexture): Promise<void> {
+  });
+  const apply = async (material: THREE.Material, reference: MaterialTexture): Promise<void> => {
     const slot = SLOTS[reference.slot];
     if (!(slot in material)) return; // unlit materials have only the base color
-    const image = this.#images[reference.image];
+    const image = images[reference.image];
     try {
-      const shared = await (this.#decodedImages[reference.image] ??= decode(image));
-      if (this.#signal.aborted) return;
-      const channel = this.#uvNames.indexOf(reference.uv);
+      const shared = await (decodedImages[reference.image] ??= decode(image));
+      if (signal.aborted) return;
+      const channel = uvNames.indexOf(reference.uv);
       if (channel < 0) throw new Error(`there is no UV attribute ${reference.uv}`);
       const texture = shared.clone();
       texture.channel = channel;
@@ -99,16 +76,18 @@ export class MaterialImages {
       texture.matrix.copy(uvTransform(reference));
       if (slot === "map" || slot === "emissiveMap") texture.colorSpace = THREE.SRGBColorSpace;
       texture.needsUpdate = true;
-      this.#textures.push(texture);
+      textures.push(texture);
       (material as Slots)[slot] = texture;
       material.needsUpdate = true;
-      this.#send({ type: "change" });
+      send({ type: "change" });
     } catch (thrown) {
-      if (this.#signal.aborted) return;
-      const error = new InvalidInputError(`cannot show ${image.name}: ${thrown}`);
-      this.#send({ type: "error", error, block: null });
+      if (signal.aborted) return;
+      send({ type: "error", error: new InvalidInputError(`cannot show ${image.name}: ${thrown}`), block: null });
     }
-  }
+  };
+  await Promise.all(
+    materials.flatMap((material, i) => (definitions[i]?.textures ?? []).map((reference) => apply(material, reference))),
+  );
 }
 
 /** Decode an image with v up and without color conversion. */

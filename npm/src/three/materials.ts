@@ -4,7 +4,7 @@ import * as THREE from "three";
 
 import type { Material, Surface } from "../types.js";
 import type { Drawing } from "./drawing.js";
-import { MaterialImages, type SendEvent } from "./material_images.js";
+import { applyImages, type SendEvent } from "./material_images.js";
 
 type Standard = THREE.MeshStandardMaterial;
 
@@ -31,7 +31,7 @@ export class Materials {
       return material;
     });
     const { signal } = this.#lifetime;
-    this.imagesReady = new MaterialImages(surface.images, drawing.uvNames, send, signal).applyTo(this.list, definitions);
+    this.imagesReady = applyImages(this.list, definitions, surface.images, drawing.uvNames, send, signal);
   }
 
   dispose(): void {
