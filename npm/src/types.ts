@@ -18,34 +18,6 @@ export interface ByteSource {
 /** Positions: x, y and z of each vertex, in the number type of the file. */
 export type Positions = Float32Array | Float64Array;
 
-/** Metadata of a file. */
-export interface ReelInfo {
-  /**
-   * How positions are coded: "reel": as sums of modes; "lossless": exactly; "grid": on a grid.
-   */
-  readonly method: "reel" | "lossless" | "grid";
-  readonly name: string;
-  readonly nFrames: number;
-  readonly nVerts: number;
-  /** Number of triangles. */
-  readonly nFaces: number;
-  /** Frames per second; 0 if unknown. */
-  readonly fps: number;
-  /** Time of the first frame in seconds. */
-  readonly startS: number;
-  /** Center of the bounding box of all frames, in model units. */
-  readonly center: readonly [number, number, number];
-  /** Diagonal of that box. */
-  readonly diagonal: number;
-  /** Guaranteed bound of the error of any vertex, in percent of the diagonal; null if none. */
-  readonly errorBoundPercent: number | null;
-  readonly numberType: "float32" | "float64";
-  /** Other quantities that change over time; `ReelFile.track` decodes their values. */
-  readonly tracks: readonly TrackInfo[];
-  /** Ranges of frames that `fields` returns. */
-  readonly blocks: readonly BlockInfo[];
-}
-
 /** Metadata of a file with any number of segments. */
 export interface FileInfo {
   readonly name: string;
@@ -62,6 +34,24 @@ export interface FileInfo {
   readonly center: readonly [number, number, number];
   /** Diagonal of that box. */
   readonly diagonal: number;
+}
+
+/** Metadata of a file with one segment, or of a segment. */
+export interface ReelInfo extends FileInfo {
+  /**
+   * How positions are coded: "reel": as sums of modes; "lossless": exactly; "grid": on a grid.
+   */
+  readonly method: "reel" | "lossless" | "grid";
+  readonly nVerts: number;
+  /** Number of triangles. */
+  readonly nFaces: number;
+  /** Guaranteed bound of the error of any vertex, in percent of the diagonal; null if none. */
+  readonly errorBoundPercent: number | null;
+  readonly numberType: "float32" | "float64";
+  /** Other quantities that change over time; `ReelFile.track` decodes their values. */
+  readonly tracks: readonly TrackInfo[];
+  /** Ranges of frames that `fields` returns. */
+  readonly blocks: readonly BlockInfo[];
 }
 
 /** A segment of a file: an animated mesh of constant connectivity. */

@@ -1,7 +1,7 @@
 // Metadata of an open file: segments, frames, blocks and tracks.
 
 import { UnsupportedVersionError } from "../errors.js";
-import type { FileInfo, ReelInfo, SegmentInfo, TrackInfo } from "../types.js";
+import type { BlockInfo, FileInfo, ReelInfo, SegmentInfo, TrackInfo } from "../types.js";
 import type { Library } from "./library.js";
 import { NUMBER_TYPES } from "./numbers.js";
 import { Struct } from "./struct.js";
@@ -13,14 +13,6 @@ const FIRST_METHOD = 7;
 const KINDS = ["other", "vector", "velocity", "normal", "color", "uv", "scalar"] as const;
 const DOMAINS = ["vertex", "face", "corner"] as const;
 const STRUCT_BYTES = 64;
-
-/** Consecutive frames that are decoded together. */
-export interface Block {
-  readonly start: number;
-  readonly nFrames: number;
-  /** Compressed size of all tracks in the block. */
-  readonly sizeBytes: number;
-}
 
 /** Metadata of a track. */
 export interface Track {
@@ -40,7 +32,8 @@ export interface File {
   readonly handle: number;
   readonly info: Omit<ReelInfo, "tracks" | "blocks">;
   readonly nPolygons: number;
-  readonly blocks: readonly Block[];
+  /** Frames that are decoded together; the size is that of all tracks. */
+  readonly blocks: readonly BlockInfo[];
   readonly tracks: readonly Track[];
 }
 
@@ -77,7 +70,7 @@ export function readFile(library: Library, handle: number): File {
   const blocksByTrack = Array.from({ length: nBlocks }, (_, block) =>
     Array.from({ length: nTracks }, (_, track) => readBlock(library, handle, block, track)),
   );
-  const totalBytes = (ofBlocks: readonly Block[]): number =>
+  const totalBytes = (ofBlocks: readonly BlockInfo[]): number =>
     ofBlocks.reduce((total, { sizeBytes }) => total + sizeBytes, 0);
   return {
     handle,
@@ -111,7 +104,7 @@ function readInfo(library: Library, handle: number) {
 }
 
 /** Read the frame range of a block and the size of one track in it. */
-function readBlock(library: Library, file: number, block: number, track: number): Block {
+function readBlock(library: Library, file: number, block: number, track: number): BlockInfo {
   return library.withMemory(STRUCT_BYTES, (address) => {
     library.functions.meshreel_block_of(file, block, track, address);
     const fields = new Struct(library.buffer, address);

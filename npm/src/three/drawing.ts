@@ -4,7 +4,7 @@ import type { Surface } from "../types.js";
 import { createDrawnVertices, type DrawnVertices } from "./drawn_vertices.js";
 
 /** UV sets that three.js supports. */
-const MAX_UV_SETS = 4;
+export const MAX_UV_SETS = 4;
 
 /** A range of the index with one material. */
 export interface IndexRange {

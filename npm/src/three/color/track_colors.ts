@@ -11,7 +11,7 @@ import type {
   TrackFields,
   TrackValues,
 } from "../../types.js";
-import type { Drawing } from "../drawing.js";
+import { type Drawing, MAX_UV_SETS } from "../drawing.js";
 import { srgbToLinear } from "../drawn_vertices.js";
 import { composePicture, type LoadedBlock, type Moment, withoutFields } from "../loaded_block.js";
 import type { PlaybackEvent } from "../playback.js";
@@ -38,9 +38,6 @@ import {
   selectColumns,
   resolveRange,
 } from "./color_range.js";
-
-/** UV sets that three.js supports. */
-const MAX_UV_SETS = 4;
 
 /** Magnitudes of at least this mark missing values; valid ones are normalized to about 1. */
 const MISSING_THRESHOLD = 1e35;
