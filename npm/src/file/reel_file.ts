@@ -53,8 +53,7 @@ export class ReelFile implements OpenReel {
    * Open a file.
    *
    * @param from - An address, read by range requests; a response; a blob, such as a dropped file; or
-   *   bytes, such as a `Buffer` of Node. Bytes are neither changed nor detached, and must not change
-   *   while the file is open.
+   *   bytes, such as a `Buffer` of Node, which are copied.
    * @throws SourceError if the bytes cannot be read.
    * @throws CorruptStreamError, TruncatedStreamError if the file is damaged or not a `.reel` file.
    * @throws UnsupportedVersionError if the file needs a newer version, or a method that only the
