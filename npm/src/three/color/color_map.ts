@@ -38,7 +38,7 @@ export type Colors = readonly (readonly [number, number, number])[];
 /** Return the colors of a map. @throws InvalidInputError if it is no name or list of colors. */
 export function resolveColorMap(map: ColorMap): Colors {
   const isName = typeof map === "string";
-  const colors = isName ? MAPS[map]?.split(" ").map((hex) => `#${hex}`) : map;
+  const colors = isName ? MAPS[map]?.split(" ").map((hex) => parseInt(hex, 16)) : map;
   if (!Array.isArray(colors) || colors.length < 2) {
     throw new InvalidInputError(
       'map must be "sequential", "diverging" or a list of two or more colors; got ' +
