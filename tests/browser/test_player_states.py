@@ -312,15 +312,6 @@ def test_size_is_reserved_before_the_script_arrives(new_page):
         opened.close()  # while the server is running
 
 
-WORKERS = """
-window.workers = 0;
-const Given = window.Worker;
-window.Worker = class extends Given {
-  constructor(...given) { super(...given); window.workers++; }
-  terminate() { super.terminate(); window.workers--; }
-};
-"""
-
 ALL = "[...document.querySelectorAll('reel-player')]"
 
 
