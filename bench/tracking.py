@@ -37,7 +37,7 @@ from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.kernel.fields import decode_fields
-from meshreel.metrics.kg import kg_error_percent
+from meshreel.metrics.position_errors import position_errors
 from meshreel.paper import pipeline
 from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.runtime.threads import one_blas_thread
@@ -226,7 +226,7 @@ def measure_bits(sequence: meshreel.MeshSequence, length: int, all_modes: list[i
                 "bits": bits,
                 "size_bytes": len(data) - meshreel.info(data).budget_bytes["order"],
                 "basis_bytes": basis_bytes(data),
-                "kg_percent": kg_error_percent(sequence.vertices, decoded),
+                "kg_percent": position_errors(sequence.vertices, decoded).kg_error_percent,
             }
             points.append(point)
     return {"points": points}

@@ -9,8 +9,8 @@ import numpy as np
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
+from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.stream import read
@@ -141,7 +141,7 @@ def measured(sequence: MeshSequence, data: bytes, errors: Sequence[str] = ERRORS
     size = len(data) - info(data).budget_bytes.get("order", 0)
     original, decoded = sequence.vertices, decode(data).vertices
     values: dict[str, Callable[[], float]] = {
-        "kg_error_percent": lambda: kg_error_percent(original, decoded),
+        "kg_error_percent": lambda: position_errors(original, decoded).kg_error_percent,
         "sted": lambda: sted(original, decoded, sequence.faces).sted,
         "nmsve_mean": lambda: float(np.mean(nmsve_per_frame(original, decoded, sequence.faces))),
     }

@@ -11,8 +11,9 @@ from meshreel.arrays import Integers
 from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
+from meshreel.metrics.position_errors import ErrorSums, add_blocks
+from meshreel.metrics.reference import reference_of_extent
 from meshreel.metrics.sted import sted
-from meshreel.metrics.streamed import ErrorSums, add_blocks
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import FrameSource, MeshSequence
@@ -55,7 +56,8 @@ def measure_stream(
         Extent whose diagonal errors are relative to. Default: that of the original.
     progress : callable, optional
     """
-    sums, runs = ErrorSums(extent or sequence.extent), list[Vertices]()
+    sums = ErrorSums(reference_of_extent(extent or sequence.extent))
+    runs: list[Vertices] = []
     tracks: dict[str, list[TrackErrors]] = {}
     segments = sequence.segments
     n_frames, first_frame = sequence.n_frames, 0
@@ -63,12 +65,12 @@ def measure_stream(
 
         def decoded_blocks(
             reel: ReelFile, internal: Integers | None, first: int = first_frame
-        ) -> Iterator[tuple[int, Vertices]]:
+        ) -> Iterator[Vertices]:
             for start, frames in reel.pieces():
                 given = frames if internal is None else frames[:, internal]
                 if with_sted:
                     runs.append(given)
-                yield start, given
+                yield given
                 progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 
         progress("measuring", Count(first_frame, n_frames, "frames"))

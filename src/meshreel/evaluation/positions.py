@@ -26,8 +26,7 @@ from meshreel.evaluation.comparison import (
 from meshreel.evaluation.draco import DRACO
 from meshreel.evaluation.peers import ARRAY_PEERS, Peer
 from meshreel.evaluation.recorded import matching
-from meshreel.metrics.displacement import displacement_errors_percent
-from meshreel.metrics.kg import kg_error_percent
+from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence, Vertices
@@ -245,13 +244,8 @@ def _measure_coder(
 
 def errors_of(original: MeshSequence, vertices_hat: Vertices) -> dict[str, float]:
     """KG error, STED, largest and RMS error of decoded positions, as in `compare`."""
-    distances = displacement_errors_percent(original.vertices, vertices_hat)
-    return {
-        "kg_error_percent": kg_error_percent(original.vertices, vertices_hat),
-        "sted": sted(original.vertices, vertices_hat, original.faces).sted,
-        "max_error_percent": distances.max_percent,
-        "rms_error_percent": distances.rms_percent,
-    }
+    positions = vars(position_errors(original.vertices, vertices_hat))
+    return {**positions, "sted": sted(original.vertices, vertices_hat, original.faces).sted}
 
 
 def _sizes(sequence: MeshSequence, n_bytes: int, n_connectivity: int | None) -> dict[str, Any]:

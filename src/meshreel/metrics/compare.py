@@ -8,13 +8,20 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
-from meshreel.metrics.displacement import displacement_errors_percent
-from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
-from meshreel.metrics.reference import bounding_box_reference, shared_reference
+from meshreel.metrics.position_errors import (
+    ErrorSums,
+    PositionErrors,
+    add_sequence,
+    position_errors,
+)
+from meshreel.metrics.reference import (
+    bounding_box_reference,
+    reference_of_extent,
+    shared_reference,
+)
 from meshreel.metrics.sted import sted
-from meshreel.metrics.streamed import ErrorSums, StreamedErrors, add_sequence
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import describe_track
@@ -114,8 +121,7 @@ def compare(
     require_comparable(original, decoded)
     vertices, vertices_hat, faces = original.vertices, decoded.vertices, original.faces
     progress("comparing", 0.0)
-    kg = kg_error_percent(vertices, vertices_hat)
-    displacement = displacement_errors_percent(vertices, vertices_hat)
+    positions = position_errors(vertices, vertices_hat)
     progress("comparing", 0.1)
     perceived = sted(vertices, vertices_hat, faces)
     progress("comparing", 0.5)
@@ -125,13 +131,13 @@ def compare(
     at_rest = rest_motion(vertices, vertices_hat)
     progress("comparing", 1.0)
     return Quality(
-        kg_error_percent=kg,
+        kg_error_percent=positions.kg_error_percent,
         sted=perceived.sted,
         sted_spatial=perceived.spatial,
         sted_temporal=perceived.temporal,
         nmsve=nmsve,
-        max_error_percent=displacement.max_percent,
-        rms_error_percent=displacement.rms_percent,
+        max_error_percent=positions.max_error_percent,
+        rms_error_percent=positions.rms_error_percent,
         normal_angle_mean_deg=angles.mean_deg,
         normal_angle_p95_deg=angles.p95_deg,
         n_degenerate_face_frames=angles.n_degenerate_face_frames,
@@ -203,13 +209,15 @@ def measure_quality(
     return compare(original, decoded, progress=progress)
 
 
-def _vertex_errors(original: MeshSequence, decoded: MeshSequence) -> StreamedErrors | None:
+def _vertex_errors(original: MeshSequence, decoded: MeshSequence) -> PositionErrors | None:
     """Return the errors of vertices if the meshes of all segments are the same."""
     pairs = list(zip(original.segments, decoded.segments, strict=False))
-    counts = [[one.n_frames for one in either.segments] for either in (original, decoded)]
+    counts = [
+        [segment.n_frames for segment in sequence.segments] for sequence in (original, decoded)
+    ]
     if counts[0] != counts[1] or any(mesh_difference(*pair) for pair in pairs):
         return None
-    sums = ErrorSums(original.extent)
+    sums = ErrorSums(reference_of_extent(original.extent))
     for segment, segment_hat in pairs:
         add_sequence(sums, segment, segment_hat)
     return sums.errors

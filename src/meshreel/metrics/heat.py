@@ -144,11 +144,6 @@ def vertex_normal_angle_deg(original: Frame, decoded: Frame, faces: Faces) -> Fl
     return np.divide(sums, counts, out=np.zeros(n_verts), where=counts > 0)
 
 
-def vertex_sted(original: Frame, decoded: Frame, faces: Faces) -> Floats:
-    """Local STED of each vertex of one frame, without unit; see `LocalSted`, shape (V,)."""
-    return LocalSted(faces, len(original)).field(original, decoded)
-
-
 class LocalSted:
     """The spatial part of STED per vertex, before averaging.
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import Vertices
+from meshreel.model.extent import Extent, Vertices
 
 _LARGEST_EXPONENT = 1000  # both 2**1000 and 2**-1000 are normal float64 numbers
 
@@ -61,6 +61,11 @@ def reference_of_box(low: Floats, high: Floats) -> Reference:
     exponent = int(np.frexp(half.max())[1])
     scale = 2.0 ** -int(np.clip(exponent, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
     return Reference(low + high, scale, 2 * float(np.linalg.norm(half * scale)))
+
+
+def reference_of_extent(extent: Extent) -> Reference:
+    """Reference of positions of this extent."""
+    return reference_of_box(extent.low, extent.high)
 
 
 def shared_reference(original: Vertices, decoded: Vertices) -> Reference:

@@ -12,8 +12,8 @@ from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.closest_points import TriangleTree, k_d_tree
 from meshreel.metrics.normals import DEGENERATE_AREA
+from meshreel.metrics.position_errors import PositionErrors
 from meshreel.metrics.reference import Reference, reference_of_box
-from meshreel.metrics.streamed import StreamedErrors
 from meshreel.metrics.surface_samples import (
     SurfacePoints,
     TriangleSet,
@@ -117,7 +117,7 @@ class SurfaceQuality:
         In model units.
     reason : str
         Why surfaces were compared rather than vertices: "the faces differ".
-    vertex_errors : StreamedErrors or None
+    vertex_errors : PositionErrors or None
         Errors of the vertices, if those of original and decoded correspond nevertheless, as in a
         stream of several segments and its original.
 
@@ -141,7 +141,7 @@ class SurfaceQuality:
     diagonal: float
     longest_side: float
     reason: str
-    vertex_errors: StreamedErrors | None = None
+    vertex_errors: PositionErrors | None = None
 
     @property
     def worse(self) -> SurfaceDistances:

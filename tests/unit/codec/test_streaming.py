@@ -17,7 +17,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.streaming import Encoder
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.displacement import displacement_errors_percent
+from meshreel.metrics.position_errors import position_errors
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 from samples.streams import recorded
 
@@ -70,7 +70,7 @@ def test_error_bound_holds_for_frames_outside_the_first_box():
         SEQUENCE.vertices * np.linspace(1, 30, 43, dtype=np.float32)[:, None, None], SEQUENCE.faces
     )
     data = recorded(growing, block_frames=8, max_error=0.5)
-    found = displacement_errors_percent(growing.vertices, decode(data).vertices).max_percent
+    found = position_errors(growing.vertices, decode(data).vertices).max_error_percent
     assert info(data).error_bound_percent == 0.5
     assert found <= 0.5
 

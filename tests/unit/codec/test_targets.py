@@ -16,7 +16,6 @@ from meshreel.codec.reel.encoding.effort import (
     quality_step,
     tune_named,
 )
-from meshreel.codec.reel.normative.blocks import MAX_LEARNED
 from meshreel.codec.reel_options import Tune
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind, target_of
 from meshreel.errors import InvalidInputError
@@ -335,7 +334,7 @@ def test_parameters_of_every_effort_fit_the_format(effort):
     for tune in Tune:
         choices = choices_for(effort, tune, None)
         assert 1 <= choices.stencil_size <= MAX_STENCIL
-        assert 0 <= choices.n_learned <= MAX_LEARNED
+        assert 0 <= choices.n_learned <= 255
 
 
 def test_number_of_modes_is_limited_in_a_search():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.displacement import displacement_errors_percent
 from meshreel.metrics.heat import (
     HEATS,
     LocalSted,
@@ -12,13 +11,17 @@ from meshreel.metrics.heat import (
     surface_distance_percent,
     vertex_distance_percent,
     vertex_normal_angle_deg,
-    vertex_sted,
 )
+from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.metrics.sted import sted
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+
+
+def vertex_sted(original, decoded, faces):
+    return LocalSted(faces, len(original)).field(original, decoded)
 
 
 def test_vertex_distance_percent_is_the_euclidean_distance():
@@ -39,9 +42,11 @@ def test_maximum_of_vertex_distance_percent_is_the_largest_error(tube):
     fields = [
         vertex_distance_percent(*pair, diagonal) for pair in zip(original, decoded, strict=True)
     ]
-    expected = displacement_errors_percent(original, decoded)
-    assert np.max(fields) == pytest.approx(expected.max_percent, rel=1e-12)
-    assert np.sqrt(np.mean(np.square(fields))) == pytest.approx(expected.rms_percent, rel=1e-12)
+    expected = position_errors(original, decoded)
+    assert np.max(fields) == pytest.approx(expected.max_error_percent, rel=1e-12)
+    assert np.sqrt(np.mean(np.square(fields))) == pytest.approx(
+        expected.rms_error_percent, rel=1e-12
+    )
 
 
 def test_vertex_distance_percent_without_a_diagonal_is_infinite():

@@ -7,10 +7,9 @@ import pytest
 from meshreel.app.figures import quality_rows
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import compare, rest_motion
-from meshreel.metrics.displacement import displacement_errors_percent
-from meshreel.metrics.kg import kg_error_percent
 from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.normals import normal_angles
+from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence
 
@@ -27,16 +26,14 @@ def with_faces(sequence, faces):
 
 def test_compare_returns_every_metric(pair, tube):
     quality, perceived, angles = compare(*pair), sted(*tube), normal_angles(*tube)
-    displacement, at_rest = displacement_errors_percent(*tube[:2]), rest_motion(*tube[:2])
+    positions, at_rest = position_errors(*tube[:2]), rest_motion(*tube[:2])
     expected = {
-        "kg_error_percent": kg_error_percent(*tube[:2]),
+        **vars(positions),
         "sted": perceived.sted,
         "sted_spatial": perceived.spatial,
         "sted_temporal": perceived.temporal,
         "nmsve": nmsve_per_frame(*tube).tolist(),
         "nmsve_mean": nmsve_per_frame(*tube).mean(),
-        "max_error_percent": displacement.max_percent,
-        "rms_error_percent": displacement.rms_percent,
         "normal_angle_mean_deg": angles.mean_deg,
         "normal_angle_p95_deg": angles.p95_deg,
         "n_degenerate_face_frames": 0,

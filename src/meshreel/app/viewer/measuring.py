@@ -11,8 +11,8 @@ from meshreel.arrays import Floats
 from meshreel.codec.reel_file import ReelFile
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.nmsve import FrameNmsve
-from meshreel.metrics.reference import Reference, paired_frames, reference_of_box
-from meshreel.metrics.streamed import ErrorSums, StreamedErrors
+from meshreel.metrics.position_errors import ErrorSums, PositionErrors
+from meshreel.metrics.reference import Reference, paired_frames, reference_of_extent
 from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.runtime.progress import Progress, silent
@@ -42,7 +42,7 @@ class Comparison:
         self.reel: ReelFile = reel
         self.original: Original = original
         self.faces: Faces = reel.faces
-        self.reference: Reference = reference_of_box(original.extent.low, original.extent.high)
+        self.reference: Reference = reference_of_extent(original.extent)
         diagonal = self.reference.diagonal
         self._fields = {
             kind: heat_field(kind, self.faces, reel.n_verts, diagonal) for kind in HEATS
@@ -71,7 +71,7 @@ class Measured:
         The spatial part of STED, close to STED; the temporal part would need all frames at once.
     """
 
-    errors: StreamedErrors
+    errors: PositionErrors
     nmsve_mean: float
     sted_spatial: float
 
@@ -89,7 +89,7 @@ class Figures:
         original, reel = comparison.original, comparison.reel
         self._reference = comparison.reference
         self._nmsve_of = FrameNmsve(original.frame(0), comparison.faces, self._reference).of
-        self._errors = ErrorSums(original.extent)
+        self._errors = ErrorSums(self._reference)
         self._n_touched = reel.n_verts - len(isolated_vertices(comparison.faces, reel.n_verts))
         self._deviations: list[float] = []
         self._largest: dict[str, float] = {}

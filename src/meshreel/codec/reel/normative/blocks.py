@@ -37,9 +37,6 @@ WITH_COSINES = 32
 ADAPTIVE = 64
 """Flag of the layout: the basis is coded by adaptive times."""
 
-MAX_LEARNED = 255
-"""Maximum number of modes that prediction weights adapt to."""
-
 
 def write_field_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None

@@ -7,7 +7,7 @@ from meshreel.codec.options import config_of
 from meshreel.codec.reel.encoding.block_coder import KeyedBlocks, coder_of
 from meshreel.codec.reel.encoding.meters import SLACK, KgMeter
 from meshreel.codec.source import Source
-from meshreel.metrics.kg import kg_error_percent
+from meshreel.metrics.position_errors import position_errors
 from meshreel.model.sequence import MeshSequence
 from samples.meshes import irregular_sequence, waving_grid
 
@@ -22,7 +22,7 @@ def metered(sequence, step, block_frames=8):
         meter.add(frames, coded)
         decoded.append(coded.decoded(frames))
     original = sequence.vertices[:, source.mesh.order]
-    return meter.value, kg_error_percent(original, np.concatenate(decoded))
+    return meter.value, position_errors(original, np.concatenate(decoded)).kg_error_percent
 
 
 @pytest.mark.parametrize("make", [waving_grid, irregular_sequence])

@@ -55,7 +55,7 @@ def test_layout_round_trips_through_the_plain_reader(layout):
         *({"step": np.float32(step)} for step in (0.0, -1.0, np.nan, np.inf, 1e6)),
         {"stencil_size": 0},
         {"stencil_size": MAX_STENCIL + 1},
-        {"n_learned": blocks.MAX_LEARNED + 1},
+        {"n_learned": 256},
         {"rests": Rests(((0, 1),))},
         {"rests": Rests(((1, 1),))},
         {"rests": Rests(((1, 2),), 9)},
