@@ -120,7 +120,8 @@ class EncoderConfig:
     def __post_init__(self) -> None:
         for option in options_of_fields(type(self)):
             value = getattr(self, option.name)
-            option.check(value)
+            if value is not option.default:
+                option.check(value)
             if value != option.default:
                 option.check_method(self.method)
         if self.memory is not None:

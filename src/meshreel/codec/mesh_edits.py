@@ -13,8 +13,8 @@ import numpy as np
 from meshreel.arrays import Integers, n_equal_before
 from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
-from meshreel.codec.connectivity.order import inverse_permutation, matching_corners
-from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.connectivity.triangles import matching_corners, twin_sides
 from meshreel.codec.mesh_matching import (
     MAX_VERTS,
     FaceIndex,

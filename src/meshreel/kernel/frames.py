@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.library import Argument, call, int32s, memory, size_of
-from meshreel.runtime.threads import chunks, in_threads
+from meshreel.kernel.library import Argument, call, int32s, memory
+from meshreel.runtime.threads import in_chunks
 
 Integers = npt.NDArray[np.integer]
 
@@ -122,7 +122,7 @@ class JointFrames:
         """The fields in the core's layout."""
         values = np.asarray(self.values, np.float64)
         n_verts, n_modes = values.shape
-        packed = memory(size_of("reel_packed_bytes", n_modes, n_verts, self._precision))
+        packed = memory("reel_packed_bytes", n_modes, n_verts, self._precision)
         order = None if self.order is None else int32s(self.order)
 
         def pack(piece: slice) -> None:
@@ -141,7 +141,7 @@ class JointFrames:
                 what="fields",
             )
 
-        in_threads(pack, chunks(n_verts, VERTICES_AT_ONCE))
+        in_chunks(pack, n_verts, VERTICES_AT_ONCE)
         return packed
 
     @property

@@ -50,11 +50,6 @@ def library() -> ctypes.CDLL:
     return loaded
 
 
-def size_of(function: str, *arguments: int) -> int:
-    """Call a function of the core that returns a size."""
-    return int(_function(function)(*(ctypes.c_int64(argument) for argument in arguments)))
-
-
 def call(
     function: str,
     *arguments: Argument,
@@ -83,7 +78,7 @@ def call(
         If an input array exceeds a limit of the format.
     """
     if memory_of is not None:
-        work = memory(size_of(*memory_of))
+        work = memory(*memory_of)
         arguments = work, len(work), *arguments
     result = int(_function(function)(*chain.from_iterable(map(_passed, arguments))))
     if result >= 0:
@@ -121,8 +116,15 @@ def int32s(values: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
     return np.ascontiguousarray(values, np.int32)
 
 
-def memory(size_bytes: int) -> npt.NDArray[np.uint8]:
-    """Uninitialized memory for a function of the core, aligned as required."""
+def memory(size_of: str, *arguments: int) -> npt.NDArray[np.uint8]:
+    """Uninitialized memory for a function of the core, aligned as required.
+
+    Parameters
+    ----------
+    size_of : str
+        The function of the core that returns its size, given the arguments.
+    """
+    size_bytes = int(_function(size_of)(*map(ctypes.c_int64, arguments)))
     block = np.empty(size_bytes + ALIGNMENT, np.uint8)
     start = -block.ctypes.data % ALIGNMENT
     return block[start : start + size_bytes]

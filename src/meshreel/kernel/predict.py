@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.library import call, memory, size_of
+from meshreel.kernel.library import call, memory
 from meshreel.kernel.mesh import Hierarchy
 from meshreel.kernel.structures import fields_of
 from meshreel.runtime.threads import in_threads, n_cores
@@ -99,7 +99,7 @@ def decode_values(
 def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None) -> Prepared:
     """Initial weights, shared by blocks with the same key or without one: 608 bytes per vertex."""
     n_levels = len(mesh.smooth_starts)
-    prepared = memory(size_of("reel_predict_prepare_memory", len(mesh.order), n_levels))
+    prepared = memory("reel_predict_prepare_memory", len(mesh.order), n_levels)
     core_mesh = _mesh(mesh)
     fields = _fields(mesh, 0, n_learned, None, None, key, prepared)
 

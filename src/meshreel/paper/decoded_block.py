@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
-from meshreel.runtime.threads import chunks, in_threads
+from meshreel.runtime.threads import in_chunks
 
 Vertices = npt.NDArray[np.floating]
 
@@ -57,9 +57,8 @@ class DecodedBlock:
             matrices = self.frames_of(slice(first + piece.start, first + piece.stop))
             out[piece] = from_matrices(matrices, self.frame, out.dtype)
 
-        pieces = chunks(len(out), max(1, CHUNK_BYTES // (24 * out.shape[1])))
         # Damaged values may overflow; the caller checks whether frames are finite.
         with np.errstate(over="ignore", invalid="ignore"):
-            in_threads(fill, pieces)
+            in_chunks(fill, len(out), max(1, CHUNK_BYTES // (24 * out.shape[1])))
         if self.exact is not None:
             out[:, self.exact_places] = self.exact[first : first + len(out)]

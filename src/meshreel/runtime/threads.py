@@ -111,6 +111,11 @@ def in_threads(
                 done(number)
 
 
+def in_chunks(work: Callable[[slice], None], length: int, size: int) -> None:
+    """Call `work` in the pool for the `chunks` of a length, as `in_threads`."""
+    in_threads(work, chunks(length, size))
+
+
 def results_in_order(
     work: Callable[[Piece], Result],
     pieces: Iterable[Piece],

@@ -51,6 +51,11 @@ def write_varint(value: int) -> bytes:
     return bytes(out)
 
 
+def write_varints(*values: int) -> bytes:
+    """Encode several integers as `write_varint` encodes each."""
+    return b"".join(map(write_varint, values))
+
+
 def read_varint(data: bytes | memoryview, position: int) -> tuple[int, int]:
     """Return the integer at a byte position, and the position after it.
 
@@ -82,7 +87,7 @@ def write_text(text: str) -> bytes:
 
 def write_block_counts(n_frames: int, n_modes: int) -> bytes:
     """Return the payload of the section BLOCK: numbers of frames and modes."""
-    return write_varint(n_frames) + write_varint(n_modes)
+    return write_varints(n_frames, n_modes)
 
 
 def read_block_counts(payload: bytes) -> tuple[int, int]:
@@ -260,7 +265,7 @@ def _without(
 
     All sections and no range if that takes fewer bytes.
     """
-    numbers = b"".join(map(write_varint, (distance, n_skipped, n_shared)))
+    numbers = write_varints(distance, n_skipped, n_shared)
     shared = sections[start : start + n_shared]
     saved = sum(len(payload) + MIN_FRAMING for _, payload in shared)
     if len(numbers) + MIN_FRAMING >= saved:
@@ -348,7 +353,7 @@ def write_index(places: Sequence[BlockPlace], further: Sequence[SegmentPlace] = 
         first = segment.places[0]
         numbers += [segment.n_verts, segment.n_faces, len(first.sizes)]
         numbers += [first.position - segment.position, *_numbers_of(segment.places)]
-    return b"".join(map(write_varint, numbers))
+    return write_varints(*numbers)
 
 
 def _numbers_of(places: Sequence[BlockPlace]) -> list[int]:

@@ -4,12 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.triangles import (
-    AnyFaces,
-    lowest_rotation,
-    sorted_order,
-    twin_sides,
-)
+from meshreel.codec.connectivity.triangles import AnyFaces, matching_corners, twin_sides
 from meshreel.kernel import order
 from meshreel.model.sequence import Faces
 
@@ -47,14 +42,3 @@ def encode_order(
     twins = twin_sides(internal_faces, n_verts)
     coded = order.encode_order(internal_faces, twins, corners, sequence)
     return bytes([VERTICES_AND_FACES]) + coded
-
-
-def matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
-    """Find the first corner of each face in a list of the same triangles in another order."""
-    lowest, front = lowest_rotation(faces, n_verts)
-    known_lowest, known_front = lowest_rotation(known, n_verts)
-    corners = np.empty(len(lowest), np.int64)
-    known_order = sorted_order(known_lowest, n_verts)
-    listed_order = sorted_order(lowest, n_verts)
-    corners[listed_order] = 3 * known_order + (known_front[known_order] - front[listed_order]) % 3
-    return corners

@@ -32,6 +32,17 @@ def sorted_order(lowest: Integers, n_verts: int) -> Integers:
     return np.lexsort((lowest[:, 2], lowest[:, 0] * n_verts + lowest[:, 1])).astype(np.int64)
 
 
+def matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
+    """Find the first corner of each face in a list of the same triangles in another order."""
+    lowest, front = lowest_rotation(faces, n_verts)
+    known_lowest, known_front = lowest_rotation(known, n_verts)
+    corners = np.empty(len(lowest), np.int64)
+    known_order = sorted_order(known_lowest, n_verts)
+    listed_order = sorted_order(lowest, n_verts)
+    corners[listed_order] = 3 * known_order + (known_front[known_order] - front[listed_order]) % 3
+    return corners
+
+
 def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
     """The opposite side of each side of each face; a boundary side is its own opposite.
 

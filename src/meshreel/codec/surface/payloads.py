@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import Order, Section
-from meshreel.codec.connectivity.order import inverse_permutation, matching_corners
+from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.connectivity.triangles import matching_corners
 from meshreel.codec.entropy.tables import encode_grid_table, encode_table
 from meshreel.codec.surface.codes import DOMAINS, KINDS
 from meshreel.codec.surface.materials import write_image, write_material

@@ -26,7 +26,7 @@ from meshreel.kernel.basis import (
 )
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, Prepared, encode_values
-from meshreel.runtime.threads import chunks, in_background, in_threads
+from meshreel.runtime.threads import chunks, in_background, in_chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -253,7 +253,7 @@ def _projected(vectors: Floats, frames: BlockFrames, rows: Integers, step: float
     def fill(piece: slice) -> None:
         fields[rows[piece]] = (inverse @ frames.coordinates(piece)).T / step
 
-    in_threads(fill, chunks(len(fields), CHUNK_VERTICES))
+    in_chunks(fill, len(fields), CHUNK_VERTICES)
     return fields
 
 

@@ -4,6 +4,7 @@ import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import chain, starmap
 from typing import Any
 
 import numpy as np
@@ -27,12 +28,12 @@ from meshreel.codec.source import CodedMesh, Piece
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.predict import decode_values
-from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
+from meshreel.runtime.threads import in_chunks, one_blas_thread
 
 Vertices = npt.NDArray[np.floating]
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
-SectionsOf = Callable[[FieldBlock, FieldMesh, Corrections | None], Iterator[tuple[Section, bytes]]]
+SectionsOf = Callable[[FieldBlock, FieldMesh, Corrections | None], list[tuple[Section, bytes]]]
 
 DECODED_FRAMES = 64
 """Number of frames decoded per task."""
@@ -74,10 +75,9 @@ class FieldBlockCoder:
         choices = replace(self.choices, position_step=position_step)
         return replace(self, choices=choices, bound=bound)
 
-    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """Yield the sections before the first block, after the connectivity."""
-        if self.bound is not None:
-            yield Section.ERROR_BOUND, write_error_bound(100.0 * self.bound)
+    def leading_sections(self) -> list[tuple[Section, bytes]]:
+        """Return the sections before the first block, after the connectivity."""
+        return error_bound_sections(self.bound)
 
     def frames(self, vertices: Vertices, order: Integers | None = None) -> "FieldFrames":
         """Wrap a block of positions of shape (T_b, V, 3), or of values of shape (T_b, N, C).
@@ -115,7 +115,10 @@ class FieldBlockCoder:
                     each_column=self.each_column,
                 )
         return CodedFrames(
-            sections=self.sections_of(analyzed.block, self.mesh, corrections),
+            # `starmap` calls `sections_of`, which is the entropy coding, when a section is needed.
+            sections=chain.from_iterable(
+                starmap(self.sections_of, [(analyzed.block, self.mesh, corrections)])
+            ),
             analyzed=analyzed,
             corrections=corrections,
             key=KeyBlock(
@@ -183,7 +186,7 @@ class CodedFrames:
 
         joint = self.analyzed.decoded
         joint.pack()
-        in_threads(fill, chunks(len(out), DECODED_FRAMES))
+        in_chunks(fill, len(out), DECODED_FRAMES)
         return out
 
     def squared_error(self, frames: "FieldFrames") -> float:
@@ -328,6 +331,6 @@ def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
     return frames
 
 
-def write_error_bound(percent: float) -> bytes:
-    """Return the payload of the section ERROR_BOUND."""
-    return struct.pack("<d", percent)
+def error_bound_sections(bound: float | None) -> list[tuple[Section, bytes]]:
+    """Return the section that states a guaranteed bound in diagonals; none without a bound."""
+    return [] if bound is None else [(Section.ERROR_BOUND, struct.pack("<d", 100.0 * bound))]

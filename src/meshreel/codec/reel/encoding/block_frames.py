@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, truncated_pca
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.frames import add_coordinate_rows, coordinate_rows
-from meshreel.runtime.threads import chunks, in_threads
+from meshreel.runtime.threads import chunks, in_chunks
 
 Floats = npt.NDArray[np.float64]
 
@@ -102,7 +102,7 @@ class BlockFrames:
         def fill(piece: slice) -> None:
             columns[:, piece] = self._rows(piece)
 
-        in_threads(fill, chunks(self.n_verts, CHUNK_VERTICES))
+        in_chunks(fill, self.n_verts, CHUNK_VERTICES)
         return columns
 
     @property

@@ -60,9 +60,9 @@ class PositionCoder(ABC):
     def is_exact(self) -> bool:
         """Whether positions are lossless."""
 
-    @abstractmethod
-    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """Yield the sections between those of the mesh and the first block."""
+    def leading_sections(self) -> list[tuple[Section, bytes]]:
+        """Return the sections between those of the mesh and the first block."""
+        return []
 
     @abstractmethod
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
@@ -82,10 +82,6 @@ class ExactPositionCoder(PositionCoder):
     def is_exact(self) -> bool:
         """True."""
         return True
-
-    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """Yield nothing."""
-        return iter(())
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
         """Encode a contiguous block of shape (T_b, V, 3), in internal order, and verify it.

@@ -6,7 +6,6 @@ motion; it is predicted along its surface, which is faster than a hierarchy.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.reel.encoding.block_coder import largest_rounding, write_error_bound
+from meshreel.codec.reel.encoding.block_coder import error_bound_sections, largest_rounding
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
@@ -61,10 +60,9 @@ class GridPositionCoder(PositionCoder):
         """False: blocks on a grid are lossy."""
         return False
 
-    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """Yield the sections before the first block."""
-        if self.bound is not None:
-            yield Section.ERROR_BOUND, write_error_bound(100.0 * self.bound)
+    def leading_sections(self) -> list[tuple[Section, bytes]]:
+        """Return the sections before the first block."""
+        return error_bound_sections(self.bound)
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
         """Encode a contiguous block of shape (T_b, V, 3), in internal order.

@@ -16,7 +16,7 @@ from meshreel.codec.source import CodedMesh
 from meshreel.codec.tracks import DIFFERENCES, Coding, TrackHeader
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.normals import find_rotations
-from meshreel.runtime.threads import chunks, in_threads
+from meshreel.runtime.threads import chunks, in_chunks
 
 Values = npt.NDArray[Any]
 Vertices = npt.NDArray[np.floating]
@@ -141,7 +141,7 @@ def residuals(
             raise UnreachableError(*error.args) from error
         result[piece][is_missing.any(axis=2)] = np.nan
 
-    in_threads(fill, chunks(len(values), max(1, MAX_VALUES_PER_TASK // values.shape[1])))
+    in_chunks(fill, len(values), max(1, MAX_VALUES_PER_TASK // values.shape[1]))
     return result
 
 
@@ -156,5 +156,5 @@ def exact_residuals(
             expected = expected_values(header, surface, positions, piece)
         result[piece] -= expected_places(header, expected)
 
-    in_threads(subtract, chunks(len(values), max(1, MAX_VALUES_PER_TASK // values.shape[1])))
+    in_chunks(subtract, len(values), max(1, MAX_VALUES_PER_TASK // values.shape[1]))
     return result

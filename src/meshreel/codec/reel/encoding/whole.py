@@ -251,7 +251,7 @@ class RateSearch:
     def _encoded(self, step: float, bound: float | None) -> bytes:
         self._report(0)
         coder = self._coder.with_step(step, bound)
-        leading = list(coder.leading_sections())
+        leading = coder.leading_sections()
         blocks: Iterator[tuple[int, Sections]]
         if self._best is not None and self._best[0] == step:
             blocks = iter(self._best[1])

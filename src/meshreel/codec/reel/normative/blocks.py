@@ -1,14 +1,13 @@
 """Sections of a block of `reel`, `lossless` and `grid`, laid out as in `docs/format.md`."""
 
 import struct
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.bitstream.container import write_block_counts, write_varint
+from meshreel.codec.bitstream.container import write_block_counts, write_varint, write_varints
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
@@ -40,19 +39,19 @@ ADAPTIVE = 64
 
 def write_field_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
-) -> Iterator[tuple[Section, bytes]]:
-    """Yield the sections of positions coded as fields; they begin a block."""
+) -> list[tuple[Section, bytes]]:
+    """Return the sections of positions coded as fields; they begin a block."""
     n_modes, _, n_frames = block.basis.shape
-    opening = Section.BLOCK, write_block_counts(n_frames, n_modes)
-    yield from [opening, *_field_sections(block, mesh, corrections)]
+    sections = _field_sections(block, mesh, corrections)
+    return [(Section.BLOCK, write_block_counts(n_frames, n_modes)), *sections]
 
 
 def write_track_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
-) -> Iterator[tuple[Section, bytes]]:
-    """Yield the sections of a block of a track coded as fields."""
+) -> list[tuple[Section, bytes]]:
+    """Return the sections of a block of a track coded as fields."""
     opening = Section.TRACK_BLOCK, write_varint(block.n_modes)
-    yield from [opening, *_field_sections(block, mesh, corrections)]
+    return [opening, *_field_sections(block, mesh, corrections)]
 
 
 def write_exact_positions(vertices: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
@@ -134,13 +133,13 @@ def write_layout(layout: Layout) -> bytes:
     number |= WITH_RESTS if layout.rests.runs else 0
     number |= WITH_COSINES if layout.has_cosines else 0
     number |= ADAPTIVE if layout.is_adaptive else 0
+    rests = _write_rests(layout.rests)
     parts = [
         bytes([number]),
         write_varint(layout.reference),
         struct.pack("<f", layout.step),
-        write_varint(layout.stencil_size),
-        write_varint(layout.n_learned),
-        _write_rests(layout.rests),
+        write_varints(layout.stencil_size, layout.n_learned),
+        rests,
     ]
     if layout.n_reused:
         parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
@@ -151,11 +150,11 @@ def _write_rests(rests: Rests) -> bytes:
     """Encode the resting times of a block; empty without any."""
     if not rests.runs:
         return b""
-    parts, previous_end = [bytes([rests.bits]), write_varint(len(rests.runs))], 0
+    numbers, previous_end = [len(rests.runs)], 0
     for start, end in rests.runs:
-        parts += [write_varint(start - previous_end), write_varint(end - start)]
+        numbers += [start - previous_end, end - start]
         previous_end = end
-    return b"".join(parts)
+    return bytes([rests.bits]) + write_varints(*numbers)
 
 
 def write_basis(
@@ -182,8 +181,7 @@ def write_corrections(corrections: Corrections) -> bytes:
     return b"".join(
         [
             struct.pack("<f", corrections.step),
-            write_varint(len(vertices)),
-            write_varint(len(corrections.vertices)),
+            write_varints(len(vertices), len(corrections.vertices)),
             encode_integers(rows, tables),
         ]
     )
