@@ -42,7 +42,7 @@ from conformance.sources import (
 )
 from conformance.surface import placed, read_on_surface
 from meshreel.codec.bitstream import container as stream_container
-from meshreel.codec.bitstream.container import Header, whole_stream, write_sections, write_varint
+from meshreel.codec.bitstream.container import Header, write_sections, write_stream, write_varint
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.corrections import Corrections
@@ -146,7 +146,7 @@ def by_hand(
         coded_blocks.append(
             (block[1].shape[2], [section for group in sections for section in group])
         )
-    return whole_stream(header, leading, coded_blocks)
+    return write_stream((header, leading, coded_blocks))
 
 
 def sections_of(write, faces, layout, basis, fields, corrections):

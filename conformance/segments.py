@@ -6,7 +6,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
-from io import BytesIO
 from pathlib import Path
 from unittest.mock import patch
 
@@ -17,10 +16,10 @@ from conformance.sources import grid, moving, of_boxes, of_everything
 from meshreel.codec import mesh_edits
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import (
-    StreamWriter,
     write_header,
     write_index,
     write_sections,
+    write_stream,
     write_varint,
 )
 from meshreel.codec.bitstream.layout import INDEX_POSITION, Section
@@ -174,17 +173,8 @@ def placed_like(stream, first):
 def written(segments, n_frames=None):
     """Return a stream of segments, each a header, sections and blocks."""
     (header, leading, blocks), *further = segments
-    file = BytesIO()
     header = header if n_frames is None else replace(header, n_frames=n_frames)
-    writer = StreamWriter(file, header, leading)
-    for block in blocks:
-        writer.write_block(*block)
-    for header, leading, blocks in further:
-        writer.begin_segment(header, leading)
-        for block in blocks:
-            writer.write_block(*block)
-    writer.finish()
-    return file.getvalue()
+    return write_stream((header, leading, blocks), *further)
 
 
 def parts():

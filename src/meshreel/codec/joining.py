@@ -2,10 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from io import BytesIO
 
-from meshreel.codec.bitstream.container import Header, StreamWriter
-from meshreel.codec.bitstream.container import whole_stream as written_stream
+from meshreel.codec.bitstream.container import Header, write_stream
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.surface.payloads import write_start
@@ -53,14 +51,8 @@ def join_streams(
         leading = _without_start(first)
         if start_s:
             leading.append((Section.START, write_start(start_s)))
-    file = BytesIO()
-    writer = StreamWriter(file, header, leading)
-    _write_blocks(writer, first)
-    for stream in further:
-        writer.begin_segment(header_of(stream), _without_start(stream))
-        _write_blocks(writer, stream)
-    writer.finish()
-    return file.getvalue()
+    others = ((header_of(stream), _without_start(stream), blocks_of(stream)) for stream in further)
+    return write_stream((header, leading, blocks_of(first)), *others)
 
 
 def separate_stream(opened: OpenStream) -> bytes:
@@ -74,16 +66,11 @@ def separate_stream(opened: OpenStream) -> bytes:
     leading = list(leading_of(opened))
     if opened.start_s and Section.START not in dict(leading):
         leading.append((Section.START, write_start(opened.start_s)))
-    return written_stream(header_of(opened), leading, blocks_of(opened))
+    return write_stream((header_of(opened), leading, blocks_of(opened)))
 
 
 def _without_start(opened: OpenStream) -> list[tuple[Section, bytes]]:
     return [stored for stored in leading_of(opened) if stored[0] is not Section.START]
-
-
-def _write_blocks(writer: StreamWriter, opened: OpenStream) -> None:
-    for n_frames, sections in blocks_of(opened):
-        writer.write_block(n_frames, sections)
 
 
 def header_of(opened: OpenStream) -> Header:

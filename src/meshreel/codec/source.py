@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.bitstream.container import Header, Sections, whole_stream
+from meshreel.codec.bitstream.container import Header, Sections, write_stream
 from meshreel.codec.bitstream.layout import Order, Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
@@ -300,7 +300,7 @@ class Source:
         leading = [*self.mesh.leading_sections(), *of_tracks, *leading]
         if self.tracks:
             blocks = self._with_tracks(blocks)
-        return whole_stream(self.header, leading, blocks)
+        return write_stream((self.header, leading, blocks))
 
     def _with_tracks(
         self, blocks: Iterable[tuple[int, Sections]]

@@ -13,10 +13,12 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.container import Sections
-from meshreel.codec.block_writer import BlockWriter, LiveSegment
+from meshreel.arrays import Integers
+from meshreel.codec.bitstream.container import Header, Sections, StreamWriter
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.mesh_edits import MeshEdits
+from meshreel.codec.methods import BlockCoder
 from meshreel.codec.options import config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
@@ -68,6 +70,24 @@ class _Mesh:
     dtype: np.dtype[np.floating]
     first_frame: int
     tracks: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class _Segment:
+    """A segment that is being encoded.
+
+    Attributes
+    ----------
+    order : integer array of shape (V,)
+        Given number of each internal vertex.
+    header, leading
+        What precedes its first block.
+    """
+
+    coder: BlockCoder
+    order: Integers
+    header: Header
+    leading: list[tuple[Section, bytes]]
 
 
 class Encoder:
@@ -165,7 +185,7 @@ class Encoder:
         self._since = 0.0
         self._coded_mesh: _Mesh | None = None  # of the last block
         self._bounding_frame: BoundingFrame | None = None
-        self._segment: LiveSegment | None = None
+        self._segment: _Segment | None = None
         self._edits = MeshEdits()
         self._is_closed = False
         self._path = Path(output) if isinstance(output, str | os.PathLike) else None
@@ -174,7 +194,7 @@ class Encoder:
             check_extension(self._path, (".reel",), "meshreel.save writes other formats")
             check_output_path(self._path, overwrite=overwrite)
         self._file: BinaryIO = self._path.open("wb") if self._path else output  # type: ignore[assignment]
-        self._writer = BlockWriter(self._file)
+        self._writer = StreamWriter(self._file)
         # A block is analyzed while the previous one is written.
         self._analysis_thread = ThreadPoolExecutor(1, "meshreel-encoder")
         self._file_thread = ThreadPoolExecutor(1, "meshreel-writer")
@@ -252,7 +272,8 @@ class Encoder:
                 self._code()
             self._wait_for_all()
             with self._errors_naming_output():
-                self._writer.finish()
+                if self._writer.size_bytes:
+                    self._writer.finish()
         finally:
             self._analysis_thread.shutdown()
             self._file_thread.shutdown()
@@ -367,7 +388,7 @@ class Encoder:
         """Return the error bounds of a segment; those of the first need all named tracks."""
         if is_first or self._targets is None:
             return self._targets
-        return {name: one for name, one in self._targets.items() if name in tracks}
+        return {name: bound for name, bound in self._targets.items() if name in tracks}
 
     def _block_frames(self, n_verts: int) -> int:
         if self._config.block_frames is not None:
@@ -395,21 +416,23 @@ class Encoder:
                 self._segment = self._new_segment(mesh, vertices, tracks, is_first=is_first)
             segment = self._segment
             assert segment is not None  # the first block begins one
-            sections = segment.code(vertices, tracks)
+            sections = segment.coder.code(vertices.take(segment.order, axis=1), tracks)
             if self._writing is not None:
                 self._writing.result()
             self._writing = self._file_thread.submit(write, segment, sections)
 
-        def write(segment: LiveSegment, sections: Sections) -> None:
+        def write(segment: _Segment, sections: Sections) -> None:
             with self._errors_naming_output():
-                self._writer.write(segment, len(vertices), sections)
+                if begins:
+                    self._writer.begin_segment(segment.header, segment.leading)
+                self._writer.write_block(len(vertices), sections)
             self.latency_s = max(self.latency_s, time.perf_counter() - since)
 
         self._analysis = self._analysis_thread.submit(analyze)
 
     def _new_segment(
         self, mesh: _Mesh, first: Vertices, tracks: dict[str, Track], *, is_first: bool
-    ) -> LiveSegment:
+    ) -> _Segment:
         """Return the encoder of a segment, given its first block."""
         if self._bounding_frame is None:
             self._bounding_frame = bounding_frame(extent_of(first))
@@ -417,10 +440,12 @@ class Encoder:
         coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, start_s)
         if coded.keeps_order:
             coded = replace(coded, edit=self._edits.edit_to(mesh.faces, mesh.n_verts))
+        method, frame, order = self._config.method_row, self._bounding_frame, coded.order
         targets = self._targets_of(tracks, is_first=is_first)
-        return LiveSegment(
-            coded, self._bounding_frame, first, tracks, targets, self._fps, self._name
-        )
+        coder = method.live_coder(coded, frame, first.take(order, axis=1), tracks, targets)
+        header = coded.header(frame, first.dtype, n_frames=0, fps=self._fps, name=self._name)
+        leading = [*coded.leading_sections(), *coder.leading_sections()]
+        return _Segment(coder, order, header, leading)
 
     def _wait(self) -> None:
         """Wait until the previous block is analyzed; raises its error at every call."""
@@ -460,8 +485,8 @@ def _copied_tracks(
 ) -> dict[str, Track]:
     """Return copies of the tracks of a frame; raises InvalidInputError if they do not fit it."""
     of_frame = {
-        name: one if isinstance(one, Track) else np.asarray(one)[None]
-        for name, one in dict(tracks or {}).items()
+        name: values if isinstance(values, Track) else np.asarray(values)[None]
+        for name, values in dict(tracks or {}).items()
     }
     return {
         name: Track(track.values.copy(), track.domain, track.kind, track.unit)

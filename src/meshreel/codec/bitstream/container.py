@@ -362,7 +362,7 @@ def _numbers_of(places: Sequence[BlockPlace]) -> list[int]:
 
 
 class StreamWriter:
-    """Writes a stream to a file: the header and leading sections, then blocks in order.
+    """Writes a stream to a file: for each segment its header and leading sections, then blocks.
 
     Written bytes never change: after an interruption the file is readable up to the last block.
 
@@ -370,47 +370,44 @@ class StreamWriter:
     ----------
     file : binary file, open for writing
         Written sequentially, without seeking.
-    header : Header
-        Its number of frames is 0 if it is still unknown.
-    leading : iterable of (Section, bytes)
-        The sections before the first block.
+
+    Attributes
+    ----------
+    size_bytes : int
+        Bytes written so far.
     """
 
-    def __init__(self, file: BinaryIO, header: Header, leading: Sections) -> None:
+    def __init__(self, file: BinaryIO) -> None:
+        self.size_bytes: int = 0
         self._file = file
-        self._header = header
-        self._first: list[BlockPlace] = []
+        self._header: Header | None = None  # of the stream
+        self._places: list[list[BlockPlace]] = []
         self._further: list[SegmentPlace] = []
-        self._places = self._first  # of the segment that is being written
         self._meshes = StoredMeshes()
-        self._position = 0
-        stored = self._meshes.share(0, header, leading)
-        self._write(write_header(header) + b"".join(write_sections(stored)))
-
-    @property
-    def size_bytes(self) -> int:
-        """Bytes written so far."""
-        return self._position
 
     def begin_segment(self, header: Header, leading: Sections) -> None:
-        """Begin another mesh; its frames follow those of the blocks written so far.
+        """Begin a mesh; its frames follow those of the blocks written so far.
 
         If an earlier segment has the same mesh, a reference is written in its place.
 
         Parameters
         ----------
         header : Header
-            Its name, number of frames and frame rate are not stored: those of the stream apply.
+            That of the first segment is the header of the stream; its number of frames is 0 if it
+            is still unknown. Name, number of frames and frame rate of others are not stored.
         leading : iterable of (Section, bytes)
-            The sections before its first block, without START.
+            The sections before its first block, without START unless it is the first segment.
         """
-        assert self._places, "a segment has at least one block"
-        self._places = []
-        counts = header.n_verts, header.n_faces
-        self._further.append(SegmentPlace(*counts, self._position, self._places))
-        first = Section.SEGMENT, write_segment(header, self._header)
-        stored = self._meshes.share(len(self._further), header, leading)
-        self._write(b"".join(write_sections([first, *stored])))
+        stored = self._meshes.share(len(self._places), header, leading)
+        self._places.append([])
+        if self._header is None:
+            self._header = header
+            self._write(write_header(header))
+        else:
+            counts = header.n_verts, header.n_faces
+            self._further.append(SegmentPlace(*counts, self.size_bytes, self._places[-1]))
+            stored = [(Section.SEGMENT, write_segment(header, self._header)), *stored]
+        self._write(b"".join(write_sections(stored)))
 
     def write_block(self, n_frames: int, sections: Sections) -> None:
         """Write a block and flush the file.
@@ -423,42 +420,38 @@ class StreamWriter:
             Each TRACK_BLOCK starts the sections of a further track.
         """
         listed = list(sections)
-        encoded, start, sizes = write_sections(listed), self._position, [0]
+        encoded, start, sizes = write_sections(listed), self.size_bytes, [0]
         for (section, _), data in zip(listed, encoded, strict=True):
             if section is Section.TRACK_BLOCK:
                 sizes.append(0)
             sizes[-1] += len(data)
         self._write(b"".join(encoded))
         self._file.flush()
-        self._places.append(BlockPlace(n_frames, start, tuple(sizes)))
+        self._places[-1].append(BlockPlace(n_frames, start, tuple(sizes)))
 
     def finish(self) -> None:
         """Write the index and the end marker, which must be the last bytes."""
-        index = write_index(self._first, self._further)
-        position = INDEX_POSITION.pack(self._position)
+        index = write_index(self._places[0], self._further)
+        position = INDEX_POSITION.pack(self.size_bytes)
         self._write(b"".join(write_sections([(Section.INDEX, index), (Section.END, position)])))
         self._file.flush()
 
     def _write(self, data: bytes) -> None:
         self._file.write(data)
-        self._position += len(data)
+        self.size_bytes += len(data)
 
 
-def whole_stream(
-    header: Header, leading: Sections, blocks: Iterable[tuple[int, Sections]]
-) -> bytes:
-    """Encode a stream of one segment.
+Segment = tuple[Header, Sections, Iterable[tuple[int, Sections]]]
+"""Header, sections before the first block, and number of frames and sections of each block."""
 
-    Parameters
-    ----------
-    header : Header
-    leading : iterable of (Section, bytes)
-    blocks : iterable of (int, iterable of (Section, bytes))
-        Number of frames and sections of each block.
-    """
+
+def write_stream(*segments: Segment) -> bytes:
+    """Encode a stream of at least one segment."""
     file = BytesIO()
-    writer = StreamWriter(file, header, leading)
-    for block in blocks:
-        writer.write_block(*block)
+    writer = StreamWriter(file)
+    for header, leading, blocks in segments:
+        writer.begin_segment(header, leading)
+        for block in blocks:
+            writer.write_block(*block)
     writer.finish()
     return file.getvalue()

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from meshreel.codec.bitstream.container import Header, whole_stream, write_header
+from meshreel.codec.bitstream.container import Header, write_header, write_stream
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from samples.streams import Stream
@@ -14,7 +14,7 @@ HEADER = Header(175, 9971, 19938, 29.97, VertexType.FLOAT32, 0, 1, 2, (1.0, -2.0
 
 def stream_of(header):
     block = [(Section.BLOCK, b"\xaf\1\1"), (Section.COEFFICIENTS, b"")]
-    return whole_stream(header, [], [(175, block)])
+    return write_stream((header, [], [(175, block)]))
 
 
 BEHIND = stream_of(HEADER)[len(write_header(HEADER)) :]

@@ -9,10 +9,10 @@ from meshreel.codec.bitstream.container import (
     BlockPlace,
     Header,
     StreamWriter,
-    whole_stream,
     write_header,
     write_index,
     write_sections,
+    write_stream,
 )
 from meshreel.codec.bitstream.layout import INDEX_POSITION, OPTIONAL, Section, VertexType
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
@@ -25,7 +25,7 @@ BLOCKS = [
     (1, [(Section.BLOCK, b"\1\1"), (Section.BASIS, b""), (Section.COEFFICIENTS, b"3")]),
 ]
 SECTIONS = [*LEADING, *BLOCKS[0][1], *BLOCKS[1][1]]
-DATA = whole_stream(HEADER, LEADING, BLOCKS)
+DATA = write_stream((HEADER, LEADING, BLOCKS))
 UNCOUNTED = replace(HEADER, n_frames=0)
 (FIRST_START, FIRST_END), (SECOND_START, BLOCKS_END) = (one[0] for one in Stream(DATA).groups)
 FIRST, SECOND = FIRST_END - FIRST_START, BLOCKS_END - SECOND_START
@@ -115,12 +115,12 @@ def test_index_entry_that_points_to_an_unknown_section_is_refused():
 
 
 def test_frames_are_counted_without_a_number_in_the_header():
-    assert Stream(whole_stream(UNCOUNTED, LEADING, BLOCKS)).file.info.n_frames == 2
+    assert Stream(write_stream((UNCOUNTED, LEADING, BLOCKS))).file.info.n_frames == 2
 
 
 def test_stream_with_another_frame_count_in_its_header_is_incomplete():
     three = replace(HEADER, n_frames=3)
-    assert "contradicts" in damage_of(whole_stream(three, LEADING, BLOCKS))
+    assert "contradicts" in damage_of(write_stream((three, LEADING, BLOCKS)))
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,8 @@ def test_stream_with_a_wrong_end_marker_is_incomplete():
 
 def test_file_of_an_unfinished_writer_is_readable():
     file = BytesIO()
-    writer = StreamWriter(file, UNCOUNTED, LEADING)
+    writer = StreamWriter(file)
+    writer.begin_segment(UNCOUNTED, LEADING)
     for n_written, block in enumerate(BLOCKS, start=1):
         writer.write_block(*block)
         assert Stream(file.getvalue()).file.info.n_frames == n_written
@@ -159,7 +160,8 @@ def test_file_of_an_unfinished_writer_is_readable():
 
 def test_blocks_are_written_to_the_file_immediately(tmp_path):
     with (tmp_path / "live.reel").open("wb", buffering=1 << 20) as file:
-        writer = StreamWriter(file, UNCOUNTED, LEADING)
+        writer = StreamWriter(file)
+        writer.begin_segment(UNCOUNTED, LEADING)
         for n_written, block in enumerate(BLOCKS, start=1):
             writer.write_block(*block)
             assert Stream((tmp_path / "live.reel").read_bytes()).file.info.n_frames == n_written
@@ -208,8 +210,7 @@ def test_stream_with_bytes_after_its_end_is_incomplete():
 @pytest.mark.parametrize("counts", [{"n_verts": 2**26}, {"n_faces": 2**26}, {}])
 def test_large_counts_take_few_bytes(counts):
     many = replace(UNCOUNTED, **counts)
-    data = whole_stream(
-        many, LEADING, [(10**6, [(Section.BLOCK, b"\xc0\x84\x3d\1"), (Section.COEFFICIENTS, b"")])]
-    )
+    sections = [(Section.BLOCK, b"\xc0\x84\x3d\1"), (Section.COEFFICIENTS, b"")]
+    data = write_stream((many, LEADING, [(10**6, sections)]))
     assert len(data) < 300
     assert Stream(data).header == many
