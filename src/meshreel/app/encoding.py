@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 
-from meshreel.codec.achieved import Achieved, measure_stream
+from meshreel.codec.achieved import Achieved, measure_stream, measure_uvs
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import StreamInfo, info
 from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_notes
-from meshreel.codec.surface.uv_errors import UvErrors, measure_uvs
 from meshreel.codec.track_bounds import TrackTargets, without_units
 from meshreel.formats.notes import note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
@@ -23,8 +22,8 @@ class Encoded:
 
     Attributes
     ----------
-    uv : UvErrors or None
-        Errors of texture coordinates; None if they are exact.
+    uv : float or None
+        Largest error of texture coordinates, in widths of the texture; None if they are exact.
     n_meshes : int
         Number of distinct meshes among the segments.
     """
@@ -32,7 +31,7 @@ class Encoded:
     data: bytes
     stream: StreamInfo
     achieved: Achieved
-    uv: UvErrors | None
+    uv: float | None
     n_meshes: int
 
 

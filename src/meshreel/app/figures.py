@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from meshreel.app.viewer.measuring import Measured
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
-    from meshreel.codec.surface.uv_errors import UvErrors
     from meshreel.formats.inspection import MeshInfo
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
@@ -84,20 +83,18 @@ def track_error_rows(
     return rows
 
 
-def uv_figures(errors: "UvErrors | None") -> dict[str, Any]:
-    """Errors of quantized texture coordinates, as `encode` prints them as JSON."""
-    if errors is None:
-        return {}
-    return {"uv_error": errors.largest, "uv_error_texels_4096": errors.texels}
+def uv_figures(error: float | None) -> dict[str, Any]:
+    """Largest error of texture coordinates in widths of the texture, as `encode` prints JSON."""
+    return {} if error is None else {"uv_error": error, "uv_error_texels_4096": error * 4096}
 
 
-def uv_rows(errors: "UvErrors | None") -> dict[str, str]:
-    """Errors of quantized texture coordinates for a table; none if they are exact or absent."""
-    if errors is None:
+def uv_rows(error: float | None) -> dict[str, str]:
+    """Error of quantized texture coordinates for a table; none if they are exact or absent."""
+    if error is None:
         return {}
     return {
-        "texture coordinates": f"largest error {errors.largest:.2g} of the texture width, "
-        f"{errors.texels:.3g} texels at width 4096"
+        "texture coordinates": f"largest error {error:.2g} of the texture width, "
+        f"{error * 4096:.3g} texels at width 4096"
     }
 
 

@@ -8,15 +8,21 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
+from meshreel.codec.bitstream.layout import Order
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.memory import OWN_STREAM
+from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.surface.payloads import surface_in_order
+from meshreel.codec.surface.uv_grid import is_quantized
 from meshreel.metrics.position_errors import ErrorSums, add_blocks
 from meshreel.metrics.reference import reference_of_extent
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.surface import Attribute
 from meshreel.runtime.progress import Count, Progress, silent
 
 Vertices = npt.NDArray[np.floating]
@@ -101,3 +107,39 @@ def measure_tracks(sequence: FrameSource, data: bytes) -> dict[str, TrackErrors]
         is_dropped = reel.order == "drop"
         internal = internal_numbers(sequence.faces, sequence.n_verts) if is_dropped else None
         return errors_of_tracks(sequence.tracks, reel.tracks, internal)
+
+
+def measure_uvs(sequence: MeshSequence, data: bytes) -> float | None:
+    """Return the largest error of a texture coordinate of a stream, in widths of the texture.
+
+    None if it has none.
+
+    Parameters
+    ----------
+    sequence : MeshSequence
+        The original, with its complete surface.
+    """
+    errors = [
+        error
+        for number, segment in enumerate(sequence.segments)
+        for error in _uv_errors(segment, whole_stream(data, segment=number))
+    ]
+    return max(errors, default=None)
+
+
+def _uv_errors(sequence: FrameSource, opened: OpenStream) -> list[float]:
+    """Return the largest error of each attribute with rounded texture coordinates."""
+    faces, order = sequence.faces, opened.order_kept
+    internal = np.arange(sequence.n_verts)
+    if order is Order.DROP and sequence.surface.attributes:
+        internal = encode_connectivity(faces, sequence.n_verts, order="drop").internal_to_given
+    kept = surface_in_order(sequence.surface, order, faces, opened.faces, internal).attributes
+    if not any(map(is_quantized, kept)):
+        return []
+    pairs = zip(kept, opened.surface.attributes, strict=True)
+    return [_largest_uv_error(uv, uv_hat) for uv, uv_hat in pairs if is_quantized(uv)]
+
+
+def _largest_uv_error(given: Attribute, decoded: Attribute) -> float:
+    errors = decoded.per_item().astype(np.float64) - given.per_item()
+    return float(np.abs(errors[np.isfinite(errors)]).max(initial=0))

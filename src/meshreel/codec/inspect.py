@@ -228,7 +228,8 @@ def file_info(
     """Describe a file, or one of its segments; parameters and errors as in `stream_info`."""
     if segment is not None or file.info.n_segments == 1:
         return stream_info(OpenStream(file, limit, segment), is_remote=is_remote)
-    segments, surfaces = [], _Surfaces()
+    segments: list[StreamInfo] = []
+    surfaces: dict[Hashable, SurfaceFigures] = {}  # a shared one is decoded once
     for number in range(file.info.n_segments):
         opened = OpenStream(file, limit, number)
         segments.append(stream_info(opened, is_remote=is_remote, surfaces=surfaces))
@@ -298,42 +299,28 @@ def _combined_tracks(tracks: Iterable[TrackInfo]) -> tuple[TrackInfo, ...]:
     )
 
 
-@dataclass(frozen=True)
-class _SurfaceInfo:
-    """Description of a surface, as in `StreamInfo`."""
-
-    size_bytes: int
-    n_polygons: int
-    attributes: tuple[str, ...]
-    parts: tuple[str, ...]
-    materials: tuple[str, ...]
-    images: tuple[str, ...]
+SurfaceFigures = dict[str, Any]
+"""Attributes of `StreamInfo` that describe the surface, with its size."""
 
 
-class _Surfaces:
-    """Descriptions of the surfaces of segments; a shared surface is decoded once."""
-
-    def __init__(self) -> None:
-        self._found: dict[Hashable, _SurfaceInfo] = {}
-
-    def of(self, opened: OpenStream) -> _SurfaceInfo:
-        """Describe the surface of a segment; raises CorruptStreamError if it is damaged."""
-        key = opened.mesh_key
-        if key not in self._found:
-            surface = opened.surface
-            self._found[key] = _SurfaceInfo(
-                size_bytes=surface.size_bytes,
-                n_polygons=surface.n_faces(opened.n_faces),
-                attributes=describe_attributes(surface),
-                parts=tuple(part.name for part in surface.parts),
-                materials=describe_materials(surface),
-                images=describe_images(surface),
-            )
-        return self._found[key]
+def _surface_figures(opened: OpenStream) -> SurfaceFigures:
+    """Describe the surface of a segment; raises CorruptStreamError if it is damaged."""
+    surface = opened.surface
+    return {
+        "raw_size_bytes": surface.size_bytes,
+        "n_polygons": surface.n_faces(opened.n_faces),
+        "attributes": describe_attributes(surface),
+        "parts": tuple(part.name for part in surface.parts),
+        "materials": describe_materials(surface),
+        "images": describe_images(surface),
+    }
 
 
 def stream_info(
-    opened: OpenStream, *, is_remote: bool = False, surfaces: _Surfaces | None = None
+    opened: OpenStream,
+    *,
+    is_remote: bool = False,
+    surfaces: dict[Hashable, SurfaceFigures] | None = None,
 ) -> StreamInfo:
     """Describe a stream: contents, and bytes by section.
 
@@ -342,8 +329,8 @@ def stream_info(
     opened : OpenStream
     is_remote : bool, default False
         Read only short sections and the heads of others, without verifying checksums.
-    surfaces : _Surfaces, optional
-        Surfaces of other segments of the same file.
+    surfaces : dict, optional
+        Surfaces of earlier segments of the same file by their `mesh_key`; new ones are added.
 
     Raises
     ------
@@ -353,10 +340,16 @@ def stream_info(
     file = opened.file
     sizes = _sizes(file, is_checked=not is_remote)
     groups = (file.group(number, is_checked=False) for number in range(opened.n_blocks))
-    surface = (surfaces or _Surfaces()).of(opened)
+    surfaces = {} if surfaces is None else surfaces
+    if opened.mesh_key not in surfaces:
+        surfaces[opened.mesh_key] = _surface_figures(opened)
+    surface = surfaces[opened.mesh_key]
     positions = opened.n_frames * opened.n_verts * 3
     tracks = _tracks(opened, sizes.of_tracks)
+    raw_bytes = positions * opened.dtype.itemsize + opened.n_faces * 12
+    raw_bytes += surface["raw_size_bytes"] + sum(track.raw_size_bytes for track in tracks)
     return StreamInfo(
+        **{**surface, "raw_size_bytes": raw_bytes},
         n_frames=opened.n_frames,
         n_verts=opened.n_verts,
         n_faces=opened.n_faces,
@@ -369,10 +362,6 @@ def stream_info(
         n_modes=tuple(group.n_modes for group in groups),
         block_frames=tuple(place.n_frames for place in file.blocks),
         size_bytes=opened.size_bytes,
-        raw_size_bytes=positions * opened.dtype.itemsize
-        + opened.n_faces * 12
-        + surface.size_bytes
-        + sum(track.raw_size_bytes for track in tracks),
         budget_bytes=_budget(sizes, opened.size_bytes),
         part_bytes=_parts(opened, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
@@ -380,12 +369,7 @@ def stream_info(
         is_lossless=opened.method.name == LOSSLESS,
         is_whole=opened.is_whole,
         start_s=opened.start_s,
-        n_polygons=surface.n_polygons,
-        attributes=surface.attributes,
-        parts=surface.parts,
         diagonal=opened.frame.scale,
-        materials=surface.materials,
-        images=surface.images,
         tracks=tracks,
         segments=(
             SegmentInfo(
