@@ -333,7 +333,7 @@ def test_view_and_export_pass_the_look_of_the_track_to_the_page(page, tracked, t
 def test_error_lists_the_tracks_when_one_does_not_exist(page, tracked, tmp_path, command):
     more = ["-o", tmp_path / "page.html"] if command == "export" else []
     done = run_with(page, command, tracked, *more, "--track", "hight")
-    assert_fails(done, "tracked.reel: the file has no track 'hight'; choose height")
+    assert_fails(done, "tracked.reel: there is no track 'hight'; did you mean 'height'?")
     done = run_with(page, command, tracked, *more, "--range", "0:1")
     assert_fails(done, "--range applies to a track; name it with --track")
     done = run_with(page, command, tracked, *more, "--track", "height", "--range", "1:0")

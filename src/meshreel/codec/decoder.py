@@ -166,7 +166,7 @@ def _decode_parts(
     for part in parts:
         opened, n_frames = part.opened, len(part.frames)
         readers.append(opened.method.frames(opened, n_modes))
-        opened.require_frames(part.frames, with_tracks=True)
+        opened.require_frames(part.frames)
         arrays.append([])
         for track in opened.file.tracks:
             shape = n_frames, track.n_items, track.n_columns

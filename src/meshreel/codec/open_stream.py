@@ -118,26 +118,15 @@ class OpenStream:
         """Raise MemoryLimitError if decoding the mesh takes more than allowed."""
         self.limit.require_mesh(self.n_verts, self.n_faces)
 
-    def require_frames(self, frames: range, *, with_tracks: bool = False) -> None:
-        """Raise MemoryLimitError if the decoded positions of some frames exceed the memory limit.
-
-        Parameters
-        ----------
-        frames : range
-        with_tracks : bool, default False
-            Count the values of all tracks too.
-        """
-        has_tracks = with_tracks and self.tracks
-        tracks = ", with their tracks," if has_tracks else ""
+    def require_frames(self, frames: range) -> None:
+        """Raise MemoryLimitError if some decoded frames, with tracks, exceed the memory limit."""
+        tracks = ", with their tracks," if self.tracks else ""
         what = f"frames {frames.start}:{frames.stop} of {self.n_verts} vertices{tracks}"
-        self.limit.require(self.frames_size_bytes(frames, with_tracks=with_tracks), what)
+        self.limit.require(self.frames_size_bytes(frames), what)
 
-    def frames_size_bytes(self, frames: range, *, with_tracks: bool = True) -> int:
+    def frames_size_bytes(self, frames: range) -> int:
         """Bytes of the decoded positions of some frames, and of their tracks."""
-        frame_bytes = self.n_verts * 3 * self.dtype.itemsize
-        if with_tracks:
-            frame_bytes += sum(track.frame_bytes for track in self.tracks)
-        return len(frames) * frame_bytes
+        return len(frames) * sum(track.frame_bytes for track in self.file.tracks)
 
     @property
     def internal_faces(self) -> Faces:
@@ -170,7 +159,7 @@ class OpenStream:
     @property
     def mesh_key(self) -> Hashable:
         """A value that equals that of another segment of the file if they store one mesh."""
-        stored = (one.offset for one in self.leading if one.id in MESH_SECTIONS)
+        stored = (section.offset for section in self.leading if section.id in MESH_SECTIONS)
         return self.order_kept, *sorted(stored)
 
     @property
@@ -199,9 +188,9 @@ class OpenStream:
     def group(self, number: int, track: int = 0) -> Iterator[tuple[Section, bytes]]:
         """Yield the sections of a track in a block; raises CorruptStreamError if damaged."""
         place = self.file.block(number, track)
-        for one in self.file.sections(place.offset, place.offset + place.size_bytes):
-            if one.is_known:
-                yield Section(one.id), self.payload(one)
+        for section in self.file.sections(place.offset, place.offset + place.size_bytes):
+            if section.is_known:
+                yield Section(section.id), self.payload(section)
 
 
 def _choice_of_code(choices: type[CodedChoice], code: int) -> CodedChoice:

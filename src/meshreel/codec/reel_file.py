@@ -20,10 +20,10 @@ from meshreel.codec.reel_track import (
     ReelTrack,
     decode_frames,
     modes_of_block,
-    tracks_of_stream,
+    read_frames,
 )
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.errors import ConnectivityChangeError, InvalidInputError
+from meshreel.errors import ConnectivityChangeError
 from meshreel.kernel.files import FileModes, OpenFile
 from meshreel.model.frame_choice import frame_range, start_of
 from meshreel.model.sequence import (
@@ -36,6 +36,7 @@ from meshreel.model.sequence import (
 )
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
+from meshreel.model.tracks import track_by_name
 from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
 from meshreel.runtime.threads import fork_safe_lock
 
@@ -217,14 +218,15 @@ class ReelFile:
     @cached_property
     def tracks(self) -> dict[str, ReelTrack]:
         """Tracks by name."""
-        return tracks_of_stream(self._opened, self._frames)
+        tracks = (
+            ReelTrack(self._opened, self._frames, number)
+            for number, _ in enumerate(self._opened.tracks, start=1)
+        )
+        return {track.name: track for track in tracks}
 
     def track(self, name: str) -> ReelTrack:
         """Return the track of this name, not decoded yet; raises InvalidInputError if missing."""
-        if name in self.tracks:
-            return self.tracks[name]
-        tracks = f"choose {', '.join(self.tracks)}" if self.tracks else "it has no tracks"
-        raise InvalidInputError(f"the file has no track {name!r}; {tracks}")
+        return track_by_name(self.tracks, name)
 
     def info(self) -> StreamInfo:
         """Describe the contents of the file, with bytes by section, without decoding a frame."""
@@ -247,16 +249,7 @@ class ReelFile:
         MemoryLimitError
             If these frames, or a block, take more memory than allowed.
         """
-        if not 0 <= start <= stop <= self.n_frames:
-            raise InvalidInputError(
-                f"frames {start}:{stop} are not in the file; it has frames 0:{self.n_frames}"
-            )
-        self._opened.require_frames(range(start, stop))
-        if start < stop:  # a damaged block raises before memory is allocated
-            self.load(self._block_of(start))
-        frames = np.empty((stop - start, self.n_verts, 3), self.dtype)
-        self._frames.fill(frames, start)
-        return frames
+        return read_frames(self._opened, self._frames, 0, start, stop)
 
     def load(self, number: int) -> None:
         """Decode a block now, so that its frames are available without delay.
@@ -302,7 +295,7 @@ class ReelFile:
         parts, held_bytes = [], 0
         for number, frames in frames_by_segment(self.starts, wanted):
             segment = self.segments[number]
-            segment._opened.require_frames(frames, with_tracks=True)
+            segment._opened.require_frames(frames)
             frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
             what = f"frames {wanted.start}:{wanted.stop} of {self!r}"
             self._limit.require(held_bytes + frames_bytes, what)
@@ -388,9 +381,8 @@ class ReelFile:
         frame_bytes = self.n_verts * 3 * self.dtype.itemsize
         n_together = max(MIN_READ_AHEAD, READ_AHEAD_BYTES // frame_bytes)
         n_together = max(1, min(n_together, int(self._opened.limit.limit_bytes // frame_bytes)))
-        first, last = self._block_of(frames.start), self._block_of(frames.stop - 1)
-        for number in range(first, last + 1):
-            start, stop = max(frames.start, starts[number]), min(frames.stop, starts[number + 1])
+        for block, numbers in frames_by_segment(starts, frames):
+            start, stop = starts[block] + numbers.start, starts[block] + numbers.stop
             for run in range(start, stop, n_together):
                 yield run, self.read(run, min(run + n_together, stop))
 
@@ -468,10 +460,6 @@ class ReelFile:
             )
         return f"<ReelFile{name}: {mesh}{cut}>"
 
-    def _block_of(self, frame: int) -> int:
-        """Return the block that contains a frame."""
-        return int(np.searchsorted(self.block_starts, frame, side="right")) - 1
-
 
 class _Segments(Sequence[ReelFile]):
     """The segments of a file, opened on access."""
@@ -492,5 +480,5 @@ class _Segments(Sequence[ReelFile]):
         """Return a segment; raises CorruptStreamError if it is damaged."""
         numbers = range(len(self))[number]
         if isinstance(numbers, range):
-            return [self._whole._segment(one) for one in numbers]
+            return [self._whole._segment(index) for index in numbers]
         return self._whole._segment(numbers)

@@ -82,19 +82,7 @@ class ReelTrack:
         MemoryLimitError
             If the values of these frames, or of a block, take more memory than allowed.
         """
-        n_frames = self._opened.n_frames
-        if not 0 <= start <= stop <= n_frames:
-            raise InvalidInputError(
-                f"frames {start}:{stop} are not in the file; it has frames 0:{n_frames}"
-            )
-        self._opened.limit.require(
-            (stop - start) * self.frame_bytes, f"frames {start}:{stop} of track {self.name!r}"
-        )
-        if start < stop:  # a damaged block raises before memory is allocated
-            self._frames.load(self._opened.file.block_of_frame(start), self._number)
-        values = np.empty((stop - start, *self.shape[1:]), self.dtype)
-        self._frames.fill(values, start, self._number)
-        return values
+        return read_frames(self._opened, self._frames, self._number, start, stop)
 
     def __len__(self) -> int:
         return self._opened.n_frames
@@ -130,6 +118,24 @@ class ReelTrack:
         return f"<ReelTrack {self.name!r}: {describe_track(self)}, {counted(len(self), 'frame')}>"
 
 
+def read_frames(
+    opened: OpenStream, reader: FrameReader, track: int, start: int, stop: int
+) -> Values:
+    """Decode consecutive frames of a track, 0 for the positions; see `ReelFile.read`."""
+    if not 0 <= start <= stop <= opened.n_frames:
+        raise InvalidInputError(
+            f"frames {start}:{stop} are not in the file; it has frames 0:{opened.n_frames}"
+        )
+    stored = opened.file.tracks[track]
+    owner = f"track {stored.name!r}" if track else f"{opened.n_verts} vertices"
+    opened.limit.require((stop - start) * stored.frame_bytes, f"frames {start}:{stop} of {owner}")
+    if start < stop:  # a damaged block raises before memory is allocated
+        reader.load(opened.file.block_of_frame(start), track)
+    values = np.empty((stop - start, stored.n_items, stored.n_columns), stored.dtype)
+    reader.fill(values, start, track)
+    return values
+
+
 def decode_frames(
     opened: OpenStream,
     reader: FrameReader,
@@ -158,11 +164,3 @@ def decode_frames(
 def modes_of_block(reader: FrameReader, block: int, track: int) -> FileModes | None:
     """Return the modes of a track in a block; see `ReelFile.modes`."""
     return reader.modes(block, track) if isinstance(reader, FrameDecoder) else None
-
-
-def tracks_of_stream(opened: OpenStream, frames: FrameReader) -> dict[str, ReelTrack]:
-    """Return the tracks of a stream by name; `frames` decodes them."""
-    return {
-        track.name: ReelTrack(opened, frames, number)
-        for number, track in enumerate(opened.tracks, start=1)
-    }

@@ -187,7 +187,7 @@ def test_facts_contain_the_look_of_the_initial_track():
         assert get_json(api, "api/facts")["colored_by"] == expected
     with opened_api(grid) as api:
         assert get_json(api, "api/facts")["colored_by"] is None
-    unknown = pytest.raises(InvalidInputError, match="no track 'hight'; choose height, heat")
+    unknown = pytest.raises(InvalidInputError, match="no track 'hight'; did you mean 'height'")
     with unknown, opened_api(grid, look=TrackLook("hight")):
         pass
 
