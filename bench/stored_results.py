@@ -29,9 +29,9 @@ from meshreel.evaluation.comparison import CodecResults
 from meshreel.evaluation.positions import KIND, compare_positions, own_sweeps
 from meshreel.evaluation.recorded import read_recorded
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.study.claims import decompositions_run, full_decomposition_run
 from meshreel.paper.study.findings import findings
 from meshreel.paper.study.results import PaperResults, extrapolated_basis, summary
+from meshreel.paper.study.runs import decompositions_run, full_decomposition_run
 from meshreel.paper.study.study import PaperStudy
 from meshreel.paper.study.tables import SHAPES
 from meshreel.paper.sweeps import COEFFICIENTS, PRESETS, option_sweeps

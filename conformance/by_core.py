@@ -10,11 +10,11 @@ from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
-from meshreel.codec.surface.materials import MATERIAL_NUMBERS, TEXTURE_NUMBERS
+from meshreel.codec.surface.payloads import MATERIAL_NUMBERS, TEXTURE_NUMBERS
 from meshreel.kernel.files import OpenFile
 from meshreel.model.materials import SLOTS
+from meshreel.paper.blocks import stored_block
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
-from meshreel.paper.stored_blocks import stored_block
 from meshreel.paper.variants import variant_named
 
 GROUP_KEYS = ("frames", "modes", "reference", "step", "n corrections")

@@ -4,8 +4,8 @@ import pytest
 
 import meshreel
 from meshreel.paper.anchors import choose_anchors
-from meshreel.paper.study.measure import variant_run
 from meshreel.paper.study.results import PaperResults
+from meshreel.paper.study.runs import variant_run
 from meshreel.paper.study.tables import rate_table
 from meshreel.paper.sweeps import PRESETS, variants
 from meshreel.studies.runs import Store, result_of

@@ -12,11 +12,18 @@ from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.memory import DEFAULT_LIMIT, OWN_STREAM, UNLIMITED, MemoryLimit
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.paper.blocks import Dictionaries, read_anchor_vertices, read_coded_block, read_curves
+from meshreel.paper.blocks import (
+    Dictionaries,
+    StoredBlock,
+    only_section,
+    read_anchor_vertices,
+    read_coded_block,
+    read_curves,
+    stored_block,
+)
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
-from meshreel.paper.stored_blocks import StoredBlock, only_section, stored_block
 from meshreel.paper.variants import METHODS, Variant, variant_named
 from meshreel.runtime.threads import fork_safe_lock
 

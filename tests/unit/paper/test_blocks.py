@@ -6,9 +6,8 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.paper import blocks
-from meshreel.paper.blocks import _read_tracked_dictionary
+from meshreel.paper.blocks import StoredBlock, _read_tracked_dictionary
 from meshreel.paper.pipeline import Quantized
-from meshreel.paper.stored_blocks import StoredBlock
 
 
 def quantized(*shape):

@@ -1,9 +1,13 @@
-"""Rows of attribute tables: prediction along faces, and sharing between corners."""
+"""Rows of attribute tables: prediction along faces, sharing by corners, and references to them."""
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import rows_as_bytes
+from meshreel.codec.bitstream.container import write_varint
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.kernel.corner_rows import N_CONTEXTS, corner_codes
+from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.polygons import fan_corners, join_fans
 from meshreel.model.surface import Domain, Surface
 
@@ -47,3 +51,56 @@ def places_of(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> I
     if domain is not Domain.CORNER:
         return np.zeros(n_items, np.int64)
     return join_fans(surface.sizes(len(faces)), faces)
+
+
+Integers = npt.NDArray[np.integer]
+
+REPEAT, NEW, EXPLICIT = 0, 1, 2
+"""Codes of items: the row of the previous item, the next new row, any other row."""
+
+
+def encode_references(rows: Integers) -> bytes:
+    """Encode the row of each vertex or face; at least 0."""
+    rows = np.asarray(rows, np.int64)
+    repeats = np.diff(rows, prepend=-1) == 0
+    codes = np.where(repeats, REPEAT, np.where(_first_references(rows), NEW, EXPLICIT))
+    explicit = rows[codes == EXPLICIT]
+    return write_varint(len(explicit)) + encode_integers([codes, np.diff(explicit, prepend=0)])
+
+
+def encode_corner_references(
+    rows: Integers, surface: Surface, faces: npt.NDArray[np.int32]
+) -> bytes:
+    """Encode the row of each corner of the polygons of a surface.
+
+    A corner mostly has the row of a neighboring face at the same vertex; docs/format.md,
+    "References of corners".
+
+    Parameters
+    ----------
+    rows : integer array of shape (N,)
+        At least 0.
+    faces : int32 array of shape (M, 3)
+        The triangles of the polygons.
+    """
+    items = None if surface.face_sizes is None else fan_corners(surface.face_sizes)
+    n_verts = int(faces.max()) + 1
+    order, contexts, codes = corner_codes(faces, twin_sides(faces, n_verts), items, rows, n_verts)
+    by_context = [codes[contexts == number] for number in range(N_CONTEXTS)]
+    explicit = np.asarray(rows, np.int64)[order[codes == EXPLICIT]]
+    counts = [*map(len, by_context[1:]), len(explicit)]
+    differences = np.diff(explicit, prepend=0)
+    return b"".join(map(write_varint, counts)) + encode_integers([*by_context, differences])
+
+
+def _first_references(rows: Integers) -> npt.NDArray[np.bool_]:
+    """Return whether each item is the first to refer to its row, after all lower rows."""
+    is_new = np.zeros(len(rows), bool)
+    if not len(rows):
+        return is_new
+    distinct, first = np.unique(rows, return_index=True)
+    # Row r is new only if all lower rows occur before it, in ascending order.
+    in_order = (distinct == np.arange(len(distinct))) & (np.diff(first, prepend=-1) > 0)
+    n_new = len(distinct) if in_order.all() else int(np.argmin(in_order))
+    is_new[first[:n_new]] = True
+    return is_new

@@ -6,18 +6,31 @@ from functools import partial
 from pathlib import Path
 
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.study.claims import (
+from meshreel.paper.study.figures import diagrams, matrices, meshes
+from meshreel.paper.study.findings import findings
+from meshreel.paper.study.results import PaperResults, extrapolated_basis, setting_of_result
+from meshreel.paper.study.runs import (
+    MEASURED,
+    N_DECOMPOSITIONS,
     decompositions_run,
     dictionaries_run,
     full_decomposition_run,
     long_run,
     quiet_blocks_run,
     sparsity_run,
+    variant_run,
 )
-from meshreel.paper.study.document import CHOICES, sequence_parts, variant_lines
-from meshreel.paper.study.figures import diagrams, matrices, meshes
-from meshreel.paper.study.measure import variant_run
-from meshreel.paper.study.results import PaperResults, setting_of_result
+from meshreel.paper.study.tables import (
+    REMARKS,
+    alternatives_table,
+    misprints,
+    printed_rates,
+    quality_table,
+    rate_table,
+    refusals,
+    seconds_table,
+    settings_line,
+)
 from meshreel.paper.sweeps import (
     DEFAULTS,
     METHOD_NAMES,
@@ -27,10 +40,109 @@ from meshreel.paper.sweeps import (
     sweep,
     variants,
 )
-from meshreel.rendering.documents import Bullets, Heading, Part, Picture
+from meshreel.rendering.documents import Bullets, Heading, Paragraph, Part, Picture
 from meshreel.runtime.progress import Progress
 from meshreel.studies.runs import Result, Run, done, result_of
 from meshreel.studies.study import Subject
+
+ALTERNATIVES_NOTE = (
+    "Each row changes one choice that the paper leaves open (`choices=`); all other settings are "
+    "those of the tables."
+)
+LEDGER = "`docs/equations.md`"
+
+CHOICES = (
+    "**Eq. 3 or Eq. 4.** The paper presents the two as equivalent, but with L = D - C they differ "
+    "by the degree of each vertex. The streams here use Eq. 3, L = I - D^-1 C; `gft` computes its "
+    f"frequencies from D - C, which is symmetric ({LEDGER}, Eq. 3).",
+    "**The n_b^2 of Eq. 13.** It makes q_d of n_b blocks as large as that of one k x k dictionary, "
+    "but n_b dictionaries have n_b k_f^2 entries. The column q_d is as printed, with 16 bits for "
+    "each entry and for `blocks` the mean bits of an entry in the stream. 'q_d as stored' counts "
+    f"the bytes of the k_l columns that a stream contains ({LEDGER}, Eq. 13).",
+    "**One coordinate of three.** The paper's q_d = 16 k / n is one k x k dictionary, so it counts "
+    "one coordinate matrix, without connectivity. q, q_a, q_d and q_s count entries times bits as "
+    "Eq. 13 does; 'as stored' is a third of the bytes in the stream, after entropy coding. 'bpvf "
+    "of the file' counts all bits per vertex and frame: three coordinates, connectivity, order, "
+    "headers.",
+    "**Anchors.** Eq. 12 uses the positions of the anchors in all frames, and Table I counts 16 "
+    "bits for each. We code these positions, predicted from the modes, with 4 bits more than the "
+    "deltas, or with 16 (`--preset printed`). The paper also prints q_a for v2v, but decoding by a "
+    "product uses no anchors, so that cell contains '-'. Its 0.1595 for Samba is 16 times 99.71 "
+    "anchors over the 10,002 vertices of Handstand; 100 of 9,971 vertices take 0.1605.",
+    "**Variant (ii)** is described as the projection of quantized deltas, while Eq. 10 quantizes "
+    "projected deltas. `pca-q` follows Eq. 10; `pca-q (quantized deltas)` is the other reading, "
+    "which codes its projections with 16 bits.",
+    "**NMSVE.** The paper gives no normalization. Positions are divided by the diagonal of the "
+    "first frame's bounding box, and a frame's error by 2 n: our values are comparable with each "
+    f"other, but not with the axis of the paper's Fig. 4 ({LEDGER}).",
+    "**Decoding without anchors.** L of Eq. 11 has no inverse: constants on a component are in "
+    "its kernel. `pca` and `pca-q` store one vertex of each component, which only fixes its "
+    f"translation ({LEDGER}, Eq. 11).",
+    "**Quantizer Q.** Eq. 10 leaves it open. One step is used for all rows, with which the largest "
+    "coefficient takes the given bits; the coefficients are entropy-coded, so q is their size in "
+    f"the file and not the given bits ({LEDGER}, Eq. 10).",
+    "**k_l and bits.** The paper prints neither for its tables. The default is 20 rows, beyond "
+    "which its Fig. 3 shows no improvement, and 8 bits, 16 for `pca`; 11 bits for `v2v`, a "
+    "compromise between KG and STED, and 4 rows in each block of `blocks`. Values of q are "
+    "therefore hardly comparable; the rate-distortion plots show errors at equal rate. Without "
+    "entropy coding its Samba rates are nearly 8 rows at 16 and at 4 bits: `--preset printed`.",
+    "**Per mesh.** `gft` uses the low graph frequencies of every frame, by default 5 % of them. L "
+    "is the same for all frames, so one decomposition suffices; the paper computes one for each, "
+    "with all frequencies.",
+)
+
+
+def variant_lines(measured: Sequence[PaperResults]) -> tuple[str, ...]:
+    """The distinct settings as text."""
+    settings = (setting_of_result(result) for each in measured for result in each.variants)
+    lines = (f"`{setting.label}`: {settings_line(setting)}" for setting in settings)
+    return tuple(dict.fromkeys(lines))
+
+
+def sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[Part]:
+    """Findings, tables and figures of a sequence."""
+    remark = REMARKS.get(results.name.lower())
+    parts: list[Part] = [Paragraph(remark)] if remark else []
+    texts = tuple(finding.text for finding in findings(results))
+    parts += [Heading(3, "Findings"), Bullets(texts or ("None to compare.",))]
+    parts += [Heading(3, "Rates and errors"), rate_table(results), Paragraph(_rate_note(results))]
+    parts += [quality_table(results), *(Paragraph(text) for text in refusals(results))]
+    if results.alternatives:
+        parts += [alternatives_table(results), Paragraph(ALTERNATIVES_NOTE)]
+    parts += [Heading(3, "Seconds"), seconds_table(results), Paragraph(_seconds_note(results))]
+    return [*parts, Heading(3, "Figures"), *pictures]
+
+
+def _rate_note(results: PaperResults) -> str:
+    text = (
+        "q, q_a, q_d and q_s are Eq. 13: entries of one coordinate matrix of three times their "
+        "bits, without connectivity. 'As stored' is a third of the bytes that these parts take in "
+        "the stream. The last two columns refer to the whole file."
+    )
+    if printed_rates(results.name):
+        text += " Columns named 'paper' contain its printed values; it has no row for `gft`. "
+        text += misprints(results.name)
+    return text
+
+
+def _seconds_note(results: PaperResults) -> str:
+    text = f"Measured: {MEASURED}. " if done(results.variants) else ""
+    text += "The median of three runs if one takes less than two seconds, else one run."
+    if results.decompositions is not None:
+        each = results.decompositions["seconds_each"]
+        text += (
+            f" * Extrapolated from {N_DECOMPOSITIONS} decompositions: {each:.3g} s each for "
+            f"{results.decompositions['n_modes']} graph frequencies, added for every frame after "
+            "the first, both to encoding and to reconstruction. All other values are measured in "
+            "full."
+        )
+    full, shape = results.full_decomposition, results.sequence
+    if full is None:
+        return text
+    if "refused" in full:
+        return f"{text} Not measured: {full['refused']}."
+    basis = extrapolated_basis(full, shape["n_verts"], shape["n_frames"])
+    return f"{text} All frequencies: {basis.text} The row contains the decompositions alone."
 
 
 @dataclass(frozen=True)

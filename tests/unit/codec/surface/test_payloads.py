@@ -9,11 +9,11 @@ from conformance.surface import Polygons, read_hard_edges
 from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Order, Section
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.surface.materials import write_material
 from meshreel.codec.surface.payloads import (
     order_loss_note,
     order_notes,
     surface_sections,
+    write_material,
 )
 from meshreel.errors import (
     CorruptStreamError,

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from conformance.surface import CornerReferences, Polygons, read_references
-from meshreel.codec.surface.references import encode_corner_references, encode_references
+from meshreel.codec.surface.rows import encode_corner_references, encode_references
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.surface import PLAIN, Surface

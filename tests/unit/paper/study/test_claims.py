@@ -5,8 +5,8 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.paper.study import claims
-from meshreel.paper.study.claims import (
+from meshreel.paper.study import runs
+from meshreel.paper.study.runs import (
     dictionaries_run,
     full_decomposition_run,
     long_run,
@@ -65,8 +65,8 @@ def test_motion_is_the_rms_displacement_from_frame_to_frame():
 
 
 def test_sequence_is_repeated_until_it_is_long(monkeypatch):
-    assert claims.LONG_FRAMES > 1000
-    monkeypatch.setattr(claims, "LONG_FRAMES", 120)  # eigenvectors of 1,200 frames take seconds
+    assert runs.LONG_FRAMES > 1000
+    monkeypatch.setattr(runs, "LONG_FRAMES", 120)  # eigenvectors of 1,200 frames take seconds
     found = figures(long_run(waving_grid(50, 4, 4), TableSettings(modes=3, block_modes=2)))
     assert found["n_frames"] == 150
     for method in ("blocks", "pca-qp"):
@@ -75,7 +75,7 @@ def test_sequence_is_repeated_until_it_is_long(monkeypatch):
 
 def test_full_decomposition_has_all_frequencies(monkeypatch):
     computed = []
-    monkeypatch.setattr(claims, "graph_fourier_basis", lambda _, n_modes: computed.append(n_modes))
+    monkeypatch.setattr(runs, "graph_fourier_basis", lambda _, n_modes: computed.append(n_modes))
     found = figures(full_decomposition_run(waving_grid(3, 8, 8)))
     assert computed == [found["n_verts"]] == [64]
     assert found["memory_bytes"] == 2 * 8 * 64**2
@@ -84,7 +84,7 @@ def test_full_decomposition_has_all_frequencies(monkeypatch):
 
 
 def test_full_decomposition_is_refused_when_it_takes_too_long(monkeypatch):
-    monkeypatch.setattr(claims, "estimated_seconds", lambda *_: 601.0)
-    monkeypatch.setattr(claims, "graph_fourier_basis", lambda *_: pytest.fail("computed"))
+    monkeypatch.setattr(runs, "estimated_seconds", lambda *_: 601.0)
+    monkeypatch.setattr(runs, "graph_fourier_basis", lambda *_: pytest.fail("computed"))
     with pytest.raises(InvalidInputError, match=r"about 10 minutes \(an estimate\)"):
         figures(full_decomposition_run(waving_grid(3, 8, 8)))

@@ -5,7 +5,6 @@ import pytest
 from PIL import Image
 
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.study.claims import near_zero_percent, projected_deltas
 from meshreel.paper.study.figures.matrices import (
     draw_dictionaries,
     draw_projected_deltas,
@@ -17,6 +16,7 @@ from meshreel.paper.study.figures.meshes import (
     save_sheet,
     uncommon_frame,
 )
+from meshreel.paper.study.runs import near_zero_percent, projected_deltas
 from meshreel.rendering.camera import fit_camera
 from meshreel.rendering.rasterizer import render
 from samples.meshes import grid_faces, waving_grid

@@ -3,7 +3,7 @@ import pytest
 
 import meshreel
 from meshreel.model.flag import simulate_flag
-from meshreel.paper.study import measure
+from meshreel.paper.study import runs
 from meshreel.paper.study.study import PaperStudy
 from meshreel.paper.sweeps import Setting
 from meshreel.studies.runs import Store, result_of
@@ -23,7 +23,7 @@ def calls(monkeypatch):
         made.append(options)
         return meshreel.encode(sequence, **options)
 
-    monkeypatch.setattr(measure, "encode", counted)
+    monkeypatch.setattr(runs, "encode", counted)
     return made
 
 
@@ -33,9 +33,9 @@ def store(tmp_path):
 
 
 def test_stored_result_is_not_encoded_again(store, calls):
-    first = result_of(measure.variant_run(waving_grid(), SETTING), store)
+    first = result_of(runs.variant_run(waving_grid(), SETTING), store)
     assert len(calls) == 2  # order kept, order dropped
-    assert result_of(measure.variant_run(waving_grid(), SETTING), store) == first
+    assert result_of(runs.variant_run(waving_grid(), SETTING), store) == first
     assert len(calls) == 2
 
 
@@ -55,7 +55,7 @@ def test_second_evaluation_encodes_nothing(tmp_path, calls):
 
 def test_result_agrees_with_its_stored_stream(store):
     sequence = waving_grid()
-    result = result_of(measure.variant_run(sequence, SETTING, shown_frame=3), store)
+    result = result_of(runs.variant_run(sequence, SETTING, shown_frame=3), store)
     data = store.path(SETTING.key, "reel").read_bytes()
     smallest = meshreel.encode(sequence, **SETTING.options(), order="drop")
     decoded = meshreel.decode(data)

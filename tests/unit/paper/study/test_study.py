@@ -1,6 +1,6 @@
 import pytest
 
-from meshreel.paper.study import claims, study
+from meshreel.paper.study import runs, study
 from meshreel.runtime.progress import silent
 from meshreel.studies.runs import Result, Store
 from meshreel.studies.study import Subject
@@ -10,7 +10,7 @@ from samples.paper_results import made_result
 
 @pytest.mark.parametrize(("quick", "seconds"), [(False, 1.0), (True, 1.0), (False, 1e6)])
 def test_all_frequencies_are_decomposed_unless_quick(quick, seconds, tmp_path, monkeypatch):
-    monkeypatch.setattr(claims, "estimated_seconds", lambda *_: seconds)
+    monkeypatch.setattr(runs, "estimated_seconds", lambda *_: seconds)
     grid = waving_grid(3, 6, 6)
     subject = Subject(grid, "grid", Store.for_sequence(tmp_path, grid))
     groups: dict[str, list[Result]] = {
