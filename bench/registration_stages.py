@@ -55,7 +55,7 @@ VARIANTS: dict[str, list[Change]] = {
     ],
     "stiff stages in every frame": [(growing, "ATTEMPTS", ATTEMPTS[2:])],
     "first attempt only": [(growing, "ATTEMPTS", ATTEMPTS[:1])],
-    "folds are not opened to meet the tolerance": [(growing, "NEARLY_MET", 0.0)],
+    "folds are not opened to meet the tolerance": [(growing, "MAX_ERROR_TO_OPEN", 0.0)],
     "boundaries do not attract": [
         (tracking, "TANGENTIAL_AT_BOUNDARY", tracking.TANGENTIAL),
     ],

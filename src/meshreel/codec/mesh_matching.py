@@ -1,8 +1,11 @@
-"""Correspondence of the vertices of two meshes that share most faces, in the same order.
+"""Matching of the vertices of a mesh to those of another one, the base, that shares most faces.
 
 When a solver deletes elements, a mesh loses vertices and faces in many places and may gain others.
-At each place the numbers of all later vertices shift, but their order remains. So the vertices of
-a mesh correspond to ascending vertices of the other mesh, the base.
+At each place the numbers of all later vertices shift, but their order remains: ascending vertices
+of the mesh match ascending vertices of the base.
+
+A guess matches a few vertices, by their numbers or by their degrees (numbers of faces). From there
+matches spread across faces that both meshes have; where faces disagree, matches are undone.
 """
 
 from bisect import bisect_left
@@ -24,19 +27,18 @@ N_END_VERTICES, BLOCK_SIZE = 128, 32
 """Unrelated meshes are detected by blocks of vertices among the first and the last ones."""
 
 MIN_EQUAL_DEGREES = 11 / 16
-"""Share of the vertices of such a block whose degrees must equal those in the base."""
+"""Share of the vertices of such a block whose degrees must equal those in the base, at a shift."""
 
 MAX_END_SHIFT = 8
 """Largest shift of such a block by dropped or inserted vertices."""
 
-MAX_GAP = 256
-"""Longest run of unmatched vertices that is matched one to one with an equally long run of the
-base."""
+MAX_EQUAL_RUN = 256
+"""Longest run of unmatched vertices that is matched one to one if the base has as many there."""
 
 REACH, WIDE_REACH = 8, 64
-"""Number of vertices at each end of other runs that a guess matches.
+"""Vertices at each end of other runs that a guess matches as if nothing was dropped there.
 
-A longer reach finds more shared faces if the order follows the surface, but is wrong more often.
+More of them lead to more shared faces if the order follows the surface, but are more often wrong.
 """
 
 N_BLOCKS = 64
@@ -46,9 +48,9 @@ MAX_SHIFTS = 4096
 """Largest difference of the numbers of vertices for this search, whose time grows with it."""
 
 MAX_ROUNDS, MIN_GROWTH = 8, 1.002
-"""Rounds of extending a guess; each must find this many times the shared faces of the last."""
+"""Rounds of extending a guess, which end when one multiplies the shared faces by less than this."""
 
-ENOUGH = 0.9
+ENOUGH_SHARED = 0.9
 """Share of the faces of the smaller mesh that is enough to try no other guess."""
 
 
@@ -134,7 +136,7 @@ def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | No
     mesh = FaceIndex(faces, n_verts)
     if not _has_similar_ends(base.degrees, mesh.degrees):
         return None
-    enough = ENOUGH * min(len(base.faces), len(faces))
+    enough = ENOUGH_SHARED * min(len(base.faces), len(faces))
     best, n_best = np.full(n_verts, -1), 0
     for is_decisive, guess in _guesses(base, mesh.degrees):
         matches, n_shared = _extended(base, mesh, guess)
@@ -144,20 +146,20 @@ def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | No
             break
         if is_decisive and n_best == 0:
             return None
-    return _filled(best, base.n_verts, max_gap=n_verts)
+    return _with_runs(best, base.n_verts, max_equal_run=n_verts)
 
 
-def _has_similar_ends(degrees: Integers, others: Integers) -> bool:
+def _has_similar_ends(base_degrees: Integers, degrees: Integers) -> bool:
     """Whether a block near the first or the last vertices has the degrees of one in the base."""
-    n = min(N_END_VERTICES, len(degrees), len(others))
+    n = min(N_END_VERTICES, len(base_degrees), len(degrees))
     size = min(BLOCK_SIZE, n)
-    ends = [(degrees[:n], others[:n]), (degrees[: -n - 1 : -1], others[: -n - 1 : -1])]
-    for first, second in ends:
-        padded = np.pad(first, MAX_END_SHIFT, constant_values=-1)
+    ends = [(base_degrees[:n], degrees[:n]), (base_degrees[: -n - 1 : -1], degrees[: -n - 1 : -1])]
+    for base_end, end in ends:
+        padded = np.pad(base_end, MAX_END_SHIFT, constant_values=-1)
         windows = np.lib.stride_tricks.sliding_window_view(padded, size)
         for start in range(0, n - size + 1, size):
             shifted = windows[start : start + 2 * MAX_END_SHIFT + 1]
-            is_equal = shifted == second[start : start + size]
+            is_equal = shifted == end[start : start + size]
             if np.count_nonzero(is_equal, axis=1).max() >= MIN_EQUAL_DEGREES * size:
                 return True
     return False
@@ -169,32 +171,31 @@ def _guesses(base: FaceIndex, degrees: Integers) -> Iterator[tuple[bool, Integer
     The flag says whether meshes are unrelated if no guess so far leads to a shared face.
     """
     none = np.full(len(degrees), -1)
-    yield False, _filled(none, base.n_verts, reach=REACH)
-    yield False, _filled(none, base.n_verts, reach=WIDE_REACH)
+    yield False, _with_runs(none, base.n_verts, reach=REACH)
+    yield False, _with_runs(none, base.n_verts, reach=WIDE_REACH)
     yield True, _matches_by_degrees(base.degrees, degrees)
-    yield False, _filled(none, base.n_verts, reach=REACH, at_end=False)
-    yield False, _filled(none, base.n_verts, reach=REACH, at_start=False)
+    yield False, _with_runs(none, base.n_verts, reach=REACH, at_end=False)
+    yield False, _with_runs(none, base.n_verts, reach=REACH, at_start=False)
 
 
-def _matches_by_degrees(degrees: Integers, others: Integers) -> Integers:
-    """Match blocks of vertices whose sequence of degrees occurs at one place of the base.
+def _matches_by_degrees(base_degrees: Integers, degrees: Integers) -> Integers:
+    """Match blocks of vertices whose degrees occur in turn at one place of the base.
 
     Shifts of consecutive blocks must grow, as more dropped or inserted vertices precede them.
 
     Parameters
     ----------
-    degrees, others : integer arrays of shapes (V_b,) and (V,)
-        Of the base and of the mesh.
+    base_degrees, degrees : integer arrays of shapes (V_b,) and (V,)
     """
-    matches = np.full(len(others), -1)
-    shift, size = len(degrees) - len(others), min(BLOCK_SIZE, len(degrees), len(others))
+    matches = np.full(len(degrees), -1)
+    shift, size = len(base_degrees) - len(degrees), min(BLOCK_SIZE, len(base_degrees), len(degrees))
     if abs(shift) > MAX_SHIFTS:
         return matches
-    starts = np.unique(np.linspace(0, len(others) - size, N_BLOCKS).astype(np.int64))
-    blocks = others[starts[:, None] + np.arange(size)]
+    starts = np.unique(np.linspace(0, len(degrees) - size, N_BLOCKS).astype(np.int64))
+    blocks = degrees[starts[:, None] + np.arange(size)]
     shifts = np.arange(min(shift, 0), max(shift, 0) + 1)
     outside = np.full(max(-shift, 0), -1)  # shifted beyond the vertices of the base
-    padded = np.concatenate([outside, degrees, outside])
+    padded = np.concatenate([outside, base_degrees, outside])
     windows = np.lib.stride_tricks.sliding_window_view(padded, size)
     n_equal = np.zeros((len(starts), len(shifts)), np.int64)
     for row, start, block in zip(n_equal, starts, blocks, strict=True):
@@ -216,7 +217,7 @@ def _extended(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> tuple[Inte
     """Extend guessed matches; return them, and the number of shared faces."""
     faces, n_last = mesh.faces, 0
     for _ in range(MAX_ROUNDS):
-        matches = _spread(base, mesh, matches)
+        matches = _spread_across_faces(base, mesh, matches)
         faces_in_base = matches[faces]
         is_matched = faces_in_base.min(axis=1) >= 0
         is_shared = is_matched & base.contains(faces_in_base)
@@ -230,20 +231,20 @@ def _extended(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> tuple[Inte
         if n_shared == len(faces) or n_shared < MIN_GROWTH * n_last:
             break
         n_last = n_shared
-        guess = _filled(matches, base.n_verts, reach=REACH)
+        guess = _with_runs(matches, base.n_verts, reach=REACH)
         if np.array_equal(guess, matches):
             break
         matches = guess
     return matches, n_shared
 
 
-def _spread(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> Integers:
+def _spread_across_faces(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> Integers:
     """Match further vertices by the matches of the two other vertices of their faces."""
     keys, opposite_in_base = base.sides
     first, second, opposite = _sides(mesh.faces)
     was_unmatched = np.ones(len(matches), bool)
     while True:
-        matches = _filled(matches, base.n_verts)
+        matches = _with_runs(matches, base.n_verts)
         new = np.flatnonzero(was_unmatched & (matches >= 0))
         was_unmatched = matches < 0
         # Sides with a newly matched end, whose opposite vertex is unmatched.
@@ -284,20 +285,20 @@ def _matched_pairs(matches: Integers, n_base_verts: int) -> tuple[Integers, Inte
     return matched, np.concatenate([[-1], matches[matched[1:-1]], [n_base_verts]])
 
 
-def _filled(
+def _with_runs(
     matches: Integers,
     n_base_verts: int,
     *,
-    max_gap: int = MAX_GAP,
+    max_equal_run: int = MAX_EQUAL_RUN,
     reach: int = 0,
     at_start: bool = True,
     at_end: bool = True,
 ) -> Integers:
-    """Match also runs of unmatched vertices where the base has as many vertices.
+    """Match also runs of unmatched vertices: all of a run if the base has as many vertices there.
 
     Parameters
     ----------
-    max_gap : int
+    max_equal_run : int
         Longest such run.
     reach : int
         Number of vertices at the start and the end of other runs that continue the matches before
@@ -311,7 +312,7 @@ def _filled(
     low, high = in_base[runs], in_base[runs + 1]
     lengths, base_lengths = behind - before - 1, high - low - 1
     reached = np.minimum(np.minimum(lengths, base_lengths) // 4, reach)
-    is_filled = (lengths == base_lengths) & (lengths <= max_gap)
+    is_filled = (lengths == base_lengths) & (lengths <= max_equal_run)
     forward = np.where(is_filled, lengths, reached * at_start)
     backward = np.where(is_filled, 0, reached * at_end)
     result = matches.copy()

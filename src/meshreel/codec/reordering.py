@@ -1,6 +1,9 @@
 """Joining of segments whose meshes differ only in the order of their vertices and faces.
 
 Some programs write each frame of an unchanged mesh in another order, which would begin a segment.
+Vertices are labeled by what is the same in both orders: values of attributes, positions if the mesh
+rests, and then the labels of neighbors, until every vertex has a label of its own. Equal labels
+then match.
 """
 
 from collections.abc import Mapping
@@ -81,23 +84,27 @@ def _match(first: FrameSource, second: FrameSource) -> _Match | None:
     if (first.n_verts, len(first.faces)) != (second.n_verts, len(second.faces)):
         return None
     surfaces = first.surface, second.surface
-    kinds = _kinds(first.tracks)
-    if not all(map(_is_simple, surfaces)) or kinds is None or kinds != _kinds(second.tracks):
+    tracks = _properties_of_tracks(first.tracks)
+    if not all(map(_is_joinable, surfaces)):
+        return None
+    if tracks is None or tracks != _properties_of_tracks(second.tracks):
         return None
     if np.array_equal(first.faces, second.faces):
         return None  # the caller made them segments, for instance shots
-    labels = _labels_of_data(first, second)
-    vertices = None if labels is None else _refined(first.faces, second.faces, *labels)
-    match = None if vertices is None else _items(first.faces, second.faces, vertices)
+    labels = _labels_of_values(first, second)
+    vertices = None if labels is None else _matching_vertices(first.faces, second.faces, *labels)
+    match = None if vertices is None else _matching_items(first.faces, second.faces, vertices)
     return match if match is not None and _is_same_surface(*surfaces, match) else None
 
 
-def _is_simple(surface: Surface) -> bool:
+def _is_joinable(surface: Surface) -> bool:
     """Whether a surface has no polygons, hard edges or parts, which streams without order omit."""
     return surface.face_sizes is None and surface.hard_edges is None and not surface.parts
 
 
-def _kinds(tracks: Mapping[str, TrackSource]) -> dict[str, tuple[object, ...]] | None:
+def _properties_of_tracks(
+    tracks: Mapping[str, TrackSource],
+) -> dict[str, tuple[object, ...]] | None:
     """Return the properties that joined tracks share; None if a track is not of vertices."""
     if any(track.domain is not Domain.VERTEX for track in tracks.values()):
         return None
@@ -107,7 +114,7 @@ def _kinds(tracks: Mapping[str, TrackSource]) -> dict[str, tuple[object, ...]] |
     }
 
 
-def _labels_of_data(first: FrameSource, second: FrameSource) -> tuple[Labels, Labels] | None:
+def _labels_of_values(first: FrameSource, second: FrameSource) -> tuple[Labels, Labels] | None:
     """Return equal labels for vertices with equal values; None if attributes do not correspond."""
     meshes = first, second
     labels = np.zeros(first.n_verts, np.uint64), np.zeros(first.n_verts, np.uint64)
@@ -122,12 +129,12 @@ def _labels_of_data(first: FrameSource, second: FrameSource) -> tuple[Labels, La
         for own_labels, mesh, item_ids in zip(labels, meshes, ids, strict=True):
             is_of_vertices = domain is Domain.VERTEX
             vertices = np.arange(len(own_labels)) if is_of_vertices else mesh.faces.ravel()
-            np.add.at(own_labels, vertices, _mixed(item_ids))
-            own_labels[:] = _mixed(own_labels)
+            np.add.at(own_labels, vertices, _hashed(item_ids))
+            own_labels[:] = _hashed(own_labels)
     ids = _row_ids(first.read(first.n_frames - 1, first.n_frames)[0], second.read(0, 1)[0])
     if np.array_equal(np.sort(ids[0]), np.sort(ids[1])):  # the mesh rests
         for own_labels, vertex_ids in zip(labels, ids, strict=True):
-            own_labels += _mixed(vertex_ids)
+            own_labels += _hashed(vertex_ids)
     return labels
 
 
@@ -140,23 +147,25 @@ def _row_ids(first: Vertices, second: Vertices) -> tuple[Labels, Labels]:
     return ids_of_first, ids_of_second
 
 
-def _refined(faces: Faces, others: Faces, labels: Labels, labels_hat: Labels) -> Integers | None:
+def _matching_vertices(
+    faces: Faces, others: Faces, labels: Labels, other_labels: Labels
+) -> Integers | None:
     """Return the vertex of the second mesh for each vertex of the first; None if ambiguous.
 
     Labels are refined by those of the neighbors in each face until all vertices of a mesh have
     different labels, or another refinement distinguishes no more of them (color refinement).
     """
     n_last = 0
-    while np.array_equal(np.sort(labels), np.sort(labels_hat)):
+    while np.array_equal(np.sort(labels), np.sort(other_labels)):
         n_distinct = len(np.unique(labels))
         if n_distinct == len(labels):
             vertices = np.empty(len(labels), np.int64)
-            vertices[np.argsort(labels)] = np.argsort(labels_hat)
+            vertices[np.argsort(labels)] = np.argsort(other_labels)
             return vertices
         if n_distinct <= n_last:
             return None
         n_last = n_distinct
-        labels, labels_hat = _with_neighbors(faces, labels), _with_neighbors(others, labels_hat)
+        labels, other_labels = _with_neighbors(faces, labels), _with_neighbors(others, other_labels)
     return None
 
 
@@ -165,11 +174,11 @@ def _with_neighbors(faces: Faces, labels: Labels) -> Labels:
     sums = np.zeros_like(labels)
     for corner in range(3):
         next_labels, last_labels = (labels[faces[:, (corner + turn) % 3]] for turn in (1, 2))
-        np.add.at(sums, faces[:, corner], _mixed(next_labels + _mixed(last_labels)))
-    return _mixed(labels + _mixed(sums))
+        np.add.at(sums, faces[:, corner], _hashed(next_labels + _hashed(last_labels)))
+    return _hashed(labels + _hashed(sums))
 
 
-def _mixed(values: Labels) -> Labels:
+def _hashed(values: Labels) -> Labels:
     """Hash 64-bit numbers by the finalizer of SplitMix64."""
     mixed = values + np.uint64(0x9E3779B97F4A7C15)
     mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -177,19 +186,19 @@ def _mixed(values: Labels) -> Labels:
     return mixed ^ (mixed >> np.uint64(31))
 
 
-def _items(faces: Faces, others: Faces, vertices: Integers) -> _Match | None:
+def _matching_items(faces: Faces, others: Faces, vertices: Integers) -> _Match | None:
     """Match faces and corners too, given the vertices; None if faces differ or repeat."""
-    faces_hat = inverse_permutation(vertices)[others]  # in the vertices of the first mesh
-    first_corners, first_corners_hat = faces.argmin(axis=1), faces_hat.argmin(axis=1)
-    rows = rotate_corners(faces.astype(np.int64), first_corners)
-    rows_hat = rotate_corners(faces_hat, first_corners_hat)
-    order, order_hat = np.lexsort(rows.T), np.lexsort(rows_hat.T)
+    renumbered = inverse_permutation(vertices)[others]  # in the vertices of the first mesh
+    lowest, lowest_of_others = faces.argmin(axis=1), renumbered.argmin(axis=1)
+    rows = rotate_corners(faces.astype(np.int64), lowest)
+    other_rows = rotate_corners(renumbered, lowest_of_others)
+    order, other_order = np.lexsort(rows.T), np.lexsort(other_rows.T)
     is_repeated = (np.diff(rows[order], axis=0) == 0).all(axis=1).any()
-    if is_repeated or not np.array_equal(rows[order], rows_hat[order_hat]):
+    if is_repeated or not np.array_equal(rows[order], other_rows[other_order]):
         return None
     matches = np.empty(len(faces), np.int64)
-    matches[order] = order_hat
-    turns = first_corners_hat[matches] - first_corners
+    matches[order] = other_order
+    turns = lowest_of_others[matches] - lowest
     corners = (np.arange(3) + turns[:, np.newaxis]) % 3
     return _Match(vertices, matches, (3 * matches[:, np.newaxis] + corners).ravel())
 
@@ -210,17 +219,17 @@ def _is_same_surface(first: Surface, second: Surface, match: _Match) -> bool:
     pairs = _attribute_pairs(first, second)
     if pairs is None:
         return False
-    for attribute, attribute_hat in pairs:
+    for attribute, other in pairs:
         values = attribute.per_item()
-        values_hat = attribute_hat.per_item()[match.of(attribute.domain)]
-        if values.dtype != values_hat.dtype or values.tobytes() != values_hat.tobytes():
+        other_values = other.per_item()[match.of(attribute.domain)]
+        if values.dtype != other_values.dtype or values.tobytes() != other_values.tobytes():
             return False
     groups = [(row.name, row.labels, row.numbers.tobytes()) for row in first.groups]
-    groups_hat = [
+    other_groups = [
         (row.name, row.labels, row.numbers[match.faces].tobytes()) for row in second.groups
     ]
-    images, images_hat = ([image.data for image in row.images] for row in (first, second))
-    return groups == groups_hat and first.materials == second.materials and images == images_hat
+    images, other_images = ([image.data for image in row.images] for row in (first, second))
+    return groups == other_groups and first.materials == second.materials and images == other_images
 
 
 def _appended(first: FrameSource, second: FrameSource, match: _Match) -> MeshSequence:

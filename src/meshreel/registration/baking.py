@@ -110,7 +110,7 @@ def check_textured(raw: MeshSequence) -> None:
     """
     first = 0
     for segment in raw.segments:
-        changing = [one for one in segment.tracks.values() if one.kind is TrackKind.UV]
+        changing = [track for track in segment.tracks.values() if track.kind is TrackKind.UV]
         if not changing and not segment.surface.of_kind(Kind.UV):
             raise InvalidInputError(
                 f"frame {first} has no texture coordinates, so its texture cannot be baked"
@@ -131,8 +131,10 @@ def _n_color_images(surface: Surface) -> int:
         if group.name == "material"
         for number in np.unique(group.numbers[group.numbers >= 0]).tolist()
     }
-    textures = [one.base_color_texture for one in surface.materials if one.name in used]
-    return len({one.image for one in textures if one is not None})
+    textures = [
+        material.base_color_texture for material in surface.materials if material.name in used
+    ]
+    return len({texture.image for texture in textures if texture is not None})
 
 
 def with_atlases(registration: Registration, size: Size) -> tuple[Registration, int]:
@@ -201,7 +203,7 @@ def bake(
     InvalidInputError
         If there are fewer images than frames.
     """
-    starts = {one.first for one in registered_segments(registration)}
+    starts = {segment.first for segment in registered_segments(registration)}
     given = iter(images)
     *firsts, n_frames = sequence.starts
     for index, first in enumerate(firsts):
@@ -226,7 +228,7 @@ def bake(
 def _baked(atlas: Atlas, corners: Floats, raw: RawFrame, image: PillowImage.Image) -> Bytes:
     """Return the colors of the texels of an atlas that belong to triangles, of shape (N, 3)."""
     pixels = np.asarray(image)
-    (uv, *_) = (one for one in attributes_of(raw.frame) if one.kind is Kind.UV)
+    (uv, *_) = (attribute for attribute in attributes_of(raw.frame) if attribute.kind is Kind.UV)
     items = items_at_corners(raw.frame, uv.domain)
     values = uv.per_item()
     colors = np.empty((len(atlas.faces), 3), np.uint8)
@@ -282,6 +284,6 @@ def made_uv(vertices: Singles, faces: Faces, size: Size) -> Singles:
 
 
 def _with_uv(surface: Surface, uv: Singles) -> Surface:
-    kept = tuple(one for one in surface.attributes if one.kind is not Kind.UV)
+    kept = tuple(attribute for attribute in surface.attributes if attribute.kind is not Kind.UV)
     made = Attribute("uv", Kind.UV, Domain.CORNER, uv[:0]).indexed(uv)
     return replace(surface.without_materials(), attributes=(made, *kept))

@@ -171,11 +171,11 @@ def _directions(gaps: Floats, normals: Floats) -> tuple[Floats, Floats]:
 def joined(*several: Rows) -> Rows:
     """Return all rows as one."""
     return Rows(
-        np.concatenate([one.vertices for one in several]),
-        np.concatenate([one.weights for one in several]),
-        np.concatenate([one.directions for one in several]),
-        np.concatenate([one.offsets for one in several]),
-        np.concatenate([one.areas for one in several]),
+        np.concatenate([rows.vertices for rows in several]),
+        np.concatenate([rows.weights for rows in several]),
+        np.concatenate([rows.directions for rows in several]),
+        np.concatenate([rows.offsets for rows in several]),
+        np.concatenate([rows.areas for rows in several]),
     )
 
 

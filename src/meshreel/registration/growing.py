@@ -23,37 +23,36 @@ from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.threads import in_threads
 
-MARGIN = 4
-"""A key is chosen in the middle of a run of frames, without this fraction of it on either side."""
+KEY_MARGIN = 0.25
+"""A key is in the middle of a run of frames: not within this fraction of either end."""
 
 SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
-"""Smoothness of the steps of the fit, which end when the tolerance is met."""
+"""Smoothness of the steps of a fit, which ends at the step that meets the tolerance."""
 
 SMOOTHNESS_OF_OPENED = 0.03
 """Smoothness of the step after folds were opened."""
 
-NEARLY_MET = 1.6
-"""Largest error, in tolerances, for which opening folds may suffice to meet it."""
+MAX_ERROR_TO_FIT = 5.0
+"""Largest error, in tolerances, after which further steps of a fit are tried."""
 
-MAX_COARSE_STEPS = 2
-"""Steps of a fit after which details could imitate a part of the surface that tracking has lost."""
+MAX_ERROR_TO_OPEN = 1.6
+"""Largest error, in tolerances, after which folds are opened in order to meet the tolerance."""
 
-LOST = 5.0
-"""Errors in tolerances that no fit of details can mend."""
+MAX_ERROR_TO_REFINE = 2.0
+"""Largest error, in tolerances, of a frame that a key with more vertices may be able to follow."""
+
+MAX_SMOOTH_STEPS = 2
+"""Steps of a fit too smooth to imitate a part of the surface that tracking has lost."""
 
 MAX_REPAIRS = 2
 """Largest number of times that the folds of a fit are opened and flattened."""
 
-NEAR = 2.0
-"""Largest error, in tolerances, at the end of a segment whose key may lack vertices."""
+MAX_SAGITTA = 0.7
+"""Largest sagitta of the edges of a refined key (`KeyMesh.refined`), in tolerances."""
 
-SAGITTA = 0.7
-"""Largest sagitta of the edges of a refined key, in tolerances."""
-
-KEY_BITS = 18.0
-MOTION_BITS = 1.0
-"""Bits of a vertex in the key, and in each other frame of fast motion, where segments end; measured
-in files of quality 70."""
+KEY_BITS, MOTION_BITS = 18.0, 1.0
+"""Bits of a vertex in the key, and in each other frame, measured in files of quality 70 at fast
+motion, where segments end."""
 
 INSIDE_OUT = "its faces are oriented inside out compared with the key"
 
@@ -83,8 +82,8 @@ class Frames:
 
     def mesh(self, number: int) -> TriangleMesh:
         """Return the cleaned surface of a frame."""
-        found = self.cleaned(number)
-        return TriangleMesh(self.normalized(found.vertices), found.faces)
+        mesh = self.cleaned(number)
+        return TriangleMesh(self.normalized(mesh.vertices), mesh.faces)
 
     def normalized(self, vertices: npt.NDArray[np.floating]) -> Floats:
         """Return positions in longest sides of the box, from its lowest corner."""
@@ -169,9 +168,9 @@ class Segment:
         Faces that fold over, in all frames.
     reasons : tuple of (int, str)
         The frames at which it ended, and why each could not be followed.
-    is_near : bool
-        Whether one of them nearly met the tolerance and has as many components as the key; with
-        more vertices, the key may follow it.
+    may_lack_vertices : bool
+        Whether the tolerance was nearly met at one of these frames, which has as many components
+        as the key: a key with more vertices may be able to follow it.
     """
 
     first: int
@@ -181,7 +180,7 @@ class Segment:
     errors: tuple[FrameErrors, ...]
     n_folded: int
     reasons: tuple[tuple[int, str], ...]
-    is_near: bool
+    may_lack_vertices: bool
 
     @property
     def n_frames(self) -> int:
@@ -220,7 +219,7 @@ def grow_segments(
     report : callable
         Called with the number of finished frames.
     """
-    free = {number for number, one in enumerate(topologies) if one is not None}
+    free = {number for number, topology in enumerate(topologies) if topology is not None}
     segments: list[Segment] = []
     n_empty = len(topologies) - len(free)
 
@@ -235,17 +234,20 @@ def grow_segments(
         free -= set(segment.numbers)
         segments.append(segment)
     report(frames.n_frames - n_empty)
-    return sorted(segments, key=lambda one: one.first)
+    return sorted(segments, key=lambda segment: segment.first)
 
 
 def _choose_key(run: range, topologies: list[Topology | None]) -> int:
     """Return the frame of the best topology near the middle of a run."""
-    margin = len(run) // MARGIN
+    margin = int(KEY_MARGIN * len(run))
     inner = run[margin : len(run) - margin]
-    found = {number: one for number in inner if (one := topologies[number])}
-    best = max(found.values())
+    allowed = {number: topology for number in inner if (topology := topologies[number])}
+    best = max(allowed.values())
     middle = (run[0] + run[-1]) / 2
-    return min((n for n, one in found.items() if one == best), key=lambda n: abs(n - middle))
+    return min(
+        (number for number, topology in allowed.items() if topology == best),
+        key=lambda number: abs(number - middle),
+    )
 
 
 def _longest(
@@ -259,9 +261,9 @@ def _longest(
     """Return the segment of a key within a run; of a refined key if frames then cost less."""
     key_mesh = KeyMesh.of_mesh(frames.mesh(key))
     segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, report)
-    if not segment.is_near:
+    if not segment.may_lack_vertices:
         return segment
-    refined = key_mesh.refined(SAGITTA * tolerance.length)
+    refined = key_mesh.refined(MAX_SAGITTA * tolerance.length)
     if len(refined.mesh.vertices) == len(key_mesh.mesh.vertices):
         return segment
 
@@ -270,7 +272,7 @@ def _longest(
             report(n_frames)
 
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, report_more)
-    return min(segment, other, key=lambda one: one.bits_per_frame)
+    return min(segment, other, key=lambda choice: choice.bits_per_frame)
 
 
 def _grow(
@@ -306,7 +308,7 @@ def _grow(
                 course.n_folded += outcome.n_folded
                 store.put(name, number, frames.restored(outcome.positions))
             store.save(way, course)
-            report(1 + sum(len(one.errors) for one in list(courses.values())))
+            report(1 + sum(len(each.errors) for each in list(courses.values())))
 
     ways = [numbers for numbers in (before, after) if numbers]
     if ways:
@@ -314,7 +316,7 @@ def _grow(
     earlier = courses[before].errors if before else []
     later = courses[after].errors if after else []
     kept = range(key - len(earlier), key + len(later) + 1)
-    ends = {way[len(one.errors)]: one for way, one in courses.items() if one.reason}
+    ends = {way[len(course.errors)]: course for way, course in courses.items() if course.reason}
     n_components = frames.cleaned(key).n_components
     return Segment(
         kept.start,
@@ -322,11 +324,12 @@ def _grow(
         store.stacked(name, kept),
         key_mesh,
         (*reversed(earlier), EXACT, *later),
-        sum(one.n_folded for one in courses.values()),
-        tuple(sorted((number, one.reason) for number, one in ends.items())),
+        sum(course.n_folded for course in courses.values()),
+        tuple(sorted((number, course.reason) for number, course in ends.items())),
         any(
-            one.excess < NEAR and frames.cleaned(number).n_components == n_components
-            for number, one in ends.items()
+            course.excess < MAX_ERROR_TO_REFINE
+            and frames.cleaned(number).n_components == n_components
+            for number, course in ends.items()
         ),
     )
 
@@ -383,7 +386,7 @@ class Follower:
             fit = self._attempted(state, target, attempt)
             if self._meets(fit.errors):
                 self._repair_folds(fit, target)
-                if fits or fit.n_steps <= MAX_COARSE_STEPS:
+                if fits or fit.n_steps <= MAX_SMOOTH_STEPS:
                     self._restore_folds(fit, target)
                 met.append(fit)
                 if not fit.n_folded:
@@ -391,13 +394,13 @@ class Follower:
             fits.append(fit)
             has_failed = bool(met) or self._loses(fit.errors)
         if met:
-            fit = min(met, key=lambda one: one.n_folded)
+            fit = min(met, key=lambda fit: fit.n_folded)
             self._restore_folds(fit, target)
             following = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)
             return Followed(following, fit.mesh.vertices, fit.errors, fit.n_folded)
         if self._orientation * target.orientation < 0:
             return Lost(INSIDE_OUT, np.inf)
-        nearest = min((one.errors for one in fits), key=self._excess)
+        nearest = min((fit.errors for fit in fits), key=self._excess)
         return Lost(nearest.exceeds(self._tolerance), self._excess(nearest))
 
     def _meets(self, errors: FrameErrors) -> bool:
@@ -405,7 +408,7 @@ class Follower:
 
     def _loses(self, errors: FrameErrors) -> bool:
         """Whether a mesh is too far from the surface to be fitted more closely."""
-        return errors.p99 > LOST * self._tolerance.length
+        return errors.p99 > MAX_ERROR_TO_FIT * self._tolerance.length
 
     def _excess(self, errors: FrameErrors) -> float:
         return errors.in_tolerances(self._tolerance)
@@ -426,7 +429,7 @@ class Follower:
             fits.append(Fit(pose, posed, fitted, errors, len(fits) + 1))
 
         def nearest() -> Fit:
-            return min(fits, key=lambda one: self._excess(one.errors))
+            return min(fits, key=lambda fit: self._excess(fit.errors))
 
         mesh = TriangleMesh(posed.positions, self._faces)
         for smoothness in SMOOTHNESS:
@@ -434,7 +437,7 @@ class Follower:
             mesh, errors = fits[-1].mesh, fits[-1].errors
             if self._meets(errors) or self._loses(errors):
                 break
-        if 1 < self._excess(nearest().errors) < NEARLY_MET:
+        if 1 < self._excess(nearest().errors) < MAX_ERROR_TO_OPEN:
             opened = self._folds.opened(nearest().mesh, target)
             if opened is not nearest().mesh:
                 fit_again(opened, SMOOTHNESS_OF_OPENED)

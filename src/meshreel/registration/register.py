@@ -77,13 +77,13 @@ class Distances:
     @classmethod
     def of_frames(cls, errors: Sequence[FrameErrors], scale: float, n_folded: int) -> "Distances":
         """Summarize errors in longest sides of the box, of which `scale` make a diagonal."""
-        rows = np.array([[one.mean, one.p95, one.p99, one.mean_square] for one in errors])
+        rows = np.array([[frame.mean, frame.p95, frame.p99, frame.mean_square] for frame in errors])
         mean, p95, p99, mean_square = rows.mean(axis=0).tolist()
         return cls(
             100 * mean / scale,
             100 * p95 / scale,
             100 * p99 / scale,
-            100 * max(one.largest for one in errors) / scale,
+            100 * max(frame.largest for frame in errors) / scale,
             float(10 * np.log10(3 / mean_square)) if mean_square else float("inf"),
             n_folded,
         )
@@ -129,7 +129,7 @@ class Registration:
     @property
     def distances(self) -> Distances:
         """Distances from the raw frames."""
-        errors = [one for segment in self.segments for one in segment.errors]
+        errors = [frame for segment in self.segments for frame in segment.errors]
         n_folded = sum(segment.n_folded for segment in self.segments)
         return Distances.of_frames(errors, self.diagonal, n_folded)
 
@@ -327,9 +327,11 @@ def _kept_surface(
 
     return Surface(
         attributes=tuple(
-            kept(one) for one in attributes_of(key) if one.kind is Kind.UV or one.name not in tracks
+            kept(attribute)
+            for attribute in attributes_of(key)
+            if attribute.kind is Kind.UV or attribute.name not in tracks
         ),
-        groups=tuple(replace(one, numbers=one.numbers[polygons]) for one in surface.groups),
+        groups=tuple(replace(group, numbers=group.numbers[polygons]) for group in surface.groups),
         materials=surface.materials,
         images=surface.images,
         is_ordered=False,
@@ -343,7 +345,7 @@ def _changes(
     registered: MeshSequence,
     segments: Sequence[Segment],
 ) -> Iterator[str]:
-    if refined := [one.key for one in segments if one.key_mesh.is_refined]:
+    if refined := [segment.key for segment in segments if segment.key_mesh.is_refined]:
         yield (
             f"split edges of the mesh of {counted(len(refined), 'key frame')}, which then follows "
             "more frames"
@@ -357,9 +359,9 @@ def _changes(
         )
     if None in topologies:
         yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"
-    kept = set.intersection(*(set(one.tracks) for one in registered.segments))
-    given = {n for n, one in tracks_of_all(raw).items() if one.kind is not TrackKind.UV}
+    kept = set.intersection(*(set(segment.tracks) for segment in registered.segments))
+    given = {n for n, track in tracks_of_all(raw).items() if track.kind is not TrackKind.UV}
     if names := sorted(given - kept):
         yield f"left out tracks that are not on the vertices of all frames: {', '.join(names)}"
-    if any(one.surface.hard_edges is not None for one in raw.segments):
+    if any(segment.surface.hard_edges is not None for segment in raw.segments):
         yield "left out hard edges of registered frames"

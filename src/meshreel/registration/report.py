@@ -148,7 +148,9 @@ def _mean_of_finite(values: Any) -> float:
 def _evenly_spaced(registration: Registration) -> Sequence[int]:
     """Return the numbers of the frames to measure: of those that are not exact, if there are."""
     segments = registration.segments
-    numbers = [number for one in segments for number in one.numbers if number != one.key]
-    numbers = numbers or [one.key for one in segments]
+    numbers = [
+        number for segment in segments for number in segment.numbers if number != segment.key
+    ]
+    numbers = numbers or [segment.key for segment in segments]
     n_chosen = min(max(MIN_POINT_FRAMES, len(numbers) // POINT_FRAMES_APART), len(numbers))
     return [numbers[(2 * k + 1) * len(numbers) // (2 * n_chosen)] for k in range(n_chosen)]

@@ -148,7 +148,7 @@ class FolderStore(TemporaryStore):
     def save(self, name: str, course: Course) -> None:
         """Store how far a direction was followed, after its last frame."""
         arrays: Arrays = {
-            "errors": np.array([astuple(one) for one in course.errors]).reshape(-1, 6),
+            "errors": np.array([astuple(errors) for errors in course.errors]).reshape(-1, 6),
             "n_folded": np.array(course.n_folded),
             "reason": np.array(course.reason),
             "excess": np.array(course.excess),

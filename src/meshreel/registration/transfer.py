@@ -119,12 +119,16 @@ def transferred_tracks(frames: Iterable[RawFrame], positions: Iterable[Floats]) 
         given = transferable(frame.frame)
         if found:
             given = {
-                name: given[name] for name, one in found[-1].items() if _fits(one, given.get(name))
+                name: given[name]
+                for name, track in found[-1].items()
+                if _fits(track, given.get(name))
             }
         if not given:
             return {}
         places = frame.closest(points)
-        found.append({name: _at_places(frame.frame, one, places) for name, one in given.items()})
+        found.append(
+            {name: _at_places(frame.frame, track, places) for name, track in given.items()}
+        )
     return concatenate_tracks([{name: frame[name] for name in found[-1]} for frame in found])
 
 
@@ -135,10 +139,11 @@ def transferable(frame: MeshSequence) -> dict[str, Track]:
     as colors of vertices.
     """
     attributes = {
-        one.name: Track(one.per_item()[None], one.domain, _kind(one))
-        for one in frame.surface.attributes
-        if one.domain is Domain.VERTEX or (one.domain, one.kind) == (Domain.CORNER, Kind.COLOR)
-        if one.kind is not Kind.UV
+        attribute.name: Track(attribute.per_item()[None], attribute.domain, _kind(attribute))
+        for attribute in frame.surface.attributes
+        if attribute.domain is Domain.VERTEX
+        or (attribute.domain, attribute.kind) == (Domain.CORNER, Kind.COLOR)
+        if attribute.kind is not Kind.UV
     }
     return attributes | {
         name: track

@@ -197,7 +197,7 @@ def test_only_a_key_with_the_components_of_the_next_frame_may_lack_vertices(plan
         frames.append(MeshSequence(vertices[None].astype(np.float32), faces.astype(np.int32)))
     found = register(meshreel.concatenate(frames), ErrorBound(0.4))
     assert [one.n_frames for one in found.segments] == [1, 1]
-    assert found.segments[0].is_near != joins
+    assert found.segments[0].may_lack_vertices != joins
 
 
 @pytest.mark.parametrize(("n_frames", "is_refined_kept"), [(20, False), (60, True)])
@@ -210,7 +210,7 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     def grow(frames, key, key_mesh, name, *_):
         n_followed = 10 if name == "0" else n_frames
         positions = np.zeros((n_followed, len(key_mesh.mesh.vertices), 3))
-        return Segment(0, key, positions, key_mesh, (), 0, (), is_near=True)
+        return Segment(0, key, positions, key_mesh, (), 0, (), may_lack_vertices=True)
 
     def refined(self, _):
         return KeyMesh.of_mesh(TriangleMesh(*square(0.0, 57)))

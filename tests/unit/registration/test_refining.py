@@ -84,7 +84,7 @@ def test_a_refined_key_is_kept_if_frames_need_fewer_vertices(
     def grow(frames, number, key_mesh, *_):
         n_frames = n_frames_refined if key_mesh.is_refined else 1
         positions = np.zeros((n_frames, len(key_mesh.mesh.vertices), 3))
-        return growing.Segment(0, number, positions, key_mesh, (), 0, (), is_near=True)
+        return growing.Segment(0, number, positions, key_mesh, (), 0, (), may_lack_vertices=True)
 
     monkeypatch.setattr(growing, "_grow", grow)
     raw = as_frames([(key.mesh.vertices, key.mesh.faces)])

@@ -170,7 +170,7 @@ def _measured(
             }
             for name, errors in achieved.tracks.items()
         },
-        "uv_error": None if encoded.uv is None else encoded.uv.largest,
+        "uv_error": None if encoded.uv is None else encoded.uv,
         "notes": notes,
     }
     return EncodedInput(encoded.data, figures)

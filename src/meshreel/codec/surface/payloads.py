@@ -39,6 +39,7 @@ from meshreel.model.surface import (
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
+Appearance = Material | Texture
 
 EACH, INDEXED, SHARED = range(3)
 """Layouts of values: one row per item; indexed rows; or rows that corners share in the stream and
@@ -46,6 +47,21 @@ that are expanded to one row per item on decoding."""
 
 MANY_CORNERS, SHARED_AT_MOST = 30_000, 0.5
 """Corners above which a row for each is not tried, if their share of distinct rows is lower."""
+
+MATERIAL_NUMBERS = {
+    "base_color": 4,
+    "metallic": 1,
+    "roughness": 1,
+    "emissive": 3,
+    "normal_scale": 1,
+    "occlusion_strength": 1,
+    "alpha_cutoff": 1,
+}
+TEXTURE_NUMBERS = {"offset": 2, "rotation": 1, "scale": 2}
+"""Numeric fields in the order of the stream, with their sizes."""
+
+DOUBLE_SIDED, UNLIT = 4, 8
+NUMBER = struct.Struct("<d")
 
 START = struct.Struct("<d")
 
@@ -232,24 +248,6 @@ def _write_hard_edges(surface: Surface, faces: Faces) -> bytes:
     edges = shared_edges(sizes, join_fans(sizes, faces))
     numbers = np.flatnonzero(hard_flags(surface.hard_edges, edges))
     return write_varint(len(numbers)) + encode_integers([np.diff(numbers, prepend=-1) - 1])
-
-
-MATERIAL_NUMBERS = {
-    "base_color": 4,
-    "metallic": 1,
-    "roughness": 1,
-    "emissive": 3,
-    "normal_scale": 1,
-    "occlusion_strength": 1,
-    "alpha_cutoff": 1,
-}
-TEXTURE_NUMBERS = {"offset": 2, "rotation": 1, "scale": 2}
-"""Numeric fields in the order of the stream, with their sizes."""
-
-DOUBLE_SIDED, UNLIT = 4, 8
-NUMBER = struct.Struct("<d")
-
-Appearance = Material | Texture
 
 
 def write_material(material: Material) -> bytes:

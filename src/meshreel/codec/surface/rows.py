@@ -14,6 +14,9 @@ from meshreel.model.surface import Domain, Surface
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
 
+REPEAT, NEW, EXPLICIT = 0, 1, 2
+"""Codes of items: the row of the previous item, the next new row, any other row."""
+
 
 def faces_of_rows(
     domain: Domain, rows: Integers | None, surface: Surface, faces: Faces
@@ -51,12 +54,6 @@ def places_of(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> I
     if domain is not Domain.CORNER:
         return np.zeros(n_items, np.int64)
     return join_fans(surface.sizes(len(faces)), faces)
-
-
-Integers = npt.NDArray[np.integer]
-
-REPEAT, NEW, EXPLICIT = 0, 1, 2
-"""Codes of items: the row of the previous item, the next new row, any other row."""
 
 
 def encode_references(rows: Integers) -> bytes:
