@@ -45,7 +45,7 @@ from meshreel.codec.subspace.trajectories import bounding_frame, from_matrices, 
 from meshreel.evaluation import draco
 from meshreel.evaluation.peers import Shape, pack_frames, unpack_frames
 from meshreel.model.sequence import Vertices
-from meshreel.paper.subspace.basis import expand, project
+from meshreel.paper.basis import expand, project
 from meshreel.runtime.threads import n_cores, one_blas_thread
 
 DRACO, DRACO_BITS = "Draco", 10

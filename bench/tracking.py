@@ -39,7 +39,7 @@ from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.kernel.fields import decode_fields
 from meshreel.metrics.position_errors import position_errors
 from meshreel.paper import pipeline
-from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
+from meshreel.paper.basis import advance_basis, align_basis, ritz_vectors
 from meshreel.runtime.threads import one_blas_thread
 from meshreel.studies.rate_distortion import bd_rate
 

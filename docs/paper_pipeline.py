@@ -82,9 +82,9 @@ class Step:
         return self.top + STEP_HEIGHT
 
 
-_L, _BASIS, _QUANTIZER = "paper/laplacian.py", "paper/subspace/basis.py", "paper/quantization.py"
+_L, _BASIS, _QUANTIZER = "paper/laplacian.py", "paper/basis.py", "paper/quantization.py"
 _PCA, _MATRICES = "codec/subspace/pca.py", "codec/subspace/trajectories.py"
-_TRACKING, _SYSTEM = "paper/subspace/orthogonal_iteration.py", "paper/reconstruction/system.py"
+_SYSTEM = "paper/reconstruction_system.py"
 _DEFINITION, _PROJECTION = ("Eq. 1", "Eq. 2", "Eq. 3"), ("Eq. 4", "Eq. 6", "Eq. 8", "Eq. 9")
 _UPPER, _LOWER = ENCODER_ROWS
 _DECODER_UPPER, _DECODER_LOWER = DECODER_ROWS
@@ -98,7 +98,7 @@ STEPS = {
         _UPPER,
         "later blocks",
         r"$U \leftarrow QR(R[i]\;U)$, repeated",
-        (_TRACKING,),
+        (_BASIS,),
         ("Alg. 1",),
     ),
     "anchors": Step(0, _LOWER, "anchors", r"$A^T$ at $n_c$ of $n$ vertices", ("paper/anchors.py",)),

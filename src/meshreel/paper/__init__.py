@@ -43,7 +43,15 @@ if TYPE_CHECKING:
         to_matrices,
     )
     from meshreel.paper.anchors import choose_anchors
+    from meshreel.paper.basis import (
+        advance_basis,
+        align_basis,
+        expand,
+        project,
+        ritz_vectors,
+    )
     from meshreel.paper.choices import PaperChoices
+    from meshreel.paper.graph_fourier import graph_fourier_basis
     from meshreel.paper.laplacian import (
         adjacency_matrix,
         cotangent_laplacian,
@@ -56,16 +64,9 @@ if TYPE_CHECKING:
         step_for_all_rows,
         steps_for_each_row,
     )
-    from meshreel.paper.reconstruction.system import ReconstructionSystem
+    from meshreel.paper.reconstruction_system import ReconstructionSystem
     from meshreel.paper.stream import PaperBlock, PaperStream, read
     from meshreel.paper.stream_rates import RateParts, StreamRates, rates
-    from meshreel.paper.subspace.basis import expand, project
-    from meshreel.paper.subspace.graph_fourier import graph_fourier_basis
-    from meshreel.paper.subspace.orthogonal_iteration import (
-        advance_basis,
-        align_basis,
-        ritz_vectors,
-    )
     from meshreel.paper.variants import METHODS
 
 __all__ = [
@@ -101,31 +102,33 @@ __all__ = [
     "uniform_laplacian",
 ]
 
-_STEPS = ("dequantize", "quantize", "step_for_all_rows", "steps_for_each_row")
-_UNITS = ("BoundingFrame", "bounding_frame", "from_matrices", "to_matrices")
-_ITERATIONS = ("advance_basis", "align_basis", "ritz_vectors")
-_LAPLACIANS = (
-    "adjacency_matrix",
-    "cotangent_laplacian",
-    "delta_coordinates",
-    "uniform_laplacian",
-)
-
-_MODULES = {
-    **dict.fromkeys(_LAPLACIANS, "paper.laplacian"),
-    **dict.fromkeys(_STEPS, "paper.quantization"),
-    **dict.fromkeys(_UNITS, "codec.subspace.trajectories"),
-    **dict.fromkeys(_ITERATIONS, "paper.subspace.orthogonal_iteration"),
-    **dict.fromkeys(("RateParts", "StreamRates", "rates"), "paper.stream_rates"),
-    **dict.fromkeys(("PaperBlock", "PaperStream", "read"), "paper.stream"),
-    **dict.fromkeys(("autocorrelation", "eigen_trajectories"), "codec.subspace.pca"),
-    **dict.fromkeys(("expand", "project"), "paper.subspace.basis"),
-    "METHODS": "paper.variants",
-    "PaperChoices": "paper.choices",
-    "ReconstructionSystem": "paper.reconstruction.system",
-    "choose_anchors": "paper.anchors",
-    "graph_fourier_basis": "paper.subspace.graph_fourier",
+_NAMES = {
+    "codec.subspace.pca": ("autocorrelation", "eigen_trajectories"),
+    "codec.subspace.trajectories": (
+        "BoundingFrame",
+        "bounding_frame",
+        "from_matrices",
+        "to_matrices",
+    ),
+    "paper.anchors": ("choose_anchors",),
+    "paper.basis": ("advance_basis", "align_basis", "expand", "project", "ritz_vectors"),
+    "paper.choices": ("PaperChoices",),
+    "paper.graph_fourier": ("graph_fourier_basis",),
+    "paper.laplacian": (
+        "adjacency_matrix",
+        "cotangent_laplacian",
+        "delta_coordinates",
+        "uniform_laplacian",
+    ),
+    "paper.quantization": ("dequantize", "quantize", "step_for_all_rows", "steps_for_each_row"),
+    "paper.reconstruction_system": ("ReconstructionSystem",),
+    "paper.stream": ("PaperBlock", "PaperStream", "read"),
+    "paper.stream_rates": ("RateParts", "StreamRates", "rates"),
+    "paper.variants": ("METHODS",),
 }
+"""Public names by the module that defines them."""
+
+_MODULES = {name: module for module, names in _NAMES.items() for name in names}
 
 
 if not TYPE_CHECKING:  # type checkers would accept any name

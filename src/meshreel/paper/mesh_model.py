@@ -10,9 +10,9 @@ from meshreel.arrays import Floats, Integers
 from meshreel.codec.bitstream.layout import Laplacian
 from meshreel.model.geometry.connectivity import isolated_vertices
 from meshreel.model.sequence import Faces
+from meshreel.paper.graph_fourier import check_basis_size, graph_fourier_basis
 from meshreel.paper.laplacian import cotangent_laplacian, uniform_laplacian
-from meshreel.paper.reconstruction.system import ReconstructionSystem
-from meshreel.paper.subspace.graph_fourier import check_basis_size, graph_fourier_basis
+from meshreel.paper.reconstruction_system import ReconstructionSystem
 from meshreel.runtime.progress import Progress, silent
 
 

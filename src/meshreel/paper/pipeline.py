@@ -10,6 +10,14 @@ from meshreel.arrays import Floats, Integers
 from meshreel.codec.paper_options import FINE_BITS, Allocation, PaperOptions
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
+from meshreel.paper.basis import (
+    advance_basis,
+    align_basis,
+    expand,
+    modes_for_energy,
+    project,
+    ritz_vectors,
+)
 from meshreel.paper.decoded_block import FramesOf
 from meshreel.paper.laplacian import delta_coordinates
 from meshreel.paper.mesh_model import MeshModel
@@ -21,8 +29,6 @@ from meshreel.paper.quantization import (
     steps_for_each_row,
 )
 from meshreel.paper.settings import allocation_of, anchor_bits, bits_of, choices, energy_share
-from meshreel.paper.subspace.basis import expand, modes_for_energy, project
-from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
 from meshreel.paper.variants import Basis, Decoding, Signal, Variant, variant_named
 
 DEFAULT_FREQUENCIES = 0.05

@@ -16,8 +16,7 @@ import meshreel.paper
 from meshreel.codec.achieved import measure_stream
 from meshreel.errors import InvalidInputError, MemoryLimitError, TruncatedStreamError
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper import METHODS, mesh_model, read
-from meshreel.paper.subspace import graph_fourier
+from meshreel.paper import METHODS, graph_fourier, mesh_model, read
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 GRID = waving_grid(9, 5, 6, np.float64)

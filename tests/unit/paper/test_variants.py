@@ -13,9 +13,8 @@ from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper import pipeline
+from meshreel.paper import graph_fourier, pipeline
 from meshreel.paper.decoder import coded_blocks
-from meshreel.paper.subspace import graph_fourier
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
 
 NAMES = list(METHOD_NAMES)

@@ -123,7 +123,7 @@ def test_single_track_is_read_from_a_file():
         np.testing.assert_array_equal(heat[3:9], whole.tracks["heat"][3:9])
         np.testing.assert_array_equal(heat[[9, 1, 9]], whole.tracks["heat"][[9, 1, 9]])
         np.testing.assert_array_equal(list(heat), whole.tracks["heat"].values)
-        with pytest.raises(InvalidInputError, match="no track 'stress'; choose heat, flow"):
+        with pytest.raises(InvalidInputError, match="no track 'stress'; there are heat, flow"):
             reel.track("stress")
     some = meshreel.decode(data, frames=slice(4, 8))
     np.testing.assert_array_equal(some.tracks["flow"].values, whole.tracks["flow"][4:8])

@@ -5,8 +5,8 @@ import pytest
 
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.paper.basis import expand, modes_for_energy, project
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
-from meshreel.paper.subspace.basis import expand, modes_for_energy, project
 from samples.meshes import waving_grid
 
 VALUES = np.array([[80.0, 8.0, 1.0], [8.0, 2.0, 1.0]])  # 88, 10, 2 of 100

@@ -6,14 +6,14 @@ from scipy.sparse import csr_array
 
 from meshreel.codec.subspace.pca import fix_signs
 from meshreel.errors import InvalidInputError
-from meshreel.paper.laplacian import uniform_laplacian
-from meshreel.paper.subspace import graph_fourier
-from meshreel.paper.subspace.graph_fourier import (
+from meshreel.paper import graph_fourier
+from meshreel.paper.graph_fourier import (
     basis_bytes,
     check_basis_size,
     estimated_seconds,
     graph_fourier_basis,
 )
+from meshreel.paper.laplacian import uniform_laplacian
 from samples.meshes import grid_faces, octahedron_faces
 
 LAPLACIAN = uniform_laplacian(grid_faces(9, 8), 72)

@@ -7,7 +7,7 @@ from scipy.spatial import Delaunay
 
 from meshreel.errors import SolverError
 from meshreel.paper.laplacian import component_labels, uniform_laplacian
-from meshreel.paper.reconstruction.system import CholeskySolver
+from meshreel.paper.reconstruction_system import CholeskySolver
 from samples.meshes import grid_faces, octahedron_faces
 
 

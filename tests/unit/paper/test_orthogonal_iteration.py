@@ -5,7 +5,7 @@ import pytest
 
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 from meshreel.errors import InvalidInputError
-from meshreel.paper.subspace.orthogonal_iteration import advance_basis, align_basis, ritz_vectors
+from meshreel.paper.basis import advance_basis, align_basis, ritz_vectors
 
 
 def coherent_frames(phase=0.0):

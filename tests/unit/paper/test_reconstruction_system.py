@@ -5,7 +5,7 @@ import pytest
 
 from meshreel.errors import SolverError
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
-from meshreel.paper.reconstruction.system import ReconstructionSystem
+from meshreel.paper.reconstruction_system import ReconstructionSystem
 from samples.meshes import grid_faces, octahedron_faces
 
 FACES, N_VERTS = grid_faces(6, 7), 42
