@@ -234,8 +234,8 @@ def check(originals: dict[str, meshreel.MeshSequence], run: Run, store: Store) -
     assert store.stream_puts == dict.fromkeys(originals, 1), "a stream was not uploaded once"
     bucket = fsspec.filesystem("s3")
     bucket.invalidate_cache()
-    found = {Path(path).name for path in bucket.find(STREAMS)}
-    assert found == {f"{name}.reel" for name in originals} | {"manifest.json"}
+    results = {Path(path).name for path in bucket.find(STREAMS)}
+    assert results == {f"{name}.reel" for name in originals} | {"manifest.json"}
     records = json.loads(bucket.cat_file(f"{STREAMS}/manifest.json"))["inputs"]
     assert len(records) == len(run.report["inputs"]) == len(originals)
     for name, original in originals.items():
@@ -275,7 +275,7 @@ def print_night(run: Run, idle: Run, sent_mb: float, n_inputs: int, n_positions:
 
 def positions_of(originals: dict[str, meshreel.MeshSequence]) -> int:
     """The number of vertices x frames of all sequences."""
-    return sum(one.n_verts * one.n_frames for one in originals.values())
+    return sum(original.n_verts * original.n_frames for original in originals.values())
 
 
 def main() -> None:

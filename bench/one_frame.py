@@ -36,7 +36,7 @@ def changing_frames(path: Path, n_frames: int) -> list[MeshSequence]:
     files: Any = sorted(path.iterdir())[:n_frames] if path.is_dir() else path
     segments = meshreel.load(files, attributes="none").segments
     if len(segments) > 1:
-        places = [(one, t) for one in segments for t in range(one.n_frames)][:n_frames]
+        places = [(segment, t) for segment in segments for t in range(segment.n_frames)][:n_frames]
         return [MeshSequence(one.read(t, t + 1), one.faces) for one, t in places]
     (whole,), rng = segments, np.random.default_rng(1)
     frames = whole.read(0, min(n_frames, whole.n_frames))
@@ -52,7 +52,7 @@ def subset(vertices: Any, faces: Any, rng: np.random.Generator) -> MeshSequence:
 
 def compare(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> None:
     """Print a row: bytes of both, and the ratio of speeds with their values."""
-    meshes = [(one.vertices[0].astype(np.float32), one.faces) for one in frames]
+    meshes = [(frame.vertices[0].astype(np.float32), frame.faces) for frame in frames]
     low = np.min([vertices.min(axis=0) for vertices, _ in meshes], axis=0)
     sides = np.max([vertices.max(axis=0) for vertices, _ in meshes], axis=0).astype(float) - low
     step = float(sides.max() / (2**bits - 1) / np.linalg.norm(sides))

@@ -45,7 +45,7 @@ DECIMATION = "meshing_decimation_quadric_edge_collapse"
 def as_segments(frames: Sequence[MeshFrame]) -> MeshSequence:
     """Return one segment per frame."""
     return MeshSequence.of_segments(
-        MeshSequence(one.vertices[None], one.faces, 30.0) for one in frames
+        MeshSequence(frame.vertices[None], frame.faces, 30.0) for frame in frames
     )
 
 
@@ -69,8 +69,8 @@ def remeshed(frames: Sequence[MeshFrame]) -> list[MeshFrame]:
     options = {"iterations": 4, "featuredeg": 60}
     lengths = [mean * rng.uniform(*LENGTHS) for _ in frames]
     return [
-        filtered(one, "meshing_isotropic_explicit_remeshing", targetlen=length, **options)
-        for one, length in zip(frames, lengths, strict=True)
+        filtered(frame, "meshing_isotropic_explicit_remeshing", targetlen=length, **options)
+        for frame, length in zip(frames, lengths, strict=True)
     ]
 
 
@@ -99,7 +99,7 @@ def psnr(raw: MeshSequence, other: MeshSequence, extent: Extent) -> tuple[float,
     squares, d2 = [], []
     for frames in zip(raw, other, strict=True):
         first, second = (
-            TriangleMesh((one.vertices - extent.low) / scale, one.faces) for one in frames
+            TriangleMesh((frame.vertices - extent.low) / scale, frame.faces) for frame in frames
         )
         squares.append(measure(second, first, Tolerance(1.0)).mean_square)
         d2.append(d2_of_vertices(first, second))
@@ -120,14 +120,14 @@ def draco(frames: Iterable[MeshFrame], bits: int, extent: Extent) -> tuple[int, 
     low, high = extent.low, extent.high
     streams = [
         DracoPy.encode(
-            one.vertices,
-            one.faces,
+            frame.vertices,
+            frame.faces,
             quantization_bits=bits,
             compression_level=10,
             quantization_range=float((high - low).max()),
             quantization_origin=low.tolist(),
         )
-        for one in frames
+        for frame in frames
     ]
     decoded = map(DracoPy.decode, streams)
     return sum(map(len, streams)), as_segments([as_frame(x.points, x.faces) for x in decoded])
@@ -174,24 +174,25 @@ def main() -> None:
     measured, extent = range(0, n_frames, arguments.every), raw.extent
 
     begin = time.process_time()
-    found = register(raw, bound_of(arguments.tolerance))
+    registered = register(raw, bound_of(arguments.tolerance))
     seconds = (time.process_time() - begin) / raw.n_frames
-    n_verts = np.mean([one.n_verts for one in raw.segments])
+    n_verts = np.mean([segment.n_verts for segment in raw.segments])
+    sizes = [segment.n_frames for segment in registered.sequence.segments]
     print(f"{raw.n_frames} frames of {n_verts:.0f} vertices: segments of "
-          f"{[one.n_frames for one in found.sequence.segments]} frames, {seconds:.2f} processor "
-          f"seconds per frame, {1e4 * seconds / n_verts:.2f} per 10,000 vertices; registered: "
-          f"{found.distances}; {found.distances.n_folded} folded faces")  # fmt: skip
+          f"{sizes} frames, {seconds:.2f} processor seconds per frame, "
+          f"{1e4 * seconds / n_verts:.2f} per 10,000 vertices; registered: "
+          f"{registered.distances}; {registered.distances.n_folded} folded faces")  # fmt: skip
     print("| | kbit/frame | Mbit/s | surface PSNR, dB | D2 of TVMC, dB |\n|---|---|---|---|---|")
     targets = chosen(raw, measured)
-    show("registered, not coded", 0, *psnr(targets, chosen(found.sequence, measured), extent))
+    show("registered, not coded", 0, *psnr(targets, chosen(registered.sequence, measured), extent))
     reached = []
     for quality in arguments.quality:
-        data = meshreel.encode(found.sequence, quality=quality, order="drop")
+        data = meshreel.encode(registered.sequence, quality=quality, order="drop")
         db = psnr(targets, chosen(meshreel.decode(data), measured), extent)
         show(f"quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
         reached.append(db[0])
         if arguments.remesh:
-            positions = np.stack([one.vertices for one in frames]).astype(np.float32)
+            positions = np.stack([frame.vertices for frame in frames]).astype(np.float32)
             original = MeshSequence(positions, frames[0].faces, 30.0)
             data = meshreel.encode(original, quality=quality, order="drop")
             exact, decoded = as_segments(frames), meshreel.decode(data)

@@ -38,13 +38,13 @@ class Heights(NamedTuple):
 
 def heights_above(mesh: TriangleMesh, points: Floats) -> tuple[Heights, Closest]:
     """Return the signed distances of points of shape (N, 3) from a mesh."""
-    found = mesh.closest(points)
-    offsets = points - found.points
-    signs = np.sign(np.einsum("nc,nc->n", offsets, mesh.face_normals[found.faces]))
-    corners = mesh.vertex_normals[mesh.faces[found.faces]]
-    normals = np.einsum("nk,nkc->nc", mesh.barycentric(found), corners)
+    result = mesh.closest(points)
+    offsets = points - result.points
+    signs = np.sign(np.einsum("nc,nc->n", offsets, mesh.face_normals[result.faces]))
+    corners = mesh.vertex_normals[mesh.faces[result.faces]]
+    normals = np.einsum("nk,nkc->nc", mesh.barycentric(result), corners)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return Heights(signs * found.distances, normals), found
+    return Heights(signs * result.distances, normals), result
 
 
 def degrees_between(first: Floats, second: Floats) -> Floats:
@@ -65,8 +65,8 @@ def motion(raw: MeshSequence, other: MeshSequence) -> Floats:
     for number in range(1, raw.n_frames):
         mesh, other_mesh = mesh_of(raw[number]), mesh_of(other[number])
         raw_step, _ = heights_above(before, mesh.vertices)
-        here, found = heights_above(other_mesh, mesh.vertices)
-        step, _ = heights_above(other_before, found.points)
+        here, result = heights_above(other_mesh, mesh.vertices)
+        step, _ = heights_above(other_before, result.points)
         change = degrees_between(here.normals, step.normals).mean()
         squares = (np.square(x).mean() for x in (step.heights, step.heights - raw_step.heights))
         rows.append([*map(np.sqrt, squares), change])
@@ -119,8 +119,8 @@ def main() -> None:
     parts = [raw]
     if arguments.cut:
         parts = [raw[: raw.n_frames // 2], raw[raw.n_frames // 2 :]]
-    found = [register(part, bound_of(arguments.tolerance)) for part in parts]
-    registered = meshreel.concatenate([one.sequence for one in found])
+    results = [register(part, bound_of(arguments.tolerance)) for part in parts]
+    registered = meshreel.concatenate([one.sequence for one in results])
     stream = meshreel.encode(registered, quality=arguments.quality, order="keep")
     decoded = meshreel.decode(stream)
     cuts = np.isin(np.arange(1, raw.n_frames), registered.starts)
@@ -134,10 +134,10 @@ def main() -> None:
                 print(f"| {name}, {place} | {figures} |", flush=True)
     if not arguments.remesh:
         return
-    original, first = [mesh_of(one) for one in frames], 0
+    original, first = [mesh_of(frame) for frame in frames], 0
     print("| frames from the key | along the surface, % | 95 %, % | per frame, % |")
     print("|---|---|---|---|")
-    for one in found:
+    for one in results:
         for distance, *lengths in sliding(one, decoded, original, first):
             cells = " | ".join(f"{100 * length / diagonal:.3f}" for length in lengths)
             print(f"| {distance:.0f} | {cells} |")

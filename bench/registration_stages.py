@@ -98,13 +98,14 @@ def main() -> None:
         for name, changes in VARIANTS.items():
             begin = time.process_time()
             with changed(changes):
-                found = register(raw, bound_of(arguments.tolerance))
+                registered = register(raw, bound_of(arguments.tolerance))
             seconds = (time.process_time() - begin) / n_frames
-            data = meshreel.encode(found.sequence, quality=70, order="drop")
+            data = meshreel.encode(registered.sequence, quality=70, order="drop")
             decoded, measured = meshreel.decode(data), range(0, n_frames, 4)
             coded, _ = psnr(chosen(raw, measured), chosen(decoded, measured), raw.extent)
-            print(f"| {name} | {found.sequence.n_segments} | {found.distances.psnr_db:.1f} | "
-                  f"{found.distances.n_folded} | {len(data) * 8e-3 / n_frames:.1f} | {coded:.1f} | "
+            distances, n_segments = registered.distances, registered.sequence.n_segments
+            print(f"| {name} | {n_segments} | {distances.psnr_db:.1f} | "
+                  f"{distances.n_folded} | {len(data) * 8e-3 / n_frames:.1f} | {coded:.1f} | "
                   f"{seconds:.2f} |", flush=True)  # fmt: skip
 
 

@@ -93,9 +93,9 @@ def raw_texture(
     corners = frame.vertices[0][frame.faces[atlas.faces]].astype(np.float64)
     points = np.einsum("nk,nkc->nc", atlas.weights, corners)
     surface = TriangleMesh(truth.vertices.astype(np.float64), truth.faces)
-    found = surface.closest(points)
-    weights = surface.barycentric(found)
-    origins = np.einsum("nk,nkc->nc", weights, rest[truth.faces[found.faces]])
+    result = surface.closest(points)
+    weights = surface.barycentric(result)
+    origins = np.einsum("nk,nkc->nc", weights, rest[truth.faces[result.faces]])
     return Image.fromarray(pattern(origins, *box)[atlas.nearest])
 
 
@@ -212,7 +212,7 @@ def measure(raw: MeshSequence, folder: Path, arguments: argparse.Namespace) -> N
     textured = jobs[0].prepared(registration, notes)
     data = meshreel.encode(textured.sequence, quality=70, order="drop")
     decoded = meshreel.decode(data)
-    lengths = [one.n_frames for one in textured.sequence.segments]
+    lengths = [segment.n_frames for segment in textured.sequence.segments]
     print(f"{raw.n_frames} frames; segments of {lengths} frames; {textured.distances}; {notes}; "
           f"mesh {8e-3 * len(data) / raw.n_frames:.1f} kbit per frame")  # fmt: skip
     for job, shown in zip(jobs, (textured.sequence, decoded), strict=True):

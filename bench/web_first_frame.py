@@ -147,8 +147,8 @@ def main() -> None:
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
         for way, in_memory, delay_s in ways:
             with serving(stream, options.dist, delay_s) as url:
-                found = measure(browser, url, len(options.dist), in_memory, options.pages)
-            for build, pages in zip(options.dist, found, strict=True):
+                result = measure(browser, url, len(options.dist), in_memory, options.pages)
+            for build, pages in zip(options.dist, result, strict=True):
                 results.append({"way": way, "build": str(build), "pages": pages})
                 rows.append(row(way, build, pages))
         browser.close()

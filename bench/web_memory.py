@@ -68,7 +68,7 @@ def smoothness(page: MeasuredPage, call: str, *given: float) -> dict[str, Any]:
         "pictures dropped": int(np.sum(np.rint(intervals / PICTURE_MS) - 1)),
         "longest_interval_ms": float(intervals.max()),
         "tasks": len(tasks),
-        "long_tasks": sum(one > PICTURE_MS for one in tasks),
+        "long_tasks": sum(task > PICTURE_MS for task in tasks),
         "longest_task_ms": max(tasks),
     }
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from conformance.rounding import single
 
 SMALL_COEFFICIENTS = [
-    float.fromhex(one)
-    for one in [
+    float.fromhex(name)
+    for name in [
         "0x1.dce1bep-4",
         "0x1.c88ecap-3",
         "0x1.90c9f2p-3",
@@ -29,8 +29,8 @@ SMALL_COEFFICIENTS = [
     ]
 ]
 LARGE_COEFFICIENTS = [
-    float.fromhex(one)
-    for one in [
+    float.fromhex(name)
+    for name in [
         "0x1.033016p-4",
         "0x1.ffdabcp-4",
         "0x1.ecc870p-4",

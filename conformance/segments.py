@@ -98,8 +98,8 @@ def of_one_look():
     """Return streams of different meshes with the same materials and images, which return."""
     surface = of_everything(n_frames=1).surface
     materials = tuple(
-        Material(one.name, base_color=one.base_color, roughness=one.roughness)
-        for one in surface.materials
+        Material(material.name, base_color=material.base_color, roughness=material.roughness)
+        for material in surface.materials
     )
     look = Surface(materials=materials, images=surface.images)
     meshes = (TETRAHEDRON, BOX, BOX[:6], BOX, TETRAHEDRON)

@@ -153,7 +153,7 @@ class CornerReferences:
         n_first = polygons.n_corners - sum(counts[:8])
         need(n_first >= 0 and counts[8] <= polygons.n_corners)
         *codes, differences = integers(payload.rest(), [n_first, *counts])
-        self.codes, self.explicit = [iter(one) for one in codes], accumulate(differences)
+        self.codes, self.explicit = [iter(code) for code in codes], accumulate(differences)
         self.rows, self.recent, self.n_new = [None] * polygons.n_corners, {}, 0
 
     def read(self):
@@ -283,7 +283,7 @@ def placed(row, grid):
     step, *origins = grid
     need(step > 0 and all(map(isfinite, grid)))
     offsets = [single(single(struct.unpack("<i", integer)[0]) * step) for integer in row]
-    numbers = [single(low + one) for low, one in zip(origins, offsets, strict=True)]
+    numbers = [single(low + offset) for low, offset in zip(origins, offsets, strict=True)]
     return tuple(struct.pack("<f", number) for number in numbers)
 
 

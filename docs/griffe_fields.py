@@ -17,7 +17,9 @@ class FieldsExtension(griffe.Extension):
 
     def on_function(self, *, func: griffe.Function, **_: Any) -> None:
         """Replace the parameters of a function that has the decorator."""
-        if not any(str(one.value).startswith(f"{DECORATOR}(") for one in func.decorators):
+        if not any(
+            str(decorator.value).startswith(f"{DECORATOR}(") for decorator in func.decorators
+        ):
             return
         found = getattr(import_module(func.module.path), func.name)
         source = func.docstring
@@ -29,7 +31,7 @@ class FieldsExtension(griffe.Extension):
             parser_options=source.parser_options if source else None,
         )
         func.parameters = griffe.Parameters(
-            *(_parameter(one) for one in inspect.signature(found).parameters.values())
+            *(_parameter(parameter) for parameter in inspect.signature(found).parameters.values())
         )
 
 

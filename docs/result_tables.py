@@ -60,8 +60,8 @@ SEPARATE = "commit_of_anchors_and_large_mesh"
 @cache
 def results(name: str) -> dict[str, Any]:
     """The stored results of this name."""
-    found: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
-    return found
+    parsed: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    return parsed
 
 
 def with_tables(text: str) -> str:
@@ -108,20 +108,20 @@ def rates_table(name: str, variants: Sequence[dict[str, Any]]) -> str:
     header = ("variant", *RATES, *(f"{name} stored" for name in RATES),
               "bpvf of the file, order dropped", "KG error %", "STED")  # fmt: skip
     printed, rows = printed_rates(name), list[tuple[str, ...]]()
-    for one in variants:
-        eq13, stored = one["rates"]["eq13"], one["rates"]["stored"]
-        beside = printed.get(one["label"])
+    for variant in variants:
+        eq13, stored = variant["rates"]["eq13"], variant["rates"]["stored"]
+        beside = printed.get(variant["label"])
         rows.append(
             (
-                f"`{one['label']}`",
+                f"`{variant['label']}`",
                 *(
                     printed_beside(number(eq13[part]), getattr(beside, part, None))
                     for part in RATES
                 ),
                 *(number(stored[part]) for part in RATES),
-                number(one["rate_order_dropped_bpvf"]),
-                significant(one["kg_error_percent"]),
-                significant(one["sted"]),
+                number(variant["rate_order_dropped_bpvf"]),
+                significant(variant["kg_error_percent"]),
+                significant(variant["sted"]),
             )
         )
     return table(header, rows)

@@ -99,9 +99,9 @@ def _object(name: str, value: object) -> Iterator[str]:
 
 
 def _parameters(name: str, signature: inspect.Signature) -> Iterator[str]:
-    for one in signature.parameters.values():
-        optional = "=" if one.default is not one.empty else ""
-        yield f"python {name}({one.name}{optional})"
+    for parameter in signature.parameters.values():
+        optional = "=" if parameter.default is not parameter.empty else ""
+        yield f"python {name}({parameter.name}{optional})"
 
 
 def _syntax(name: str, node: ast.ClassDef | ast.FunctionDef) -> Iterator[str]:
@@ -134,11 +134,11 @@ def _assigned(node: ast.AST, *, is_field: bool) -> Iterator[str]:
     targets = node.targets if isinstance(node, ast.Assign) else []
     targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
     for target in targets:
-        for one in target.elts if isinstance(target, ast.Tuple) else [target]:
-            if isinstance(one, ast.Attribute) and ast.unparse(one.value) == "self":
-                yield one.attr
-            elif is_field and isinstance(one, ast.Name):
-                yield one.id
+        for elt in target.elts if isinstance(target, ast.Tuple) else [target]:
+            if isinstance(elt, ast.Attribute) and ast.unparse(elt.value) == "self":
+                yield elt.attr
+            elif is_field and isinstance(elt, ast.Name):
+                yield elt.id
 
 
 def _is_public(name: str) -> bool:
@@ -151,8 +151,8 @@ def _arguments(name: str, node: ast.FunctionDef) -> Iterator[str]:
     for place, one in enumerate(given):
         if one.arg not in ("self", "cls") and not name.split(".")[-1].startswith("__"):
             yield f"python {name}({one.arg}{'=' if place >= n_required else ''})"
-    for one, default in zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True):
-        yield f"python {name}({one.arg}{'=' if default is not None else ''})"
+    for kwonlyarg, default in zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True):
+        yield f"python {name}({kwonlyarg.arg}{'=' if default is not None else ''})"
 
 
 def _commands() -> Iterator[str]:

@@ -89,17 +89,17 @@ def rows_answer(figures: Result) -> Answer:
 
 
 def _rows_answer(points: Sequence[Answer], error: str) -> Answer:
-    points = [one for one in points if one[error]]
+    points = [point for point in points if point[error]]
     best = envelope(points, error)
     pairs = _pairs(best, error)
     at_rates = [[one for one in best if one["rate_bpvf"] <= rate][-1:] for rate in RATES]
-    of_rows = [one for one in points if one["modes"] == MODES]
-    of_bits = [one for one in points if one["bits"] == BITS]
-    by_rows = [(float(one["modes"]), float(one[error])) for one in of_bits]
+    of_rows = [point for point in points if point["modes"] == MODES]
+    of_bits = [point for point in points if point["bits"] == BITS]
+    by_rows = [(float(bit["modes"]), float(bit[error])) for bit in of_bits]
     losses = [
-        100 * (one["rate_bpvf"] / least - 1)
-        for one in of_rows
-        if one["bits"] == BITS and (least := rate_at_error(pairs, one[error])) is not None
+        100 * (row["rate_bpvf"] / least - 1)
+        for row in of_rows
+        if row["bits"] == BITS and (least := rate_at_error(pairs, row[error])) is not None
     ]
     return {
         "best": [_rows_and_bits(*found) if found else None for found in at_rates],
@@ -113,7 +113,7 @@ def _rows_answer(points: Sequence[Answer], error: str) -> Answer:
 
 
 def _pairs(points: Sequence[Answer], error: str) -> list[Point]:
-    return [(one["rate_bpvf"], one[error]) for one in points]
+    return [(point["rate_bpvf"], point[error]) for point in points]
 
 
 def _rows_and_bits(point: Answer) -> Answer:
@@ -173,12 +173,12 @@ def anchors_answer(figures: Result) -> Answer:
     farthest = figures["farthest"]
     names = [name for name in farthest[0] if name != "rate_bpvf"]
     changes: dict[str, dict[str, float | None]] = {}
-    for choice, found in figures["choices"].items():
+    for choice, result in figures["choices"].items():
         changes[choice] = {}
         for name in names:
             # The inverse of the curve: rate and error change places.
             inverse = [(one[name], one["rate_bpvf"]) for one in farthest if one[name]]
-            usual = rate_at_error(inverse, found["rate_bpvf"]) if found[name] else None
-            changes[choice][name] = None if usual is None else 100 * (found[name] / usual - 1)
+            usual = rate_at_error(inverse, result["rate_bpvf"]) if result[name] else None
+            changes[choice][name] = None if usual is None else 100 * (result[name] / usual - 1)
     usual_errors = {name: farthest[len(farthest) // 2][name] for name in names}
     return {"n_anchors": figures["n_anchors"], "farthest": usual_errors, "changes": changes}

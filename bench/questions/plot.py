@@ -30,12 +30,12 @@ def draw_rows(figures: Result, path: Path) -> None:
     import matplotlib as mpl
 
     points, answer = figures["points"], rows_answer(figures)
-    rows = sorted({one["modes"] for one in points})
+    rows = sorted({point["modes"] for point in points})
     colors = dict(zip(rows, mpl.colormaps["viridis"](np.linspace(0, 0.92, len(rows))), strict=True))
     figure = blank_figure(8, 7.5)
     axes_of = figure.subplots(len(PANELS), 1, sharex=True)
     for axes, (error, label) in zip(axes_of, PANELS, strict=True):
-        _draw_points(axes, [one for one in points if one[error]], error, colors)
+        _draw_points(axes, [point for point in points if point[error]], error, colors)
         if (knee := shown_knee(answer[error]["knee"])) is not None:
             at = next(
                 (rate, value) for rate, value in _pairs(points, error) if rate == knee["rate_bpvf"]
@@ -56,7 +56,7 @@ def draw_rows(figures: Result, path: Path) -> None:
 
 
 def _pairs(points: Sequence[dict[str, Any]], error: str) -> list[tuple[float, float]]:
-    return [(one["rate_bpvf"], one[error]) for one in points]
+    return [(point["rate_bpvf"], point[error]) for point in points]
 
 
 def _draw_points(
@@ -69,7 +69,7 @@ def _draw_points(
 
     draw(best, color="#999999", linewidth=1.2)
     for modes, color in colors.items():
-        same = [one for one in points if one["modes"] == modes]
+        same = [point for point in points if point["modes"] == modes]
         draw([one for one in same if one not in best], ".", color=color, alpha=0.45, markersize=5)
         chosen = [one for one in same if one in best]
         draw(chosen, "o", color=color, markersize=8, zorder=3, label=f"{modes} rows")
@@ -77,6 +77,6 @@ def _draw_points(
         axes.annotate(
             str(one["bits"]), at, (6, 4), textcoords="offset points", fontsize=8, color="#444444"
         )
-    table = [one for one in points if (one["modes"], one["bits"]) == (MODES, BITS)]
+    table = [point for point in points if (point["modes"], point["bits"]) == (MODES, BITS)]
     label = f"tables:\n{MODES} rows, {BITS} bits"
     draw(table, "s", markersize=14, mfc="none", mec="#000000", zorder=4, label=label)

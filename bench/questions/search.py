@@ -126,8 +126,8 @@ def anchors_run(sequence: MeshSequence) -> Run:
             start = time.process_time()
             anchors = choose(sequence, farthest)
             seconds = time.process_time() - start
-            found = measured(sequence, table_stream(sequence, anchors), errors)
-            choices[name] = {**found, "seconds": seconds}
+            result = measured(sequence, table_stream(sequence, anchors), errors)
+            choices[name] = {**result, "seconds": seconds}
         points = [measured(sequence, data, errors) for data in streams]
         return Outcome({"n_anchors": len(farthest), "farthest": points, "choices": choices})
 
@@ -163,22 +163,22 @@ def grid_points(
     point : callable
         Measures a pair of rows and bits.
     """
-    found: dict[tuple[int, int], Point] = {}
+    results: dict[tuple[int, int], Point] = {}
     for bits in bit_counts:
         for modes in rows:
-            if _is_saturated([one for (_, same), one in found.items() if same == bits]):
+            if _is_saturated([one for (_, same), one in results.items() if same == bits]):
                 break
-            if _is_saturated([one for (same, _), one in found.items() if same == modes]):
+            if _is_saturated([one for (same, _), one in results.items() if same == modes]):
                 continue
-            found[modes, bits] = point(modes, bits)
-            yield found[modes, bits]
+            results[modes, bits] = point(modes, bits)
+            yield results[modes, bits]
 
 
 def _is_saturated(points: Sequence[Point]) -> bool:
     """Whether the last point has hardly smaller errors than the one before."""
     if len(points) < 2:
         return False
-    errors = [[one.get(name) for name in ERRORS] for one in points[-2:]]
+    errors = [[point.get(name) for name in ERRORS] for point in points[-2:]]
     pairs = [(before, last) for before, last in zip(*errors, strict=True) if last is not None]
     return all(
         before is not None and last > (1 - MIN_IMPROVEMENT) * before for before, last in pairs

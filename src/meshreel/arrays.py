@@ -31,6 +31,8 @@ def rows_as_bytes(*tables: npt.NDArray[np.generic]) -> npt.NDArray[np.void]:
     ----------
     *tables : arrays of shape (N,) or (N, C), of any dtypes
     """
-    bytes_of = [np.ascontiguousarray(one).view(np.uint8).reshape(len(one), -1) for one in tables]
+    bytes_of = [
+        np.ascontiguousarray(table).view(np.uint8).reshape(len(table), -1) for table in tables
+    ]
     rows = np.ascontiguousarray(np.concatenate(bytes_of, axis=1))
     return rows.view(np.dtype((np.void, rows.shape[1])))[:, 0]

@@ -182,11 +182,11 @@ class ReelDataset(Dataset[Window]):
         self.device: torch.device | None = None if device is None else torch.device(device)
         self._memory, self._cache = bytes_of(memory, "memory"), cast("_Cache | None", None)
         self.sequences: tuple[SequenceEntry, ...] = tuple(_sequences(paths, self.tracks))
-        self._ends = np.cumsum([self.n_windows(one) for one in self.sequences])
+        self._ends = np.cumsum([self.n_windows(sequence) for sequence in self.sequences])
         if not len(self):
             raise InvalidInputError(
                 f"no sequence has the {self.span} frames of a window; the longest has "
-                f"{max(one.n_frames for one in self.sequences)}"
+                f"{max(sequence.n_frames for sequence in self.sequences)}"
             )
 
     @property
@@ -400,10 +400,10 @@ class ReelStream(IterableDataset[Window]):
         self.world_size: int = world_size
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()  # with workers
         self._blocks = [
-            (number, range(start, min(stop, dataset.n_windows(one))))
-            for number, one in enumerate(dataset.sequences)
-            for start, stop in pairwise(one.starts)
-            if start < dataset.n_windows(one)
+            (number, range(start, min(stop, dataset.n_windows(sequence))))
+            for number, sequence in enumerate(dataset.sequences)
+            for start, stop in pairwise(sequence.starts)
+            if start < dataset.n_windows(sequence)
         ]
 
     def set_epoch(self, epoch: int) -> None:
@@ -466,23 +466,23 @@ def collate(windows: Sequence[Window]) -> Batch:
     """Stack windows; zeros fill vertices and items that smaller meshes do not have."""
     names = windows[0].tracks
     return Batch(
-        _stacked([one.vertices for one in windows]),
-        {name: _stacked([one.tracks[name] for one in windows]) for name in names},
-        torch.tensor([one.sequence for one in windows]),
-        torch.stack([one.frames for one in windows]),
-        torch.tensor([one.vertices.shape[1] for one in windows]),
+        _stacked([window.vertices for window in windows]),
+        {name: _stacked([window.tracks[name] for window in windows]) for name in names},
+        torch.tensor([window.sequence for window in windows]),
+        torch.stack([window.frames for window in windows]),
+        torch.tensor([window.vertices.shape[1] for window in windows]),
     )
 
 
 def _stacked(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
-    n_items = max(one.shape[1] for one in values)
-    if all(one.shape[1] == n_items for one in values):
+    n_items = max(value.shape[1] for value in values)
+    if all(value.shape[1] == n_items for value in values):
         return torch.stack(list(values))
     n_frames, _, n_columns = values[0].shape
     result = values[0].new_empty((len(values), n_frames, n_items, n_columns))
-    for row, one in zip(result, values, strict=True):
-        row[:, : one.shape[1]] = one
-        row[:, one.shape[1] :] = 0
+    for row, value in zip(result, values, strict=True):
+        row[:, : value.shape[1]] = value
+        row[:, value.shape[1] :] = 0
     return result
 
 

@@ -45,12 +45,12 @@ def test_only_the_tags_with_wrong_attributes_are_errors(react, tmp_path):
     (folder / "right.tsx").write_text(RIGHT, "utf-8")
     lines = [f"export const {name} = {tag};" for name, tag in WRONG.items()]
     (folder / "wrong.tsx").write_text("\n".join(['import "meshreel/jsx";', *lines]), "utf-8")
-    found = complaints(folder)
-    assert re.findall(r"^(\S+)\((\d+),", found, re.M) == [
+    result = complaints(folder)
+    assert re.findall(r"^(\S+)\((\d+),", result, re.M) == [
         ("wrong.tsx", "2"),
         ("wrong.tsx", "3"),
         ("wrong.tsx", "4"),
-    ], found
+    ], result
 
 
 def project_with(react, folder):
@@ -80,5 +80,5 @@ def complaints(project):
     """Type-check a project and return the errors."""
     compiler = PACKAGE / "node_modules" / "typescript" / "bin" / "tsc"
     command = ["node", str(compiler), "-p", str(project)]
-    found = subprocess.run(command, cwd=project, capture_output=True, text=True, timeout=120)
-    return found.stdout
+    done = subprocess.run(command, cwd=project, capture_output=True, text=True, timeout=120)
+    return done.stdout

@@ -97,7 +97,7 @@ def sheet():
     stripe = np.minimum(7 * x[faces[:, 0]], 6).astype(np.int32)
     surface = Surface(
         attributes=(Attribute("uv", Kind.UV, Domain.VERTEX, np.stack([3 * x, 3 * y], -1)),),
-        groups=(FaceGroups("material", tuple(one.name for one in materials), stripe),),
+        groups=(FaceGroups("material", tuple(material.name for material in materials), stripe),),
         materials=materials,
         images=tuple(FileImage("", "image/png", png(pixels)) for pixels in images),
     )

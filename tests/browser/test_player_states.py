@@ -339,4 +339,4 @@ def test_many_players_keep_snapshots_and_release_contexts_off_screen(shown):
     snapshots = f"{ALL}.filter((one) => one.shadowRoot.querySelector('.snapshot'))"
     assert page.evaluate(f"{snapshots}.length") >= 5
     assert page.evaluate(f"{ALL}.every(({{ error }}) => error === null)")
-    assert not [one for one in warnings if "Too many active WebGL contexts" in one]
+    assert not [warning for warning in warnings if "Too many active WebGL contexts" in warning]

@@ -198,8 +198,8 @@ def test_double_click_plots_the_picked_item(new_page, stress_url, decoded, track
     page.mouse.dblclick(box["x"] + box["width"] * 0.4, box["y"] + box["height"] * 0.25)
     wait_until(page, "player.probed() !== null")
     item = int(page.locator("#probe-item").input_value())
-    found = page.evaluate("player.probed()")
-    np.testing.assert_allclose(found, decoded[track][:, item, 0], rtol=1e-6)
+    result = page.evaluate("player.probed()")
+    np.testing.assert_allclose(result, decoded[track][:, item, 0], rtol=1e-6)
     # The marked place is where the click was: its color is in the middle of the mark's.
     picture = picture_of(page, "canvas")
     x, y = int(box["width"] * 0.4), int(box["height"] * 0.25)

@@ -63,8 +63,8 @@ def project(data, tmp_path_factory):
 
 def assert_plays(new_page, url, data):
     page = new_page(url, width=640, height=320, is_shown=False, script=WATCHING)
-    found = page.evaluate(PLAYED)
-    assert_played(found, data)
+    result = page.evaluate(PLAYED)
+    assert_played(result, data)
     assert_shown(page.screenshot())
     low, high = page.evaluate(COLORED)
     heights = meshreel.decode(data).tracks["height"].values
@@ -101,8 +101,8 @@ def developing(project):
     def listen():
         for line in process.stdout:
             said.append(line)
-            if found := re.search(r"http://127\.0\.0\.1:\d+/", line):
-                addresses.put(found[0])
+            if match := re.search(r"http://127\.0\.0\.1:\d+/", line):
+                addresses.put(match[0])
 
     listening = threading.Thread(target=listen)
     listening.start()

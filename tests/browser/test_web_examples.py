@@ -57,9 +57,9 @@ def plain():
 def test_example_plays_in_chromium(new_page, pages, data, name):
     with serving(pages(name)) as (url, _):
         page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
-        found = page.evaluate(PLAYED)
+        result = page.evaluate(PLAYED)
         assert_shown(page.screenshot())
-    assert_played(found, data, name)
+    assert_played(result, data, name)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -71,10 +71,10 @@ def test_example_plays_in_firefox(pages, data, name):
         .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
     </script>"""
     files["/index.html"] += telling.encode()
-    found = message_of(files, "/index.html")
-    assert "error" not in found, found
-    assert_played(found, data, name)
-    assert_shown(base64.b64decode(found["picture"].partition(",")[2]))
+    result = message_of(files, "/index.html")
+    assert "error" not in result, result
+    assert_played(result, data, name)
+    assert_shown(base64.b64decode(result["picture"].partition(",")[2]))
 
 
 def test_a_plain_mesh_needs_no_script_of_textures_or_tracks(new_page, pages, data):
@@ -88,8 +88,8 @@ def test_a_plain_mesh_needs_no_script_of_textures_or_tracks(new_page, pages, dat
     assert needed < set(files)
     with serving(files) as (url, _):
         page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
-        found = page.evaluate(PLAYED)
-    assert_played(found, data, "plain")
+        result = page.evaluate(PLAYED)
+    assert_played(result, data, "plain")
 
 
 def test_react_releases_everything_on_unmount_and_plays_after_remount(new_page, pages):
@@ -104,9 +104,9 @@ def test_react_releases_everything_on_unmount_and_plays_after_remount(new_page, 
         assert page.workers == []
         page.evaluate("window.mesh = undefined")
         page.get_by_role("checkbox").click()
-        found = page.evaluate(PLAYED)
+        result = page.evaluate(PLAYED)
         assert len(page.workers) == 1
-    assert complaints_of(found, "react") == []
+    assert complaints_of(result, "react") == []
 
 
 def test_the_example_with_the_element_plays(new_page, data):

@@ -41,11 +41,11 @@ COLORS = """async (gpu) => {
 
 @pytest.mark.parametrize("gpu", [True, False])
 def test_hard_edges_give_each_face_of_a_box_one_normal(three_page, gpu):
-    found = three_page({"/box.reel": meshreel.encode(hard_box(3))}).evaluate(COLORS, gpu)
-    assert found["isOnGpu"] == gpu
+    result = three_page({"/box.reel": meshreel.encode(hard_box(3))}).evaluate(COLORS, gpu)
+    assert result["isOnGpu"] == gpu
     faces = []
-    colors = np.array([key.split(",") for key in found["counts"]], int)
-    counts = np.array(list(found["counts"].values()))
+    colors = np.array([key.split(",") for key in result["counts"]], int)
+    counts = np.array(list(result["counts"].values()))
     # Three faces are visible; each color may be rounded up or down.
     for color in colors[np.argsort(-counts)]:
         is_near = np.abs(colors - color).max(axis=1) <= 1

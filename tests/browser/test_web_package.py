@@ -84,8 +84,8 @@ def test_positions_and_tracks_of_every_stream_match(new_page, policy, is_in_work
     files = stored_streams()
     with serving(files, {POLICY: policy} if policy else None) as (url, _):
         page = new_page(url, is_shown=False)
-        found = page.evaluate(HASHES, [path[1:-5] for path in files])
-    assert found == stored_hashes(files, is_in_worker=is_in_worker)
+        result = page.evaluate(HASHES, [path[1:-5] for path in files])
+    assert result == stored_hashes(files, is_in_worker=is_in_worker)
 
 
 def test_positions_and_tracks_match_in_firefox():
@@ -96,8 +96,8 @@ def test_positions_and_tracks_match_in_firefox():
         .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
     """
     page = f"<!doctype html><script type=module>{script}</script>".encode()
-    found = message_of({**files, "/all.html": page}, "/all.html", is_headless=True)
-    assert found == stored_hashes(files, is_in_worker=True)
+    result = message_of({**files, "/all.html": page}, "/all.html", is_headless=True)
+    assert result == stored_hashes(files, is_in_worker=True)
 
 
 def test_errors_have_their_types(new_page, sheet):
@@ -106,7 +106,7 @@ def test_errors_have_their_types(new_page, sheet):
     files = {"/damaged.reel": bytes(damaged), "/text.reel": b"no reel at all" * 9}
     with serving(files) as (url, _):
         page = new_page(url, is_shown=False)
-        found = page.evaluate(
+        result = page.evaluate(
             """async () => {
               const meshreel = await import("/dist/index.js");
               const nameOf = async (work) => work().then(() => "fine", (error) => error.name);
@@ -123,10 +123,10 @@ def test_errors_have_their_types(new_page, sheet):
               };
             }"""
         )
-    assert found["missing"] == "SourceError"
-    assert found["text"] == "CorruptStreamError"
-    assert sorted(set(found["names"])) == ["CorruptStreamError", "fine"]
-    assert found["names"].count("CorruptStreamError") == 1
+    assert result["missing"] == "SourceError"
+    assert result["text"] == "CorruptStreamError"
+    assert sorted(set(result["names"])) == ["CorruptStreamError", "fine"]
+    assert result["names"].count("CorruptStreamError") == 1
 
 
 def test_invalid_connectivity_is_reported_despite_early_decoding(new_page, sheet):
@@ -143,12 +143,12 @@ def test_invalid_connectivity_is_reported_despite_early_decoding(new_page, sheet
     assert min(map(len, files.values())) > 2 * 65536
     with serving(files) as (url, _):
         page = new_page(url, is_shown=False)
-        found = page.evaluate(HASHES, ["sound"])
+        result = page.evaluate(HASHES, ["sound"])
         error = page.evaluate(
             """async () => {
               const { ReelFile } = await import("/dist/index.js");
               return ReelFile.open("/damaged.reel").then(() => "none", (error) => error.name);
             }"""
         )
-    assert found == {"sound": [hash_of(meshreel.decode(sheet)), True]}
+    assert result == {"sound": [hash_of(meshreel.decode(sheet)), True]}
     assert error in ("CorruptStreamError", "TruncatedStreamError")

@@ -142,7 +142,7 @@ def test_methods_and_properties_control_the_player(shown):
     page = shown('<reel-player src="/flag.reel" start-frame="12"></reel-player>')
     settled(page)
     assert page.evaluate("player.mesh.frame") == 12
-    found = page.evaluate(
+    result = page.evaluate(
         """() => {
           player.seek({ frame: 20 });
           const frame = player.mesh.frame;
@@ -154,12 +154,12 @@ def test_methods_and_properties_control_the_player(shown):
           return { frame, currentTime, duration, paused, n: reel.info.nFrames, names };
         }"""
     )
-    assert found["frame"] == 20
-    assert found["currentTime"] == pytest.approx(0.5)
-    assert found["duration"] == pytest.approx(45 / 30)
-    assert (found["paused"], found["n"]) == (True, 45)
+    assert result["frame"] == 20
+    assert result["currentTime"] == pytest.approx(0.5)
+    assert result["duration"] == pytest.approx(45 / 30)
+    assert (result["paused"], result["n"]) == (True, 45)
     names = ["camera-controls", "interpolate", "loop", "speed", "src", "start-frame"]
-    assert found["names"] == names
+    assert result["names"] == names
     until(page, "player.mesh.loop === 'repeat' && player.mesh.speed === 0.5")
     assert page.evaluate("[player.mesh.interpolate, player.loop]") == [False, True]
 
@@ -343,8 +343,8 @@ def test_seeks_and_rates_are_reported_like_those_of_a_video(shown):
     assert page.evaluate("told") == ["seeking", "seeked"] * 2
     page.evaluate("player.playbackRate = 2")
     until(page, "told.at(-1) === 'ratechange'")
-    found = page.evaluate("[player.playbackRate, player.speed, player.mesh.speed]")
-    assert found == [2, 2, 2]
+    result = page.evaluate("[player.playbackRate, player.speed, player.mesh.speed]")
+    assert result == [2, 2, 2]
     assert "finite" in page.evaluate("(() => { try { player.playbackRate = NaN } catch (error) "
                                      "{ return error.message } })()")  # fmt: skip
 
@@ -597,12 +597,12 @@ def test_removed_players_release_everything(shown):
         until(page, "player.mesh && player.mesh.geometry.drawRange.count > 0 && player.mesh.video")
         page.evaluate("player.remove()")
         until(page, "player.mesh === null")
-    found = page.evaluate(
+    result = page.evaluate(
         "[contexts.length, contexts.every((one) => one.isContextLost()), workers]"
     )
-    assert found == [n_players, True, 0]
+    assert result == [n_players, True, 0]
     assert page.evaluate("player.shadowRoot.querySelector('canvas')") is None
-    assert not [one for one in warnings if "Too many active WebGL contexts" in one]
+    assert not [warning for warning in warnings if "Too many active WebGL contexts" in warning]
     page.evaluate("document.querySelector('main').append(player)")
     settled(page)
 
@@ -729,7 +729,7 @@ def test_errors_are_visible_without_webgl(files):
     """
     body = f'<reel-player src="/flag.reel" controls></reel-player><script type=module>{script}'
     pages = {**files, "/all.html": PAGE.format(body=body + "</script>").encode()}
-    found = message_of(pages, "/all.html", is_headless=True)
-    assert found["error"] == "MeshReelError"
-    assert "WebGL 2" in found["alert"]
-    assert found["n"] == 45
+    result = message_of(pages, "/all.html", is_headless=True)
+    assert result["error"] == "MeshReelError"
+    assert "WebGL 2" in result["alert"]
+    assert result["n"] == 45

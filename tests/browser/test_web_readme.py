@@ -15,7 +15,9 @@ from samples.web_package import PACKAGE, THREE_PAGE, built_package, serving, thr
 pytestmark = pytest.mark.slow
 
 PAGE = f"""<!doctype html><html lang="en">{THREE_PAGE}<body></body><script type="module">"""
-PROGRAMS = [one.text for one in snippets(PACKAGE / "README.md") if one.text.startswith("import")]
+PROGRAMS = [
+    snippet.text for snippet in snippets(PACKAGE / "README.md") if snippet.text.startswith("import")
+]
 MILLIMETERS = 1000
 
 
@@ -59,7 +61,7 @@ def test_program_of_three_plays_a_model_in_millimeters_without_scroll_bars(new_p
         page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
         until(page, "window.mesh?.frame > 2")
         sizes = "[scrollWidth, scrollHeight, clientWidth, clientHeight]"
-        found = page.evaluate(f"(({{ {sizes[1:-1]} }}) => {sizes})(document.documentElement)")
-        assert found == [640, 400, 640, 400]
+        result = page.evaluate(f"(({{ {sizes[1:-1]} }}) => {sizes})(document.documentElement)")
+        assert result == [640, 400, 640, 400]
         assert_shown(page.screenshot())
         page.close()  # while the server runs

@@ -113,19 +113,19 @@ def assert_right(shown, data, brightness=255):
 @pytest.mark.parametrize("gpu", [True, False])
 def test_segments_are_shown_with_their_own_mesh_and_material(three_page, data, gpu):
     frames = [3, 4, 11, 0, 6, 7, 5]
-    found = played(three_page, data, gpu=gpu, frames=frames)
-    assert [one["frame"] for one in found["seeking"]] == frames
-    assert [one["frame"] for one in found["playing"]] == list(range(12))
-    assert {one["isOnGpu"] for one in found["playing"]} == {gpu}
-    assert_right(found["seeking"], data)
-    assert_right(found["playing"], data)
-    assert found["events"] == [["segment", 1], ["segment", 2], ["segment", 0]]
-    assert found["left"] == [0, 0]
+    result = played(three_page, data, gpu=gpu, frames=frames)
+    assert [one["frame"] for one in result["seeking"]] == frames
+    assert [one["frame"] for one in result["playing"]] == list(range(12))
+    assert {one["isOnGpu"] for one in result["playing"]} == {gpu}
+    assert_right(result["seeking"], data)
+    assert_right(result["playing"], data)
+    assert result["events"] == [["segment", 1], ["segment", 2], ["segment", 0]]
+    assert result["left"] == [0, 0]
 
 
 def test_a_texture_is_shown_on_all_segments(three_page, data):
-    found = played(three_page, data, gpu=True, frames=[2, 8], texture="/gray.png")
-    assert_right(found["seeking"] + found["playing"], data, brightness=128)
+    result = played(three_page, data, gpu=True, frames=[2, 8], texture="/gray.png")
+    assert_right(result["seeking"] + result["playing"], data, brightness=128)
 
 
 def played(three_page, data, **arguments):

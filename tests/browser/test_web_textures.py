@@ -105,12 +105,12 @@ def test_the_mesh_matches_each_video_frame_while_playing_seeking_and_looping(ask
 @pytest.mark.slow
 def test_the_mesh_follows_a_video_without_frame_callbacks(ask):
     script = "delete HTMLVideoElement.prototype.requestVideoFrameCallback"
-    found = ask('{ texture: "/same.webm" }', STEPS, script=script)
+    result = ask('{ texture: "/same.webm" }', STEPS, script=script)
     # The time of a video may already be that of another picture, so this test only shows that
     # the mesh follows.
-    assert all(abs(mesh - video) <= 1 for _, mesh, video in found["frames"])
-    assert found["bad"] == []
-    assert found["n"] > 9
+    assert all(abs(mesh - video) <= 1 for _, mesh, video in result["frames"])
+    assert result["bad"] == []
+    assert result["n"] > 9
 
 
 @pytest.mark.slow
@@ -125,17 +125,17 @@ def test_mesh_follows_the_video_in_firefox(files):
         .then((found) => fetch("/", {{ method: "POST", body: JSON.stringify(found) }}));
     """
     page = f"{PAGE}<script type=module>{script}</script>".encode()
-    found = message_of({**files, "/all.html": page}, "/all.html", is_headless=True)
-    assert "error" not in found, found
-    assert [[frame] * 3 for frame, _, _ in found["frames"]] == found["frames"]
-    assert found["bad"] == []
+    result = message_of({**files, "/all.html": page}, "/all.html", is_headless=True)
+    assert "error" not in result, result
+    assert [[frame] * 3 for frame, _, _ in result["frames"]] == result["frames"]
+    assert result["bad"] == []
     # A busy Firefox reports times of other pictures than it draws: "wrong" may have some.
-    assert found["n"] > 9
+    assert result["n"] > 9
 
 
 @pytest.mark.slow
 def test_video_controls_drive_the_mesh(ask):
-    found = ask(
+    result = ask(
         '{ texture: "/same.webm" }',
         """
           const { mesh } = stand;
@@ -155,14 +155,14 @@ def test_video_controls_drive_the_mesh(ask):
           return { last, rate: video.playbackRate, wrong: stand.wrong };
         """,
     )
-    assert found["last"]["video"] == 60
-    assert found["rate"] == 2
-    assert found["wrong"] == []
+    assert result["last"]["video"] == 60
+    assert result["rate"] == 2
+    assert result["wrong"] == []
 
 
 @pytest.mark.slow
 def test_the_video_waits_for_missing_blocks(ask):
-    found = ask(
+    result = ask(
         '{ texture: "/same.webm" }',
         """
           const { mesh } = stand;
@@ -188,16 +188,16 @@ def test_the_video_waits_for_missing_blocks(ask):
           return { waiting, isStill, wrong: stand.wrong, isPlaying: !video.paused };
         """,
     )
-    assert found["waiting"]["isPlaying"]
-    assert found["waiting"]["video"] < 45
-    assert found["isStill"]
-    assert found["wrong"] == []
-    assert found["isPlaying"]
+    assert result["waiting"]["isPlaying"]
+    assert result["waiting"]["video"] < 45
+    assert result["isStill"]
+    assert result["wrong"] == []
+    assert result["isPlaying"]
 
 
 @pytest.mark.slow
 def test_the_video_frame_stays_with_its_mesh_at_damaged_blocks(ask):
-    found = ask(
+    result = ask(
         '{ texture: "/same.webm" }',
         """
           const { mesh } = stand;
@@ -214,14 +214,14 @@ def test_the_video_frame_stays_with_its_mesh_at_damaged_blocks(ask):
           return { frames: stand.seen.map(({ video }) => video), wrong: stand.wrong };
         """,
     )
-    assert not {*range(45, 60)} & {*found["frames"]}
-    assert found["wrong"] == []
+    assert not {*range(45, 60)} & {*result["frames"]}
+    assert result["wrong"] == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("film", "last"), [("short", 44), ("long", 89)])
 def test_playback_covers_the_common_duration(ask, film, last):
-    found = ask(
+    result = ask(
         f'{{ texture: "/{film}.webm", loop: "once" }}',
         """
           const { mesh } = stand;
@@ -239,11 +239,11 @@ def test_playback_covers_the_common_duration(ask, film, last):
           return { frame, duration, isPlaying, end, events: stand.events, wrong: stand.wrong };
         """,
     )
-    assert (found["frame"], found["isPlaying"]) == (last, False)
-    assert found["duration"] == pytest.approx((last + 1) / 30)
-    assert found["end"]["video"] == last
-    assert found["wrong"] == []
-    warnings = [one["message"] for one in found["events"] if one["type"] == "warning"]
+    assert (result["frame"], result["isPlaying"]) == (last, False)
+    assert result["duration"] == pytest.approx((last + 1) / 30)
+    assert result["end"]["video"] == last
+    assert result["wrong"] == []
+    warnings = [one["message"] for one in result["events"] if one["type"] == "warning"]
     assert len(warnings) == 1
     assert "are played, without the end of the" in warnings[0]
 
@@ -259,7 +259,7 @@ def test_playback_covers_the_common_duration(ask, film, last):
     ],
 )
 def test_image_is_shown_upright_in_its_colors(ask, source):
-    found = ask(
+    result = ask(
         "{}",
         f"""
           const texture = {source};
@@ -280,9 +280,9 @@ def test_image_is_shown_upright_in_its_colors(ask, source):
         """,
     )
     wanted = [[20, 40, 180], [200, 100, 50]]
-    assert np.abs(np.array(found["found"]) - wanted).max() <= 2
-    assert found["map"] is None
-    assert found["colors"] == 0x9EB0C4
+    assert np.abs(np.array(result["found"]) - wanted).max() <= 2
+    assert result["map"] is None
+    assert result["colors"] == 0x9EB0C4
 
 
 ERRORS = {
@@ -307,7 +307,7 @@ def test_invalid_textures_are_rejected_with_a_message(ask):
     for call in ERRORS:
         given, _, setting = call.partition("|")
         tried.append(f"[{{ {setting} }}, (mesh) => mesh.setTexture({given})]")
-    found = ask(
+    result = ask(
         "{}",
         f"""
           stand.dispose();
@@ -320,7 +320,7 @@ def test_invalid_textures_are_rejected_with_a_message(ask):
           return found;
         """,
     )
-    for text, words in zip(found, ERRORS.values(), strict=True):
+    for text, words in zip(result, ERRORS.values(), strict=True):
         assert_matches(text, words)
 
 
@@ -332,7 +332,7 @@ def assert_matches(text, words):
 @pytest.mark.slow
 def test_an_unreadable_cross_origin_video_is_an_error(ask, films):
     with serving(films) as (elsewhere, _):
-        found = ask(
+        result = ask(
             "{}",
             f"""
               const video = document.createElement("video");
@@ -345,13 +345,13 @@ def test_an_unreadable_cross_origin_video_is_an_error(ask, films):
               return [error().error, own];
             """,
         )
-    assert_matches(found[0], "SourceError: this page must not read the video .*same.webm")
-    assert_matches(found[1], "SourceError: cannot play the video .*same.webm")
+    assert_matches(result[0], "SourceError: this page must not read the video .*same.webm")
+    assert_matches(result[1], "SourceError: cannot play the video .*same.webm")
 
 
 @pytest.mark.slow
 def test_changed_and_disposed_textures_are_released(ask):
-    found = ask(
+    result = ask(
         "{}",
         """
           const { mesh, screen } = stand;
@@ -386,7 +386,7 @@ def test_changed_and_disposed_textures_are_released(ask):
           };
         """,
     )
-    counts = found["counts"][1:]  # three.js creates some initially
+    counts = result["counts"][1:]  # three.js creates some initially
     assert counts == [counts[2] + 1, counts[2] + 1, counts[2]] * 3
-    assert found["videos"] == [None, "AbortError"] * 3
-    assert found["given"] == "/short.webm"
+    assert result["videos"] == [None, "AbortError"] * 3
+    assert result["given"] == "/short.webm"

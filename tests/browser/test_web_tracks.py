@@ -147,8 +147,8 @@ def inner(values):
 def test_values_and_descriptions_match_python(page, decoded):
     for name, values in decoded.items():
         answer = page.evaluate(VALUES, name)
-        found = np.array(answer["frames"], values.dtype).reshape(values.shape)
-        assert found.tobytes() == values.tobytes()
+        result = np.array(answer["frames"], values.dtype).reshape(values.shape)
+        assert result.tobytes() == values.tobytes()
         assert answer["info"]["nItems"] == values.shape[1]
         assert (answer["info"]["errorBound"] > 0) is not answer["info"]["isExact"]
     assert answer["info"]["kind"] == "vector"
@@ -173,9 +173,9 @@ def test_mesh_is_colored_by_each_track(page, decoded, frame, gpu):
         answer = page.evaluate(COLORED, [name, frame, expected, options, gpu])
         assert answer["isOnGpu"] == gpu
         assert answer["unit"] == {"stress": "Pa", "heat": "K", "speed": "m/s"}.get(name, "")
-        found = answer["found"]
-        assert len(found) > 100
-        off = [np.abs(np.subtract(color, right)).max() for _, color, right in found]
+        result = answer["found"]
+        assert len(result) > 100
+        off = [np.abs(np.subtract(color, right)).max() for _, color, right in result]
         assert np.median(off) <= 2
         # Half a pixel differs at steep gradients, folds, steps and edges of holes.
         assert np.quantile(off, 0.8 if name in ("part", "holes") else 0.95) < 20, name
@@ -214,8 +214,8 @@ def test_range_of_a_track_of_colors_is_refused(page):
 
 
 def test_color_values_matches_the_colors_of_the_mesh(page):
-    found = page.evaluate(OF_VALUES)
-    refused = found.pop("refused")
-    assert max(found.values()) < 2e-3, found
+    result = page.evaluate(OF_VALUES)
+    refused = result.pop("refused")
+    assert max(result.values()) < 2e-3, result
     assert "values must have 288 x 3 numbers; got 5" in refused[0]
     assert "call colorBy first" in refused[1]

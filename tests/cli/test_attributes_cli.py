@@ -19,7 +19,10 @@ def sheets(tmp_path):
 
 def carried(path):
     surface = meshreel.load(path).surface
-    return [*(one.name for one in surface.attributes), *(one.name for one in surface.groups)]
+    return [
+        *(attribute.name for attribute in surface.attributes),
+        *(group.name for group in surface.groups),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -47,11 +50,11 @@ def test_error_lists_attributes_when_one_does_not_exist(sheets, tmp_path, comman
 
 def test_encode_reports_the_error_of_quantized_uvs(sheets, tmp_path):
     figures = run_json("encode", sheets, "-o", tmp_path / "out.reel", "--uv-bits", "10")
-    given, found = (
+    given, result = (
         meshreel.load(path).surface.of_kind(Kind.UV)[0].values.astype(float)
         for path in (sheets, tmp_path / "out.reel")
     )
-    assert figures["uv_error"] == np.abs(found - given).max()
+    assert figures["uv_error"] == np.abs(result - given).max()
     assert figures["uv_error_texels_4096"] == 4096 * figures["uv_error"]
 
 

@@ -54,7 +54,7 @@ def folder(tmp_path, monkeypatch):
                 replace(surface.groups[0], labels=tuple(hostile)),
                 replace(surface.groups[0], name=f"set{HOSTILE}"),
             ),
-            parts=tuple(replace(one, name=f"{one.name}{HOSTILE}") for one in surface.parts),
+            parts=tuple(replace(part, name=f"{part.name}{HOSTILE}") for part in surface.parts),
             materials=tuple(map(Material, hostile)),
             images=(Image(f"skin{HOSTILE}", f"image/{HOSTILE}", b"\x89PNG\r\n\x1a\n"),),
         ),

@@ -60,7 +60,7 @@ def test_encode_writes_segments_when_faces_change(changing, tmp_path):
     note = "the faces change: 5 frames in 2 segments of constant connectivity"
     assert note in figures["notes"]
     decoded = meshreel.decode(tmp_path / "a.reel")
-    assert [one.n_frames for one in decoded.segments] == [3, 2]
+    assert [segment.n_frames for segment in decoded.segments] == [3, 2]
     assert_same_surface(
         decoded.segments[1].surface, meshreel.load(str(changing / "b_*.ply")).surface
     )
@@ -166,8 +166,8 @@ def test_convert_prints_the_frame_folder_of_a_collection(tmp_path):
 def test_convert_writes_frame_files_of_all_segments(changing, tmp_path):
     figures = run_json("convert", changing, "-o", tmp_path / "out" / "f_%02d.ply")
     assert (figures["n_frames"], figures["n_segments"]) == (5, 2)
-    found = meshreel.load(tmp_path / "out")
-    assert found.starts == (0, 3, 5)
+    loaded = meshreel.load(tmp_path / "out")
+    assert loaded.starts == (0, 3, 5)
 
 
 def test_decode_writes_frame_files_of_all_segments(changing, tmp_path):
@@ -177,9 +177,9 @@ def test_decode_writes_frame_files_of_all_segments(changing, tmp_path):
     )
     assert (figures["n_frames"], figures["n_segments"], figures["n_verts"]) == (4, 2, 99)
     assert Path(figures["outputs"][0]).name == "f_01.ply"
-    found, whole = (meshreel.load(one) for one in (tmp_path / "out", changing))
-    assert found.starts == (0, 2, 4)
-    np.testing.assert_array_equal(found[3].vertices, whole[4].vertices)
+    result, whole = (meshreel.load(one) for one in (tmp_path / "out", changing))
+    assert result.starts == (0, 2, 4)
+    np.testing.assert_array_equal(result[3].vertices, whole[4].vertices)
 
 
 def test_convert_splits_the_segments_of_a_stream(changing, tmp_path):

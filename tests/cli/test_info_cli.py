@@ -93,18 +93,21 @@ def test_info_lists_the_contents_of_several_segments_once(tmp_path):
     heats = [np.random.default_rng(1).random((1, 99)), np.arange(30.0).reshape(1, 30)]
     sheets = [waving_grid(1), quad_sheet(1), quad_sheet(1).replace(surface=waving_grid(1).surface)]
     tracked = [
-        one.replace(fps=25.0, tracks={"heat": Track(heat, unit="K")})
-        for one, heat in zip(sheets, [*heats, heats[1]], strict=True)
+        sheet.replace(fps=25.0, tracks={"heat": Track(heat, unit="K")})
+        for sheet, heat in zip(sheets, [*heats, heats[1]], strict=True)
     ]
     data = meshreel.encode(meshreel.concatenate(tracked), tracks={"heat": 0.01})
-    found, parts = meshreel.info(data), [meshreel.info(data, segment=one) for one in range(3)]
-    assert [one.tracks[0].is_exact for one in parts] == [False, True, True]
-    [track] = found.tracks
+    result, parts = (
+        meshreel.info(data),
+        [meshreel.info(data, segment=number) for number in range(3)],
+    )
+    assert [part.tracks[0].is_exact for part in parts] == [False, True, True]
+    [track] = result.tracks
     assert not track.is_exact
     assert (track.name, track.unit, track.bound) == ("heat", "K", 0.01)
-    assert track.size_bytes == sum(one.tracks[0].size_bytes for one in parts)
+    assert track.size_bytes == sum(part.tracks[0].size_bytes for part in parts)
     assert track.raw_size_bytes == 8 * (99 + 30 + 30)
-    assert found.attributes == parts[1].attributes
+    assert result.attributes == parts[1].attributes
     (tmp_path / "a.reel").write_bytes(data)
     assert run("info", tmp_path / "a.reel").stdout.count("heat: scalar") == 1
 

@@ -85,9 +85,9 @@ def test_tables_use_the_options_for_modes_bits_and_anchors(grid, tmp_path, coars
     (sequence,) = json.loads(done.stdout)["sequences"]
     variants = {one["label"]: one for one in sequence["variants"]}
     assert set(variants) == {"v2v", "pca-qp"}
-    assert {(one["n_modes"], one["bits"]) for one in variants.values()} == {(3, 6)}
+    assert {(variant["n_modes"], variant["bits"]) for variant in variants.values()} == {(3, 6)}
     assert variants["pca-qp"]["anchors"] == 0.2
-    assert {one["allocation"] for one in variants.values()} == {"constant"}
+    assert {variant["allocation"] for variant in variants.values()} == {"constant"}
     assert variants["pca-qp"]["shared"] == "anchor_bits=12"
     assert variants["v2v"]["shared"] == ""
     text = (tmp_path / "report" / "report.md").read_text()

@@ -31,7 +31,7 @@ def test_register_writes_one_segment_and_prints_both_distances(raw, tmp_path):
     assert len(registered["frames"]) == 2
     assert (registered["n_folded"], figures["cuts"]) == (0, [])
     assert figures["tolerance_percent"] == pytest.approx(0.5)
-    assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.reel"]
 
 
 def test_register_continues_after_a_failure(raw, tmp_path):
@@ -41,7 +41,7 @@ def test_register_continues_after_a_failure(raw, tmp_path):
     assert (tmp_path / "walk.registration").is_dir()
     done = run("register", raw, "-o", output, "--tolerance", "0.5%")
     assert "continued an earlier run" in done.stderr
-    assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.reel"]
 
 
 def test_register_prints_a_table_and_no_advice(raw, tmp_path):
@@ -90,7 +90,9 @@ def test_register_bakes_textures(tmp_path):
     figures = run_json(*given, "-o", "walk.reel", "--texture-output", "out/%d.png", cwd=tmp_path)
     assert figures["texture"] == {"output": "out/%d.png", "size_px": [128, 128]}
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"0.png", "1.png", "2.png"}
-    assert [one.kind for one in meshreel.load(tmp_path / "walk.reel").surface.attributes] == ["uv"]
+    assert [
+        attribute.kind for attribute in meshreel.load(tmp_path / "walk.reel").surface.attributes
+    ] == ["uv"]
     pytest.importorskip("imageio_ffmpeg")
     done = run(*given, "-o", "film.reel", cwd=tmp_path)
     assert "film.mp4, 128 x 128 texels" in done.stdout
@@ -110,6 +112,6 @@ def test_register_bakes_textures(tmp_path):
 )
 def test_what_cannot_be_registered_is_refused(arguments, message, raw, tmp_path):
     meshreel.save(meshreel.simulate_flag(3), tmp_path / "flag.npz")
-    given = [str(raw) if one == "RAW" else one for one in arguments]
+    given = [str(raw) if argument == "RAW" else argument for argument in arguments]
     assert_fails(run(*given, cwd=tmp_path), message)
     assert not list(tmp_path.glob("*.reel"))

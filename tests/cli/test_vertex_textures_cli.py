@@ -16,7 +16,7 @@ def test_decode_writes_the_folder_and_prints_the_achieved_error(tmp_path):
     meshreel.save(waving_grid(), stream, options=WriteOptions(max_error=0.05))
     done = run("decode", stream, "-o", f"{tmp_path}/walk.vat/", "--max-error", "0.2")
     assert done.returncode == 0
-    names = {one.name for one in (tmp_path / "walk.vat").iterdir()}
+    names = {path.name for path in (tmp_path / "walk.vat").iterdir()}
     assert names == {"walk.glb", "walk_vat.exr", "walk-remap_info.json"}
     for text in ("the largest error added is", "half-float EXR", "of video memory", "degrees"):
         assert text in done.stderr
@@ -36,7 +36,7 @@ def test_convert_uses_layout_and_textures(tmp_path):
         "out.vat/out_data.json",
     ]
     files = (tmp_path / "out.vat").iterdir()
-    assert figures["size_bytes"] == sum(one.stat().st_size for one in files)
+    assert figures["size_bytes"] == sum(file.stat().st_size for file in files)
     done = run("convert", "walk.npz", "-o", "out.glb", "--layout", "labs", cwd=tmp_path)
     assert_fails(done, "--layout", "has no effect on a .glb file", ".vat")
 
@@ -48,7 +48,7 @@ def test_convert_writes_textures_of_each_segment_with_split(tmp_path):
     words = ("convert", "walk.reel", "-o", "walk.vat/")
     refused = run(*words, cwd=tmp_path)
     assert_fails(refused, "7 frames in 2 segments", "convert --split")
-    assert [one.name for one in tmp_path.iterdir()] == ["walk.reel"]
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.reel"]
     figures = run_json(*words, "--split", cwd=tmp_path)
     assert [one["n_frames"] for one in figures["outputs"]] == [4, 3]
     assert [one["n_verts"] for one in figures["outputs"]] == [99, 30]

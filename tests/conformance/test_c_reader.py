@@ -134,15 +134,15 @@ def test_modes_of_a_block_reproduce_its_values():
                 for track, values in enumerate(wanted):
                     decoder.load(track, int(first))
                     decoder.load(track, int(second))
-                    found = decoder.values_of_modes(track, int(first))
+                    result = decoder.values_of_modes(track, int(first))
                     start, n_frames = blocks[first].first_frame, blocks[first].n_frames
                     expected = values[start : start + n_frames]
                     assert same(decoder.frames(track, start, n_frames), expected), name
-                    if found is None or file.track(track).kind == NORMAL:
+                    if result is None or file.track(track).kind == NORMAL:
                         continue
                     missing = np.isnan(expected)
                     largest = np.abs(expected[~missing]).max(initial=0.0)
-                    off = np.abs(found - expected)[~missing].max(initial=0.0)
+                    off = np.abs(result - expected)[~missing].max(initial=0.0)
                     rounding = np.finfo(expected.dtype).smallest_subnormal
                     assert off <= 1e-6 * largest + rounding, (name, track, off)
                     n_checked += 1
@@ -158,8 +158,8 @@ def test_ranges_of_frames_equal_those_of_the_whole(name):
         for _ in range(20):
             first, track = int(rng.integers(n_frames)), int(rng.integers(n_tracks))
             count = int(rng.integers(n_frames - first + 1))
-            found = decoder.frames(track, first, count)
-            assert same(found, wholes[track][first : first + count]), (track, first, count)
+            result = decoder.frames(track, first, count)
+            assert same(result, wholes[track][first : first + count]), (track, first, count)
 
 
 @pytest.mark.parametrize("name", ["doubles", "tracks_of_polygons", "corners_in_rows"])
@@ -213,14 +213,14 @@ def test_normals_equal_those_of_the_core():
 
 
 def test_structures_have_the_layout_of_the_header():
-    found = []
+    results = []
     for name, structure in c_reader.STRUCTURES.items():
-        found.append(f"size meshreel_{name} {ctypes.sizeof(structure)}")
+        results.append(f"size meshreel_{name} {ctypes.sizeof(structure)}")
         for field, _ in structure._fields_:
             place = getattr(structure, field).offset
-            found.append(f"offset meshreel_{name}.{field} {place}")
+            results.append(f"offset meshreel_{name}.{field} {place}")
     wanted = (ROOT / "core" / "reader" / "abi.txt").read_text().splitlines()
-    assert sorted(found) == sorted(one for one in wanted if one.startswith(("size", "offset")))
+    assert sorted(results) == sorted(one for one in wanted if one.startswith(("size", "offset")))
     codes = [f"code MESHREEL_{code.name} {code.value}" for code in Code]
     assert set(codes) <= set(wanted)
 
@@ -249,15 +249,15 @@ def test_sections_are_contiguous_up_to_the_end():
     for name in ("everything", "paper_blocks", "live"):
         data = stored(name)
         with File(data, mesh=False) as file:
-            offset, found = 0, []
+            offset, result = 0, []
             while refused_end(file, offset) is None:
                 section = file.section(offset)
                 assert data[section.offset] == section.id
                 assert section.payload + section.payload_size + 4 == section.offset + section.size
-                found.append(section.id)
+                result.append(section.id)
                 offset = section.offset + section.size
             assert offset == file.info.size <= len(data)
-            assert 1 in found  # CONNECTIVITY
+            assert 1 in result  # CONNECTIVITY
 
 
 def refused_end(file, offset):
@@ -333,9 +333,9 @@ def test_decoder_still_works_after_refused_arguments():
 def misaligned(values):
     """Return a copy of floats at a misaligned address."""
     buffer = np.zeros(values.nbytes + 1, np.uint8)[1:]
-    found = buffer.view(values.dtype).reshape(values.shape)
-    found[...] = values
-    return found
+    result = buffer.view(values.dtype).reshape(values.shape)
+    result[...] = values
+    return result
 
 
 def test_null_pointers_are_refused():
@@ -470,14 +470,14 @@ def test_failed_reads_can_be_repeated(name):
         with opened[0] as file:
             fetched(file.read_mesh)
             fetched(file.read_surface)
-            found = [file.triangles.tobytes(), file.triangles.tobytes()]
+            results = [file.triangles.tobytes(), file.triangles.tobytes()]
             with Decoder(file) as decoder:
                 for track in range(file.info.n_tracks):
                     for block in range(file.info.n_blocks):
                         fetched(lambda track=track, block=block: decoder.load(track, block))
                     fetched(lambda track=track: decoder.frames(track))
-                    found.append(decoder.frames(track).tobytes())
-            assert found == wanted
+                    results.append(decoder.frames(track).tobytes())
+            assert results == wanted
 
 
 def test_failing_reads_are_not_reported_as_damage():
@@ -497,17 +497,17 @@ def test_failing_reads_are_not_reported_as_damage():
 def test_decoders_of_one_file_run_concurrently():
     data = stored("corners_in_rows")
     with File(by_calls(data), Host(n_threads=2)) as file:
-        wanted, found = decoded_all(file), {}
+        wanted, result = decoded_all(file), {}
 
         def decode(number):
-            found[number] = decoded_all(file)
+            result[number] = decoded_all(file)
 
         threads = [threading.Thread(target=decode, args=(number,)) for number in range(3)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-    assert all(found[number] == wanted for number in range(3))
+    assert all(result[number] == wanted for number in range(3))
 
 
 # ---- damage ----

@@ -183,9 +183,9 @@ def read_file(data):
 @pytest.mark.parametrize("name", REFUSED)
 def test_every_call_names_what_is_wrong(name):
     make, message = REFUSED[name]
-    data, host, found = make(), Host(), []
-    refused = refusal(lambda: found.append(open_all(data, host)))
-    code, text = found[0] if refused is None else (refused.code, str(refused))
+    data, host, result = make(), Host(), []
+    refused = refusal(lambda: result.append(open_all(data, host)))
+    code, text = result[0] if refused is None else (refused.code, str(refused))
     assert not host.held
     with pytest.raises(KINDS[code], match=message):
         meshreel.info(data)
@@ -209,7 +209,9 @@ def test_many_segments_are_read(make):
         assert file.starts == tuple(range(2 + MANY))
         for number in (MANY, 0, MANY // 2):
             np.testing.assert_array_equal(file[number].vertices, expected.vertices[0])
-    assert all(np.array_equal(one.read(0, 1), expected.vertices) for one in decoded.segments)
+    assert all(
+        np.array_equal(segment.read(0, 1), expected.vertices) for segment in decoded.segments
+    )
 
 
 def test_an_index_is_read_by_few_calls_however_long_it_is():
@@ -239,7 +241,7 @@ def test_references_to_many_sections_are_read():
 @pytest.mark.slow
 def test_shared_meshes_count_once_against_the_memory_limit():
     frames = [moving(grid(20, 20), 1, seed=number) for number in range(10)]
-    data = join_streams(20 * [meshreel.encode(one, lossless=True) for one in frames])
+    data = join_streams(20 * [meshreel.encode(frame, lossless=True) for frame in frames])
     mesh, positions = frames[0].faces.nbytes, frames[0].vertices.nbytes
     needed = mesh + 200 * positions
     assert meshreel.info(data).raw_size_bytes == 200 * (mesh + positions)
@@ -253,7 +255,7 @@ def test_a_sequence_of_many_tiny_meshes_is_encoded_and_decoded():
     meshes = [np.array(TETRAHEDRON), np.array(TETRAHEDRON)[:, [0, 2, 1]]]
     vertices = rng.random((draws(2000), 4, 3)).astype(np.float32)
     sequence = meshreel.MeshSequence.of_segments(
-        [meshreel.MeshSequence(one[None], meshes[i % 2]) for i, one in enumerate(vertices)]
+        [meshreel.MeshSequence(vertex[None], meshes[i % 2]) for i, vertex in enumerate(vertices)]
     )
     data = meshreel.encode(sequence, lossless=True)
     info = meshreel.info(data)

@@ -163,8 +163,8 @@ def test_a_block_decodes_within_a_limit_that_the_whole_exceeds():
     assert whole.vertices.nbytes > limit
     with pytest.raises(MemoryLimitError, match=r"frames 0:500 of 64 vertices would take 384 kB"):
         decode(data, memory=limit)
-    found = decode(data, frames=slice(7, 12), memory=limit)
-    np.testing.assert_array_equal(found.vertices, whole.vertices[7:12])
+    decoded = decode(data, frames=slice(7, 12), memory=limit)
+    np.testing.assert_array_equal(decoded.vertices, whole.vertices[7:12])
     with ReelFile(BytesIO(data), memory=limit) as reel:
         np.testing.assert_array_equal(reel[499].vertices, whole.vertices[499])
         for frame, expected in zip(reel, whole.vertices, strict=True):

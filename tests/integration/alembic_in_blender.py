@@ -22,10 +22,10 @@ def empty_scene():
 def bring(path):
     scene = empty_scene()
     bpy.ops.wm.alembic_import(filepath=path, as_background_job=False)
-    [found] = [one for one in bpy.data.objects if one.type == "MESH"]
+    [results] = [one for one in bpy.data.objects if one.type == "MESH"]
     return {
         "range": (scene.frame_start, scene.frame_end),
-        **described(found, scene, (FIRST, FIRST + 3, FIRST + 5)),
+        **described(results, scene, (FIRST, FIRST + 3, FIRST + 5)),
     }
 
 
@@ -82,10 +82,10 @@ def described(found, scene, frames):
         mesh.vertices.foreach_get("co", points)
         world = np.array(moved.matrix_world)
         result[f"frame_{frame}"] = points.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3]
-    result["sizes"] = [len(one.vertices) for one in mesh.polygons]
-    result["corners"] = [corner for one in mesh.polygons for corner in one.vertices]
-    materials = [one.material.name for one in found.material_slots]
-    result["materials"] = [materials[one.material_index] for one in mesh.polygons]
+    result["sizes"] = [len(polygon.vertices) for polygon in mesh.polygons]
+    result["corners"] = [corner for polygon in mesh.polygons for corner in polygon.vertices]
+    materials = [slot.material.name for slot in found.material_slots]
+    result["materials"] = [materials[polygon.material_index] for polygon in mesh.polygons]
     for layer in mesh.uv_layers:
         numbers = np.empty(2 * len(layer.data), np.float32)
         layer.data.foreach_get("uv", numbers)

@@ -53,7 +53,7 @@ def play(path, frames, fps=24, settings=None, **options):
 def play_segments(path, frames, material=None):
     """Return positions and corners of each object at each frame; keys are "FRAME NAME what"."""
     set_rate(24)
-    objects, found = import_file(path), {}
+    objects, result = import_file(path), {}
     if material:  # as a user who shades the mesh
         objects[0].data.materials[0] = bpy.data.materials.new(material)
     for frame in frames:
@@ -61,16 +61,16 @@ def play_segments(path, frames, material=None):
         for obj in objects:
             evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
             key = f"{frame} {obj.name}"
-            found[f"{key} positions"] = positions_of(evaluated).reshape(-1, 3)
-            found[f"{key} corners"] = [v for face in evaluated.polygons for v in face.vertices]
-            found[f"{key} problem"] = player.problem(obj)
+            result[f"{key} positions"] = positions_of(evaluated).reshape(-1, 3)
+            result[f"{key} corners"] = [v for face in evaluated.polygons for v in face.vertices]
+            result[f"{key} problem"] = player.problem(obj)
             slots = [face.material_index for face in evaluated.polygons]
-            found[f"{key} materials"] = [
+            result[f"{key} materials"] = [
                 evaluated.materials[slot].name if slot < len(evaluated.materials) else ""
                 for slot in slots
             ]
-    found["text"] = description(objects[0])[1]
-    return found
+    result["text"] = description(objects[0])[1]
+    return result
 
 
 def describe_import(path, **options):
@@ -90,7 +90,7 @@ def describe_import(path, **options):
 
 def import_surface(path):
     """Return polygons, layers and materials of each object; keys begin with its name."""
-    found = {}
+    results = {}
     for obj in import_file(path):
         mesh = obj.data
         values = {
@@ -106,8 +106,8 @@ def import_surface(path):
             name = f"{layer.data_type} {layer.domain} {layer.name}"
             is_bytes = layer.data_type == "BYTE_COLOR"
             values[name] = [(item.color_srgb if is_bytes else item.color)[:] for item in layer.data]
-        found |= {f"{obj.name} {key}": value for key, value in values.items()}
-    return found
+        results |= {f"{obj.name} {key}": value for key, value in values.items()}
+    return results
 
 
 def notes_of_import(path):
@@ -132,9 +132,9 @@ def lose_and_find(path, away):
     lost = shapes(obj, [2])["own"]
     is_error, text = description(obj)
     os.rename(away, path)
-    found = shapes(obj, [2])["own"]
+    result = shapes(obj, [2])["own"]
     return {
-        "before": before, "lost": lost, "found": found, "is_error": is_error, "text": text,
+        "before": before, "lost": lost, "found": result, "is_error": is_error, "text": text,
         "problem_after": player.problem(obj),
     }  # fmt: skip
 
@@ -230,14 +230,14 @@ def bulge(obj, last_frame):
 
 def world_shapes(obj, frames):
     """Return positions in the axes of a file with y up, of shape (T, V, 3)."""
-    found = []
+    results = []
     for frame in frames:
         bpy.context.scene.frame_set(frame)
         evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
         matrix = evaluated.matrix_world
         points = np.array([matrix @ vertex.co for vertex in evaluated.data.vertices])
-        found.append(points @ matrix_to_file("Y").T)
-    return np.array(found)
+        results.append(points @ matrix_to_file("Y").T)
+    return np.array(results)
 
 
 def export(path, **options):
@@ -291,21 +291,21 @@ def export_parts(path):
 
 
 def _surfaces(names):
-    found = {}
+    results = {}
     for name in names:
         obj = bpy.data.objects[name]
         mesh = obj.data
-        found[f"{name} corners"] = [corner for face in mesh.polygons for corner in face.vertices]
-        found[f"{name} counts"] = [len(face.vertices) for face in mesh.polygons]
-        found[f"{name} uv"] = [item.vector[:] for item in mesh.uv_layers["map"].uv]
-        found[f"{name} tint"] = [item.color[:] for item in mesh.color_attributes["tint"].data]
-        found[f"{name} paint"] = [
+        results[f"{name} corners"] = [corner for face in mesh.polygons for corner in face.vertices]
+        results[f"{name} counts"] = [len(face.vertices) for face in mesh.polygons]
+        results[f"{name} uv"] = [item.vector[:] for item in mesh.uv_layers["map"].uv]
+        results[f"{name} tint"] = [item.color[:] for item in mesh.color_attributes["tint"].data]
+        results[f"{name} paint"] = [
             item.color_srgb[:] for item in mesh.color_attributes["paint"].data
         ]
-        found[f"{name} materials"] = [
+        results[f"{name} materials"] = [
             mesh.materials[face.material_index].name for face in mesh.polygons
         ]
-    return found
+    return results
 
 
 def export_changing(path):
@@ -443,8 +443,8 @@ def import_hard_edges(path, frames):
     normals = []
     for frame in frames:
         bpy.context.scene.frame_set(frame)
-        normals.append([one.vector[:] for one in obj.data.corner_normals])
-    edges = [sorted(one.vertices) for one in obj.data.edges if one.use_edge_sharp]
+        normals.append([normal.vector[:] for normal in obj.data.corner_normals])
+    edges = [sorted(edge.vertices) for edge in obj.data.edges if edge.use_edge_sharp]
     return {"edges": np.array(edges), "normals": np.array(normals)}
 
 

@@ -24,9 +24,9 @@ class BlenderError(Exception):
 def why_not():
     """Return why tests in Blender are skipped; empty if Blender is available."""
     check = [PYTHON, "-c", "import bpy, meshreel"]
-    found = subprocess.run(check, capture_output=True, text=True, check=False)
-    reason = found.stderr.strip().rpartition("\n")[2]
-    return f"no Blender in {PYTHON}: {reason}; pip install '.[verify]'" if found.returncode else ""
+    done = subprocess.run(check, capture_output=True, text=True, check=False)
+    reason = done.stderr.strip().rpartition("\n")[2]
+    return f"no Blender in {PYTHON}: {reason}; pip install '.[verify]'" if done.returncode else ""
 
 
 def environment():
@@ -38,12 +38,12 @@ def environment():
 def run_python(script, *arguments, **variables):
     """Run a script in Blender's Python; return its output."""
     command = [PYTHON, str(script), *map(str, arguments)]
-    found = subprocess.run(
+    done = subprocess.run(
         command, capture_output=True, text=True, check=False, env={**os.environ, **variables}
     )
-    if found.returncode:
-        raise BlenderError(found.stdout + found.stderr)
-    return found.stdout
+    if done.returncode:
+        raise BlenderError(done.stdout + done.stderr)
+    return done.stdout
 
 
 class Blender:
@@ -73,8 +73,8 @@ class Blender:
         failure = json.loads(line.removeprefix(ANSWER))
         if failure:
             raise BlenderError("".join(printed) + failure)
-        with np.load(result) as found:
-            return {key: found[key] for key in found.files}
+        with np.load(result) as opened:
+            return {key: opened[key] for key in opened.files}
 
     @property
     def is_alive(self):

@@ -19,8 +19,8 @@ ANSWER = "scenario answered: "
 
 def run(name, arguments, result):
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    found = getattr(blender_scenarios, name)(**arguments)
-    np.savez(result, **found)
+    results = getattr(blender_scenarios, name)(**arguments)
+    np.savez(result, **results)
 
 
 def main():

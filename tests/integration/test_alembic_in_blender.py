@@ -63,8 +63,8 @@ def in_blender(action, path):
     command = [PYTHON, str(script), action, str(path), str(result)]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert ran.returncode == 0, ran.stderr
-    with np.load(result) as found:
-        return {name: found[name] for name in found.files}
+    with np.load(result) as opened:
+        return {name: opened[name] for name in opened.files}
 
 
 def upright(positions):
@@ -94,25 +94,25 @@ def test_blender_imports_our_textures_and_materials(brought):
 
 
 def test_load_reads_positions_exported_by_blender(sent):
-    found, known = sent
-    assert (found.n_frames, found.fps, found.start_s) == (10, 30.0, 5 / 30)
-    for index, frame in enumerate(upright(found.vertices)):
+    results, known = sent
+    assert (results.n_frames, results.fps, results.start_s) == (10, 30.0, 5 / 30)
+    for index, frame in enumerate(upright(results.vertices)):
         assert np.abs(frame - known[f"frame_{index + 5}"]).max() < FLOAT32_STEPS
 
 
 def test_load_reads_polygons_exported_by_blender(sent):
-    found, known = sent
-    sizes = found.surface.sizes(found.n_faces)
+    results, known = sent
+    sizes = results.surface.sizes(results.n_faces)
     np.testing.assert_array_equal(sizes, known["sizes"])
-    np.testing.assert_array_equal(join_fans(sizes, found.faces), known["corners"])
+    np.testing.assert_array_equal(join_fans(sizes, results.faces), known["corners"])
 
 
 def test_load_reads_textures_and_materials_exported_by_blender(sent):
-    found, known = sent
-    textures = {one.name: one.per_item() for one in found.surface.of_kind(Kind.UV)}
+    results, known = sent
+    textures = {one.name: one.per_item() for one in results.surface.of_kind(Kind.UV)}
     assert set(textures) == {"UVMap", "second"}
     for name, numbers in textures.items():
         np.testing.assert_array_equal(numbers, known[f"uv_{name}"])
-    [groups] = found.surface.groups
+    [groups] = results.surface.groups
     assert groups.name == "material"
     assert [groups.labels[number] for number in groups.numbers] == known["materials"].tolist()

@@ -23,12 +23,12 @@ def error_percent(found, expected):
 def test_exported_frames_include_shape_keys_modifiers_and_transforms(blender, tmp_path):
     path = tmp_path / "grid.reel"
     options = {"target": "MAX_ERROR", "max_error": MAX_ERROR_PERCENT}
-    found = blender("export_shape_key", path=path, last_frame=8, **options)
-    assert str(found["error"]) == ""
-    assert found["frame_after"] == 3
+    result = blender("export_shape_key", path=path, last_frame=8, **options)
+    assert str(result["error"]) == ""
+    assert result["frame_after"] == 3
     reel = meshreel.decode(path.read_bytes())
-    assert reel.vertices.shape == found["world"].shape == (8, 32, 3)
-    assert error_percent(reel.vertices, found["world"]) <= MAX_ERROR_PERCENT
+    assert reel.vertices.shape == result["world"].shape == (8, 32, 3)
+    assert error_percent(reel.vertices, result["world"]) <= MAX_ERROR_PERCENT
     assert (reel.fps, reel.start_s, reel.name) == (24.0, 1 / 24, "grid")
     assert reel.surface.face_sizes.tolist() == [4] * 18
 
@@ -41,12 +41,12 @@ def test_lower_quality_exports_a_smaller_file(blender, tmp_path):
 
 
 def test_parts_and_surfaces_round_trip_exactly(blender, tmp_path):
-    found = blender("export_parts", path=tmp_path / "two.reel")
-    assert str(found["error"]) == ""
-    names = [key.removeprefix("before ") for key in found if key.startswith("before ")]
+    result = blender("export_parts", path=tmp_path / "two.reel")
+    assert str(result["error"]) == ""
+    names = [key.removeprefix("before ") for key in result if key.startswith("before ")]
     assert len(names) == 12
     for name in names:
-        np.testing.assert_array_equal(found[f"after {name}"], found[f"before {name}"], name)
+        np.testing.assert_array_equal(result[f"after {name}"], result[f"before {name}"], name)
 
 
 def test_surfaces_of_objects_are_exported(blender, tmp_path):
@@ -59,7 +59,8 @@ def test_surfaces_of_objects_are_exported(blender, tmp_path):
     assert surface.groups[0].name == "material"
     assert set(surface.groups[0].labels) == {"skin", "cloth 0", "cloth 1"}
     assert {
-        (one.name, one.kind, one.domain, str(one.values.dtype)) for one in surface.attributes
+        (attribute.name, attribute.kind, attribute.domain, str(attribute.values.dtype))
+        for attribute in surface.attributes
     } == {
         ("map", Kind.UV, Domain.CORNER, "float32"),
         ("tint", Kind.COLOR, Domain.VERTEX, "float32"),
@@ -69,27 +70,27 @@ def test_surfaces_of_objects_are_exported(blender, tmp_path):
 
 def test_all_kinds_of_objects_with_a_surface_are_exported(blender, tmp_path):
     path = tmp_path / "kinds.reel"
-    found = blender("export_kinds", path=path)
-    assert str(found["error"]) == ""
+    result = blender("export_kinds", path=path)
+    assert str(result["error"]) == ""
     parts = meshreel.decode(path.read_bytes()).surface.parts
     assert [part.name for part in parts] == ["nothing", "tube", "words"]
-    assert sorted(part.n_verts for part in parts) == sorted(found["n_verts"].tolist())
+    assert sorted(part.n_verts for part in parts) == sorted(result["n_verts"].tolist())
     assert [part.n_faces > 0 for part in parts] == [False, True, True]
 
 
 def test_export_reports_the_frame_in_which_faces_change(blender, tmp_path):
     path = tmp_path / "grid.reel"
     path.write_bytes(b"what was there")
-    found = blender("export_changing", path=path)
-    assert "grid has" in str(found["error"])
-    assert "at frame 1, at frame 4" in str(found["error"])
-    assert found["frame_after"] == 2
+    result = blender("export_changing", path=path)
+    assert "grid has" in str(result["error"])
+    assert "at frame 1, at frame 4" in str(result["error"])
+    assert result["frame_after"] == 2
     assert path.read_bytes() == b"what was there"
 
 
 def test_mirrored_objects_keep_their_face_orientation(blender, tmp_path):
     path = tmp_path / "grid.reel"
-    found = blender("export_mirrored", path=path)
+    result = blender("export_mirrored", path=path)
     reel = meshreel.decode(path.read_bytes())
     sides = reel.vertices[0][reel.faces]
     normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
@@ -98,7 +99,7 @@ def test_mirrored_objects_keep_their_face_orientation(blender, tmp_path):
     uv = reel.surface.of_kind(Kind.UV)[0].per_item()
     have = np.concatenate([reel.vertices[0][corners], uv], axis=1).reshape(-1, 4, 5)
     # The same corners in the other direction, from the same first.
-    np.testing.assert_allclose(have, found["corners"][:, [0, 3, 2, 1]], atol=1e-4)
+    np.testing.assert_allclose(have, result["corners"][:, [0, 3, 2, 1]], atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -107,44 +108,46 @@ def test_mirrored_objects_keep_their_face_orientation(blender, tmp_path):
 )
 def test_export_keeps_rate_and_start(blender, tmp_path, fps, fps_base, rate):
     path = tmp_path / "grid.reel"
-    found = blender("export_timed", path=path, fps=fps, fps_base=fps_base, start=11, end=20, step=3)
+    result = blender(
+        "export_timed", path=path, fps=fps, fps_base=fps_base, start=11, end=20, step=3
+    )
     reel = meshreel.decode(path.read_bytes())
     assert (reel.fps, reel.start_s, reel.n_frames) == (rate / 3, 11 / rate, 4)
-    assert found["start"] == 11.0
+    assert result["start"] == 11.0
 
 
 def test_export_without_frames_reports_why(blender, tmp_path):
     path = tmp_path / "grid.reel"
-    found = blender("export_without_frames", path=path, start=5, end=4)
-    assert "no frames in 5 to 4" in str(found["error"])
+    result = blender("export_without_frames", path=path, start=5, end=4)
+    assert "no frames in 5 to 4" in str(result["error"])
     assert not path.exists()
 
 
 def test_export_without_faces_reports_why(blender, tmp_path):
     path = tmp_path / "grid.reel"
-    found = blender("export_without_faces", path=path)
-    assert "points: missing faces" in str(found["error"])
+    result = blender("export_without_faces", path=path)
+    assert "points: missing faces" in str(result["error"])
     assert not path.exists()
 
 
 @pytest.mark.parametrize("n_steps", [3, 10, 11])
 def test_a_stopped_export_leaves_no_file(blender, tmp_path, n_steps):
     (tmp_path / "out").mkdir()
-    found = blender("stop_export", path=tmp_path / "out" / "grid.reel", n_steps=n_steps)
-    assert found["files"].tolist() == []
-    assert found["frame_after"] == 7
-    assert (np.diff(found["progress"]) >= 0).all()
-    assert found["progress"].max() <= 1
+    result = blender("stop_export", path=tmp_path / "out" / "grid.reel", n_steps=n_steps)
+    assert result["files"].tolist() == []
+    assert result["frame_after"] == 7
+    assert (np.diff(result["progress"]) >= 0).all()
+    assert result["progress"].max() <= 1
 
 
 def test_modal_export_writes_the_file(blender, tmp_path):
     path = tmp_path / "grid.reel"
-    found = blender("export_from_window", path=path, stop_after=-1)
-    assert found["status"].tolist() == ["FINISHED"]
+    result = blender("export_from_window", path=path, stop_after=-1)
+    assert result["status"].tolist() == ["FINISHED"]
     assert meshreel.decode(path.read_bytes()).n_frames == 10
-    assert found["progress"][:10] == pytest.approx(np.arange(1, 11) * 8)
+    assert result["progress"][:10] == pytest.approx(np.arange(1, 11) * 8)
     ended = ["progress_end", "event_timer_remove", "status_text_set"]
-    assert found["calls"].tolist() == [
+    assert result["calls"].tolist() == [
         "progress_begin", "modal_handler_add", "status_text_set", *ended
     ]  # fmt: skip
 
@@ -152,10 +155,10 @@ def test_modal_export_writes_the_file(blender, tmp_path):
 @pytest.mark.parametrize("stop_after", [0, 4, 10])
 def test_esc_cancels_the_export(blender, tmp_path, stop_after):
     path = tmp_path / "grid.reel"
-    found = blender("export_from_window", path=path, stop_after=stop_after)
-    assert found["status"].tolist() == ["CANCELLED"]
+    result = blender("export_from_window", path=path, stop_after=stop_after)
+    assert result["status"].tolist() == ["CANCELLED"]
     assert not path.exists()
-    assert found["calls"].tolist()[-2:] == ["event_timer_remove", "status_text_set"]
+    assert result["calls"].tolist()[-2:] == ["event_timer_remove", "status_text_set"]
 
 
 @pytest.mark.parametrize(
@@ -163,8 +166,8 @@ def test_esc_cancels_the_export(blender, tmp_path, stop_after):
 )
 def test_hard_edges_are_those_that_blender_splits_normals_at(blender, tmp_path, kind, n_hard):
     path = tmp_path / "cube.reel"
-    found = blender("export_hard_edges", path=path, kind=kind)
-    assert str(found["error"]) == ""
+    result = blender("export_hard_edges", path=path, kind=kind)
+    assert str(result["error"]) == ""
     reel = meshreel.decode(path.read_bytes())
     edges = reel.surface.hard_edges
     assert (0 if edges is None else len(edges)) == n_hard

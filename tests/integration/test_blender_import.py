@@ -38,9 +38,9 @@ def strip_file(tmp_path):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_the_shape_is_the_decoded_frame(blender, tmp_path, dtype):
     decoded = write(tmp_path / "strip.reel", strip(dtype=dtype)).astype(np.float32)
-    found = blender("play", path=tmp_path / "strip.reel", frames=[3, 0, 4])
-    np.testing.assert_array_equal(found["own"], decoded[[3, 0, 4]])
-    np.testing.assert_array_equal(found["evaluated"], decoded[[3, 0, 4]])
+    result = blender("play", path=tmp_path / "strip.reel", frames=[3, 0, 4])
+    np.testing.assert_array_equal(result["own"], decoded[[3, 0, 4]])
+    np.testing.assert_array_equal(result["evaluated"], decoded[[3, 0, 4]])
 
 
 @pytest.mark.real
@@ -49,9 +49,9 @@ def test_the_shape_is_the_decoded_frame_of_samba(blender, tmp_path):
         pytest.skip("MESHREEL_DATA is not set")
     samba = meshreel.load(Path(os.environ["MESHREEL_DATA"]) / "samba.npz")
     decoded = write(tmp_path / "samba.reel", samba)
-    found = blender("play", path=tmp_path / "samba.reel", frames=[0, 87, 174])
-    np.testing.assert_array_equal(found["own"], decoded[[0, 87, 174]])
-    np.testing.assert_array_equal(found["evaluated"], decoded[[0, 87, 174]])
+    result = blender("play", path=tmp_path / "samba.reel", frames=[0, 87, 174])
+    np.testing.assert_array_equal(result["own"], decoded[[0, 87, 174]])
+    np.testing.assert_array_equal(result["evaluated"], decoded[[0, 87, 174]])
 
 
 PLAYED = {
@@ -69,40 +69,40 @@ PLAYED = {
 def test_the_shown_frame_follows_the_scene(blender, tmp_path, name):
     options, scene, shown = PLAYED[name]
     decoded = write(tmp_path / "strip.reel", strip(**options))
-    found = blender("play", path=tmp_path / "strip.reel", frames=list(shown), **scene)
-    np.testing.assert_array_equal(found["own"], decoded[list(shown.values())])
+    result = blender("play", path=tmp_path / "strip.reel", frames=list(shown), **scene)
+    np.testing.assert_array_equal(result["own"], decoded[list(shown.values())])
 
 
 def test_frames_are_blended_between_two(blender, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
-    found = blender("play", path=strip_file, frames=[1, 1.5], fps=48)["own"]
+    result = blender("play", path=strip_file, frames=[1, 1.5], fps=48)["own"]
     expected = [(decoded[0] + decoded[1]) / 2, (decoded[0] + 3 * decoded[1]) / 4]
-    np.testing.assert_array_equal(found, np.array(expected))
+    np.testing.assert_array_equal(result, np.array(expected))
 
 
 def test_import_can_set_rate_and_range_of_the_scene(blender, tmp_path):
     rate = 30000 / 1001
     write(tmp_path / "strip.reel", strip(fps=rate, start_s=10 / rate))
-    found = blender("describe_import", path=tmp_path / "strip.reel", set_rate=True, scale=2.0)
-    assert abs(found["rate"] / rate - 1) < 1e-7
-    assert found["range"].tolist() == [10, 14]
-    assert found["starts"].tolist() == [10.0]
-    assert found["scales"].tolist() == [[2.0, 2.0, 2.0]]
+    result = blender("describe_import", path=tmp_path / "strip.reel", set_rate=True, scale=2.0)
+    assert abs(result["rate"] / rate - 1) < 1e-7
+    assert result["range"].tolist() == [10, 14]
+    assert result["starts"].tolist() == [10.0]
+    assert result["scales"].tolist() == [[2.0, 2.0, 2.0]]
 
 
 @pytest.mark.parametrize(("up", "angle"), [("Y", np.pi / 2), ("Z", 0.0)])
 def test_the_up_axis_rotates_the_object(blender, strip_file, up, angle):
-    found = blender("describe_import", path=strip_file, up=up)
-    np.testing.assert_allclose(found["rotations"], [[angle, 0, 0]], atol=1e-7)
+    result = blender("describe_import", path=strip_file, up=up)
+    np.testing.assert_allclose(result["rotations"], [[angle, 0, 0]], atol=1e-7)
 
 
 def test_normals_follow_the_frame(blender, tmp_path):
     tilted = np.array(strip(2).vertices)
     tilted[1] = tilted[0] @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]], np.float32)
     write(tmp_path / "strip.reel", meshreel.MeshSequence(tilted, strip().faces, 24))
-    found = blender("describe_import", path=tmp_path / "strip.reel")
-    assert found["frame"] == 1
-    np.testing.assert_allclose(found["normals"], [[1, 0, 0]] * 6, atol=1e-2)
+    result = blender("describe_import", path=tmp_path / "strip.reel")
+    assert result["frame"] == 1
+    np.testing.assert_allclose(result["normals"], [[1, 0, 0]] * 6, atol=1e-2)
 
 
 def test_the_surface_is_imported_exactly(blender, tmp_path):
@@ -121,18 +121,18 @@ def test_the_surface_is_imported_exactly(blender, tmp_path):
         (FaceGroups("material", ("cloth",), [0, -1]),),
     )
     write(tmp_path / "strip.reel", strip(surface=surface))
-    found = blender("import_surface", path=tmp_path / "strip.reel")
-    assert found["strip counts"].tolist() == [4, 4]
-    np.testing.assert_array_equal(found["strip corners"], QUADS.ravel())
-    np.testing.assert_array_equal(found["strip uv map"].astype(np.float32), uv[indices])
+    result = blender("import_surface", path=tmp_path / "strip.reel")
+    assert result["strip counts"].tolist() == [4, 4]
+    np.testing.assert_array_equal(result["strip corners"], QUADS.ravel())
+    np.testing.assert_array_equal(result["strip uv map"].astype(np.float32), uv[indices])
     opaque = np.column_stack([tint, np.ones(6)]).astype(np.float32)
-    np.testing.assert_array_equal(found["strip FLOAT_COLOR POINT tint"].astype("f4"), opaque)
-    bytes_found = np.rint(255 * found["strip BYTE_COLOR CORNER paint"])
+    np.testing.assert_array_equal(result["strip FLOAT_COLOR POINT tint"].astype("f4"), opaque)
+    bytes_found = np.rint(255 * result["strip BYTE_COLOR CORNER paint"])
     np.testing.assert_array_equal(bytes_found, paint)
-    patch = np.rint(255 * found["strip BYTE_COLOR CORNER patch"])
+    patch = np.rint(255 * result["strip BYTE_COLOR CORNER patch"])
     np.testing.assert_array_equal(patch, np.repeat(paint[:2], 4, axis=0))
-    assert found["strip materials"].tolist() == ["cloth", ""]
-    assert found["strip material_indices"].tolist() == [0, 1]
+    assert result["strip materials"].tolist() == ["cloth", ""]
+    assert result["strip material_indices"].tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("names", [("/root/body", "/root/arm"), ("/body", "/body")])
@@ -143,20 +143,20 @@ def test_parts_become_objects(blender, tmp_path, names):
     surface = Surface(parts=tuple(Part(name, 6, 4) for name in names))
     sequence = meshreel.MeshSequence(vertices, faces, 24, surface=surface)
     decoded = write(tmp_path / "two.reel", sequence)
-    found = blender("import_surface", path=tmp_path / "two.reel")
+    result = blender("import_surface", path=tmp_path / "two.reel")
     second = "arm" if names[1] == "/root/arm" else "body 2"
-    np.testing.assert_array_equal(found["body positions"], decoded[1, :6])
-    np.testing.assert_array_equal(found[f"{second} positions"], decoded[1, 6:])
-    np.testing.assert_array_equal(found[f"{second} corners"].reshape(-1, 3), sheet.faces)
+    np.testing.assert_array_equal(result["body positions"], decoded[1, :6])
+    np.testing.assert_array_equal(result[f"{second} positions"], decoded[1, 6:])
+    np.testing.assert_array_equal(result[f"{second} corners"].reshape(-1, 3), sheet.faces)
 
 
 def test_a_mesh_with_faces_that_blender_drops_plays(blender, tmp_path):
     bad = strip(2)
     faces = np.concatenate([bad.faces, [[0, 0, 1]], bad.faces[:1]])
     decoded = write(tmp_path / "bad.reel", meshreel.MeshSequence(bad.vertices, faces, 24))
-    found = blender("notes_of_import", path=tmp_path / "bad.reel")
-    assert found["n_faces"] == 4
-    np.testing.assert_array_equal(found["own"], decoded)
+    result = blender("notes_of_import", path=tmp_path / "bad.reel")
+    assert result["n_faces"] == 4
+    np.testing.assert_array_equal(result["own"], decoded)
 
 
 @pytest.mark.parametrize("kept", [None, 0, 3, 200])
@@ -165,41 +165,41 @@ def test_import_reports_a_missing_or_damaged_file(blender, strip_file, kept):
     strip_file.unlink()
     if kept is not None:
         strip_file.write_bytes(data[:kept])
-    found = blender("import_error", path=strip_file)
+    result = blender("import_error", path=strip_file)
     words = str(strip_file) if kept is not None else f"{strip_file} is missing"
-    assert words in str(found["error"])
-    assert found["n_objects"] == 0
+    assert words in str(result["error"])
+    assert result["n_objects"] == 0
 
 
 def test_a_lost_file_keeps_the_shape_and_is_reported(blender, tmp_path, strip_file):
     decoded = meshreel.decode(strip_file.read_bytes()).vertices
-    found = blender("lose_and_find", path=strip_file, away=tmp_path / "away.reel")
-    np.testing.assert_array_equal(found["lost"], found["before"])
-    assert found["is_error"]
-    assert "is missing" in str(found["text"])
-    np.testing.assert_array_equal(found["found"], decoded[[2]])
-    assert str(found["problem_after"]) == ""
+    result = blender("lose_and_find", path=strip_file, away=tmp_path / "away.reel")
+    np.testing.assert_array_equal(result["lost"], result["before"])
+    assert result["is_error"]
+    assert "is missing" in str(result["text"])
+    np.testing.assert_array_equal(result["found"], decoded[[2]])
+    assert str(result["problem_after"]) == ""
 
 
 def test_a_rewritten_file_shows_its_new_frames(blender, tmp_path, strip_file):
     shifted = meshreel.MeshSequence(strip().vertices + np.float32(7), strip().faces, 24)
     decoded = write(tmp_path / "other.reel", shifted)
-    found = blender("change", path=strip_file, other=tmp_path / "other.reel")
-    np.testing.assert_array_equal(found["own"], decoded[[2]])
-    assert str(found["problem"]) == ""
+    result = blender("change", path=strip_file, other=tmp_path / "other.reel")
+    np.testing.assert_array_equal(result["own"], decoded[[2]])
+    assert str(result["problem"]) == ""
 
 
 def test_a_file_with_other_faces_keeps_the_shape(blender, tmp_path, strip_file):
     turned = meshreel.MeshSequence(strip().vertices, strip().faces[:, ::-1], 24)
     write(tmp_path / "other.reel", turned)
-    found = blender("change", path=strip_file, other=tmp_path / "other.reel")
-    np.testing.assert_array_equal(found["own"], found["before"])
-    assert "has other faces" in str(found["problem"])
+    result = blender("change", path=strip_file, other=tmp_path / "other.reel")
+    np.testing.assert_array_equal(result["own"], result["before"])
+    assert "has other faces" in str(result["problem"])
 
 
 def test_an_edited_mesh_is_reported(blender, strip_file):
-    found = blender("edit_mesh", path=strip_file)
-    assert "has 7 vertices and its reel 6" in str(found["problem"])
+    result = blender("edit_mesh", path=strip_file)
+    assert "has 7 vertices and its reel 6" in str(result["problem"])
 
 
 def test_a_reopened_scene_plays_the_reel(blender, tmp_path, strip_file):
@@ -210,9 +210,9 @@ def test_a_reopened_scene_plays_the_reel(blender, tmp_path, strip_file):
     stored = blender("save_scene", path=tmp_path / "here" / "strip.reel", blend=blend, frame=3)
     assert str(stored["stored"]) == "//strip.reel"
     os.rename(tmp_path / "here", tmp_path / "there")
-    found = blender("open_scene", blend=tmp_path / "there" / "scene.blend", frames=[1, 4])
-    np.testing.assert_array_equal(found["opened"], decoded[3])
-    np.testing.assert_array_equal(found["own"], decoded[[1, 4]])
+    result = blender("open_scene", blend=tmp_path / "there" / "scene.blend", frames=[1, 4])
+    np.testing.assert_array_equal(result["opened"], decoded[3])
+    np.testing.assert_array_equal(result["own"], decoded[[1, 4]])
 
 
 def test_a_scene_without_its_reel_opens_and_reports_why(blender, tmp_path, strip_file):
@@ -220,9 +220,9 @@ def test_a_scene_without_its_reel_opens_and_reports_why(blender, tmp_path, strip
     blend = tmp_path / "scene.blend"
     blender("save_scene", path=strip_file, blend=blend, frame=3)
     strip_file.unlink()
-    found = blender("open_scene", blend=blend, frames=[1])
-    np.testing.assert_array_equal(found["opened"], decoded[3])
-    assert "is missing" in str(found["problem"])
+    result = blender("open_scene", blend=blend, frames=[1])
+    np.testing.assert_array_equal(result["opened"], decoded[3])
+    assert "is missing" in str(result["problem"])
 
 
 def test_rendered_frames_differ(blender, tmp_path):
@@ -242,11 +242,11 @@ def test_rendered_frames_differ(blender, tmp_path):
 def test_hard_edges_are_sharp_and_part_normals_in_every_frame(blender, tmp_path):
     box = hard_box(3)
     write(tmp_path / "box.reel", box)
-    found = blender("import_hard_edges", path=tmp_path / "box.reel", frames=[0, 2])
+    result = blender("import_hard_edges", path=tmp_path / "box.reel", frames=[0, 2])
     np.testing.assert_array_equal(
-        np.unique(found["edges"], axis=0), np.unique(box.surface.hard_edges, axis=0)
+        np.unique(result["edges"], axis=0), np.unique(box.surface.hard_edges, axis=0)
     )
-    for normals in found["normals"]:
+    for normals in result["normals"]:
         expected = meshreel.corner_normals(box.vertices[0], box.faces, box.surface)
         np.testing.assert_allclose(normals, expected, atol=1e-3)
 
@@ -268,22 +268,22 @@ def test_the_mesh_is_that_of_the_segment_when_faces_change(blender, tmp_path):
     box = meshreel.MeshSequence(hard_box(2).vertices, hard_box(2).faces, 24)
     decoded = write_segments(tmp_path / "two.reel", strip(3), box)
     frames = [0, 2, 3, 4, 1, 2.5, 90]
-    found = blender("play_segments", path=tmp_path / "two.reel", frames=frames)
+    result = blender("play_segments", path=tmp_path / "two.reel", frames=frames)
     for frame in frames:
         vertices, faces = decoded[min(int(frame), 4)]  # not blended across segments
-        np.testing.assert_array_equal(found[f"{frame} strip positions"], vertices)
-        np.testing.assert_array_equal(found[f"{frame} strip corners"], faces.ravel())
-        assert str(found[f"{frame} strip problem"]) == ""
-    assert str(found["text"]).startswith("5 frames in 2 segments, 24 fps, ")
+        np.testing.assert_array_equal(result[f"{frame} strip positions"], vertices)
+        np.testing.assert_array_equal(result[f"{frame} strip corners"], faces.ravel())
+        assert str(result[f"{frame} strip problem"]) == ""
+    assert str(result["text"]).startswith("5 frames in 2 segments, 24 fps, ")
 
 
 def test_material_slots_are_kept_when_faces_change(blender, tmp_path):
     first, second = with_material(strip(2), "cloth"), with_material(strip(1), "skin")
     write_segments(tmp_path / "a.reel", first, second, first)
     options = {"frames": [0, 2, 3], "material": "mine"}
-    found = blender("play_segments", path=tmp_path / "a.reel", **options)
-    name = next(key.split()[1] for key in found if key.endswith("materials"))
-    shown = [set(found[f"{frame} {name} materials"].tolist()) for frame in (0, 2, 3)]
+    result = blender("play_segments", path=tmp_path / "a.reel", **options)
+    name = next(key.split()[1] for key in result if key.endswith("materials"))
+    shown = [set(result[f"{frame} {name} materials"].tolist()) for frame in (0, 2, 3)]
     assert shown == [{"mine"}, {"skin"}, {"mine"}]
 
 
@@ -295,9 +295,9 @@ def test_a_part_is_empty_in_segments_without_it(blender, tmp_path):
         for name in ("/body", "/arm")
     ]
     write_segments(tmp_path / "a.reel", *named)
-    found = blender("play_segments", path=tmp_path / "a.reel", frames=[0, 1, 0])
+    result = blender("play_segments", path=tmp_path / "a.reel", frames=[0, 1, 0])
     counts = {
-        (frame, name): len(found[f"{frame} {name} positions"])
+        (frame, name): len(result[f"{frame} {name} positions"])
         for frame in (0, 1)
         for name in ("body", "arm")
     }

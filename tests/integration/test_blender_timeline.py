@@ -23,8 +23,8 @@ def timeline():
 def test_rates_round_trip_through_blenders_numbers(timeline, rate):
     fps, base = timeline.rate_numbers(rate)
     assert isinstance(fps, int)
-    found = timeline.scene_rate(fps, float(np.float32(base)))
-    assert abs(found / rate - 1) < 1.1e-6
+    result = timeline.scene_rate(fps, float(np.float32(base)))
+    assert abs(result / rate - 1) < 1.1e-6
 
 
 @pytest.mark.parametrize(("fps", "base", "rate"), [(30, 1.001, 30000 / 1001), (25, 1.0, 25.0)])

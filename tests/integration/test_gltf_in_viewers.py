@@ -84,8 +84,8 @@ def textured():
     """Two flags whose materials use every feature."""
     materials, _ = look()
     named = [
-        one.with_textures({slot: replace(t, uv="uv") for slot, t in one.textures.items()})
-        for one in materials
+        material.with_textures({slot: replace(t, uv="uv") for slot, t in material.textures.items()})
+        for material in materials
     ]
     silk, linen = (
         replace(one, name=name) for one, name in zip(named, ("silk", "linen"), strict=True)
@@ -118,11 +118,11 @@ def reports_of(*paths):
 
 def split_sources(sequence):
     """Return the original vertex of each vertex in the order of three.js."""
-    found = []
+    results = []
     parts = split_parts(sequence.faces, sequence.surface, sequence.n_verts, sequence.name)
-    for part in sorted(parts, key=lambda one: one.name):  # nodes above come first
-        found.append(split_at_seams(part).sources + part.verts.start)
-    return np.concatenate(found)
+    for part in sorted(parts, key=lambda item: item.name):  # nodes above come first
+        results.append(split_at_seams(part).sources + part.verts.start)
+    return np.concatenate(results)
 
 
 @needs_node
@@ -183,8 +183,8 @@ def test_the_browser_plays_the_frames(page, tmp_path, case):
 
 def achieved_percent(notes):
     """Return the error stated in the notes; 0 if nothing moves."""
-    found = [note.split() for note in notes if note.startswith("the largest error is")]
-    return float(found[0][4]) + 5e-5 if found else 0.0
+    results = [note.split() for note in notes if note.startswith("the largest error is")]
+    return float(results[0][4]) + 5e-5 if results else 0.0
 
 
 @pytest.mark.real

@@ -88,9 +88,9 @@ def test_advice_on_a_size_mentions_tracks(folder):
 
 def test_json_has_the_errors_of_tracks(folder):
     done = run("convert", "a.reel", "-o", "b.reel", "--track", "heat=1%", "--json")
-    found = json.loads(done.stdout)["tracks"]
-    assert found["heat"]["unit"] == "K"
-    assert len(found["flow"]["rms_of_frames"]) == 12
+    result = json.loads(done.stdout)["tracks"]
+    assert result["heat"]["unit"] == "K"
+    assert len(result["flow"]["rms_of_frames"]) == 12
     [heat, _] = json.loads(run("info", "b.reel", "--json").stdout)["tracks"]
     assert heat["bound"] == pytest.approx(0.01 * np.ptp(300 + 20 * WAVES), rel=1e-3)
     assert 0 < heat["size_bytes"] < heat["raw_size_bytes"] / 8

@@ -100,13 +100,17 @@ def ask(page_with):
     """Return the result of a test function of the page."""
 
     def answer(name, *given, before="", allowed=()):
-        found = page_with(before).evaluate(
+        result = page_with(before).evaluate(
             "([name, given]) => tests[name](...given)", [name, list(given)]
         )
-        if isinstance(found, dict):
-            complaints = found.pop("complaints", [])
-            assert [one for one in complaints if not any(map(one.__contains__, allowed))] == []
-        return found
+        if isinstance(result, dict):
+            complaints = result.pop("complaints", [])
+            assert [
+                complaint
+                for complaint in complaints
+                if not any(map(complaint.__contains__, allowed))
+            ] == []
+        return result
 
     return answer
 
@@ -210,12 +214,12 @@ def assert_colored(answer, *, is_on_gpu=True, n_missing=1, most=5):
     """Colors at the centers of triangles match up to half a pixel and 8 bits."""
     assert answer["isOnGpu"] == is_on_gpu
     assert answer["errors"] == []
-    for found in answer["found"]:
-        assert found["n"] > 300
-        assert found["off"] < most
-        assert found["nMissing"] >= n_missing
-        assert found["areGray"]
-        assert found["nGray"] <= 2
+    for result in answer["found"]:
+        assert result["n"] > 300
+        assert result["off"] < most
+        assert result["nMissing"] >= n_missing
+        assert result["areGray"]
+        assert result["nGray"] <= 2
     assert answer["unit"] == "Pa"
     assert answer["bare"] == [0x30, 0x50, 0x70]
     assert not answer["hasMap"]
@@ -316,7 +320,7 @@ def test_any_renderer_plays_the_mesh(ask):
 def test_a_damaged_block_is_skipped(ask):
     answer = ask("events", [1])
     errors = [event for event in answer["events"] if event["type"] == "error"]
-    assert [(one["block"], one["error"]) for one in errors] == [(1, "CorruptStreamError")]
+    assert [(error["block"], error["error"]) for error in errors] == [(1, "CorruptStreamError")]
     frames = {event["frame"] for event in answer["events"] if event["type"] == "frame"}
     assert frames == {*range(6), *range(11, 18)}
 

@@ -96,7 +96,7 @@ class _Visitor(ast.NodeVisitor):
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         self.returns.append(ast.unparse(node.returns) if node.returns else "")
-        defaults = [one for one in (*node.args.defaults, *node.args.kw_defaults) if one]
+        defaults = [default for default in (*node.args.defaults, *node.args.kw_defaults) if default]
         for child in [*defaults, *node.body]:
             self.visit(child)
         self.returns.pop()
@@ -222,19 +222,19 @@ def c_edits(source: bytes) -> list[Edit]:
     """Return all edits of a C file; comments, strings and preprocessor lines are not edited."""
     code = NOT_CODE.sub(lambda found: re.sub(rb"[^\n]", b" ", found[0]), source)
     edits, before = [], b"("
-    for found in C_TOKEN.finditer(code):
-        token = found[0]
+    for result in C_TOKEN.finditer(code):
+        token = result[0]
         is_value = before[-1:].isalnum() or before[-1:] in b"_)]"
         is_binary = is_value and before not in (b"return", b"case")
         if token in C_OPERATORS and is_binary:
             kind, new = C_OPERATORS[token]
-            edits.append(Edit(kind, *found.span(), new))
+            edits.append(Edit(kind, *result.span(), new))
         elif number := INTEGER.match(token):
             value, suffix = int(number[1]), number[2].decode()
             for other in (value + 1, abs(value - 1)):
-                edits.append(Edit("constant", *found.span(), f"{other}{suffix}"))
+                edits.append(Edit("constant", *result.span(), f"{other}{suffix}"))
         elif token == b"if":
-            start = code.index(b"(", found.end())
+            start = code.index(b"(", result.end())
             end = _end_of_parentheses(code, start)
             edits.append(Edit("condition", start, end, f"(!{source[start:end].decode()})"))
         before = token

@@ -54,10 +54,10 @@ class Mutant:
             If the file does not contain the lines.
         """
         lines, old = text.split("\n"), self.old.split("\n")
-        found = [at for at in range(len(lines)) if lines[at : at + len(old)] == old]
-        if not found:
+        results = [at for at in range(len(lines)) if lines[at : at + len(old)] == old]
+        if not results:
             raise ValueError(f"{self.file} no longer contains {self.old.strip()!r}")
-        at = min(found, key=lambda one: abs(one - self.line + 1))
+        at = min(results, key=lambda item: abs(item - self.line + 1))
         return "\n".join([*lines[:at], *self.new.split("\n"), *lines[at + len(old) :]])
 
 
@@ -79,14 +79,14 @@ def own_prefixes(package: str) -> tuple[str, ...]:
 def sources(root: Path) -> dict[str, list[Path]]:
     """Return the source files of the core, of each package, and of other modules."""
     folders = (root / "core", root / "core/reader")
-    found = {CORE: sorted(file for folder in folders for file in folder.glob("*.[ch]"))}
+    results = {CORE: sorted(file for folder in folders for file in folder.glob("*.[ch]"))}
     top = root / "src/meshreel"
     for file in sorted(top.rglob("*.py")):
         parts = file.relative_to(top).parts
-        found.setdefault(parts[0] if len(parts) > 1 else MODULES, []).append(file)
+        results.setdefault(parts[0] if len(parts) > 1 else MODULES, []).append(file)
     return {
         name: [file for file in files if file.name not in NOT_MUTATED]
-        for name, files in found.items()
+        for name, files in results.items()
     }
 
 
@@ -117,8 +117,8 @@ def _sample_of(
         for edit in edits_of(file.read_bytes()):
             by_kind.setdefault(edit.kind, []).append((file, edit))
     rng = random.Random(seed)
-    for found in by_kind.values():
-        rng.shuffle(found)
+    for result in by_kind.values():
+        rng.shuffle(result)
     drawn: list[tuple[Path, Edit]] = []
     while len(drawn) < n_mutants and any(by_kind.values()):
         drawn += [found.pop() for found in by_kind.values() if found]

@@ -49,7 +49,7 @@ class Recorder:
         """Store the record."""
         self.coverage.stop()
         self.coverage.save()
-        passed = {name: one for name, one in self.seconds.items() if name not in self.failed}
+        passed = {name: second for name, second in self.seconds.items() if name not in self.failed}
         (self.folder / SECONDS).write_text(json.dumps(passed))
 
 
@@ -62,8 +62,8 @@ class Selector:
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Leave the others out."""
-        kept = [one for one in items if one.nodeid in self.order]
-        items[:] = sorted(kept, key=lambda one: self.order[one.nodeid])
+        kept = [item for item in items if item.nodeid in self.order]
+        items[:] = sorted(kept, key=lambda item: self.order[item.nodeid])
 
 
 def pytest_configure(config: pytest.Config) -> None:

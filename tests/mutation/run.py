@@ -82,7 +82,7 @@ class Bench:
         """
         if not self.clone.exists():
             _git(ROOT, "clone", "-q", str(ROOT), str(self.clone))
-            for built in filter(lambda one: (ROOT / one).exists(), BUILT):
+            for built in filter(lambda item: (ROOT / item).exists(), BUILT):
                 shutil.copytree(ROOT / built, self.clone / built, dirs_exist_ok=True)
         _git(self.clone, "checkout", "-q", "--", ".")
         if is_new:
@@ -171,12 +171,12 @@ class Bench:
 
     def _tests_of(self, mutant: Mutant) -> tuple[list[str], list[str]]:
         """Return the tests that execute the lines of a mutant: those of its package, and others."""
-        found = list(self.seconds) if mutant.package == CORE else self._executing(mutant)
+        actual = list(self.seconds) if mutant.package == CORE else self._executing(mutant)
         prefixes = own_prefixes(mutant.package)
-        own = [name for name in found if name.startswith(prefixes)]
+        own = [name for name in actual if name.startswith(prefixes)]
         if not own:  # lines are executed in other processes, or not at all
             own = [name for name in self.seconds if name.startswith(prefixes)]
-        return own, sorted(set(found) - set(own))
+        return own, sorted(set(actual) - set(own))
 
     def _executing(self, mutant: Mutant) -> list[str]:
         from coverage import CoverageData  # type: ignore[import-not-found, unused-ignore]
@@ -185,10 +185,10 @@ class Bench:
         data.read()
         by_line = data.contexts_by_lineno(mutant.file)
         lines = range(mutant.line, mutant.line + mutant.old.count("\n") + 1)
-        found = {name for line in lines for name in by_line.get(line, ())} - {""}
-        if not found:  # executed when the module is imported
-            found = {name for names in by_line.values() for name in names} - {""}
-        return sorted(found)
+        actual = {name for line in lines for name in by_line.get(line, ())} - {""}
+        if not actual:  # executed when the module is imported
+            actual = {name for names in by_line.values() for name in names} - {""}
+        return sorted(actual)
 
     def _own_files(self, mutant: Mutant) -> list[str]:
         """Return test files of the package that executed the mutant or have changed since."""
@@ -284,11 +284,11 @@ def _mutant_of(result: Result) -> Mutant:
 def print_table(results: Iterable[Result]) -> None:
     """Print the numbers of mutants and fates of each package."""
     by_package: dict[str, Counter[str | int]] = {}
-    for one in results:
-        for name in (str(one["package"]), "total"):
-            by_package.setdefault(name, Counter())[one["fate"]] += 1
+    for result in results:
+        for name in (str(result["package"]), "total"):
+            by_package.setdefault(name, Counter())[result["fate"]] += 1
     print(f"{'package':14}{'mutants':>8}{BY_OWN:>9}{BY_OTHERS:>9}{SURVIVED:>9}")
-    for name in sorted(by_package, key=lambda one: (one == "total", one)):
+    for name in sorted(by_package, key=lambda item: (item == "total", item)):
         fates = [by_package[name][fate] for fate in (BY_OWN, BY_OTHERS, SURVIVED)]
         print(f"{name:14}{sum(fates):8}" + "".join(f"{one:9}" for one in fates))
 

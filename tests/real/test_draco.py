@@ -20,19 +20,19 @@ def paths(existing):
 @pytest.mark.parametrize("index", range(len(FRAMES)))
 def test_positions_and_coordinates_of_a_capture_are_those_of_draco(paths, index):
     decoded = DracoPy.decode(paths[index].read_bytes())
-    found = load(paths[index])
-    np.testing.assert_array_equal(found.vertices[0][found.faces], decoded.points[decoded.faces])
-    [uv] = found.surface.attributes
+    loaded = load(paths[index])
+    np.testing.assert_array_equal(loaded.vertices[0][loaded.faces], decoded.points[decoded.faces])
+    [uv] = loaded.surface.attributes
     np.testing.assert_array_equal(uv.per_item(), decoded.tex_coord[decoded.faces.ravel()])
 
 
 @pytest.mark.parametrize("index", range(len(FRAMES)))
 def test_seams_of_a_capture_are_welded_without_collapsed_faces(paths, index):
     decoded = DracoPy.decode(paths[index].read_bytes())
-    found = load(paths[index])
-    assert found.n_verts < 0.83 * len(decoded.points)
-    assert (found.faces != found.faces[:, [1, 2, 0]]).all()
-    _, n_faces = np.unique(edges(found.faces), axis=0, return_counts=True)
+    loaded = load(paths[index])
+    assert loaded.n_verts < 0.83 * len(decoded.points)
+    assert (loaded.faces != loaded.faces[:, [1, 2, 0]]).all()
+    _, n_faces = np.unique(edges(loaded.faces), axis=0, return_counts=True)
     _, n_before = np.unique(edges(decoded.faces), axis=0, return_counts=True)
     assert n_faces.max() == 2
     # Edges of no length and ambiguous ones stay open: a hundredth of those of the seams.
@@ -41,8 +41,8 @@ def test_seams_of_a_capture_are_welded_without_collapsed_faces(paths, index):
 
 def test_frames_of_a_capture_are_segments(paths):
     notes = []
-    found = load(paths, notes=notes)
-    assert [one.n_frames for one in found.segments] == [1, 1, 1]
+    loaded = load(paths, notes=notes)
+    assert [segment.n_frames for segment in loaded.segments] == [1, 1, 1]
     assert "the faces change: 3 frames in 3 segments of constant connectivity" in notes
 
 

@@ -26,18 +26,18 @@ def test_sequences_round_trip_exactly(tmp_path, sequence, extension):
     name = f"a_%04d.{extension}" if extension in FRAMES else f"a.{extension}"
     path, *_ = save(sequence, tmp_path / name)
     for read in (load, open_source):
-        found = read(tmp_path / "*" if extension in FRAMES else path)
-        vertices = found.read(0, 40)
+        result = read(tmp_path / "*" if extension in FRAMES else path)
+        vertices = result.read(0, 40)
         if extension == "stl":
-            assert found.n_verts <= sequence.n_verts
+            assert result.n_verts <= sequence.n_verts
             corners = sequence.vertices[:, sequence.faces]
-            np.testing.assert_array_equal(vertices[:, found.faces], corners)
+            np.testing.assert_array_equal(vertices[:, result.faces], corners)
             continue
         assert (vertices.dtype, vertices.tobytes()) == (sequence.dtype, sequence.vertices.tobytes())
-        np.testing.assert_array_equal(found.faces, sequence.faces)
-        assert found.fps == (0 if extension in (*FRAMES, "pc2") else 29.97)
+        np.testing.assert_array_equal(result.faces, sequence.faces)
+        assert result.fps == (0 if extension in (*FRAMES, "pc2") else 29.97)
         if extension in ("npz", "h5", "vtkhdf"):
-            assert (found.start_s, found.name) == (1.5, sequence.name)
+            assert (result.start_s, result.name) == (1.5, sequence.name)
 
 
 @pytest.mark.parametrize("extension", SCENES)
@@ -45,13 +45,13 @@ def test_sequences_round_trip_exactly(tmp_path, sequence, extension):
 def test_scenes_of_other_programs_round_trip_exactly(tmp_path, existing, name, extension):
     given, notes = load(existing(f"native/{name}")), []
     save(given, tmp_path / f"x.{extension}", notes=notes)
-    found = load(tmp_path / f"x.{extension}")
-    np.testing.assert_array_equal(found.vertices, given.vertices)
-    np.testing.assert_array_equal(found.faces, given.faces)
-    np.testing.assert_array_equal(found.surface.face_sizes, given.surface.face_sizes)
-    assert (found.fps, found.start_s) == (given.fps, given.start_s)
+    loaded = load(tmp_path / f"x.{extension}")
+    np.testing.assert_array_equal(loaded.vertices, given.vertices)
+    np.testing.assert_array_equal(loaded.faces, given.faces)
+    np.testing.assert_array_equal(loaded.surface.face_sizes, given.surface.face_sizes)
+    assert (loaded.fps, loaded.start_s) == (given.fps, given.start_s)
     assert name.endswith("abc") or extension == "abc" or notes == []
-    for back, attribute in zip(found.surface.attributes, given.surface.attributes, strict=True):
+    for back, attribute in zip(loaded.surface.attributes, given.surface.attributes, strict=True):
         assert back.domain == attribute.domain
         np.testing.assert_array_equal(back.per_item(), attribute.per_item())
 

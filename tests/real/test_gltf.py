@@ -45,8 +45,8 @@ def test_walk_matches_openusd_skinning(data, walk):
         )
         world = np.array(geom.XformCache(frame + 1).GetLocalToWorldTransform(prims["Skeleton"]))
         expected = np.array(points) @ world[:3, :3] + world[3, :3]
-        found = walk.vertices[frame][walk.faces.ravel()]
-        np.testing.assert_allclose(found, expected[corners], rtol=0, atol=TOLERANCE)
+        result = walk.vertices[frame][walk.faces.ravel()]
+        np.testing.assert_allclose(result, expected[corners], rtol=0, atol=TOLERANCE)
 
 
 def test_welded_vertices_keep_seams_at_corners(data, walk):

@@ -11,8 +11,8 @@ pytestmark = pytest.mark.real
 
 def test_both_meshes_of_a_package_are_listed(existing):
     path = existing("native/odd/BoxAnimated.usdz")
-    found = inspect_source(path, ReadOptions()).meshes
-    assert [(mesh.name.rpartition("/")[2], mesh.n_verts, mesh.n_faces) for mesh in found] == [
+    result = inspect_source(path, ReadOptions()).meshes
+    assert [(mesh.name.rpartition("/")[2], mesh.n_verts, mesh.n_faces) for mesh in result] == [
         ("node_3", 224, 192),
         ("node_2", 96, 62),
     ]
@@ -22,19 +22,19 @@ def test_both_meshes_of_a_package_are_listed(existing):
 def test_reported_figures_match_the_loaded_sequence(existing, name):
     path = existing(f"native/{name}")
     sequence = load(path)
-    [found] = inspect_source(path, ReadOptions()).meshes
-    assert (found.n_frames, found.n_verts, found.n_faces) == (
+    [result] = inspect_source(path, ReadOptions()).meshes
+    assert (result.n_frames, result.n_verts, result.n_faces) == (
         sequence.n_frames,
         sequence.n_verts,
         sequence.n_faces,
     )
-    assert (found.fps, found.start_s) == (sequence.fps, sequence.start_s)
-    assert found.low == tuple(sequence.extent.low.tolist())
-    assert found.high == tuple(sequence.extent.high.tolist())
+    assert (result.fps, result.start_s) == (sequence.fps, sequence.start_s)
+    assert result.low == tuple(sequence.extent.low.tolist())
+    assert result.high == tuple(sequence.extent.high.tolist())
 
 
 def test_the_root_selects_its_only_mesh(existing):
     path = existing("native/bone.abc")
-    [found] = inspect_source(path, ReadOptions()).meshes
-    root = "/" + found.name.strip("/").partition("/")[0]
-    assert inspect_source(path, ReadOptions(object=root)).meshes == (found,)
+    [result] = inspect_source(path, ReadOptions()).meshes
+    root = "/" + result.name.strip("/").partition("/")[0]
+    assert inspect_source(path, ReadOptions(object=root)).meshes == (result,)

@@ -20,8 +20,8 @@ def test_real_sequences_round_trip_bit_for_bit(sequence_named, name):
         vertices = whole.vertices.astype(dtype)
         original = MeshSequence(vertices, whole.faces, whole.fps)
         data = meshreel.encode(original, lossless=True, block_frames=12)
-        found = meshreel.decode(data)
-        assert found.vertices.dtype == dtype
-        assert found.vertices.tobytes() == vertices.tobytes()
-        assert found.faces.tobytes() == original.faces.tobytes()
+        decoded = meshreel.decode(data)
+        assert decoded.vertices.dtype == dtype
+        assert decoded.vertices.tobytes() == vertices.tobytes()
+        assert decoded.faces.tobytes() == original.faces.tobytes()
         assert len(data) < len(lzma.compress(vertices.tobytes(), preset=1))

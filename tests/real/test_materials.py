@@ -35,10 +35,10 @@ def package_images(path):
 def test_glb_from_a_stream_keeps_image_and_material(data, decoded, tmp_path):
     save(decoded["cesium_man.glb"], tmp_path / "a.glb")
     given, image = glb_of(data / "native" / "cesium_man.glb")
-    found, found_image = glb_of(tmp_path / "a.glb")
+    result, found_image = glb_of(tmp_path / "a.glb")
     assert found_image == image
-    assert found["samplers"] == [{"magFilter": 9729, "minFilter": 9986}]
-    (expected,), (material,) = given["materials"], found["materials"]
+    assert result["samplers"] == [{"magFilter": 9729, "minFilter": 9986}]
+    (expected,), (material,) = given["materials"], result["materials"]
     assert material["name"] == expected["name"]
     assert material["pbrMetallicRoughness"] == {
         "metallicFactor": 0.0,
@@ -52,12 +52,12 @@ def test_glb_from_a_stream_keeps_image_and_material(data, decoded, tmp_path):
 def test_usdz_from_a_stream_keeps_image_and_material(data, decoded, tmp_path):
     given = load(data / "native" / "cesium_man.usdz").surface
     save(decoded["cesium_man.usdz"], tmp_path / "a.usdz")
-    found = load(tmp_path / "a.usdz").surface
+    result = load(tmp_path / "a.usdz").surface
     assert package_images(tmp_path / "a.usdz") == package_images(
         data / "native" / "cesium_man.usdz"
     )
-    assert found.materials == given.materials
-    assert found.images == given.images
+    assert result.materials == given.materials
+    assert result.images == given.images
 
 
 @pytest.mark.parametrize("extension", ["usda", "usdz", "gltf"])
@@ -66,9 +66,9 @@ def test_other_formats_keep_image_and_factors(decoded, tmp_path, name, extension
     save(decoded[name], tmp_path / f"a.{extension}")
     again = meshreel.decode(meshreel.encode(load(tmp_path / f"a.{extension}")))
     save(again, tmp_path / "b.glb")
-    found, expected = load(tmp_path / "b.glb").surface, decoded[name].surface
-    assert [one.data for one in found.images] == [one.data for one in expected.images]
-    (one,), (other,) = found.materials, expected.materials
+    result, expected = load(tmp_path / "b.glb").surface, decoded[name].surface
+    assert [image.data for image in result.images] == [image.data for image in expected.images]
+    (one,), (other,) = result.materials, expected.materials
     assert (one.name, one.base_color, one.metallic, one.roughness, one.emissive) == (
         other.name,
         other.base_color,

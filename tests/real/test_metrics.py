@@ -29,5 +29,5 @@ def test_compare_agrees_with_the_cross_check(sequence_named, name):
     decoded = np.round(vertices / step) * step
     quality = compare(MeshSequence(vertices, faces), MeshSequence(decoded, faces))
     for figure, expected in zip(FIGURES, EXPECTED[name], strict=True):
-        found = getattr(quality, figure)
-        assert found == pytest.approx(expected, rel=1e-5, abs=5.1e-7), figure
+        result = getattr(quality, figure)
+        assert result == pytest.approx(expected, rel=1e-5, abs=5.1e-7), figure

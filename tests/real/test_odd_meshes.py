@@ -39,9 +39,9 @@ def trimesh_triangles(path):
 
 def test_an_inner_node_in_the_scene_adds_no_duplicate_slices(odd):
     notes = []
-    found = load(odd / "cakeBirthday.glb", merge=True, notes=notes)
-    assert (len(found.surface.parts), found.n_faces) == (6, 1332)
-    triangles = sorted_triangles(found.vertices[0], found.faces)
+    loaded = load(odd / "cakeBirthday.glb", merge=True, notes=notes)
+    assert (len(loaded.surface.parts), loaded.n_faces) == (6, 1332)
+    triangles = sorted_triangles(loaded.vertices[0], loaded.faces)
     expected = trimesh_triangles(odd / "cakeBirthday.glb")
     np.testing.assert_allclose(triangles, expected, rtol=0, atol=1e-6)
     assert notes[0].startswith("scene 0 lists nodes that are not roots: cakeBirthday; ")
@@ -52,8 +52,8 @@ def test_a_scene_that_lists_an_inner_node_is_read(odd):
 
 
 def test_instances_match_scipy_transforms(odd):
-    found = load(odd / "simple-instancing.glb")
-    assert (found.n_verts, found.n_faces) == (1000, 1500)
+    loaded = load(odd / "simple-instancing.glb")
+    assert (loaded.n_verts, loaded.n_faces) == (1000, 1500)
     file = Glb.read((odd / "simple-instancing.glb").read_bytes())
     for accessor in file.document["accessors"]:  # the file rounds these bounds
         accessor.pop("min")
@@ -66,7 +66,9 @@ def test_instances_match_scipy_transforms(odd):
         for translation, rotation, scale in zip(translations, rotations, scales, strict=True)
     ]
     expected = np.concatenate([points[corners[:, 0]] for points in boxes])
-    np.testing.assert_allclose(found.vertices[0][found.faces.ravel()], expected, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(
+        loaded.vertices[0][loaded.faces.ravel()], expected, rtol=0, atol=2e-6
+    )
 
 
 def test_gltf_1_is_refused(odd):
@@ -77,8 +79,8 @@ def test_gltf_1_is_refused(odd):
 def test_vtkhdf_parts_with_shared_empty_groups_match_vtk(odd):
     vtk = pytest.importorskip("vtkmodules.vtkIOHDF")
     numpy_of = pytest.importorskip("vtkmodules.util.numpy_support").vtk_to_numpy
-    found = load(odd / "warping_spheres.vtkhdf")
-    assert (found.n_frames, found.n_verts, found.n_faces) == (100, 1684, 3360)
+    loaded = load(odd / "warping_spheres.vtkhdf")
+    assert (loaded.n_frames, loaded.n_verts, loaded.n_faces) == (100, 1684, 3360)
     reader = vtk.vtkHDFReader()
     reader.SetFileName(str(odd / "warping_spheres.vtkhdf"))
     reader.UpdateInformation()
@@ -87,10 +89,10 @@ def test_vtkhdf_parts_with_shared_empty_groups_match_vtk(odd):
         reader.Update()
         parts = [reader.GetOutputDataObject(0).GetPartition(number) for number in range(2)]
         points = np.concatenate([numpy_of(part.GetPoints().GetData()) for part in parts])
-        np.testing.assert_array_equal(found.vertices[step], points)
+        np.testing.assert_array_equal(loaded.vertices[step], points)
         corners = [numpy_of(part.GetPolys().GetConnectivityArray()) for part in parts]
         np.testing.assert_array_equal(
-            found.faces.ravel(), np.concatenate([corners[0], corners[1] + 842])
+            loaded.faces.ravel(), np.concatenate([corners[0], corners[1] + 842])
         )
 
 
@@ -118,9 +120,9 @@ def test_pvd_files_without_part_numbers_are_merged_at_each_time(odd):
 
 @pytest.mark.parametrize("name", ["cube_binary_header_with_RN_newline.ply", "whitespace.off"])
 def test_cubes_with_unusual_headers_match_trimesh(odd, name):
-    found = load(odd / name)
-    assert (found.n_verts, found.n_faces) == (8, 12)
-    corners = found.vertices[0][found.faces].astype(np.float64)
+    loaded = load(odd / name)
+    assert (loaded.n_verts, loaded.n_faces) == (8, 12)
+    corners = loaded.vertices[0][loaded.faces].astype(np.float64)
     volume = np.linalg.det(corners).sum() / 6
     expected = trimesh.load_mesh(odd / "whitespace.off") if name.endswith("off") else None
     assert abs(volume) == pytest.approx(1.0 if expected is None else abs(expected.volume), rel=1e-5)
@@ -154,10 +156,10 @@ def test_glb_of_a_stream_with_a_bound_is_within_the_stated_total(
 def test_a_changing_vtkhdf_field_is_a_track(odd):
     h5py = pytest.importorskip("h5py")
     notes = []
-    found = load(odd / "warping_spheres.vtkhdf", notes=notes)
-    [(name, track)] = found.tracks.items()
+    loaded = load(odd / "warping_spheres.vtkhdf", notes=notes)
+    [(name, track)] = loaded.tracks.items()
     with h5py.File(odd / "warping_spheres.vtkhdf") as file:
         stored = file["VTKHDF/PointData/SpatioTemporalHarmonics"][()]
-    assert (name, track.shape) == ("SpatioTemporalHarmonics", (100, found.n_verts, 1))
+    assert (name, track.shape) == ("SpatioTemporalHarmonics", (100, loaded.n_verts, 1))
     assert track.values.tobytes() == stored.tobytes()
     assert notes == []

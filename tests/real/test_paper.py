@@ -26,8 +26,8 @@ def test_positions_of_anchors_have_the_error_of_an_independent_computation(
     anchors = choose_anchors(sequence.faces, sequence.n_verts, 0.01).tolist()
     options = {"n_modes": n_modes, "bits": 8, "anchors": anchors}
     data = meshreel.encode(sequence, "pca-qp", choices={"anchor_bits": 16}, **options)
-    found = meshreel.compare(sequence, meshreel.decode(data)).kg_error_percent
-    assert found == pytest.approx(error, rel=0.01)
+    results = meshreel.compare(sequence, meshreel.decode(data)).kg_error_percent
+    assert results == pytest.approx(error, rel=0.01)
 
 
 def test_claims_hold_on_samba(sequence_named, tmp_path):

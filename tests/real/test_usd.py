@@ -26,7 +26,7 @@ def test_skeletal_animation_matches_the_baked_walk(data, walk):
     error = np.abs(rotated[:, walk.faces] - baked.vertices[:, baked.faces]).max()
     assert error <= UNITS_IN_THE_LAST_PLACE * np.spacing(np.float32(1))
     assert (walk.fps, walk.start_s, walk.n_frames) == (24.0, 1 / 24, 48)
-    assert [one.name for one in walk.surface.attributes] == ["st"]
+    assert [attribute.name for attribute in walk.surface.attributes] == ["st"]
     assert walk.surface.groups[0].labels == ("Cesium_Man_effect",)
 
 
@@ -53,23 +53,23 @@ def placed_by_usd(path, mesh, codes):
 @pytest.mark.parametrize("fps", [None, 48, 10])
 def test_rotation_between_distant_keys_matches_usd(existing, name, mesh, n_frames, fps):
     path = existing(f"native/odd/{name}")
-    found = load(path, object=mesh, fps=fps)
+    loaded = load(path, object=mesh, fps=fps)
     rate = fps or 24
     expected_frames = math.ceil((n_frames - 1) * rate / 24) + 1  # the last shows the final key
-    assert (found.n_frames, found.fps) == (expected_frames, rate)
-    expected = placed_by_usd(path, mesh, np.arange(found.n_frames) * 24 / rate)
+    assert (loaded.n_frames, loaded.fps) == (expected_frames, rate)
+    expected = placed_by_usd(path, mesh, np.arange(loaded.n_frames) * 24 / rate)
     size = np.ptp(expected, axis=(0, 1)).max()
-    np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=2e-7 * size)
+    np.testing.assert_allclose(loaded.vertices, expected, rtol=0, atol=2e-7 * size)
 
 
 def test_a_unit_stored_as_float_is_read(existing):
     from pxr import Usd, UsdGeom
 
     path, notes = existing("native/odd/suzanne.usdc"), []
-    found = load(path, notes=notes)
+    loaded = load(path, notes=notes)
     stage = Usd.Stage.Open(str(path))
     points = UsdGeom.Mesh(stage.GetPrimAtPath("/Suzanne/Suzanne")).GetPointsAttr().Get()
-    np.testing.assert_array_equal(found.vertices[0], np.asarray(points))
+    np.testing.assert_array_equal(loaded.vertices[0], np.asarray(points))
     assert any("z points up" in note and "a unit is" not in note for note in notes)
 
 
@@ -92,18 +92,18 @@ def test_holes_of_a_mesh_stay_open(existing, name, mesh, n_faces):
     from pxr import Usd, UsdGeom
 
     path, notes = existing(f"native/odd/{name}"), []
-    found = load(path, notes=notes)
+    loaded = load(path, notes=notes)
     stage = Usd.Stage.Open(str(path))
     prim = UsdGeom.Mesh(stage.GetPrimAtPath(mesh))
     counts = np.asarray(prim.GetFaceVertexCountsAttr().Get())
     solid = np.setdiff1d(np.arange(len(counts)), prim.GetHoleIndicesAttr().Get())
-    assert len(found.faces) == (counts[solid] - 2).sum() == n_faces
-    np.testing.assert_array_equal(found.surface.face_sizes, counts[solid])
+    assert len(loaded.faces) == (counts[solid] - 2).sum() == n_faces
+    np.testing.assert_array_equal(loaded.surface.face_sizes, counts[solid])
     assert f"left out: subdivision, whose cages are read: {mesh}" in notes
 
 
 def test_skip_bad_leaves_out_bad_meshes(existing):
     path, notes = existing("native/odd/color_opacity_primvar.usda"), []
-    found = load(path, merge=True, skip_bad=True, notes=notes)
-    assert [part.n_verts for part in found.surface.parts] == [8] * 13 + [482]
+    loaded = load(path, merge=True, skip_bad=True, notes=notes)
+    assert [part.n_verts for part in loaded.surface.parts] == [8] * 13 + [482]
     assert sum("EmptyColorNoOpacity" in note for note in notes) == 1

@@ -101,8 +101,8 @@ def _library_meshes(node, world):
     for child in (node.getChild(number) for number in range(node.getNumChildren())):
         if AbcGeom.IXform.matches(child.getHeader()):
             sample = AbcGeom.IXform(node, child.getName()).getSchema().getValue()
-            found = sample.getMatrix()
-            own = np.array([[found[row][column] for column in range(4)] for row in range(4)])
+            result = sample.getMatrix()
+            own = np.array([[result[row][column] for column in range(4)] for row in range(4)])
             below = own @ world if sample.getInheritsXforms() else own
             yield from _library_meshes(child, below)
         elif AbcGeom.IPolyMesh.matches(child.getHeader()):
@@ -112,7 +112,7 @@ def _library_meshes(node, world):
 
 
 def _times(times_s):
-    found = AbcCoreAbstract.TimeVector()
+    result = AbcCoreAbstract.TimeVector()
     for time_s in times_s:
-        found.append(time_s)
-    return found
+        result.append(time_s)
+    return result

@@ -256,11 +256,11 @@ class File:
 
     def segment(self, number):
         """Frames, mesh and bytes of a segment."""
-        found = Segment()
-        code = library().meshreel_segment_of(self.handle, c_uint32(number), byref(found))
+        result = Segment()
+        code = library().meshreel_segment_of(self.handle, c_uint32(number), byref(result))
         if code:
             raise RefusalError(code)
-        return found
+        return result
 
     @property
     def segments(self):
@@ -283,11 +283,11 @@ class File:
 
     def track(self, number):
         """Return the description of a track."""
-        found = Track()
-        code = library().meshreel_track_of(self.handle, c_uint32(number), byref(found))
+        result = Track()
+        code = library().meshreel_track_of(self.handle, c_uint32(number), byref(result))
         if code:
             raise RefusalError(code)
-        return found
+        return result
 
     @property
     def tracks(self):
@@ -296,19 +296,19 @@ class File:
 
     def block(self, number, track=0):
         """Frames and bytes of a track in a block."""
-        found = Block()
-        arguments = self.handle, c_uint32(number), c_uint32(track), byref(found)
+        result = Block()
+        arguments = self.handle, c_uint32(number), c_uint32(track), byref(result)
         code = library().meshreel_block_of(*arguments)
         if code:
             raise RefusalError(code)
-        return found
+        return result
 
     def group(self, number, track=0, check=True):
         """Return the header of a track in a block."""
-        found = Group()
+        result = Group()
         numbers = c_uint32(number), c_uint32(track), c_int(check)
-        call("group_of", self.handle, *numbers, byref(found))
-        return found
+        call("group_of", self.handle, *numbers, byref(result))
+        return result
 
     def block_of_frame(self, frame):
         """Number of the block of a frame."""
@@ -316,9 +316,9 @@ class File:
 
     def section(self, offset, check=True):
         """Return the section that begins at a byte."""
-        found = Section()
-        call("section_at", self.handle, c_uint64(offset), c_int(check), byref(found))
-        return found
+        result = Section()
+        call("section_at", self.handle, c_uint64(offset), c_int(check), byref(result))
+        return result
 
     def read_surface(self):
         """Decode the surface."""
@@ -364,12 +364,12 @@ def groups_of(c, n_faces):
 
 def material_of(c):
     """Convert a material."""
-    textures = {slot: texture_of(one) for slot, one in zip(SLOTS, c.textures, strict=True)}
+    textures = {slot: texture_of(texture) for slot, texture in zip(SLOTS, c.textures, strict=True)}
     return Material(
         str(c.name), tuple(c.base_color), c.metallic, c.roughness, tuple(c.emissive),
         c.normal_scale, c.occlusion_strength, ALPHA_MODES[c.alpha_mode], c.alpha_cutoff,
         bool(c.is_double_sided), bool(c.is_unlit),
-    ).with_textures({slot: one for slot, one in textures.items() if one})  # fmt: skip
+    ).with_textures({slot: texture for slot, texture in textures.items() if texture})  # fmt: skip
 
 
 def image_of(c, data):
@@ -425,7 +425,7 @@ class Decoder:
         values = array_at(modes.values, n_items * modes.n_modes, np.float64)
         basis = array_at(modes.basis, n_columns * n_frames * modes.n_modes, np.float64)
         rows = array_at(modes.rows, n_items, np.int32)
-        found = np.einsum(
+        result = np.einsum(
             "nk,ctk->tnc",
             modes.step * values.reshape(n_items, -1)[rows],
             basis.reshape(n_columns, n_frames, -1),
@@ -435,12 +435,12 @@ class Decoder:
             items = array_at(modes.corrected, starts[-1], np.int32)
             moves = array_at(modes.corrections, starts[-1] * n_columns, np.float64)
             frames = np.repeat(np.arange(n_frames), np.diff(starts))
-            np.add.at(found, (frames, items), moves.reshape(-1, n_columns))
-        found = modes.scale * found + array_at(modes.origin, n_columns, np.float64)
+            np.add.at(result, (frames, items), moves.reshape(-1, n_columns))
+        result = modes.scale * result + array_at(modes.origin, n_columns, np.float64)
         if modes.shared:
             n_corners = self.file.track(track).n_items
-            found = found[:, array_at(modes.shared, n_corners, np.int32)]
-        return found
+            result = result[:, array_at(modes.shared, n_corners, np.int32)]
+        return result
 
     def decode(self, out, track, first, count, n_modes=0, layout=None):
         """Decode frames to an array."""

@@ -66,10 +66,10 @@ def as_frames(frames, fps=25.0):
 
 def unbent(points, angle):
     """Undo `bent` by fixed-point iteration."""
-    found = points.astype(float)
+    result = points.astype(float)
     for _ in range(50):
-        found = found + points - bent(found, angle)
-    return found
+        result = result + points - bent(result, angle)
+    return result
 
 
 def textured_capture(n_frames=4, last_angle=0.3, side=128):

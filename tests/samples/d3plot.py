@@ -61,27 +61,27 @@ def root(model, code="<4"):
     for index, value in (given | model.control).items():
         control[index] = value
     ten = words_of(np.zeros(2 * len(model.solids), int), code) if model.ten_nodes else b""
-    early, late = (ten if model.ten_nodes == one else b"" for one in ("early", "late"))
-    found = words_of(control, code) + b"".join(words_of(one, code) for one in model.more)
-    found += words_of(np.asarray(model.nodes, float), code)
-    found += words_of(model.solids + 1, code) + early
+    early, late = (ten if model.ten_nodes == name else b"" for name in ("early", "late"))
+    result = words_of(control, code) + b"".join(words_of(one, code) for one in model.more)
+    result += words_of(np.asarray(model.nodes, float), code)
+    result += words_of(model.solids + 1, code) + early
     for rows in (model.thick_shells, model.beams, model.shells):
-        found += words_of(rows + 1, code)
-    found += words_of(numbering, code)
-    found += b"".join(words_of(one, code) for one in model.last) + late
+        result += words_of(rows + 1, code)
+    result += words_of(numbering, code)
+    result += b"".join(words_of(one, code) for one in model.last) + late
     if model.titles:
-        found += words_of([END], code) + words_of([90001, len(model.titles)], code)
+        result += words_of([END], code) + words_of([90001, len(model.titles)], code)
         for number, title in model.titles.items():
-            found += words_of([number], code) + title.encode().ljust(72)
-        found += b"".join(words_of(one, code) for one in model.after)
-        found += words_of([END], code)
-    return found
+            result += words_of([number], code) + title.encode().ljust(72)
+        result += b"".join(words_of(one, code) for one in model.after)
+        result += words_of([END], code)
+    return result
 
 
 def state(time, *tables, code="<4"):
     """The bytes of a state: its time and its tables, in their order in the manual."""
     return words_of([float(time)], code) + b"".join(
-        words_of(np.asarray(one, float), code) for one in tables
+        words_of(np.asarray(table, float), code) for table in tables
     )
 
 

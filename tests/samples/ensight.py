@@ -33,29 +33,29 @@ def column(form, values):
 def block(form, kind, nodes, *, numbers=False, sizes=()):
     """The bytes of elements, with nodes from 0; sizes are tables between number and nodes."""
     count = len(sizes[0]) if sizes else len(nodes)
-    found = lines(form, kind) + table(form, [count])
-    found += table(form, range(7, 7 + count)) if numbers else b""
-    found += b"".join(table(form, one) for one in sizes)
+    result = lines(form, kind) + table(form, [count])
+    result += table(form, range(7, 7 + count)) if numbers else b""
+    result += b"".join(table(form, size) for size in sizes)
     if sizes:  # rows of different lengths
-        return found + b"".join(table(form, np.array([row]) + 1) for row in nodes)
-    return found + table(form, np.asarray(nodes) + 1)
+        return result + b"".join(table(form, np.array([row]) + 1) for row in nodes)
+    return result + table(form, np.asarray(nodes) + 1)
 
 
 def part(form, number, name, points, *blocks, numbers=False):
     """The bytes of a part."""
-    found = lines(form, "part") + table(form, [number]) + lines(form, name, "coordinates")
-    found += table(form, [len(points)])
-    found += table(form, range(5, 5 + len(points))) if numbers else b""
-    return found + (column(form, points) if len(points) else b"") + b"".join(blocks)
+    result = lines(form, "part") + table(form, [number]) + lines(form, name, "coordinates")
+    result += table(form, [len(points)])
+    result += table(form, range(5, 5 + len(points))) if numbers else b""
+    return result + (column(form, points) if len(points) else b"") + b"".join(blocks)
 
 
 def geometry(form, *parts, numbers="off", extents=False):
     """The bytes of a geometry file."""
     first = [] if form == "text" else ["C Binary"]
-    found = lines(form, *first, "small", "example", f"node id {numbers}", f"element id {numbers}")
+    result = lines(form, *first, "small", "example", f"node id {numbers}", f"element id {numbers}")
     if extents:
-        found += lines(form, "extents") + table(form, np.zeros((3, 2)))
-    return found + b"".join(parts)
+        result += lines(form, "extents") + table(form, np.zeros((3, 2)))
+    return result + b"".join(parts)
 
 
 def variable(form, *parts):
@@ -63,24 +63,24 @@ def variable(form, *parts):
 
     Values of kinds that end in "undef" begin with the value that means none.
     """
-    found = lines(form, "values")
+    result = lines(form, "values")
     for number, tables in parts:
-        found += lines(form, "part") + table(form, [number])
+        result += lines(form, "part") + table(form, [number])
         for kind, values in tables.items():
-            found += lines(form, kind)
+            result += lines(form, kind)
             if kind.endswith("undef"):
-                found += table(form, [float(values[0])])
+                result += table(form, [float(values[0])])
                 values = values[1]
-            found += column(form, values)
-    return found
+            result += column(form, values)
+    return result
 
 
 def case(model, variables=(), times=(), more=""):
     """The text of a case file with the time set 1."""
-    found = f"FORMAT\ntype: ensight gold\n\nGEOMETRY\nmodel: {model}\n"
-    found += "VARIABLE\n" + "".join(f"{line}\n" for line in variables) if variables else ""
+    result = f"FORMAT\ntype: ensight gold\n\nGEOMETRY\nmodel: {model}\n"
+    result += "VARIABLE\n" + "".join(f"{line}\n" for line in variables) if variables else ""
     if len(times):
-        found += f"TIME\ntime set: 1\nnumber of steps: {len(times)}\nfilename start number: 3\n"
-        found += "filename increment: 2\ntime values:\n"
-        found += "".join(f"  {time}\n" for time in times)
-    return found + more
+        result += f"TIME\ntime set: 1\nnumber of steps: {len(times)}\nfilename start number: 3\n"
+        result += "filename increment: 2\ntime values:\n"
+        result += "".join(f"  {time}\n" for time in times)
+    return result + more

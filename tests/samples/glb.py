@@ -108,12 +108,12 @@ class Glb:
 
     def triangles(self, name):
         """Return the triangles of all primitives, with joint vertex numbers."""
-        found, start = [], 0
+        result, start = [], 0
         for primitive in self.primitives(name):
             indices = self.array(primitive["indices"]).astype(int).reshape(-1, 3)
-            found.append(indices + start)
+            result.append(indices + start)
             start += len(self.array(primitive["attributes"]["POSITION"]))
-        return np.concatenate(found)
+        return np.concatenate(result)
 
 
 def largest_error_percent(sequence, positions):

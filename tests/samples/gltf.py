@@ -65,7 +65,7 @@ class Gltf:
         if faces is not None:
             primitive["indices"] = self.accessor(np.ravel(faces), "u2")
         if len(targets):
-            primitive["targets"] = [{"POSITION": self.accessor(one)} for one in targets]
+            primitive["targets"] = [{"POSITION": self.accessor(target)} for target in targets]
         return self.add("meshes", primitives=[primitive], **more)
 
     def node(self, *, is_root=True, **values):
@@ -80,7 +80,7 @@ class Gltf:
         animations = self.json.setdefault("animations", [])
         while len(animations) <= animation:
             animations.append({"samplers": [], "channels": []})
-        found = animations[animation]
+        result = animations[animation]
         sampler = {
             "input": self.accessor(keys),
             "output": self.accessor(
@@ -89,9 +89,9 @@ class Gltf:
         }
         if interpolation:
             sampler["interpolation"] = interpolation
-        found["samplers"].append(sampler)
+        result["samplers"].append(sampler)
         target = {"node": node, "path": path}
-        found["channels"].append({"sampler": len(found["samplers"]) - 1, "target": target})
+        result["channels"].append({"sampler": len(result["samplers"]) - 1, "target": target})
 
     def save(self, path):
         """Write a `.glb`, or a `.gltf` with embedded data; return the path."""

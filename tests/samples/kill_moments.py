@@ -73,7 +73,7 @@ def main():
         }
         print(json.dumps({
             "killed": was_killed,
-            "states": [one["state"] for one in states],
+            "states": [state["state"] for state in states],
             "streams": files,
             "others": sorted(one.name for one in out.iterdir() if one.suffix != ".reel"),
         }), flush=True)  # fmt: skip

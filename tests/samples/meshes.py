@@ -66,7 +66,7 @@ def quad_sheet(n_frames=6, dtype=np.float32, name="sheet", shift=0.0):
     corner = (np.arange(4)[:, None] * 6 + np.arange(5)).ravel()
     quads = np.stack([corner, corner + 6, corner + 7, corner + 1], axis=1)
     polygons = [*quads[:-1].tolist(), [22, 28, 29, 23, 17], [0, 1, 6]]
-    sizes = np.array([len(one) for one in polygons], np.int32)
+    sizes = np.array([len(polygon) for polygon in polygons], np.int32)
     corners = np.concatenate(polygons).astype(np.int32)
     rng = np.random.default_rng(3)
     uv_rows = np.concatenate([np.arange(30), [30, 31, 30]])
@@ -159,7 +159,7 @@ def cake(n_frames=3, n_around=24):
     side = np.stack([low, after, after + n_around, low + n_around], axis=1)
     ends = [np.stack([bottom, after, low], 1), np.stack([top, low + n_around, after + n_around], 1)]
     sizes = np.repeat([4, 3, 3], n_around).astype(np.int32)
-    corners = np.concatenate([side.ravel(), *(one.ravel() for one in ends)]).astype(np.int32)
+    corners = np.concatenate([side.ravel(), *(end.ravel() for end in ends)]).astype(np.int32)
     rims = np.concatenate([np.stack([low, after], 1), np.stack([low, after], 1) + n_around])
     shear = np.eye(3) + np.linspace(0, 0.1, n_frames)[:, None, None] * np.eye(3, k=1)
     return MeshSequence(
@@ -194,8 +194,8 @@ def assert_same_surface(found, expected):
         assert (one.indices is None) == (other.indices is None)
         if other.indices is not None:
             np.testing.assert_array_equal(one.indices, other.indices)
-    assert [(one.name, one.labels) for one in found.groups] == [
-        (one.name, one.labels) for one in expected.groups
+    assert [(group.name, group.labels) for group in found.groups] == [
+        (group.name, group.labels) for group in expected.groups
     ]
     for one, other in zip(found.groups, expected.groups, strict=True):
         np.testing.assert_array_equal(one.numbers, other.numbers)

@@ -19,7 +19,7 @@ STEP = 1 / 64
 def moving_sheet(n_frames=90, *, has_uv=True):
     """Return a square in the plane z = 0 from (0, 0) to (1, 1), which moves to the right."""
     n = 5
-    y, x = (one.ravel() / (n - 1) for one in np.indices((n, n)))
+    y, x = (index.ravel() / (n - 1) for index in np.indices((n, n)))
     still = np.stack([x, y, np.zeros_like(x)], axis=1)
     shift = np.arange(n_frames)[:, None, None] * np.array([STEP, 0, 0])
     corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()

@@ -60,8 +60,10 @@ class Stream:
     def groups(self):
         """Return start and end of the bytes of each track in each block."""
         numbers = range(self.file.info.n_blocks), range(self.file.info.n_tracks)
-        found = [[self.file.block(number, track) for track in numbers[1]] for number in numbers[0]]
-        return [[(one.offset, one.offset + one.size_bytes) for one in block] for block in found]
+        results = [
+            [self.file.block(number, track) for track in numbers[1]] for number in numbers[0]
+        ]
+        return [[(one.offset, one.offset + one.size_bytes) for one in block] for block in results]
 
     def block(self, number, track=0):
         """Return the payloads of a track in a block by id."""
@@ -69,9 +71,9 @@ class Stream:
 
     def _between(self, start, stop):
         return [
-            (Section(one.id), self.file.bytes_at(one.payload_offset, one.payload_bytes))
-            for one in self.file.sections(start, stop)
-            if one.is_known
+            (Section(section.id), self.file.bytes_at(section.payload_offset, section.payload_bytes))
+            for section in self.file.sections(start, stop)
+            if section.is_known
         ]
 
 
@@ -124,12 +126,12 @@ def track_header(payload):
 
 def track_values(data):
     """Return all values of the further tracks."""
-    opened, found = whole_stream(data), []
+    opened, result = whole_stream(data), []
     reader = opened.method.frames(opened, None)
     for number, track in enumerate(opened.tracks, start=1):
-        found.append(np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype))
-        reader.fill(found[-1], 0, number)
-    return found
+        result.append(np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype))
+        reader.fill(result[-1], 0, number)
+    return result
 
 
 def recorded(sequence, **options):

@@ -13,9 +13,9 @@ HEAT = np.array([0.1, 0.2, 0.3])
 
 
 def vtk_points(points):
-    found = vtkPoints()
-    found.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
-    return found
+    result = vtkPoints()
+    result.SetData(numpy_to_vtk(np.ascontiguousarray(points), deep=True))
+    return result
 
 
 def add_data(mesh):
@@ -52,8 +52,8 @@ def grid(points=POINTS, cells=CELLS):
     mesh.SetPoints(vtk_points(points))
     for kind, ids in cells:
         id_list = vtkIdList()
-        for one in ids:
-            id_list.InsertNextId(one)
+        for number in ids:
+            id_list.InsertNextId(number)
         mesh.InsertNextCell(kind, id_list)
     return add_data(mesh) if len(cells) == len(HEAT) and len(points) == len(UV) else mesh
 

@@ -77,8 +77,8 @@ class WebServer:
 
     def ranges(self):
         """Return the requested ranges, as pairs of the first byte and the byte after the last."""
-        found = [re.fullmatch(r"bytes=(\d+)-(\d+)", one) for _, _, one in self.requests if one]
-        return [(int(one[1]), int(one[2]) + 1) for one in found]
+        results = [re.fullmatch(r"bytes=(\d+)-(\d+)", one) for _, _, one in self.requests if one]
+        return [(int(one[1]), int(one[2]) + 1) for one in results]
 
     def forget(self):
         self.requests.clear()

@@ -80,19 +80,23 @@ def test_functions_accept_every_bytes_type(kind):
 @pytest.mark.parametrize("kind", [str, Path])
 def test_decode_and_info_accept_the_path_of_a_stream(folder, kind):
     path = kind(folder / "grid.reel")
-    found = meshreel.decode(path, frames=slice(2, 7))
-    np.testing.assert_array_equal(found.vertices, decode_bytes(DATA).vertices[2:7])
+    decoded = meshreel.decode(path, frames=slice(2, 7))
+    np.testing.assert_array_equal(decoded.vertices, decode_bytes(DATA).vertices[2:7])
     assert meshreel.info(path) == meshreel.info(DATA)
 
 
 def test_decode_and_info_accept_an_open_file(folder):
     with meshreel.open(folder / "grid.reel") as reel:
-        found = meshreel.decode(reel, frames=slice(2, 7))
+        decoded = meshreel.decode(reel, frames=slice(2, 7))
         assert meshreel.info(reel) == meshreel.info(DATA)
     expected = meshreel.decode(DATA, frames=slice(2, 7))
-    np.testing.assert_array_equal(found.vertices, expected.vertices)
-    np.testing.assert_array_equal(found.faces, expected.faces)
-    assert (found.fps, found.name, found.start_s) == (expected.fps, expected.name, expected.start_s)
+    np.testing.assert_array_equal(decoded.vertices, expected.vertices)
+    np.testing.assert_array_equal(decoded.faces, expected.faces)
+    assert (decoded.fps, decoded.name, decoded.start_s) == (
+        expected.fps,
+        expected.name,
+        expected.start_s,
+    )
 
 
 def test_decode_rejects_n_modes_for_an_open_file(folder):
@@ -189,11 +193,11 @@ def test_help_contains_docstrings_of_functions_and_classes():
     assert "class MeshSequence" in text
 
 
-@pytest.mark.parametrize("package", [meshreel, meshreel.paper], ids=lambda one: one.__name__)
+@pytest.mark.parametrize("package", [meshreel, meshreel.paper], ids=lambda item: item.__name__)
 def test_type_checkers_see_every_name(package):
     tree = ast.parse(Path(package.__file__).read_text(encoding="utf-8"))
     conditions = (node for node in tree.body if isinstance(node, ast.If))
     [block] = (node for node in conditions if ast.unparse(node.test) == "TYPE_CHECKING")
     imports = (node for node in block.body if isinstance(node, ast.ImportFrom))
-    names = {one.asname or one.name for node in imports for one in node.names}
+    names = {name.asname or name.name for node in imports for name in node.names}
     assert names - {"paper"} == set(package.__all__)

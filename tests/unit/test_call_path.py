@@ -53,6 +53,6 @@ def test_loading_gltf_rarely_changes_file_when_many_nodes_are_animated(tmp_path)
 
 
 def test_changes_are_counted_by_file():
-    found = file_changes(lambda: meshreel.simulate_flag(2, n_rows=4, n_columns=4))
-    assert all(first != second for first, second in found)
-    assert any(second == "model/sequence.py" for _, second in found)
+    result = file_changes(lambda: meshreel.simulate_flag(2, n_rows=4, n_columns=4))
+    assert all(first != second for first, second in result)
+    assert any(second == "model/sequence.py" for _, second in result)

@@ -124,7 +124,7 @@ def imported_libraries(source):
         elif isinstance(node, ast.ImportFrom):
             names.add(node.module or "")
         elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("import_module", "Extra"):
-            names |= {one.value for one in node.args if isinstance(one, ast.Constant)}
+            names |= {arg.value for arg in node.args if isinstance(arg, ast.Constant)}
     return {name.partition(".")[0] for name in names}
 
 

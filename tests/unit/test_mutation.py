@@ -35,7 +35,7 @@ int found(int *given, int n) {
 def changes(source, edits):
     """Old and new text of each edit, by kind."""
     data = source.encode()
-    return {(one.kind, data[one.start : one.end].decode(), one.new) for one in edits}
+    return {(edit.kind, data[edit.start : edit.end].decode(), edit.new) for edit in edits}
 
 
 def test_python_decisions_are_edited():

@@ -86,9 +86,9 @@ def test_windows_equal_decoded_frames(folder, wholes):
 def test_step_spaces_the_frames(folder, wholes, window, step, frames, device):
     dataset = ReelDataset([folder / "b.reel"], window, step=step, device=device)
     assert len(dataset) == 20 - (window - 1) * step
-    found = dataset[frames[0]]
-    assert found.frames.tolist() == frames
-    np.testing.assert_allclose(found.vertices.cpu(), wholes[1][frames], atol=1e-5)
+    result = dataset[frames[0]]
+    assert result.frames.tolist() == frames
+    np.testing.assert_allclose(result.vertices.cpu(), wholes[1][frames], atol=1e-5)
 
 
 def test_faces_are_those_of_the_sequence(folder):
@@ -113,8 +113,8 @@ def test_normalized_positions_of_every_type(folder, wholes, device, dtype):
 def test_frames_computed_on_a_device_equal_decoded_ones(folder, device):
     decoded, computed = ReelDataset(folder, 5), ReelDataset(folder, 5, device=device)
     for index in range(len(decoded)):
-        found = computed[index].vertices.cpu()
-        np.testing.assert_allclose(found, decoded[index].vertices, rtol=0, atol=1e-5)
+        result = computed[index].vertices.cpu()
+        np.testing.assert_allclose(result, decoded[index].vertices, rtol=0, atol=1e-5)
     with meshreel.open(folder / "deeper" / "c.reel") as reel:
         assert len(reel.modes(0).corrected)
 
@@ -123,11 +123,13 @@ def test_frames_computed_on_a_device_equal_decoded_ones(folder, device):
 def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
     sheet = tracked_sheet()
     tracks = {
-        name: meshreel.Track(np.where(np.isinf(one.values), 0, one.values), one.domain, one.kind)
-        for name, one in sheet.tracks.items()
+        name: meshreel.Track(
+            np.where(np.isinf(track.values), 0, track.values), track.domain, track.kind
+        )
+        for name, track in sheet.tracks.items()
     }
     sheet = sheet.replace(tracks=tracks)
-    bounds = {name: "1%" for name, one in sheet.tracks.items() if one.values.dtype.kind == "f"}
+    bounds = {name: "1%" for name, track in sheet.tracks.items() if track.values.dtype.kind == "f"}
     (tmp_path / "lossy.reel").write_bytes(meshreel.encode(sheet, tracks=bounds))
     (tmp_path / "exact.reel").write_bytes(meshreel.encode(sheet, lossless=True))
     dataset = ReelDataset(tmp_path, 3, tracks=sheet.tracks, device=device)
@@ -148,7 +150,10 @@ def test_each_segment_is_a_sequence(tmp_path):
     path = tmp_path / "two.reel"
     path.write_bytes(meshreel.encode(whole))
     dataset = ReelDataset(path, 2)
-    assert [(one.segment, one.n_frames) for one in dataset.sequences] == [(0, 6), (1, 4)]
+    assert [(sequence.segment, sequence.n_frames) for sequence in dataset.sequences] == [
+        (0, 6),
+        (1, 4),
+    ]
     assert dataset[5].vertices.shape == (2, 30, 3)
 
 
@@ -188,7 +193,7 @@ def test_batches_open_each_block_once(folder, monkeypatch, device):
     dataset = ReelDataset(folder, 3, device=device)
     opened = []
     open_file = dataset._reel
-    monkeypatch.setattr(dataset, "_reel", lambda one: opened.append(one) or open_file(one))
+    monkeypatch.setattr(dataset, "_reel", lambda item: opened.append(item) or open_file(item))
     indices = [30, 0, 12, 5, 30, 55, 20, 1]
     windows = dataset.__getitems__(indices)
     assert sorted(opened) == [0, 1, 1, 2]
@@ -220,7 +225,7 @@ def test_stream_opens_each_block_once(folder, monkeypatch, device, memory):
     dataset = ReelDataset(folder, 3, memory=memory, device=device)
     opened = []
     open_file = dataset._reel
-    monkeypatch.setattr(dataset, "_reel", lambda one: opened.append(one) or open_file(one))
+    monkeypatch.setattr(dataset, "_reel", lambda item: opened.append(item) or open_file(item))
     windows = [place_of(window) for window in ReelStream(dataset, open_blocks=3)]
     assert sorted(windows) == sorted(set(windows))
     assert len(windows) == 10 + 18 + 28

@@ -19,13 +19,13 @@ def sequence(surface=None, tracks=None, **named):
 
 
 def test_arrays_become_tracks_of_the_domain_of_their_size():
-    found = sequence(
+    result = sequence(
         a=np.zeros((5, 16)), b=np.zeros((5, 18, 3), np.float32), c=np.zeros((5, 54, 9), np.int16)
     ).tracks
-    assert [one.domain for one in found.values()] == [Domain.VERTEX, Domain.FACE, Domain.CORNER]
+    assert [one.domain for one in result.values()] == [Domain.VERTEX, Domain.FACE, Domain.CORNER]
     kinds = [TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.OTHER]
-    assert [one.kind for one in found.values()] == kinds
-    assert [one.shape for one in found.values()] == [(5, 16, 1), (5, 18, 3), (5, 54, 9)]
+    assert [one.kind for one in result.values()] == kinds
+    assert [one.shape for one in result.values()] == [(5, 16, 1), (5, 18, 3), (5, 54, 9)]
     assert sequence(QUADS, x=np.zeros((5, 9))).tracks["x"].domain is Domain.FACE
 
 

@@ -155,12 +155,12 @@ def _checked_paths(
 ) -> list[Path]:
     """Return the files to write; checks as `check_output`, and whether faces may change."""
     paths = check_output(output, n_frames, **checked)
-    found = output_format_of(Path(output))
-    if n_segments > 1 and not holds_segments(found):
+    output_format = output_format_of(Path(output))
+    if n_segments > 1 and not holds_segments(output_format):
         others = ", ".join(one for one, row in SEQUENCE_FORMATS.items() if holds_segments(row))
         raise ConnectivityChangeError(
             f"{output}: the faces change: {n_frames} frames in {n_segments} segments, but "
-            f"{found.extension} stores the same faces in every frame; write one output per "
+            f"{output_format.extension} stores the same faces in every frame; write one output per "
             "segment (convert --split, or decode ",
             Keyword("segment"),
             f"), one file per frame, or {others}",
@@ -177,10 +177,10 @@ def _save(
     options: WriteOptions,
 ) -> list[Path]:
     """Write a stream to checked paths, which appear together; return them and those of images."""
-    found = output_format_of(Path(output))
-    if isinstance(found, SequenceFormat) and found.has_image_folder:
+    output_format = output_format_of(Path(output))
+    if isinstance(output_format, SequenceFormat) and output_format.has_image_folder:
         stream, _ = sharing_materials(stream)
-    images = _image_files(found, paths[0], stream)
+    images = _image_files(output_format, paths[0], stream)
     with replace_all_when_done(
         [*images, *paths],
         overwrite=overwrite,
@@ -189,16 +189,16 @@ def _save(
         temporaries = hidden[len(images) :]
         for path, image in zip(hidden, images.values(), strict=False):
             path.write_bytes(image.data)
-        if isinstance(found, FrameFormat):
-            _write_frames(found, stream, temporaries)
+        if isinstance(output_format, FrameFormat):
+            _write_frames(output_format, stream, temporaries)
             return paths
-        if isinstance(found, FolderFormat):
-            found.write(hidden[0].parent, Path(output).stem, _only(stream), options)
+        if isinstance(output_format, FolderFormat):
+            output_format.write(hidden[0].parent, Path(output).stem, _only(stream), options)
         else:
-            if found.data_files is not None:
+            if output_format.data_files is not None:
                 names = [path.relative_to(paths[0].parent).as_posix() for path in paths[1:]]
                 stream.data_files = list(zip(names, temporaries[1:], strict=True))
-            _write_sequence(found, temporaries, stream, options)
+            _write_sequence(output_format, temporaries, stream, options)
         stream.progress("writing", 1.0)
     return [*paths, *images]
 
@@ -213,13 +213,13 @@ def _supported_tracks(
     output: AnyPath, tracks: Mapping[str, TrackSource], notes: list[str]
 ) -> dict[str, TrackSource]:
     """Return the tracks that an output can store; the notes list the others."""
-    found = output_format_of(Path(output))
-    domains = NO_TRACKS if isinstance(found, FolderFormat) else found.holds_tracks
+    output_format = output_format_of(Path(output))
+    domains = NO_TRACKS if isinstance(output_format, FolderFormat) else output_format.holds_tracks
     for missing in [one for one in Domain if one not in domains] if domains else []:
         names = [name for name, track in tracks.items() if track.domain is missing]
-        note_unwritten_tracks(names, found.extension, notes, f"tracks of {plural(missing)}")
+        note_unwritten_tracks(names, output_format.extension, notes, f"tracks of {plural(missing)}")
     if not domains:
-        note_unwritten_tracks(tracks, found.extension, notes)
+        note_unwritten_tracks(tracks, output_format.extension, notes)
     return {name: track for name, track in tracks.items() if track.domain in domains}
 
 
@@ -234,7 +234,7 @@ def _image_files(
         return {}
     folder = image_folder(path)
     stream.image_folder = folder.name
-    return {folder / name: one for name, one in zip(image_names(images), images, strict=True)}
+    return {folder / name: image for name, image in zip(image_names(images), images, strict=True)}
 
 
 def _write_frames(found: FrameFormat, stream: SegmentedStream, paths: list[Path]) -> None:

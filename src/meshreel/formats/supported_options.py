@@ -69,7 +69,7 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
             " has no effect; use only one of them",
         )
     # Merging a single static mesh changes nothing; allowing it lets batches merge whole folders.
-    requested = [one for one in get_args(ReadOption) if getattr(options, one) and one != "merge"]
+    requested = [arg for arg in get_args(ReadOption) if getattr(options, arg) and arg != "merge"]
     is_number_0 = options.animation == 0  # falsy, but a valid choice
     _check(found, [*requested, "animation"] if is_number_0 else requested)
 
@@ -84,8 +84,11 @@ def check_write_options(
     InvalidInputError
         Naming the option and the formats that support it.
     """
-    choices = [one for one in fields(options) if one.name in get_args(WriteOption)]
-    _check(found, [one.name for one in choices if getattr(options, one.name) != one.default])
+    choices = [field for field in fields(options) if field.name in get_args(WriteOption)]
+    _check(
+        found,
+        [choice.name for choice in choices if getattr(options, choice.name) != choice.default],
+    )
 
 
 def _check(found: FrameFormat | SequenceFormat | FolderFormat, requested: Iterable[str]) -> None:

@@ -299,7 +299,7 @@ def point_psnr_db(
     mean_squares = _grid_errors(
         space.triangles(frame, "original", 0), space.triangles(frame_hat, "decoded", 0), space
     )
-    d1, d2 = (_psnr_db([one], space.longest) for one in mean_squares)
+    d1, d2 = (_psnr_db([square], space.longest) for square in mean_squares)
     return d1, d2
 
 
@@ -401,20 +401,20 @@ def _summary(
     errors: list[_FrameErrors], space: _Space, n_samples: int, reason: str
 ) -> SurfaceQuality:
     percent = 100.0 / space.reference.diagonal_scaled
-    ways = [(one.to_decoded, one.to_original) for one in errors]
+    ways = [(error.to_decoded, error.to_original) for error in errors]
     there, back = (_pooled(way, percent) for way in zip(*ways, strict=True))
     peak = space.longest
     return SurfaceQuality(
         to_decoded=there,
         to_original=back,
         psnr_db=_psnr_db([max(a.mean_square, b.mean_square) for a, b in ways], peak),
-        d1_psnr_db=_psnr_db([one.d1 for one in errors], peak),
-        d2_psnr_db=_psnr_db([one.d2 for one in errors], peak),
+        d1_psnr_db=_psnr_db([error.d1 for error in errors], peak),
+        d2_psnr_db=_psnr_db([error.d2 for error in errors], peak),
         mean_percent_of_frames=percent * np.array([max(a.mean, b.mean) for a, b in ways]),
         max_percent_of_frames=percent * np.array([max(a.largest, b.largest) for a, b in ways]),
         n_samples=n_samples,
         n_grid_lines=space.n_lines,
-        n_degenerate_face_frames=sum(one.n_degenerate for one in errors),
+        n_degenerate_face_frames=sum(error.n_degenerate for error in errors),
         n_frames=len(errors),
         diagonal=space.reference.diagonal,
         longest_side=space.longest / space.reference.scale,
@@ -425,18 +425,18 @@ def _summary(
 def _pooled(frames: Sequence[_OneWay], percent: float) -> SurfaceDistances:
     """Return the errors of all frames in one direction."""
     return SurfaceDistances(
-        percent * float(np.mean([one.mean for one in frames])),
-        percent * float(np.sqrt(np.mean([one.mean_square for one in frames]))),
-        percent * float(np.percentile(np.concatenate([one.samples for one in frames]), 95)),
-        percent * max(one.largest for one in frames),
-        float(np.mean([one.mean_angle for one in frames])),
-        float(np.percentile(np.concatenate([one.angles for one in frames]), 95)),
+        percent * float(np.mean([frame.mean for frame in frames])),
+        percent * float(np.sqrt(np.mean([frame.mean_square for frame in frames]))),
+        percent * float(np.percentile(np.concatenate([frame.samples for frame in frames]), 95)),
+        percent * max(frame.largest for frame in frames),
+        float(np.mean([frame.mean_angle for frame in frames])),
+        float(np.percentile(np.concatenate([frame.angles for frame in frames]), 95)),
     )
 
 
 def _psnr_db(mean_squares: Sequence[float], peak: float) -> float:
     """Return the mean PSNR of the frames that differ; infinite if none does."""
-    differing = np.array([one for one in mean_squares if one > 0])
+    differing = np.array([square for square in mean_squares if square > 0])
     if not len(differing):
         return float("inf")
     return float(np.mean(10.0 * np.log10(3.0 * peak**2 / differing)))

@@ -379,7 +379,9 @@ class MeshSequence:
     def raw_size_bytes(self) -> int:
         """Size of the uncompressed arrays; of several segments, of positions and faces."""
         if self._segments:
-            return sum(positions_size_bytes(one) + one.faces.nbytes for one in self._segments)
+            return sum(
+                positions_size_bytes(segment) + segment.faces.nbytes for segment in self._segments
+            )
         tracks_bytes = sum(track.values.nbytes for track in self.tracks.values())
         mesh_bytes = self.faces.nbytes + self.surface.size_bytes
         return int(self.vertices.nbytes + mesh_bytes + tracks_bytes)

@@ -34,7 +34,9 @@ def select(surface: Surface, names: Names, *, ignore_missing: bool = False) -> S
     if not ignore_missing and (missing := missing_names(surface, names)):
         raise InvalidInputError(describe_missing(surface, missing))
     selected = set(listed_names(names))
-    attributes = tuple(one for one in surface.attributes if selected & _names_of(one))
+    attributes = tuple(
+        attribute for attribute in surface.attributes if selected & _names_of(attribute)
+    )
     groups = tuple(groups for groups in surface.groups if groups.name in selected)
     base = surface if "material" in selected else surface.without_materials()
     return replace(base, attributes=attributes, groups=groups)
@@ -57,7 +59,7 @@ def missing_everywhere(surfaces: Sequence[Surface], names: Names) -> list[str]:
 def describe_missing(surface: Surface, names: Sequence[str]) -> str:
     """A message with names that do not exist, and the existing names."""
     contents: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
-    existing = ", ".join(repr(one.name) for one in contents) or "none"
+    existing = ", ".join(repr(content.name) for content in contents) or "none"
     return f"has no attribute or group {', '.join(map(repr, names))}; it has {existing}"
 
 

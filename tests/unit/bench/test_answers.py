@@ -24,9 +24,9 @@ def point(rate, error, modes=20, bits=8, **others):
 def test_envelope_is_the_lower_hull_of_log_error_over_rate():
     # At 2 bits the error is below the chord from 1 to 3 bits, at 2.5 above the chord from 2 to 3.
     points = [point(3, 0.25), point(1, 1.0), point(2.5, 0.42), point(2, 0.4), point(2, 0.9)]
-    found = envelope(points, "kg_error_percent")
-    assert [one["rate_bpvf"] for one in found] == [1, 2, 3]
-    assert found[1] is points[3]
+    result = envelope(points, "kg_error_percent")
+    assert [one["rate_bpvf"] for one in result] == [1, 2, 3]
+    assert result[1] is points[3]
 
 
 def test_envelope_ends_at_the_smallest_error():

@@ -35,24 +35,24 @@ def figures(sequence, name):
 def test_rate_is_that_of_a_stream_without_order(method):
     sequence = waving_grid(20)
     options = {"n_modes": 3, "bits": 8, "block_frames": 10}
-    found = measured(sequence, meshreel.encode(sequence, method, **options))
+    result = measured(sequence, meshreel.encode(sequence, method, **options))
     data = meshreel.encode(sequence, method, order="drop", **options)
     # The number of sections may take another byte.
     n_values = sequence.n_verts * sequence.n_frames
-    assert abs(found["rate_bpvf"] * n_values / 8 - len(data)) <= 1
+    assert abs(result["rate_bpvf"] * n_values / 8 - len(data)) <= 1
 
 
 def test_errors_are_those_of_the_decoded_frames():
     sequence = waving_grid(20)
     data = meshreel.encode(sequence, "pca-qp", n_modes=3, bits=8)
     decoded = meshreel.decode(data)
-    found = measured(sequence, data, ("kg_error_percent", "sted", "nmsve_mean"))
+    result = measured(sequence, data, ("kg_error_percent", "sted", "nmsve_mean"))
     quality = meshreel.compare(sequence, decoded)
-    assert found["kg_error_percent"] == pytest.approx(
+    assert result["kg_error_percent"] == pytest.approx(
         kg_error_percent(sequence.vertices, decoded.vertices)
     )
-    assert found["sted"] == pytest.approx(quality.sted)
-    assert found["nmsve_mean"] == pytest.approx(quality.nmsve_mean)
+    assert result["sted"] == pytest.approx(quality.sted)
+    assert result["nmsve_mean"] == pytest.approx(quality.nmsve_mean)
 
 
 def test_grid_is_complete_while_errors_fall():
@@ -73,8 +73,8 @@ def test_more_bits_are_omitted_for_rows_after_a_step_without_gain():
         # Bits beyond 6 help 9 rows only.
         return {"at": (modes, bits), "sted": 1 / (modes * (bits if modes > 8 else min(bits, 6)))}
 
-    found = [one["at"] for one in grid_points((2, 9), (5, 6, 7, 8), point)]
-    assert found == [(2, 5), (9, 5), (2, 6), (9, 6), (2, 7), (9, 7), (9, 8)]
+    results = [one["at"] for one in grid_points((2, 9), (5, 6, 7, 8), point)]
+    assert results == [(2, 5), (9, 5), (2, 6), (9, 6), (2, 7), (9, 7), (9, 8)]
 
 
 def test_one_error_that_falls_keeps_the_search_going():
@@ -87,26 +87,26 @@ def test_one_error_that_falls_keeps_the_search_going():
 @pytest.mark.usefixtures("small_grid")
 def test_rows_are_searched_up_to_the_number_of_frames():
     points = figures(waving_grid(12), "rows")["points"]
-    assert {one["modes"] for one in points} == {2, 4, 12}
-    assert {one["bits"] for one in points} == {7, 8}
+    assert {point["modes"] for point in points} == {2, 4, 12}
+    assert {point["bits"] for point in points} == {7, 8}
 
 
 @pytest.mark.usefixtures("small_grid")
 def test_blocks_have_equal_lengths_and_each_number_its_own_rows():
-    found = figures(waving_grid(60), "blocks")
+    result = figures(waving_grid(60), "blocks")
     rows = {}
-    for one in found["points"]:
+    for one in result["points"]:
         rows.setdefault(one["blocks"], set()).add(one["modes"])
     assert sorted(rows) == [1, 2, 3, 16]
     assert max(rows[1]) == 30
     assert max(rows[16]) <= 4  # frames of a block
-    assert found["usual_blocks"] == 3
+    assert result["usual_blocks"] == 3
 
 
 @pytest.mark.usefixtures("small_grid")
 def test_numbers_of_blocks_are_limited_by_frames():
-    found = figures(waving_grid(2, 4, 4), "blocks")
-    assert {one["blocks"] for one in found["points"]} == {1, 2}
+    result = figures(waving_grid(2, 4, 4), "blocks")
+    assert {one["blocks"] for one in result["points"]} == {1, 2}
 
 
 @pytest.mark.usefixtures("small_grid")
@@ -137,12 +137,12 @@ def test_anchors_are_compared_with_farthest_points_of_three_rates(monkeypatch):
     some = {name: ANCHOR_CHOICES[name] for name in ("random 1", "optimized")}
     monkeypatch.setattr(search, "ANCHOR_CHOICES", some)
     sequence = waving_grid(20, 20, 20)
-    found = figures(sequence, "anchors")
-    assert found["n_anchors"] == 4
-    rates = [one["rate_bpvf"] for one in found["farthest"]]
+    result = figures(sequence, "anchors")
+    assert result["n_anchors"] == 4
+    rates = [one["rate_bpvf"] for one in result["farthest"]]
     assert rates == sorted(rates)
     assert len(rates) == 3
-    assert list(found["choices"]) == ["random 1", "optimized"]
-    optimized = found["choices"]["optimized"]
-    assert optimized["kg_error_percent"] < found["farthest"][1]["kg_error_percent"]
+    assert list(result["choices"]) == ["random 1", "optimized"]
+    optimized = result["choices"]["optimized"]
+    assert optimized["kg_error_percent"] < result["farthest"][1]["kg_error_percent"]
     assert optimized["seconds"] > 0

@@ -37,10 +37,10 @@ def test_rows_round_trip(seed):
         vertices * 9 + rng.integers(0, 1 + seed % 9, len(vertices)), return_inverse=True
     )
     rows = numbered_rows(groups, vertices, n_verts)
-    found = CornerRows(write_corner_rows(rows, vertices, n_verts), vertices.tolist(), n_verts)
-    assert (found.of_corners, found.n) == (rows.of_corners.tolist(), rows.n_rows)
-    pairs = np.unique(np.stack([groups, np.array(found.of_corners, np.int64)]), axis=1)
-    assert pairs.shape[1] == groups.max() + 1 == len(set(found.of_corners))
+    result = CornerRows(write_corner_rows(rows, vertices, n_verts), vertices.tolist(), n_verts)
+    assert (result.of_corners, result.n) == (rows.of_corners.tolist(), rows.n_rows)
+    pairs = np.unique(np.stack([groups, np.array(result.of_corners, np.int64)]), axis=1)
+    assert pairs.shape[1] == groups.max() + 1 == len(set(result.of_corners))
 
 
 def coded(flags, codes, n_stored=None):
@@ -106,7 +106,7 @@ def test_rows_that_contradict_the_corners_are_refused(seam, damaged):
     stream, header = seam
     n_stored, position = read_varint(header.rows, 0)
     numbers = decode_integers(header.rows[position:], [9, n_stored])
-    flags, codes = (one.tolist() for one in numbers)
+    flags, codes = (number.tolist() for number in numbers)
     assert coded(flags, codes) == header.rows
     payload = write_track(replace(header, rows=damaged(flags, codes)))
     parts = [

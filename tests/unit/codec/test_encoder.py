@@ -57,9 +57,9 @@ def test_open_reel_selects_a_segment(path):
 def test_info_lists_segments_and_sums_their_bytes(path):
     for given in (DATA, path):
         info = meshreel.info(given)
-        assert [one.first_frame for one in info.segments] == [0, 4, 9]
-        assert [one.n_frames for one in info.segments] == [4, 5, 1]
-        assert [one.n_verts for one in info.segments] == [30, 21, 4]
+        assert [segment.first_frame for segment in info.segments] == [0, 4, 9]
+        assert [segment.n_frames for segment in info.segments] == [4, 5, 1]
+        assert [segment.n_verts for segment in info.segments] == [30, 21, 4]
         assert (info.n_frames, info.n_verts, info.size_bytes) == (10, 30, len(DATA))
         assert sum(info.budget_bytes.values()) == sum(info.part_bytes.values()) == len(DATA)
         assert info.rate_bpvf == 8 * len(DATA) / (4 * 30 + 5 * 21 + 4)

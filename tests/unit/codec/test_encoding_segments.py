@@ -104,7 +104,9 @@ def test_quality_of_one_frame_is_about_that_of_modes():
 def test_targets_hold_over_segments_of_one_frame(target):
     data = meshreel.encode(FRAMES, **target)
     ((name, value),) = target.items()
-    rate_bpvf = 8 * len(data) / sum(one.n_verts * one.n_frames for one in FRAMES.segments)
+    rate_bpvf = (
+        8 * len(data) / sum(segment.n_verts * segment.n_frames for segment in FRAMES.segments)
+    )
     reached = {"size": len(data), "bpvf": rate_bpvf, "kg": kg_error(FRAMES, data)}
     assert 0.8 * value < reached[name] <= value
 

@@ -26,10 +26,10 @@ def test_all_modes_decode_the_whole_stream(sequence, more):
     data = encode(sequence, step=3e-4)
     (n_modes,) = info(data).n_modes
     assert n_modes > 4
-    whole, found = decode(data), decode(data, n_modes=n_modes + more)
-    np.testing.assert_array_equal(found.vertices, whole.vertices)
-    np.testing.assert_array_equal(found.faces, whole.faces)
-    assert (found.fps, found.name) == (whole.fps, whole.name)
+    whole, result = decode(data), decode(data, n_modes=n_modes + more)
+    np.testing.assert_array_equal(result.vertices, whole.vertices)
+    np.testing.assert_array_equal(result.faces, whole.faces)
+    assert (result.fps, result.name) == (whole.fps, whole.name)
 
 
 def test_error_falls_with_every_mode(sequence):

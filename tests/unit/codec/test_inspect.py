@@ -30,24 +30,24 @@ def dressed(dtype=np.float32):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_raw_size_is_that_of_the_sequence(dtype):
     sequence = dressed(dtype)
-    found = meshreel.info(meshreel.encode(sequence))
-    assert found.raw_size_bytes == sequence.raw_size_bytes
-    assert found.ratio == sequence.raw_size_bytes / found.size_bytes
-    assert {one.name: one.raw_size_bytes for one in found.tracks} == {
+    info = meshreel.info(meshreel.encode(sequence))
+    assert info.raw_size_bytes == sequence.raw_size_bytes
+    assert info.ratio == sequence.raw_size_bytes / info.size_bytes
+    assert {track.name: track.raw_size_bytes for track in info.tracks} == {
         "heat": 9 * GRID.n_verts * 3 * 8, "on": 9 * GRID.n_faces,
     }  # fmt: skip
 
 
 def test_sizes_of_sections_and_tracks_are_parts_of_the_whole():
     data = meshreel.encode(dressed(), block_frames=4)
-    found = meshreel.info(data)
-    assert sum(found.budget_bytes.values()) == found.size_bytes == len(data)
-    assert sum(found.part_bytes.values()) == len(data)
-    assert found.rate_bpvf == 8 * len(data) / (found.n_verts * found.n_frames)
-    assert found.block_frames == (4, 4, 1)
-    assert min(found.block_bytes) > 0
-    of_tracks = sum(one.size_bytes for one in found.tracks)
-    assert 0 < sum(found.block_bytes) < found.size_bytes - of_tracks
+    info = meshreel.info(data)
+    assert sum(info.budget_bytes.values()) == info.size_bytes == len(data)
+    assert sum(info.part_bytes.values()) == len(data)
+    assert info.rate_bpvf == 8 * len(data) / (info.n_verts * info.n_frames)
+    assert info.block_frames == (4, 4, 1)
+    assert min(info.block_bytes) > 0
+    of_tracks = sum(track.size_bytes for track in info.tracks)
+    assert 0 < sum(info.block_bytes) < info.size_bytes - of_tracks
 
 
 def test_each_section_is_visited_once(monkeypatch):

@@ -71,7 +71,7 @@ def test_a_mesh_that_returns_is_stored_once():
     opened = info(file.getvalue())
     assert opened.budget_bytes["reference"] == 3 * 9
     sizes = [info(meshreel.encode(grid, lossless=True)).budget_bytes for grid in GRIDS]
-    assert opened.budget_bytes["connectivity"] == sum(one["connectivity"] for one in sizes)
+    assert opened.budget_bytes["connectivity"] == sum(size["connectivity"] for size in sizes)
     for number, frame in zip((0, 1, 0, 2, 1, 0), decode(file.getvalue()), strict=True):
         np.testing.assert_array_equal(frame.faces, GRIDS[number].faces)
         np.testing.assert_array_equal(frame.vertices, GRIDS[number].vertices[0])
@@ -93,7 +93,7 @@ def test_the_error_bound_refers_to_the_first_box_in_all_segments():
 
 def test_the_start_counts_once():
     decoded = decode(recorded(GRIDS, start_s=2.0))
-    assert [one.start_s for one in decoded.segments] == pytest.approx([2.0, 2.28, 2.32])
+    assert [segment.start_s for segment in decoded.segments] == pytest.approx([2.0, 2.28, 2.32])
 
 
 def test_vertices_of_another_count_and_equal_faces_begin_a_segment():
@@ -102,7 +102,7 @@ def test_vertices_of_another_count_and_equal_faces_begin_a_segment():
     with Encoder(octahedron_faces(), file) as encoder:
         encoder.push(points[:6])
         encoder.push(points, faces=octahedron_faces())
-    assert [one.n_verts for one in decode(file.getvalue()).segments] == [6, 9]
+    assert [segment.n_verts for segment in decode(file.getvalue()).segments] == [6, 9]
 
 
 class LoggedFile(BytesIO):
@@ -169,9 +169,9 @@ def test_each_segment_has_its_surface():
             encoder.push(frame, surface=sheet.surface)
         encoder.push(grid[0].vertices, faces=grid.faces)
         encoder.push(sheet[0].vertices, faces=sheet.faces, surface=sheet.surface)
-    surfaces = [one.surface for one in decode(file.getvalue()).segments]
-    names = [[one.name for one in surface.attributes] for surface in surfaces]
-    assert names == [[one.name for one in sheet.surface.attributes], [], names[0]]
+    surfaces = [segment.surface for segment in decode(file.getvalue()).segments]
+    names = [[attribute.name for attribute in surface.attributes] for surface in surfaces]
+    assert names == [[attribute.name for attribute in sheet.surface.attributes], [], names[0]]
 
 
 def test_each_segment_has_its_tracks():
@@ -184,7 +184,7 @@ def test_each_segment_has_its_tracks():
             encoder.push(GRIDS[1].vertices[0], {"heat": heat[1]})
         encoder.push(GRIDS[2].vertices[0], {"heat": heat[2]}, faces=GRIDS[2].faces)
     segments = decode(file.getvalue()).segments
-    assert [list(one.tracks) for one in segments] == [["heat"], [], ["heat"]]
+    assert [list(segment.tracks) for segment in segments] == [["heat"], [], ["heat"]]
     for number in (0, 2):
         values = segments[number].tracks["heat"].read(0, 1)[0, :, 0]
         assert np.abs(values - heat[number]).max() <= 0.01 * (number + 1) * (1 + 1e-6)

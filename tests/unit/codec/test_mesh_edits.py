@@ -47,29 +47,29 @@ def sections_of(data, segment):
 
 
 def test_dropped_faces_are_listed_as_runs():
-    found = edit_of(np.delete(SHEET, slice(100, 160), axis=0))
-    np.testing.assert_array_equal(found.verts, np.arange(N_VERTS))
-    np.testing.assert_array_equal(found.listed, np.delete(np.arange(len(SHEET)), slice(100, 160)))
-    assert len(found.payload) < 20
+    result = edit_of(np.delete(SHEET, slice(100, 160), axis=0))
+    np.testing.assert_array_equal(result.verts, np.arange(N_VERTS))
+    np.testing.assert_array_equal(result.listed, np.delete(np.arange(len(SHEET)), slice(100, 160)))
+    assert len(result.payload) < 20
 
 
 def test_a_run_of_vertices_is_dropped_with_its_faces():
     kept = SHEET[(SHEET >= 400).all(axis=1) | (SHEET < 300).all(axis=1)]
-    found = edit_of(np.where(kept >= 400, kept - 100, kept), N_VERTS - 100)
-    np.testing.assert_array_equal(found.verts, np.delete(np.arange(N_VERTS), slice(300, 400)))
-    assert (found.listed >= 0).all()
+    result = edit_of(np.where(kept >= 400, kept - 100, kept), N_VERTS - 100)
+    np.testing.assert_array_equal(result.verts, np.delete(np.arange(N_VERTS), slice(300, 400)))
+    assert (result.listed >= 0).all()
 
 
 def test_inserted_vertices_and_faces_are_new():
     moved = np.where(SHEET >= 600, SHEET + 3, SHEET)
-    found = edit_of([*moved[:900], [600, 601, 602], *moved[900:]], N_VERTS + 3)
-    assert np.flatnonzero(found.verts < 0).tolist() == [600, 601, 602]
-    assert np.flatnonzero(found.listed < 0).tolist() == [900]
+    result = edit_of([*moved[:900], [600, 601, 602], *moved[900:]], N_VERTS + 3)
+    assert np.flatnonzero(result.verts < 0).tolist() == [600, 601, 602]
+    assert np.flatnonzero(result.listed < 0).tolist() == [900]
 
 
 def test_faces_in_another_order_are_new():
-    found = edit_of([SHEET[-1], *SHEET[:-1]])
-    assert np.flatnonzero(found.listed < 0).tolist() == [0]
+    result = edit_of([SHEET[-1], *SHEET[:-1]])
+    assert np.flatnonzero(result.listed < 0).tolist() == [0]
 
 
 @pytest.mark.parametrize("n_verts", [N_VERTS, N_VERTS + 5, N_VERTS - 5])

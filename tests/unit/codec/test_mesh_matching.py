@@ -58,30 +58,30 @@ def test_vertices_dropped_in_many_places_are_found(faces, count):
 def test_numbers_may_be_in_any_order_over_the_surface(faces):
     shuffled = np.random.default_rng(1).permutation(N_VERTS)[faces].astype(np.int32)
     others, used = without(shuffled, N_VERTS, places(N_VERTS, 20))
-    found = matched(shuffled, others, len(used))
-    is_known = found >= 0
-    np.testing.assert_array_equal(found[is_known], used[is_known])
+    result = matched(shuffled, others, len(used))
+    is_known = result >= 0
+    np.testing.assert_array_equal(result[is_known], used[is_known])
     assert is_known.mean() > 0.99
 
 
 def test_inserted_vertices_have_no_number():
     """The reverse of dropping them, but for gaps that the new vertices do not fill."""
     fewer, used = without(irregular(), N_VERTS, places(N_VERTS, 20))
-    found = match_vertices(FaceIndex(fewer, len(used)), irregular(), N_VERTS)
+    result = match_vertices(FaceIndex(fewer, len(used)), irregular(), N_VERTS)
     expected = np.full(N_VERTS, -1)
     expected[used] = np.arange(len(used))
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(result, expected)
 
 
 def test_vertices_are_dropped_and_inserted_at_once():
     faces = irregular()
     base, used = without(faces, N_VERTS, places(N_VERTS, 10, seed=5))
     others, used_hat = without(faces, N_VERTS, places(N_VERTS, 10, seed=6))
-    found = match_vertices(FaceIndex(base, len(used)), others, len(used_hat))
+    result = match_vertices(FaceIndex(base, len(used)), others, len(used_hat))
     both = np.isin(used_hat, used)
     expected = np.where(both, np.searchsorted(used, used_hat), -1)
-    assert (found == expected).mean() > 0.98
-    assert (np.diff(found[found >= 0]) > 0).all()
+    assert (result == expected).mean() > 0.98
+    assert (np.diff(result[result >= 0]) > 0).all()
 
 
 def test_components_are_found_apart():
@@ -105,8 +105,8 @@ def test_blocks_are_searched_for_only_in_meshes_of_similar_size():
     faces = irregular()
     others, used = without(faces, N_VERTS, [30, 700, 1500])
     degrees = [FaceIndex(faces, N_VERTS).degrees, FaceIndex(others, len(used)).degrees]
-    found = mesh_matching._matches_by_degrees(*degrees)
-    assert (found == used)[found >= 0].mean() > 0.9
+    result = mesh_matching._matches_by_degrees(*degrees)
+    assert (result == used)[result >= 0].mean() > 0.9
     with patch.object(mesh_matching, "MAX_SHIFTS", 2):
         assert (mesh_matching._matches_by_degrees(*degrees) == -1).all()
 
@@ -122,8 +122,8 @@ def test_isolated_vertices_keep_their_places():
     kept = np.delete(np.arange(N_VERTS + 2), [100, 1500])
     numbers = np.full(N_VERTS + 2, -1)
     numbers[kept] = np.arange(N_VERTS)
-    found = match_vertices(FaceIndex(shifted, N_VERTS + 2), numbers[others].astype(np.int32), 2000)
-    np.testing.assert_array_equal(found, kept)
+    result = match_vertices(FaceIndex(shifted, N_VERTS + 2), numbers[others].astype(np.int32), 2000)
+    np.testing.assert_array_equal(result, kept)
 
 
 def test_repeated_and_degenerate_faces_do_not_confuse():
@@ -159,10 +159,10 @@ def test_numbers_ascend_whatever_is_dropped(seed, n_dropped, n_inserted):
     faces = irregular(12, 15)
     base, used = without(faces, 180, places(180, n_inserted, seed))
     others, used_hat = without(faces, 180, places(180, n_dropped, seed + 1))
-    found = match_vertices(FaceIndex(base, len(used)), others, len(used_hat))
-    if found is not None:
-        assert found.shape == used_hat.shape
-        numbered = found[found >= 0]
+    result = match_vertices(FaceIndex(base, len(used)), others, len(used_hat))
+    if result is not None:
+        assert result.shape == used_hat.shape
+        numbered = result[result >= 0]
         assert (np.diff(numbered) > 0).all()
         assert numbered.max(initial=0) < len(used)
 
@@ -170,11 +170,11 @@ def test_numbers_ascend_whatever_is_dropped(seed, n_dropped, n_inserted):
 def test_a_mesh_that_lost_vertices_in_many_places_is_an_edit():
     faces = irregular()
     others, used = without(faces, N_VERTS, places(N_VERTS, 20))
-    found = find_edit(BaseMesh(faces, N_VERTS), others, len(used))
-    np.testing.assert_array_equal(found.verts, used)
-    assert (found.listed >= 0).all()
+    result = find_edit(BaseMesh(faces, N_VERTS), others, len(used))
+    np.testing.assert_array_equal(result.verts, used)
+    assert (result.listed >= 0).all()
     own = encode_connectivity(others, len(used), order="keep")
-    assert len(found.payload) < own.size_bytes / 20
+    assert len(result.payload) < own.size_bytes / 20
 
 
 def test_an_edit_that_is_larger_than_half_of_the_mesh_is_the_next_base():
@@ -221,16 +221,16 @@ def ensight_of(folder, nodes, quads, exists):
 
 @pytest.mark.parametrize("write", [d3plot_of, ensight_of])
 def test_eroded_elements_of_solvers_are_edits(tmp_path, write):
-    found = meshreel.load(write(tmp_path, *eroded_quads(4)))
-    assert found.n_segments == 4
-    edits, base = MeshEdits(), found.segments[0]
+    loaded = meshreel.load(write(tmp_path, *eroded_quads(4)))
+    assert loaded.n_segments == 4
+    edits, base = MeshEdits(), loaded.segments[0]
     assert edits.edit_to(base.faces, base.n_verts) is None
-    for segment in found.segments[1:]:
+    for segment in loaded.segments[1:]:
         assert segment.n_verts < base.n_verts
         edit = edits.edit_to(segment.faces, segment.n_verts)
         assert (edit.listed >= 0).all()
-    data = meshreel.encode(found, order="keep")
-    for segment, original in zip(meshreel.decode(data).segments, found.segments, strict=True):
+    data = meshreel.encode(loaded, order="keep")
+    for segment, original in zip(meshreel.decode(data).segments, loaded.segments, strict=True):
         np.testing.assert_array_equal(segment.faces, original.faces)
 
 

@@ -70,9 +70,9 @@ def test_iteration_yields_all_frames_in_order(reel, method):
 @pytest.mark.parametrize("shape", [(), (9,), (3, 4), (2, 0, 5)])
 def test_frames_have_the_shape_of_their_numbers(reel, method, shape):
     numbers = np.random.default_rng(4).integers(-23, 23, shape)
-    found = reel.frames(numbers)
-    assert found.shape == (*shape, reel.n_verts, 3)
-    assert_nearly_equal(found, WHOLE[method].vertices[numbers])
+    result = reel.frames(numbers)
+    assert result.shape == (*shape, reel.n_verts, 3)
+    assert_nearly_equal(result, WHOLE[method].vertices[numbers])
 
 
 def test_frames_fill_an_array(reel, method):
@@ -116,10 +116,10 @@ def test_cached_bytes_grow_with_decoded_blocks():
 
 def values_of(modes, n_frames):
     """Compute the frames of a block from its modes."""
-    found = modes.origin + np.einsum("nk,tkc->tnc", modes.fields, modes.basis)
+    result = modes.origin + np.einsum("nk,tkc->tnc", modes.fields, modes.basis)
     frames = np.repeat(np.arange(n_frames), np.diff(modes.correction_starts))
-    np.add.at(found, (frames, modes.corrected), modes.corrections)
-    return found
+    np.add.at(result, (frames, modes.corrected), modes.corrections)
+    return result
 
 
 def test_modes_reproduce_all_frames_and_tracks():
@@ -132,10 +132,10 @@ def test_modes_reproduce_all_frames_and_tracks():
                 for values in quantities:
                     if modes := values.modes(block):
                         expected = values.read(start, stop)
-                        found = values_of(modes, stop - start)
+                        result = values_of(modes, stop - start)
                         tolerance = 1e-6 * np.abs(expected).max(initial=0.0)
                         tolerance += np.finfo(expected.dtype).smallest_subnormal
-                        assert np.abs(found - expected).max() <= tolerance, path.name
+                        assert np.abs(result - expected).max() <= tolerance, path.name
                         n_checked += 1
         file.close()
     assert n_checked > 100
@@ -247,12 +247,12 @@ class Paused(BytesIO):
         self.is_paused, self.may_go_on = threading.Event(), threading.Event()
 
     def seek(self, *place):
-        found = super().seek(*place)
+        result = super().seek(*place)
         if self.armed:
             self.armed = False
             self.is_paused.set()
             self.may_go_on.wait(0.2)  # times out if the other reader waits for this one
-        return found
+        return result
 
 
 def test_threads_can_read_bytes_and_frames_concurrently(method):

@@ -35,9 +35,9 @@ def textured(n_frames=6, *, has_uv=True):
 def in_orders(sequence, *frames):
     """Return ranges of the frames of a sequence, each in its own order, as segments."""
     whole = meshreel.MeshSequence.of_segments([sequence])
-    parts = [whole.part(one).segments[0] for one in frames]
+    parts = [whole.part(frame).segments[0] for frame in frames]
     return meshreel.MeshSequence.of_segments(
-        [shuffled(one, seed) for seed, one in enumerate(parts)]
+        [shuffled(part, seed) for seed, part in enumerate(parts)]
     )
 
 
@@ -45,11 +45,11 @@ def test_segments_in_another_order_are_joined_exactly():
     sequence = textured()
     frames = range(2), range(2, 3), range(3, 6)
     joined = without_reordering(in_orders(sequence, *frames), "drop")
-    [found] = joined.segments
+    [result] = joined.segments
     expected = shuffled(sequence, 0)  # the order of the first segment
-    np.testing.assert_array_equal(found.faces, expected.faces)
-    np.testing.assert_array_equal(positions_of(found), expected.vertices)
-    heat = found.tracks["heat"].read(0, found.n_frames)
+    np.testing.assert_array_equal(result.faces, expected.faces)
+    np.testing.assert_array_equal(positions_of(result), expected.vertices)
+    heat = result.tracks["heat"].read(0, result.n_frames)
     np.testing.assert_array_equal(heat, expected.tracks["heat"].values)
 
 
@@ -57,15 +57,15 @@ def test_irregular_faces_alone_prove_the_order():
     grid = textured(4, has_uv=False)
     notched = grid.replace(faces=np.delete(grid.faces, [3, 40], axis=0))
     joined = without_reordering(in_orders(notched, range(2), range(2, 4)), "drop")
-    [found] = joined.segments
-    np.testing.assert_array_equal(positions_of(found), shuffled(notched, 0).vertices)
+    [result] = joined.segments
+    np.testing.assert_array_equal(positions_of(result), shuffled(notched, 0).vertices)
 
 
 def test_positions_of_a_mesh_at_rest_prove_the_order():
     grid = textured(2, has_uv=False)
     still = grid.replace(vertices=grid.vertices[[0, 0]])
-    [found] = without_reordering(in_orders(still, range(1), range(1, 2)), "drop").segments
-    np.testing.assert_array_equal(positions_of(found), shuffled(still, 0).vertices)
+    [result] = without_reordering(in_orders(still, range(1), range(1, 2)), "drop").segments
+    np.testing.assert_array_equal(positions_of(result), shuffled(still, 0).vertices)
 
 
 def test_symmetric_meshes_without_other_data_are_not_matched():
@@ -87,27 +87,27 @@ def changed(sequence, **changes):
 @pytest.mark.parametrize(
     "change",
     [
-        lambda one: one,  # equal meshes, which a caller separated
-        lambda one: shuffled(changed(one, attributes=one.surface.attributes[:2]), 3),
-        lambda one: shuffled(changed(one, groups=()), 3),
-        lambda one: shuffled(
-            changed(one, groups=(replace(one.surface.groups[0], labels=("a", "b")),)), 3
+        lambda item: item,  # equal meshes, which a caller separated
+        lambda item: shuffled(changed(item, attributes=item.surface.attributes[:2]), 3),
+        lambda item: shuffled(changed(item, groups=()), 3),
+        lambda item: shuffled(
+            changed(item, groups=(replace(item.surface.groups[0], labels=("a", "b")),)), 3
         ),
-        lambda one: shuffled(
+        lambda item: shuffled(
             changed(
-                one,
+                item,
                 attributes=(
-                    *one.surface.attributes[:2],
+                    *item.surface.attributes[:2],
                     replace(
-                        one.surface.attributes[2], values=one.surface.attributes[2].values[::-1]
+                        item.surface.attributes[2], values=item.surface.attributes[2].values[::-1]
                     ),
                 ),
             ),
             3,
         ),
-        lambda one: shuffled(one.replace(tracks={}), 3),
-        lambda one: shuffled(one.replace(faces=one.faces[:, ::-1]), 3),
-        lambda one: shuffled(one.replace(faces=one.faces[:-1], surface=Surface()), 3),
+        lambda item: shuffled(item.replace(tracks={}), 3),
+        lambda item: shuffled(item.replace(faces=item.faces[:, ::-1]), 3),
+        lambda item: shuffled(item.replace(faces=item.faces[:-1], surface=Surface()), 3),
     ],
 )
 def test_other_meshes_and_data_are_not_joined(change):
@@ -130,9 +130,9 @@ def test_streams_of_reordered_frames_have_one_segment_and_keep_their_bound():
 def test_encode_states_that_segments_of_files_were_joined(tmp_path):
     plain = textured(4)
     names = []
-    for seed, one in enumerate(in_orders(plain, range(2), range(2, 4)).segments):
-        meshreel.save(one.replace(tracks={}), tmp_path / "frames" / f"{'ab'[seed]}_%d.ply")
-        names.append(one.name)
+    for seed, segment in enumerate(in_orders(plain, range(2), range(2, 4)).segments):
+        meshreel.save(segment.replace(tracks={}), tmp_path / "frames" / f"{'ab'[seed]}_%d.ply")
+        names.append(segment.name)
     figures = run_json("encode", tmp_path / "frames", "-o", tmp_path / "a.reel", "--order", "drop")
     assert figures["n_segments"] == 1
     assert any("matched 2 segments" in note for note in figures["notes"])

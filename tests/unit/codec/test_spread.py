@@ -76,8 +76,8 @@ def test_piece_of_an_open_file_is_sent_with_its_frames(tmp_path, extension):
     opened = open_source(tmp_path if extension == "ply" else source)
     pieces = list(Source(opened, config_of(block_frames=10)).pieces())
     assert type(opened) is StoredFrames
-    found = pickle.loads(pickle.dumps(pieces[2])).read()
-    np.testing.assert_array_equal(found, sequence.vertices[20:30, pieces[2].order])
+    result = pickle.loads(pickle.dumps(pieces[2])).read()
+    np.testing.assert_array_equal(result, sequence.vertices[20:30, pieces[2].order])
 
 
 def test_process_reuses_a_mesh_that_it_received_before():

@@ -52,8 +52,8 @@ def test_later_blocks_take_fewer_bytes_than_the_first():
     sequence = waving_grid(60, 40, 41)
     data = recorded(sequence, block_frames=20)
     alone = [
-        len(encode(meshreel.MeshSequence(sequence.vertices[one : one + 20], sequence.faces)))
-        for one in (20, 40)
+        len(encode(meshreel.MeshSequence(sequence.vertices[number : number + 20], sequence.faces)))
+        for number in (20, 40)
     ]
     connectivity = info(data).budget_bytes["connectivity"]
     assert sum(info(data).block_bytes[1:]) < 0.8 * (sum(alone) - 2 * connectivity)
@@ -70,9 +70,9 @@ def test_error_bound_holds_for_frames_outside_the_first_box():
         SEQUENCE.vertices * np.linspace(1, 30, 43, dtype=np.float32)[:, None, None], SEQUENCE.faces
     )
     data = recorded(growing, block_frames=8, max_error=0.5)
-    found = position_errors(growing.vertices, decode(data).vertices).max_error_percent
+    result = position_errors(growing.vertices, decode(data).vertices).max_error_percent
     assert info(data).error_bound_percent == 0.5
-    assert found <= 0.5
+    assert result <= 0.5
 
 
 def test_growing_file_is_readable_up_to_the_last_block(tmp_path):
@@ -229,8 +229,8 @@ def test_recording_continues_after_a_refused_frame(frame, message):
 def test_pushed_frames_are_copied():
     frame, file = np.empty_like(SEQUENCE.vertices[0]), BytesIO()
     with Encoder(SEQUENCE.faces, file, block_frames=43) as encoder:
-        for one in SEQUENCE.vertices:
-            frame[:] = one
+        for vertex in SEQUENCE.vertices:
+            frame[:] = vertex
             encoder.push(frame)
     expected = decode(recorded(SEQUENCE, block_frames=43)).vertices
     np.testing.assert_array_equal(decode(file.getvalue()).vertices, expected)

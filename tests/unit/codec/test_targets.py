@@ -119,7 +119,9 @@ def test_stream_grows_as_the_allowed_error_falls(kind):
 
 
 def test_twelve_points_of_quality_halve_the_error():
-    errors = [measured("grid", encoded("grid", quality=one))["kg"] for one in (52, 64, 76, 88)]
+    errors = [
+        measured("grid", encoded("grid", quality=number))["kg"] for number in (52, 64, 76, 88)
+    ]
     for coarse, fine in pairwise(errors):
         assert 1.4 < coarse / fine < 2.8
 
@@ -246,12 +248,12 @@ def test_error_target_is_met_for_every_order_and_block_length(options, kind, lim
         vertices[:, connectivity.internal_to_given] = decoded.vertices
         decoded = meshreel.MeshSequence(vertices, sequence.faces)
     quality = meshreel.compare(sequence, decoded)
-    found = {
+    results = {
         "kg": quality.kg_error_percent,
         "sted": quality.sted,
         "max_error": quality.max_error_percent,
     }
-    assert found[kind] <= limit
+    assert results[kind] <= limit
 
 
 def test_info_reports_the_guaranteed_error():
@@ -349,8 +351,8 @@ def test_budget_larger_than_any_stream_is_met():
 
 @pytest.mark.parametrize("limit", [0.4, 0.5, 1.0])
 def test_large_sted_target_does_not_collapse_the_model(limit):
-    found = measured("grid", encoded("grid", sted=limit))
-    assert found["kg"] < 60
+    result = measured("grid", encoded("grid", sted=limit))
+    assert result["kg"] < 60
 
 
 def test_stream_with_a_huge_allowed_error_is_readable():

@@ -42,8 +42,8 @@ COUNTS = Track(np.zeros((1, 2), np.int32))
     ],
 )
 def test_bounds_are_parsed(track, given, measure, amount):
-    found = bound_of_track(given, "x", track)
-    assert found == TrackBound(measure, pytest.approx(amount, rel=1e-15))
+    result = bound_of_track(given, "x", track)
+    assert result == TrackBound(measure, pytest.approx(amount, rel=1e-15))
 
 
 @pytest.mark.parametrize("track", [PRESSURE, NORMAL, COUNTS])
@@ -96,8 +96,8 @@ def test_default_bound_depends_on_the_kind(track, bound):
 
 def test_bounds_are_the_requested_ones_or_the_default():
     tracks = {"a": PRESSURE, "b": NORMAL, "c": COUNTS}
-    found = track_bounds(tracks, {"a": "2Pa"})
-    assert found == {"a": TrackBound(Measure.UNITS, 2.0), "b": default_bound(NORMAL), "c": EXACT}
+    result = track_bounds(tracks, {"a": "2Pa"})
+    assert result == {"a": TrackBound(Measure.UNITS, 2.0), "b": default_bound(NORMAL), "c": EXACT}
     assert track_bounds(tracks, {"b": "drop"}, EXACT) == {"a": EXACT, "b": DROP, "c": EXACT}
     with pytest.raises(InvalidInputError, match="there is no track 'd'"):
         track_bounds(tracks, {"d": "exact"})

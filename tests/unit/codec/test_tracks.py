@@ -133,9 +133,9 @@ def test_decoded_values_have_the_shapes_of_the_headers(name):
         domain: opened.surface.n_items(domain, opened.n_verts, len(opened.faces))
         for domain in Domain
     }
-    found = track_values(stored(name))
-    assert len(found) == len(opened.tracks) > 0
-    for values, track in zip(found, track_headers(stored(name)), strict=True):
+    result = track_values(stored(name))
+    assert len(result) == len(opened.tracks) > 0
+    for values, track in zip(result, track_headers(stored(name)), strict=True):
         shape = opened.n_frames, n_items[track.domain], track.n_columns
         assert (values.shape, values.dtype) == (shape, track.dtype)
         assert np.isfinite(values).all() or track.name == "gaps"
@@ -186,7 +186,7 @@ def test_block_counts_only_with_all_its_tracks():
 def test_block_without_a_track_is_refused():
     stream = Stream(stored("tracks_of_triangles"))
     parts = parts_of(stream)
-    last = max(number for number, one in enumerate(parts) if one[0] is Section.TRACK_BLOCK)
+    last = max(number for number, part in enumerate(parts) if part[0] is Section.TRACK_BLOCK)
     with pytest.raises(CorruptStreamError, match="does not have one group per track"):
         meshreel.decode(raw_stream(stream.header, parts[:last]))
     track = Section.TRACK, write_track(replace(STRESS, name="one more"))

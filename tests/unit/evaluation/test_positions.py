@@ -100,8 +100,8 @@ def test_rate_of_a_method_is_that_of_a_stream_without_order(small_flag):
 @pytest.mark.parametrize("order", ["coded", "given"])
 def test_rate_of_a_peer_without_faces_includes_our_connectivity(small_flag, order):
     def arrangement(name):
-        found = arrange(small_flag, name)
-        return found if name == order else replace(found, size_bytes=10**6)
+        actual = arrange(small_flag, name)
+        return actual if name == order else replace(actual, size_bytes=10**6)
 
     result = measure_peer(small_flag, arrangement, NPZ, 0, silent)
     kept = "drop" if order == "coded" else "vertices"

@@ -37,8 +37,8 @@ def test_read_recorded_returns_errors_in_percent(write):
 def test_matching_omits_rows_of_another_name_or_shape(write):
     rows = [ROW, ROW | {"sequence": "cow"}, ROW | {"n": "71"}, ROW | {"k": "9"}]
     points = read_recorded(write(*rows))
-    found = matching(points, {"name": "flag", "n_verts": 72, "n_frames": 8})
-    assert found == points[:1]
+    result = matching(points, {"name": "flag", "n_verts": 72, "n_frames": 8})
+    assert result == points[:1]
 
 
 def test_error_names_missing_columns(write):

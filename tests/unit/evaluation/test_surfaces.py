@@ -34,8 +34,8 @@ def test_a_report_of_changing_faces_has_figures_of_reel_and_draco(changing, tmp_
     study = surfaces.compare_surface_codecs(
         ("reel", "v2v"), peers_named(["draco", "npz"], PEERS), quick=True
     )
-    found = evaluate(study, [changing], tmp_path / "out")
-    [[results, pictures]] = found.measured
+    result = evaluate(study, [changing], tmp_path / "out")
+    [[results, pictures]] = result.measured
     assert [run["codec"] for run in results.measured] == ["reel"] * 3 + ["draco"] * 2
     assert results.sequence["n_segments"] == 3
     n_positions = sum(len(frame.vertices) for frame in changing)
@@ -47,9 +47,9 @@ def test_a_report_of_changing_faces_has_figures_of_reel_and_draco(changing, tmp_
     assert list(errors) == sorted(errors, reverse=True)
     assert rates[-1] > rates[0]
     assert pictures[0].path.stat().st_size > 5000
-    [line] = found.notes
+    [line] = result.notes
     assert "`v2v`, `npz`" in line
-    text = found.markdown.read_text()
+    text = result.markdown.read_text()
     assert "5 frames in 3 segments, up to 126 vertices" in text
     assert line in text
     assert "| reel step 0.0002" in text
@@ -59,7 +59,10 @@ def test_sizes_of_ours_are_those_of_streams_without_order_and_tracks(changing):
     study = surfaces.compare_surface_codecs(peers=(), quick=True)
     [first, *_] = study.plan(changing)["measured"]
     figures = first.measure(silent).figures
-    plain = [meshreel.MeshSequence(one.vertices, one.faces, one.fps) for one in changing.segments]
+    plain = [
+        meshreel.MeshSequence(segment.vertices, segment.faces, segment.fps)
+        for segment in changing.segments
+    ]
     step = first.setting["options"]["step"]
     data = meshreel.encode(
         meshreel.MeshSequence.of_segments(plain, "wave"),
@@ -72,7 +75,7 @@ def test_sizes_of_ours_are_those_of_streams_without_order_and_tracks(changing):
 
 def test_errors_grow_with_the_distance_of_the_surfaces(changing):
     frames = list(changing)[:2]
-    moved = [MeshFrame(one.vertices + np.float32([0, 0, 0.01]), one.faces) for one in frames]
+    moved = [MeshFrame(frame.vertices + np.float32([0, 0, 0.01]), frame.faces) for frame in frames]
     same, other = (surfaces.errors_of(frames, one, silent) for one in (frames, moved))
     assert same["rms_distance_percent"] == 0
     assert same["psnr_db"] == float("inf")

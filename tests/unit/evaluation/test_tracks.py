@@ -71,14 +71,15 @@ def results(evaluation):
 
 
 def test_result_of_reel_is_that_of_the_track_in_a_stream(waving, results):
-    (found,) = [
+    (result,) = [
         run for run in results.measured if run["codec"] == "reel" and run["params"] == "0.1%"
     ]
     data = meshreel.encode(with_track_alone(waving, "height"), tracks={"height": "0.1%"})
     (track,) = meshreel.info(data).tracks
-    assert found["size_bytes"] == track.size_bytes
+    assert result["size_bytes"] == track.size_bytes
     assert (
-        found["quality"]["largest_error"] == meshreel.compare(waving, data).tracks["height"].largest
+        result["quality"]["largest_error"]
+        == meshreel.compare(waving, data).tracks["height"].largest
     )
     plain = meshreel.encode(with_track_alone(waving, "height"), tracks={"height": "drop"})
     assert results.about["positions_bytes"] == len(plain)
@@ -172,8 +173,8 @@ def test_coarsest_tolerance_is_found_for_errors_in_powers_of_two():
         tried.append(tolerance)
         return 0.1 * 2.0 ** np.floor(np.log2(tolerance))
 
-    found = coarsest_tolerance(largest_error, 1.0, 1.0, 2.0)
-    assert 8 <= found < 16
+    result = coarsest_tolerance(largest_error, 1.0, 1.0, 2.0)
+    assert 8 <= result < 16
     assert len(tried) <= 5
 
 

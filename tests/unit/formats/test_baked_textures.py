@@ -24,12 +24,12 @@ def folder(raw, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("as_source", [str, lambda one: f"{one}/*.png", lambda one: one])
+@pytest.mark.parametrize("as_source", [str, lambda item: f"{item}/*.png", lambda item: item])
 def test_images_are_read_in_natural_order(as_source, raw, folder):
     textures = open_textures(as_source(folder))
     assert (textures.n_frames, textures.size) == (3, (128, 128))
-    for found, given in zip(textures.images(), raw[1], strict=True):
-        assert np.array_equal(found, given)
+    for result, given in zip(textures.images(), raw[1], strict=True):
+        assert np.array_equal(result, given)
 
 
 def test_register_writes_images_of_each_frame(raw, folder, tmp_path):
@@ -51,8 +51,8 @@ def test_videos_are_read_and_written(raw, folder, tmp_path):
         meshreel.register(raw[0], tolerance=0.5, texture=texture, texture_output=output)
     exact, video = open_textures(f"{tmp_path}/*.png"), open_textures(written)
     assert (video.n_frames, video.size) == (3, (128, 128))
-    for found, expected in zip(video.images(), exact.images(), strict=True):
-        assert np.abs(np.asarray(found, int) - expected).mean() < 8
+    for result, expected in zip(video.images(), exact.images(), strict=True):
+        assert np.abs(np.asarray(result, int) - expected).mean() < 8
 
 
 def test_a_video_of_an_odd_size_becomes_even(raw, tmp_path):

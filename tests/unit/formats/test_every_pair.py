@@ -74,23 +74,23 @@ def given(tmp_path_factory):
 )
 def test_positions_and_polygons_survive_every_conversion(source, target, given, tmp_path):
     expected = given(source)
-    found = written(expected, tmp_path / "out", target)
-    assert found.n_frames == expected.n_frames == 6
-    assert found.fps == expected.fps == 24
+    result = written(expected, tmp_path / "out", target)
+    assert result.n_frames == expected.n_frames == 6
+    assert result.fps == expected.fps == 24
     if target == ".stl":  # welding reorders vertices by first use in triangles
-        every = [sorted(map(tuple, one.vertices[2])) for one in (found, expected)]
+        every = [sorted(map(tuple, one.vertices[2])) for one in (result, expected)]
         assert every[0] == every[1]
         return
     if target in TRIANGLES:
-        assert_same_triangles(found, expected)
+        assert_same_triangles(result, expected)
         return
     if target in APPROXIMATE:
         diagonal = np.linalg.norm(np.ptp(expected.vertices, axis=(0, 1)))
-        assert np.abs(found.vertices - expected.vertices).max() < 20 * ERROR * diagonal
+        assert np.abs(result.vertices - expected.vertices).max() < 20 * ERROR * diagonal
     else:
-        np.testing.assert_array_equal(found.vertices, expected.vertices)
-    np.testing.assert_array_equal(found.faces, expected.faces)
-    sizes, expected_sizes = (one.surface.sizes(len(one.faces)) for one in (found, expected))
+        np.testing.assert_array_equal(result.vertices, expected.vertices)
+    np.testing.assert_array_equal(result.faces, expected.faces)
+    sizes, expected_sizes = (one.surface.sizes(len(one.faces)) for one in (result, expected))
     np.testing.assert_array_equal(sizes, expected_sizes)
 
 
@@ -110,10 +110,10 @@ def assert_same_triangles(found, expected):
 @pytest.mark.parametrize("extension", [one.extension for one in WRITTEN])
 def test_stream_preserves_what_a_format_stores(extension, given):
     expected = given(extension)
-    found = meshreel.decode(meshreel.encode(expected, max_error=0.01))
-    np.testing.assert_array_equal(found.faces, expected.faces)
-    assert_same_surface(found.surface, expected.surface)
-    assert (found.fps, found.start_s) == (expected.fps, expected.start_s)
+    decoded = meshreel.decode(meshreel.encode(expected, max_error=0.01))
+    np.testing.assert_array_equal(decoded.faces, expected.faces)
+    assert_same_surface(decoded.surface, expected.surface)
+    assert (decoded.fps, decoded.start_s) == (expected.fps, expected.start_s)
 
 
 @pytest.mark.parametrize("extension", sorted({one.extension for one in WRITTEN} - WITHOUT_UV))

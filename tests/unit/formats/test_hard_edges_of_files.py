@@ -47,16 +47,16 @@ def read(tmp_path):
 
 
 def test_glb_with_split_vertices_has_hard_rims(read):
-    found, notes = read(cake_file())
-    assert found.n_verts == CAKE.n_verts
-    assert places(found) == places(CAKE)
+    result, notes = read(cake_file())
+    assert result.n_verts == CAKE.n_verts
+    assert places(result) == places(CAKE)
     assert any(note.startswith("kept 48 of 144 edges as hard edges") for note in notes)
     assert f"left out: {NORMALS}" not in notes
 
 
 def test_mirrored_glb_node_has_hard_rims(read):
-    found, _ = read(cake_file(scale=[-1, 1, 1]))
-    assert len(found.surface.hard_edges) == 48
+    result, _ = read(cake_file(scale=[-1, 1, 1]))
+    assert len(result.surface.hard_edges) == 48
 
 
 def test_all_gltf_instances_have_hard_rims(read):
@@ -65,24 +65,24 @@ def test_all_gltf_instances_have_hard_rims(read):
     file.json["nodes"][0]["extensions"] = {
         "EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": shifts}}
     }
-    found, _ = read(file)
+    result, _ = read(file)
     base = places(CAKE)
     moved = {
         frozenset((round(x + a, 3), round(y + b, 3), z) for x, y, z in edge)
         for edge in base
         for a, b in ((0, 0), (5, 0), (0, 7))
     }
-    assert places(found) == moved
+    assert places(result) == moved
 
 
 def test_merged_mesh_has_the_hard_edges_of_all_parts(read):
     file = cake_file()
     file.node(mesh=file.mesh([[0, 0, 9], [1, 0, 9], [0, 1, 9]]))
     file.node(mesh=0, translation=[5, 0, 0])
-    found, _ = read(file, merge=True)
-    assert len(found.surface.parts) == 3
-    assert len(found.surface.hard_edges) == 96
-    assert found.surface.hard_edges.max() == found.n_verts - 2 - 1
+    result, _ = read(file, merge=True)
+    assert len(result.surface.parts) == 3
+    assert len(result.surface.hard_edges) == 96
+    assert result.surface.hard_edges.max() == result.n_verts - 2 - 1
 
 
 def test_diagonals_of_a_glb_box_are_not_hard(read):
@@ -92,13 +92,13 @@ def test_diagonals_of_a_glb_box_are_not_hard(read):
     faces = np.arange(24).reshape(6, 4)[:, [0, 1, 2, 0, 2, 3]]
     values = {"NORMAL": file.accessor(np.repeat(normals, 4, axis=0))}
     file.node(mesh=file.mesh(quads.reshape(-1, 3), faces, attributes=values))
-    found, notes = read(file)
-    assert len(found.surface.hard_edges) == 12
+    result, notes = read(file)
+    assert len(result.surface.hard_edges) == 12
     assert any(note.startswith("kept 12 of 18 edges") for note in notes)
 
 
 def rows(values):
-    return ", ".join(str(tuple(np.round(one, 6).tolist())) for one in values)
+    return ", ".join(str(tuple(np.round(value, 6).tolist())) for value in values)
 
 
 def usda(more="", *, corners=CORNERS, normals=None, scheme="none"):
@@ -121,8 +121,8 @@ def pxr():
 
 
 def test_usd_corner_normals_give_hard_rims(read, pxr):
-    found, notes = read(usda(normals=cake_normals(CAKE)), ".usda")
-    assert places(found) == places(CAKE)
+    result, notes = read(usda(normals=cake_normals(CAKE)), ".usda")
+    assert places(result) == places(CAKE)
     assert "kept 48 of 120 edges as hard edges" in notes[-1]
 
 
@@ -131,15 +131,15 @@ def test_left_handed_usd_mesh_has_hard_rims(read, pxr):
     turned = starts + (starts - np.arange(len(starts))) % np.repeat(SIZES, SIZES)
     text = usda('uniform token orientation = "leftHanded"', corners=CORNERS[turned],
                 normals=cake_normals(CAKE)[turned])  # fmt: skip
-    found, notes = read(text, ".usda")
-    assert places(found) == places(CAKE)
+    result, notes = read(text, ".usda")
+    assert places(result) == places(CAKE)
     assert not any("do not follow" in note for note in notes)
 
 
 def test_edges_of_usd_holes_are_not_hard(read, pxr):
     holes = f"int[] holeIndices = {list(range(24, 48))}"  # the bottom
-    found, _ = read(usda(holes, normals=cake_normals(CAKE)), ".usda")
-    assert places(found) == {e for e in places(CAKE) if all(z for _, _, z in e)}
+    result, _ = read(usda(holes, normals=cake_normals(CAKE)), ".usda")
+    assert places(result) == {e for e in places(CAKE) if all(z for _, _, z in e)}
 
 
 def test_sharp_usd_creases_are_hard(read, pxr):
@@ -147,8 +147,8 @@ def test_sharp_usd_creases_are_hard(read, pxr):
     more = f"""int[] creaseIndices = {[*loop, *(24 + np.array(loop)).tolist()]}
   int[] creaseLengths = [25, 25]
   float[] creaseSharpnesses = [10, 3.5]"""
-    found, _ = read(usda(more, scheme="catmullClark"), ".usda")
-    assert places(found) == {e for e in places(CAKE) if not any(z for _, _, z in e)}
+    result, _ = read(usda(more, scheme="catmullClark"), ".usda")
+    assert places(result) == {e for e in places(CAKE) if not any(z for _, _, z in e)}
 
 
 @pytest.mark.parametrize(
@@ -162,8 +162,8 @@ def test_sharp_usd_creases_are_hard(read, pxr):
     ],
 )
 def test_invalid_usd_creases_are_ignored(read, pxr, more):
-    found, notes = read(usda(more, scheme="catmullClark"), ".usda")
-    assert found.surface.hard_edges is None
+    result, notes = read(usda(more, scheme="catmullClark"), ".usda")
+    assert result.surface.hard_edges is None
     assert not any("hard edges" in note for note in notes)
 
 
@@ -186,9 +186,9 @@ def PointInstancer "p" {
   def Cube "c" {}
 }
 """
-    found, _ = read(text, ".usda")
-    assert len(found.surface.hard_edges) == 36
-    lengths = np.linalg.norm(np.diff(found.vertices[0][found.surface.hard_edges], axis=1), axis=2)
+    result, _ = read(text, ".usda")
+    assert len(result.surface.hard_edges) == 36
+    lengths = np.linalg.norm(np.diff(result.vertices[0][result.surface.hard_edges], axis=1), axis=2)
     np.testing.assert_allclose(lengths, 2)
 
 
@@ -213,14 +213,18 @@ def test_alembic_corner_normals_give_hard_rims(tmp_path):
     mesh.getSchema().set(one)
     del mesh, archive
     notes = []
-    found = load(path, notes=notes)
-    assert places(found) == places(CAKE)
+    result = load(path, notes=notes)
+    assert places(result) == places(CAKE)
     assert "kept 48 of 120 edges as hard edges" in notes[-1]
 
 
 def obj(face_lines, normals=()):
     points = "".join("v {} {} {}\n".format(*one) for one in CAKE.vertices[0].tolist())
-    return points + "".join("vn {} {} {}\n".format(*one) for one in normals) + "".join(face_lines)
+    return (
+        points
+        + "".join("vn {} {} {}\n".format(*normal) for normal in normals)
+        + "".join(face_lines)
+    )
 
 
 def cake_lines(word="{}", statements=None):
@@ -232,24 +236,24 @@ def cake_lines(word="{}", statements=None):
 
 
 def test_obj_normals_give_hard_rims(read):
-    found, notes = read(obj(cake_lines("{}//{}"), cake_normals(CAKE).tolist()), ".obj")
-    assert places(found) == places(CAKE)
+    result, notes = read(obj(cake_lines("{}//{}"), cake_normals(CAKE).tolist()), ".obj")
+    assert places(result) == places(CAKE)
     assert "kept 48 of 120 edges as hard edges" in notes[-1]
 
 
 def test_obj_smoothing_groups_give_hard_rims(read):
-    found, _ = read(obj(cake_lines(statements={0: "s 1\n", 24: "s 2\n", 48: "s off\n"})), ".obj")
-    inner = {e for e in places(found) if (0.0, 0.0, 0.5) in e}
-    assert places(found) - inner == places(CAKE)
+    result, _ = read(obj(cake_lines(statements={0: "s 1\n", 24: "s 2\n", 48: "s off\n"})), ".obj")
+    inner = {e for e in places(result) if (0.0, 0.0, 0.5) in e}
+    assert places(result) - inner == places(CAKE)
     assert len(inner) == 24  # faces without a group are not smoothed
 
 
 def test_single_obj_smoothing_group_gives_no_hard_edges(read):
-    found, notes = read(obj(cake_lines(statements={0: "s 1\n"})), ".obj")
-    assert found.surface.hard_edges is None
+    result, notes = read(obj(cake_lines(statements={0: "s 1\n"})), ".obj")
+    assert result.surface.hard_edges is None
     assert not any("normals" in note for note in notes)
 
 
 def test_invalid_obj_normals_give_no_hard_edges(read):
-    found, _ = read(obj(cake_lines("{}//{}"), [["x", 0, 0]]), ".obj")
-    assert found.surface.hard_edges is None
+    result, _ = read(obj(cake_lines("{}//{}"), [["x", 0, 0]]), ".obj")
+    assert result.surface.hard_edges is None

@@ -16,30 +16,30 @@ from samples.tracks import tracked_sheet
 
 
 def only_mesh(source, **options):
-    found = inspect_source(source, ReadOptions(**options))
-    assert len(found.meshes) == 1
-    return found.meshes[0]
+    result = inspect_source(source, ReadOptions(**options))
+    assert len(result.meshes) == 1
+    return result.meshes[0]
 
 
 @pytest.mark.parametrize("extension", [".npz", ".glb", ".usda", ".abc", ".h5", ".vtkhdf", ".reel"])
 def test_inspection_agrees_with_the_loaded_sequence(tmp_path, extension):
     sequence = waving_grid()
     save(sequence, tmp_path / f"a{extension}")
-    found = only_mesh(tmp_path / f"a{extension}")
-    assert (found.n_frames, found.n_verts, found.n_faces) == (12, 99, 160)
-    assert found.fps == pytest.approx(sequence.fps)
-    assert found.duration_s == pytest.approx(12 / sequence.fps)
+    result = only_mesh(tmp_path / f"a{extension}")
+    assert (result.n_frames, result.n_verts, result.n_faces) == (12, 99, 160)
+    assert result.fps == pytest.approx(sequence.fps)
+    assert result.duration_s == pytest.approx(12 / sequence.fps)
     off = 0.02 if extension in (".glb", ".reel") else 1e-6
-    np.testing.assert_allclose(found.low, sequence.extent.low, atol=off)
-    np.testing.assert_allclose(found.high, sequence.extent.high, atol=off)
+    np.testing.assert_allclose(result.low, sequence.extent.low, atol=off)
+    np.testing.assert_allclose(result.high, sequence.extent.high, atol=off)
 
 
 def test_inspection_counts_frame_files(tmp_path):
     save(waving_grid(5), tmp_path / "f_%d.obj")
-    found = inspect_source(tmp_path, ReadOptions(fps=10))
+    result = inspect_source(tmp_path, ReadOptions(fps=10))
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
-    assert (found.n_files, found.size_bytes, found.format) == (5, size, "Wavefront OBJ")
-    assert (found.meshes[0].n_frames, found.meshes[0].duration_s) == (5, 0.5)
+    assert (result.n_files, result.size_bytes, result.format) == (5, size, "Wavefront OBJ")
+    assert (result.meshes[0].n_frames, result.meshes[0].duration_s) == (5, 0.5)
 
 
 @pytest.mark.parametrize("extension", [".npz", ".h5", ".vtkhdf"])
@@ -57,10 +57,10 @@ def test_inspection_lists_tracks(tmp_path, extension):
 
 def test_inspection_lists_each_mesh(tmp_path):
     save(two_sheets(), tmp_path / "two.usda")
-    found = inspect_source(tmp_path / "two.usda", ReadOptions()).meshes
-    assert [mesh.name for mesh in found] == ["/root/a", "/root/b"]
+    result = inspect_source(tmp_path / "two.usda", ReadOptions()).meshes
+    assert [mesh.name for mesh in result] == ["/root/a", "/root/b"]
     sheets = [quad_sheet(), quad_sheet(shift=2)]
-    for mesh, sheet in zip(found, sheets, strict=True):
+    for mesh, sheet in zip(result, sheets, strict=True):
         np.testing.assert_allclose(mesh.high, sheet.extent.high, rtol=1e-6)
         assert (mesh.n_verts, mesh.n_polygons, mesh.n_faces) == (30, 21, len(sheet.faces))
         assert mesh.attributes[0].startswith("uv 'st' of ")
@@ -95,9 +95,9 @@ def test_inspection_reports_the_problem_of_an_unreadable_mesh(tmp_path):
 
 def test_inspection_lists_what_is_left_out(tmp_path):
     save(waving_grid(), tmp_path / "a.npz")
-    found = inspect_source(tmp_path / "a.npz", ReadOptions())
+    result = inspect_source(tmp_path / "a.npz", ReadOptions())
     notes = (Note(NoteKind.LEFT_OUT, "lights", ["sun"]), "left out: other words", "welded 3 points")
-    noted = replace(found, notes=notes)
+    noted = replace(result, notes=notes)
     assert noted.left_out == ("lights: sun",)
     assert noted.as_dict()["left_out"] == ["lights: sun"]
 
@@ -110,14 +110,14 @@ def test_inspection_lists_gltf_animations(tmp_path):
     file.animate(0, "scale", [1, 0], np.ones((2, 3)), animation=3)
     for one, name in zip(file.json["animations"], ["walk", "run", "pan", "bad"], strict=True):
         one["name"] = name
-    found = inspect_source(file.save(tmp_path / "a.glb"), ReadOptions())
+    result = inspect_source(file.save(tmp_path / "a.glb"), ReadOptions())
     problem = "animation 3, sampler 0: key times must be ascending"
-    assert found.animations == (
+    assert result.animations == (
         AnimationInfo("walk", 0.0, 1.0, moves_mesh=True),
         AnimationInfo("run", 0.5, 1.25, moves_mesh=True),
         AnimationInfo("pan", 0.0, 1.0, moves_mesh=False),
         AnimationInfo("bad", problem=problem),
     )
-    assert found.as_dict()["animations"][1] == {
+    assert result.as_dict()["animations"][1] == {
         "name": "run", "start_s": 0.5, "duration_s": 1.25, "moves_mesh": True, "problem": None,
     }  # fmt: skip

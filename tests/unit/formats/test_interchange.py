@@ -32,17 +32,17 @@ def test_load_reads_meshes_of_trimesh(tmp_path, make_sequence, extension, option
     sequence = make_sequence(1)
     path = tmp_path / f"a.{extension}"
     path.write_bytes(exported(sequence, file_type=extension, **options))
-    found = load(path)
-    np.testing.assert_allclose(found.vertices, sequence.vertices, rtol=0, atol=tolerance)
-    np.testing.assert_array_equal(found.faces, sequence.faces)
+    loaded = load(path)
+    np.testing.assert_allclose(loaded.vertices, sequence.vertices, rtol=0, atol=tolerance)
+    np.testing.assert_array_equal(loaded.faces, sequence.faces)
 
 
 @pytest.mark.parametrize(("kind", "tolerance"), [("stl", 0), ("stl_ascii", 1e-6)])
 def test_load_reads_stl_of_trimesh(tmp_path, make_sequence, kind, tolerance):
     sequence = make_sequence(1)
     (tmp_path / "a.stl").write_bytes(exported(sequence, file_type=kind))
-    found = load(tmp_path / "a.stl")
-    triangles, expected = found.vertices[0][found.faces], sequence.vertices[0][sequence.faces]
+    loaded = load(tmp_path / "a.stl")
+    triangles, expected = loaded.vertices[0][loaded.faces], sequence.vertices[0][sequence.faces]
     np.testing.assert_allclose(triangles, expected, rtol=0, atol=tolerance)
 
 
@@ -66,16 +66,16 @@ def vtk_mesh(module, reader, path):
 def test_vtk_reads_colors_and_uv_of_saved_ply(tmp_path):
     color, uv = attribute(Kind.COLOR, "vertex", 4, np.uint8), attribute(Kind.UV, "vertex", 2)
     (path,) = save(rich_cube(1, attributes=[color, uv]), tmp_path / "a.ply")
-    found = vtk_mesh("vtkIOPLY", "vtkPLYReader", path).GetPointData()
-    np.testing.assert_array_equal(found.GetScalars(), color.values)
-    np.testing.assert_array_equal(found.GetTCoords(), uv.values)
+    result = vtk_mesh("vtkIOPLY", "vtkPLYReader", path).GetPointData()
+    np.testing.assert_array_equal(result.GetScalars(), color.values)
+    np.testing.assert_array_equal(result.GetTCoords(), uv.values)
 
 
 def test_vtk_reads_polygons_and_uv_of_saved_obj(tmp_path):
     uv = attribute(Kind.UV, "corner", 2, rows=9)
     (path,) = save(rich_cube(1, attributes=[uv]), tmp_path / "a.obj")
-    found = vtk_mesh("vtkIOGeometry", "vtkOBJReader", path)
-    polys = found.GetPolys()
+    result = vtk_mesh("vtkIOGeometry", "vtkOBJReader", path)
+    polys = result.GetPolys()
     assert np.diff(polys.GetOffsetsArray()).tolist() == list(CUBE_SIZES)
-    rows = np.array(found.GetPointData().GetTCoords())[np.array(polys.GetConnectivityArray())]
+    rows = np.array(result.GetPointData().GetTCoords())[np.array(polys.GetConnectivityArray())]
     np.testing.assert_allclose(rows, uv.per_item(), rtol=1e-6)  # VTK rounds values on reading

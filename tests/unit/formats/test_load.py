@@ -31,10 +31,10 @@ def write_frames(folder, *texts):
 def test_frame_formats_round_trip(tmp_path, make_sequence, extension, dtype, offset):
     sequence = make_sequence(11, dtype, offset)
     save(sequence, tmp_path / f"f_%d.{extension}")
-    found = load(tmp_path)
-    assert found.vertices.dtype == dtype
-    np.testing.assert_array_equal(found.vertices, sequence.vertices)
-    np.testing.assert_array_equal(found.faces, sequence.faces)
+    loaded = load(tmp_path)
+    assert loaded.vertices.dtype == dtype
+    np.testing.assert_array_equal(loaded.vertices, sequence.vertices)
+    np.testing.assert_array_equal(loaded.faces, sequence.faces)
 
 
 @pytest.mark.parametrize(
@@ -52,19 +52,19 @@ def test_float64_near_the_origin_is_float32_in_decimal_text(
 def test_stl_frames_round_trip_geometry_with_a_note_on_the_weld(tmp_path, make_sequence, read):
     sequence, notes = make_sequence(3), []
     save(sequence, tmp_path / "f_%d.stl")
-    found = read(tmp_path, notes=notes)
-    vertices = found.read(0, 3)
+    result = read(tmp_path, notes=notes)
+    vertices = result.read(0, 3)
     assert vertices.shape == sequence.vertices.shape
-    np.testing.assert_array_equal(vertices[:, found.faces], sequence.vertices[:, sequence.faces])
+    np.testing.assert_array_equal(vertices[:, result.faces], sequence.vertices[:, sequence.faces])
     assert notes == ["welded 24 STL corners to 6 vertices"]
 
 
 def test_load_keeps_quads_without_a_note(tmp_path):
     write_frames(tmp_path, *[SQUARE + "f 1 2 3 4\n"] * 2)
     notes = []
-    found = load(tmp_path, notes=notes)
-    assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert (found.surface.face_sizes.tolist(), notes) == ([4], [])
+    loaded = load(tmp_path, notes=notes)
+    assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert (loaded.surface.face_sizes.tolist(), notes) == ([4], [])
 
 
 @pytest.mark.parametrize(
@@ -142,6 +142,6 @@ def test_error_for_an_empty_file_names_it(tmp_path, extension):
 def test_reel_streams_are_decoded_at_the_given_rate(tmp_path, read):
     sequence = waving_grid()
     save(sequence, tmp_path / "a.reel")
-    found = read(tmp_path / "a.reel", fps=50)
-    np.testing.assert_array_equal(found.read(0, 12), decode(encode(sequence)).vertices)
-    assert (found.fps, found.name) == (50, "grid")
+    result = read(tmp_path / "a.reel", fps=50)
+    np.testing.assert_array_equal(result.read(0, 12), decode(encode(sequence)).vertices)
+    assert (result.fps, result.name) == (50, "grid")

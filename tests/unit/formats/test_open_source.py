@@ -45,9 +45,9 @@ def test_stored_frames_equal_loaded_ones_in_positions_and_metadata(
     assert isinstance(opened, StoredFrames)
     for start, stop in [(0, 11), (3, 4), (4, 9), (9, 20), (5, 5), (7, 2), (-2, 11)]:
         expected = loaded.vertices[start:stop]
-        found = opened.read(start, stop)
-        assert (found.dtype, found.shape) == (expected.dtype, expected.shape)
-        assert found.tobytes() == expected.tobytes()
+        result = opened.read(start, stop)
+        assert (result.dtype, result.shape) == (expected.dtype, expected.shape)
+        assert result.tobytes() == expected.tobytes()
     for name in ("n_frames", "n_verts", "fps", "name", "dtype"):
         assert getattr(opened, name) == getattr(loaded, name)
     assert opened.faces.tobytes() == loaded.faces.tobytes()
@@ -132,11 +132,11 @@ def with_nan(*, frame, vertex, axis):
 )
 def test_open_source_raises_the_errors_of_load(tmp_path, arrays, message):
     np.savez(tmp_path / "a.npz", faces=np.array([[0, 1, 2]]), **arrays)
-    with pytest.raises((FormatError, InvalidInputError), match=rf"a\.npz: .*{message}") as found:
+    with pytest.raises((FormatError, InvalidInputError), match=rf"a\.npz: .*{message}") as result:
         open_source(tmp_path / "a.npz")
-    with pytest.raises(found.type) as expected:
+    with pytest.raises(result.type) as expected:
         load(tmp_path / "a.npz")
-    assert str(found.value) == str(expected.value)
+    assert str(result.value) == str(expected.value)
 
 
 @pytest.mark.parametrize("fps", [-1, float("nan")])

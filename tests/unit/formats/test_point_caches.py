@@ -40,10 +40,10 @@ def test_point_caches_round_trip_with_a_mesh_file_of_the_same_name(
     cache, mesh = save(sequence, tmp_path / f"walk.{extension}")
     assert mesh == tmp_path / "walk.obj"
     for options in ({}, {"topology": mesh}):
-        found = load(cache, **options)
-        assert_same_positions(found, sequence)
-        assert_same_surface(found.surface, surface)
-        assert (found.name, positions_of(found).dtype) == ("walk", np.float32)
+        loaded = load(cache, **options)
+        assert_same_positions(loaded, sequence)
+        assert_same_surface(loaded.surface, surface)
+        assert (loaded.name, positions_of(loaded).dtype) == ("walk", np.float32)
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
@@ -52,16 +52,18 @@ def test_topology_option_gives_faces_and_polygons(tmp_path, extension):
     text = mesh.read_text().splitlines()
     rows = [line for line in text if line.startswith("v ")] + ["f 1 2 3 4", "f 6 7 8 9 10"]
     (tmp_path / "quads.obj").write_text("\n".join(rows))
-    found = load(cache, topology=tmp_path / "quads.obj")
-    np.testing.assert_array_equal(found.surface.face_sizes, [4, 5])
-    assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3], [5, 6, 7], [5, 7, 8], [5, 8, 9]]
+    loaded = load(cache, topology=tmp_path / "quads.obj")
+    np.testing.assert_array_equal(loaded.surface.face_sizes, [4, 5])
+    assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3], [5, 6, 7], [5, 7, 8], [5, 8, 9]]
 
 
 @pytest.mark.parametrize("fps", RATES)
 @pytest.mark.parametrize("start_s", [0.0, 0.1, 2.0, -1.5])
 def test_mdd_round_trips_frame_rate_and_start(tmp_path, fps, start_s):
-    found, notes = round_trip(tmp_path, plain_sequence(n_frames=9, fps=fps, start_s=start_s), "mdd")
-    assert (found.fps, found.start_s, notes) == (fps, start_s, [])
+    returned, notes = round_trip(
+        tmp_path, plain_sequence(n_frames=9, fps=fps, start_s=start_s), "mdd"
+    )
+    assert (returned.fps, returned.start_s, notes) == (fps, start_s, [])
 
 
 @pytest.mark.parametrize("fps", RATES)
@@ -69,8 +71,8 @@ def test_mdd_round_trips_frame_rate_and_start(tmp_path, fps, start_s):
 def test_pc2_round_trips_a_start_at_a_whole_frame(tmp_path, fps, extension):
     start_s = 1001 / fps
     sequence = plain_sequence(n_frames=9, fps=fps, start_s=start_s)
-    found, _ = round_trip(tmp_path, sequence, extension, fps=fps)
-    assert (found.fps, found.start_s) == (fps, start_s)
+    returned, _ = round_trip(tmp_path, sequence, extension, fps=fps)
+    assert (returned.fps, returned.start_s) == (fps, start_s)
 
 
 def test_load_notes_a_later_first_frame_of_pc2(tmp_path):
@@ -94,10 +96,10 @@ def test_load_notes_a_later_first_frame_of_pc2(tmp_path):
     ],
 )  # fmt: skip
 def test_save_notes_what_a_cache_cannot_store(tmp_path, extension, options, note, fps):
-    found, notes = round_trip(tmp_path, plain_sequence(**options), extension)
+    returned, notes = round_trip(tmp_path, plain_sequence(**options), extension)
     assert len(notes) == 1
     assert note in notes[0]
-    assert found.fps == pytest.approx(fps)
+    assert returned.fps == pytest.approx(fps)
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
@@ -109,8 +111,8 @@ def test_float64_positions_that_are_not_exact_are_rounded_with_a_note(
     rounded = sequence.vertices.astype(np.float32)
     if is_exact:
         sequence = MeshSequence(rounded.astype(np.float64), sequence.faces, 25.0)
-    found, notes = round_trip(tmp_path, sequence, extension, fps=25)
-    np.testing.assert_array_equal(found.vertices, rounded)
+    returned, notes = round_trip(tmp_path, sequence, extension, fps=25)
+    np.testing.assert_array_equal(returned.vertices, rounded)
     furthest = np.abs(rounded - sequence.vertices).max()
     note = f"positions were rounded to float32, by up to {furthest:.3g}"
     assert [each for each in notes if "rounded" in each] == ([] if is_exact else [note])
@@ -204,8 +206,8 @@ def test_load_notes_the_sample_interval_of_pc2(tmp_path):
     data = cache.read_bytes()
     cache.write_bytes(data[:24] + struct.pack("<f", 2) + data[28:])
     notes = []
-    found = load(cache, topology=mesh, fps=12.5, notes=notes)
-    assert (found.fps, found.start_s) == (12.5, 2.0)
+    loaded = load(cache, topology=mesh, fps=12.5, notes=notes)
+    assert (loaded.fps, loaded.start_s) == (12.5, 2.0)
     assert notes == ["samples are 2 frames apart; each is read as one frame"]
 
 

@@ -49,17 +49,17 @@ print(*sys.modules)
 
 def functions():
     """Yield the functions of all rows with their number of arguments."""
-    for found in (*FORMATS.values(), *FOLDER_FORMATS.values()):
-        for field in fields(found):
-            function: Any = getattr(found, field.name)
+    for result in (*FORMATS.values(), *FOLDER_FORMATS.values()):
+        for field in fields(result):
+            function: Any = getattr(result, field.name)
             n_arguments = N_ARGUMENTS.get(field.name)
-            if isinstance(found, FolderFormat) and field.name == "write":
+            if isinstance(result, FolderFormat) and field.name == "write":
                 n_arguments += 1  # the stem of the file names
             if isinstance(function, partial):
                 n_arguments += len(function.args)
                 function = function.func
             if n_arguments and function is not None:
-                name = f"{found.extension} {field.name} {function.__name__}"
+                name = f"{result.extension} {field.name} {function.__name__}"
                 yield pytest.param(function, n_arguments, id=name)
 
 
@@ -89,20 +89,20 @@ def loaded_modules(path):
 )
 def test_load_imports_only_what_a_format_needs(tmp_path, extension, own):
     save(waving_grid(n_frames=1), tmp_path / f"a{extension}")
-    found = loaded_modules(tmp_path / f"a{extension}")
-    folders = {name.split(".")[2] for name in found if name.startswith("meshreel.formats.")}
+    result = loaded_modules(tmp_path / f"a{extension}")
+    folders = {name.split(".")[2] for name in result if name.startswith("meshreel.formats.")}
     assert folders & FOLDERS == own
-    assert not {"scipy", "DracoPy", "h5py", "pxr"} & set(found)
-    assert sum(name.split(".")[0] == "meshreel" for name in found) < 85
+    assert not {"scipy", "DracoPy", "h5py", "pxr"} & set(result)
+    assert sum(name.split(".")[0] == "meshreel" for name in result) < 85
 
 
 def test_formats_are_imported_through_the_registry_only():
-    found = set()
+    result = set()
     for path in ROOT.rglob("*.py"):
         room = path.relative_to(ROOT).parts[0]
         for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module.startswith("meshreel.formats."):
                 other = node.module.split(".")[2]
                 if other in FOLDERS - {room}:
-                    found.add((room, other))
-    assert found == ALLOWED
+                    result.add((room, other))
+    assert result == ALLOWED

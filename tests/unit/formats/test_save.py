@@ -121,9 +121,9 @@ def test_save_notes_the_error_of_a_stream(tmp_path, make_sequence):
     path = tmp_path / "a.reel"
     save(waving_grid(), path, options=WriteOptions(max_error=0.2), notes=notes)
     assert path.read_bytes() == meshreel.encode(waving_grid(), max_error=0.2)
-    found = meshreel.compare(waving_grid(), load(path)).max_error_percent
-    assert found <= 0.2
-    assert notes[0].startswith(f"encoded with a largest error of {found:.4f} % of the diagonal")
+    result = meshreel.compare(waving_grid(), load(path)).max_error_percent
+    assert result <= 0.2
+    assert notes[0].startswith(f"encoded with a largest error of {result:.4f} % of the diagonal")
 
 
 def test_lossless_option_writes_a_lossless_stream(tmp_path):
@@ -167,8 +167,8 @@ def test_save_never_replaces_its_input_stream(tmp_path):
     "extension", sorted(one.extension for one in FORMATS.values() if is_written(one))
 )
 def test_save_notes_materials_that_are_left_out(extension, tmp_path):
-    found = FORMATS[extension]
-    extra = getattr(found, "extra", None)
+    result = FORMATS[extension]
+    extra = getattr(result, "extra", None)
     if extra is not None and not extra.is_installed:
         pytest.skip(f"{extension} needs {extra.library}, which is not installed")
     notes = []
@@ -177,4 +177,4 @@ def test_save_notes_materials_that_are_left_out(extension, tmp_path):
         f"left out, as {extension} files cannot store it: material properties (red, gr\u00fcn) and "
     )
     is_said = f"{said}2 texture images" in notes
-    assert is_said != getattr(found, "holds_materials", False)
+    assert is_said != getattr(result, "holds_materials", False)

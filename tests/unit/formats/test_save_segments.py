@@ -34,7 +34,7 @@ def changing():
     grid = waving_grid(4)
     meshes = [grid, quad_sheet(3), grid.replace(vertices=2 * grid.vertices[:1])]
     return meshreel.concatenate(
-        [with_heat(one.replace(name="mesh"), seed) for seed, one in enumerate(meshes)]
+        [with_heat(mesh.replace(name="mesh"), seed) for seed, mesh in enumerate(meshes)]
     )
 
 
@@ -70,7 +70,7 @@ def inner_edges(faces):
 def textured():
     """Segments of four meshes with the same data, the second and third of one size."""
     sizes = (3, 4, 3), (2, 3, 5), (2, 5, 3), (2, 4, 3)
-    return meshreel.concatenate([textured_grid(*one) for one in sizes])
+    return meshreel.concatenate([textured_grid(*size) for size in sizes])
 
 
 def assert_same_frames(found, expected, *, atol=0.0):
@@ -96,9 +96,9 @@ def assert_data_as_of_single_segments(found, expected, folder, output):
 def test_frame_files_have_the_mesh_of_their_segment(changing, tmp_path, extension):
     written = meshreel.save(changing, tmp_path / f"f_%02d{extension}")
     assert len(written) == changing.n_frames
-    found = meshreel.load(str(tmp_path / f"f_*{extension}"), fps=FPS)
-    assert_same_frames(found, changing)
-    assert_data_as_of_single_segments(found, changing, tmp_path, f"f_%02d{extension}")
+    loaded = meshreel.load(str(tmp_path / f"f_*{extension}"), fps=FPS)
+    assert_same_frames(loaded, changing)
+    assert_data_as_of_single_segments(loaded, changing, tmp_path, f"f_%02d{extension}")
 
 
 def test_stl_files_have_the_triangles_of_their_segment(changing, tmp_path):
@@ -121,8 +121,8 @@ def test_formats_with_constant_faces_refuse_changes(changing, tmp_path, extensio
 @pytest.mark.parametrize("extension", [".npz", ".mdd"])
 def test_frames_of_one_segment_are_written_in_any_format(changing, tmp_path, extension):
     meshreel.save(changing[4:7], tmp_path / f"a{extension}")
-    found = meshreel.load(tmp_path / f"a{extension}")
-    np.testing.assert_array_equal(found.vertices, changing.segments[1].vertices)
+    loaded = meshreel.load(tmp_path / f"a{extension}")
+    np.testing.assert_array_equal(loaded.vertices, changing.segments[1].vertices)
 
 
 def test_reel_has_a_segment_for_each(changing, tmp_path):
@@ -137,8 +137,8 @@ def test_segments_of_a_reel_are_written_without_loading_all(changing, tmp_path):
     (tmp_path / "a.reel").write_bytes(data)
     with meshreel.open(tmp_path / "a.reel") as reel:
         meshreel.save(reel, tmp_path / "f_%d.ply")
-    found = meshreel.load(str(tmp_path / "f_*.ply"), fps=FPS)
-    assert_same_frames(found, changing)
+    loaded = meshreel.load(str(tmp_path / "f_*.ply"), fps=FPS)
+    assert_same_frames(loaded, changing)
 
 
 def test_progress_counts_the_frames_of_all_segments(changing, tmp_path):
@@ -159,11 +159,11 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path):
 def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
     notes = []
     meshreel.save(textured, tmp_path / f"a{extension}", notes=notes)
-    found = meshreel.load(tmp_path / f"a{extension}")
+    loaded = meshreel.load(tmp_path / f"a{extension}")
     name = "a" if extension == ".pvd" else "mesh"  # a collection has no name
-    assert (found.fps, found.name) == (FPS, name)
-    assert_same_frames(found, textured)
-    assert_data_as_of_single_segments(found, textured, tmp_path, f"a{extension}")
+    assert (loaded.fps, loaded.name) == (FPS, name)
+    assert_same_frames(loaded, textured)
+    assert_data_as_of_single_segments(loaded, textured, tmp_path, f"a{extension}")
     assert not any("segments" in note for note in notes)
 
 
@@ -171,9 +171,9 @@ def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
 def test_one_file_of_segments_with_different_data(changing, tmp_path, extension):
     notes = []
     meshreel.save(changing, tmp_path / f"a{extension}", notes=notes)
-    found = meshreel.load(tmp_path / f"a{extension}")
-    assert_same_frames(found, changing)
-    assert_same_tracks(found.segments[1].tracks, changing.segments[1].tracks)
+    loaded = meshreel.load(tmp_path / f"a{extension}")
+    assert_same_frames(loaded, changing)
+    assert_same_tracks(loaded.segments[1].tracks, changing.segments[1].tracks)
     assert any("only some segments have" in note and "st" in note for note in notes)
 
 
@@ -209,8 +209,8 @@ def test_the_alembic_library_reads_the_faces_of_each_frame(textured, tmp_path):
     from samples.alembic import library_samples
 
     meshreel.save(textured, tmp_path / "a.abc")
-    found = list(library_samples(tmp_path / "a.abc"))
-    for (points, counts, corners), frame in zip(found, textured, strict=True):
+    result = list(library_samples(tmp_path / "a.abc"))
+    for (points, counts, corners), frame in zip(result, textured, strict=True):
         np.testing.assert_array_equal(points, frame.vertices)
         assert (counts == 3).all()
         np.testing.assert_array_equal(corners.reshape(-1, 3)[:, ::-1], frame.faces)
@@ -226,9 +226,9 @@ def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
         surface = replace(grid.surface, groups=(replace(groups, labels=labels),), hard_edges=hard)
         grids[number] = grid.replace(surface=surface)
     meshreel.save(meshreel.concatenate(grids), tmp_path / f"a{extension}")
-    found = meshreel.load(tmp_path / f"a{extension}")
+    loaded = meshreel.load(tmp_path / f"a{extension}")
     expected = meshreel.concatenate(grids)
-    assert_data_as_of_single_segments(found, expected, tmp_path, f"a{extension}")
+    assert_data_as_of_single_segments(loaded, expected, tmp_path, f"a{extension}")
 
 
 @pytest.mark.parametrize("extension", [".glb", ".gltf"])
@@ -236,25 +236,25 @@ def test_gltf_shows_the_mesh_of_each_segment(textured, tmp_path, extension):
     notes = []
     options = WriteOptions(max_error=0.01)
     meshreel.save(textured, tmp_path / f"a{extension}", options=options, notes=notes)
-    found = meshreel.load(tmp_path / f"a{extension}")
-    assert (found.starts, found.name) == (textured.starts, "mesh")
-    assert found.fps == pytest.approx(FPS)
+    loaded = meshreel.load(tmp_path / f"a{extension}")
+    assert (loaded.starts, loaded.name) == (textured.starts, "mesh")
+    assert loaded.fps == pytest.approx(FPS)
     diagonal = np.linalg.norm(textured.extent.high - textured.extent.low)
-    for one, other in zip(found, textured, strict=True):
+    for one, other in zip(loaded, textured, strict=True):
         distance, nearest = cKDTree(one.vertices).query(other.vertices)
         assert distance.max() <= 1.01e-4 * diagonal
         expected = np.sort(np.sort(nearest[other.faces], axis=1), axis=0)
         np.testing.assert_array_equal(np.sort(np.sort(one.faces, axis=1), axis=0), expected)
     assert any("the largest error is" in note for note in notes)
-    for segment in found.segments:
+    for segment in loaded.segments:
         [groups] = segment.surface.groups
         assert set(groups.labels) == {"skin", "cloth"}
 
 
 def test_gltf_scales_the_segments_of_other_frames_to_zero(textured, tmp_path):
     meshreel.save(textured, tmp_path / "a.glb")
-    found = Glb.read((tmp_path / "a.glb").read_bytes())
-    nodes, [animation] = found.document["nodes"], found.document["animations"]
+    result = Glb.read((tmp_path / "a.glb").read_bytes())
+    nodes, [animation] = result.document["nodes"], result.document["animations"]
     times = textured.start_s + np.arange(textured.n_frames) / FPS
     n_segments = 0
     for channel in animation["channels"]:
@@ -262,7 +262,7 @@ def test_gltf_scales_the_segments_of_other_frames_to_zero(textured, tmp_path):
         if channel["target"]["path"] != "scale":
             continue
         assert sampler["interpolation"] == "STEP"
-        keys, scales = found.array(sampler["input"])[:, 0], found.array(sampler["output"])
+        keys, scales = result.array(sampler["input"])[:, 0], result.array(sampler["output"])
         before = np.searchsorted(keys, times + 1e-4, side="right") - 1
         segments = [
             segment_of_frame(textured.starts, number)[0] for number in range(textured.n_frames)
@@ -279,14 +279,14 @@ def test_trimesh_reads_the_meshes_of_all_segments(textured, tmp_path):
     meshreel.save(textured, tmp_path / "a.glb")
     scene = trimesh.load(tmp_path / "a.glb", process=False)
     n_faces = sum(len(one.faces) for one in scene.geometry.values())
-    assert n_faces == sum(len(one.faces) for one in textured.segments)
+    assert n_faces == sum(len(segment.faces) for segment in textured.segments)
 
 
 def dressed_segments():
     """Return two sheets whose materials differ in roughness."""
     sheets = [dressed_sheet(n).replace(fps=FPS) for n in (2, 1)]
     materials = sheets[1].surface.materials
-    other = tuple(replace(one, roughness=0.125) for one in materials)
+    other = tuple(replace(material, roughness=0.125) for material in materials)
     surface = replace(sheets[1].surface, materials=other)
     return [sheets[0], sheets[1].replace(surface=surface)]
 
@@ -307,12 +307,12 @@ def test_error_bound_of_gltf_holds_for_decoded_segments(changing, tmp_path):
     notes = []
     with meshreel.open(tmp_path / "a.reel") as reel:
         meshreel.save(reel, tmp_path / "a.glb", options=WriteOptions(max_error=0.1), notes=notes)
-    found = meshreel.load(tmp_path / "a.glb")
+    loaded = meshreel.load(tmp_path / "a.glb")
     diagonal = np.linalg.norm(changing.extent.high - changing.extent.low)
-    for one, other in zip(found, changing, strict=True):
+    for one, other in zip(loaded, changing, strict=True):
         distance, _ = cKDTree(one.vertices).query(other.vertices)
         assert distance.max() <= 1.001e-3 * diagonal
-    assert any("against the original the largest error is at most 0.0" in one for one in notes)
+    assert any("against the original the largest error is at most 0.0" in note for note in notes)
 
 
 def test_usd_has_the_faces_and_primvars_of_each_frame(textured, tmp_path):
@@ -331,8 +331,8 @@ def test_usd_has_the_faces_and_primvars_of_each_frame(textured, tmp_path):
         assert list(mesh.GetFaceVertexCountsAttr().Get(code)) == [3] * len(frame.faces)
         uv, weight = segment.surface.attributes[0], segment.surface.attributes[2]
         np.testing.assert_array_equal(primvars.GetPrimvar("st").Get(code), uv.values)
-        found = np.array(primvars.GetPrimvar("weight").Get(code))
-        np.testing.assert_array_equal(found, weight.values[:, 0])
+        result = np.array(primvars.GetPrimvar("weight").Get(code))
+        np.testing.assert_array_equal(result, weight.values[:, 0])
         for subset in geometry.Subset.GetAllGeomSubsets(geometry.Imageable(prim)):
             label = ("skin", "cloth").index(subset.GetPrim().GetName())
             faces = np.flatnonzero(segment.surface.groups[0].numbers == label)
@@ -348,9 +348,9 @@ def test_usd_keeps_materials_and_images_of_each_segment(tmp_path, extension):
     images = sheets[0].surface.images
     assert len(written) == (1 + len(images) if extension == ".usdc" else 1)
     stage = usd.Stage.Open(str(tmp_path / f"a{extension}"))
-    found = [one for one in stage.Traverse() if one.IsA(shade.Material)]
-    used = {label for one in sheets for label in one.surface.groups[0].labels}
-    assert len(found) == 2 * len(used)
+    results = [one for one in stage.Traverse() if one.IsA(shade.Material)]
+    used = {label for sheet in sheets for label in sheet.surface.groups[0].labels}
+    assert len(results) == 2 * len(used)
     roughness = [
         one.GetAttribute("inputs:roughness").Get()
         for one in stage.Traverse()
@@ -365,7 +365,7 @@ def test_grids_of_xdmf_refer_to_the_faces_of_their_segment(textured, tmp_path):
     grids = ElementTree.parse(tmp_path / "a.xdmf").findall("Domain/Grid/Grid")
     with h5py.File(tmp_path / "a.xdmf.h5") as file:
         for grid, frame in zip(grids, textured, strict=True):
-            places = [grid.findtext(f"{one}/DataItem") for one in ("Topology", "Geometry")]
+            places = [grid.findtext(f"{name}/DataItem") for name in ("Topology", "Geometry")]
             faces, points = (file[place.strip().removeprefix("a.xdmf.h5:")][:] for place in places)
             np.testing.assert_array_equal(faces, frame.faces)
             np.testing.assert_array_equal(points, frame.vertices)

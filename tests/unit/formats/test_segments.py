@@ -76,6 +76,6 @@ def test_frames_in_another_order_are_matched_by_texture_coordinates(reordered):
 @pytest.mark.parametrize(("order", "n_segments"), [(None, 1), ("drop", 1), ("keep", 4)])
 def test_frames_are_not_matched_if_their_order_is_to_be_kept(reordered, order, n_segments):
     data = meshreel.encode(reordered, **({} if order is None else {"order": order}))
-    found = meshreel.info(data)
-    assert max(1, len(found.segments)) == n_segments
-    assert found.order == (order or "drop")
+    info = meshreel.info(data)
+    assert max(1, len(info.segments)) == n_segments
+    assert info.order == (order or "drop")

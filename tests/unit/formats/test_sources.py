@@ -25,26 +25,26 @@ def test_natural_order_sorts_unpadded_numbers():
 
 def test_folder_means_its_sorted_mesh_files(tmp_path):
     touch(tmp_path, "f_10.obj", "f_2.OBJ", ".f_1.obj", "f.mtl", "notes.txt", "._x.ply")
-    found = find_files(tmp_path)
-    assert (names(found), found.name) == (["f_2.OBJ", "f_10.obj"], tmp_path.name)
+    result = find_files(tmp_path)
+    assert (names(result), result.name) == (["f_2.OBJ", "f_10.obj"], tmp_path.name)
 
 
 def test_pattern_means_its_matches(tmp_path):
     touch(tmp_path, "f_10.obj", "f_2.obj", "f_2.mtl", "g_1.obj", "f_3.ply")
-    found = find_files(f"{tmp_path}/f_*.[om]*")
-    assert (names(found), found.name) == (["f_2.obj", "f_10.obj"], tmp_path.name)
+    result = find_files(f"{tmp_path}/f_*.[om]*")
+    assert (names(result), result.name) == (["f_2.obj", "f_10.obj"], tmp_path.name)
 
 
 def test_existing_file_takes_precedence_over_a_pattern(tmp_path):
     touch(tmp_path, "a[1].obj", "a1.obj")
-    found = find_files(str(tmp_path / "a[1].obj"))
-    assert (names(found), found.name) == (["a[1].obj"], "a[1]")
+    result = find_files(str(tmp_path / "a[1].obj"))
+    assert (names(result), result.name) == (["a[1].obj"], "a[1]")
 
 
 def test_list_keeps_its_order(tmp_path):
     touch(tmp_path, "b.obj", "a.obj")
-    found = find_files([tmp_path / "b.obj", str(tmp_path / "a.obj")])
-    assert (names(found), found.name) == (["b.obj", "a.obj"], tmp_path.name)
+    result = find_files([tmp_path / "b.obj", str(tmp_path / "a.obj")])
+    assert (names(result), result.name) == (["b.obj", "a.obj"], tmp_path.name)
 
 
 def test_list_of_one_folder_means_its_files(tmp_path):

@@ -37,11 +37,11 @@ def opened(path, **options):
 
 
 def test_stored_segments_are_those_that_load_decodes(path):
-    found, expected = opened(path), meshreel.load(path)
-    assert all(isinstance(one, StoredSegment) for one in found.segments)
-    assert (found.starts, found.name, found.fps) == (expected.starts, "a", expected.fps)
-    assert found.raw_size_bytes == expected.raw_size_bytes
-    for one, other in zip(found.segments, expected.segments, strict=True):
+    result, expected = opened(path), meshreel.load(path)
+    assert all(isinstance(segment, StoredSegment) for segment in result.segments)
+    assert (result.starts, result.name, result.fps) == (expected.starts, "a", expected.fps)
+    assert result.raw_size_bytes == expected.raw_size_bytes
+    for one, other in zip(result.segments, expected.segments, strict=True):
         np.testing.assert_array_equal(one.read(0, one.n_frames), other.read(0, other.n_frames))
         np.testing.assert_array_equal(one.faces, other.faces)
         np.testing.assert_array_equal(one.extent.low, other.extent.low)
@@ -51,23 +51,23 @@ def test_stored_segments_are_those_that_load_decodes(path):
 
 
 def test_stored_segments_have_the_frame_rate_of_the_options(path):
-    found, expected = opened(path, fps=50), meshreel.load(path, fps=50)
-    assert [one.start_s for one in found.segments] == [0, 4 / 50, 7 / 50]
-    assert found.fps == expected.fps == 50
+    result, expected = opened(path, fps=50), meshreel.load(path, fps=50)
+    assert [segment.start_s for segment in result.segments] == [0, 4 / 50, 7 / 50]
+    assert result.fps == expected.fps == 50
 
 
 @pytest.mark.parametrize(("surplus", "is_stored"), [(0, False), (-1, True)])
 def test_segments_are_stored_above_max_loaded_bytes(path, surplus, is_stored):
     expected = meshreel.load(path)
-    size = sum(one.read(0, one.n_frames).nbytes for one in expected.segments)
-    found = open_any(find_files(path), ReadOptions(max_loaded_bytes=size + surplus))
-    assert isinstance(found.segments[0], StoredSegment) == is_stored
+    size = sum(segment.read(0, segment.n_frames).nbytes for segment in expected.segments)
+    result = open_any(find_files(path), ReadOptions(max_loaded_bytes=size + surplus))
+    assert isinstance(result.segments[0], StoredSegment) == is_stored
 
 
 def test_stored_segments_have_the_selected_attributes(path):
-    found = opened(path, attributes="none")
-    assert any(one.surface.attributes for one in opened(path).segments)
-    assert not any(one.surface.attributes for one in found.segments)
+    result = opened(path, attributes="none")
+    assert any(segment.surface.attributes for segment in opened(path).segments)
+    assert not any(segment.surface.attributes for segment in result.segments)
     with pytest.raises(InvalidInputError, match=r"a\.reel: has no attribute or group 'skin'"):
         opened(path, attributes="skin")
 
@@ -110,10 +110,10 @@ def test_a_damaged_segment_is_named_with_its_file_when_it_is_read(path):
         middle = last._opened.file.block(0).offset + last._opened.file.block(0).size_bytes - 8
     data[middle] ^= 255
     path.write_bytes(data)
-    found = opened(path)
-    assert found.segments[0].read(0, 1).shape[0] == 1
+    result = opened(path)
+    assert result.segments[0].read(0, 1).shape[0] == 1
     with pytest.raises(CorruptStreamError, match=r"a\.reel: "):
-        found.segments[2].read(0, 1)
+        result.segments[2].read(0, 1)
 
 
 @pytest.mark.parametrize(("limit", "n_decodings"), [(1 << 26, 1), (0, 3)])
@@ -131,6 +131,6 @@ def test_meshes_are_decoded_once_if_they_are_small(path, tmp_path, monkeypatch, 
     meshreel.save(sequence, tmp_path / "a.vtkhdf", notes=[])
     assert max(np.bincount(numbers)) <= n_decodings + 1
     assert min(np.bincount(numbers)) >= n_decodings
-    found = meshreel.load(tmp_path / "a.vtkhdf")
-    for one, other in zip(found, meshreel.load(path), strict=True):
+    loaded = meshreel.load(tmp_path / "a.vtkhdf")
+    for one, other in zip(loaded, meshreel.load(path), strict=True):
         np.testing.assert_array_equal(one.vertices, other.vertices)

@@ -33,8 +33,8 @@ def test_array_formats_round_trip_hard_edges(tmp_path, extension):
         pytest.importorskip("h5py")
     box = hard_box()
     save(box, tmp_path / f"a{extension}")
-    found, notes = loaded(tmp_path / f"a{extension}")
-    assert_same_surface(found.surface, box.surface)
+    result, notes = loaded(tmp_path / f"a{extension}")
+    assert_same_surface(result.surface, box.surface)
     assert notes == []
 
 
@@ -44,9 +44,9 @@ def test_scene_formats_round_trip_hard_edges_without_a_track(tmp_path, make, ext
     pytest.importorskip("pxr" if extension == ".usdc" else "alembic3d")
     sequence = make()
     save(sequence, tmp_path / f"a{extension}")
-    found, notes = loaded(tmp_path / f"a{extension}")
-    assert_same_normals(found, sequence, 1e-4)
-    assert found.tracks == {}
+    result, notes = loaded(tmp_path / f"a{extension}")
+    assert_same_normals(result, sequence, 1e-4)
+    assert result.tracks == {}
     assert not any("do not follow" in note for note in notes)
 
 
@@ -106,9 +106,9 @@ def triangle_corners(sizes):
 def test_glb_round_trips_hard_edges(tmp_path, make):
     sequence = make(1)
     save(sequence, tmp_path / "a.glb")
-    found, _ = loaded(tmp_path / "a.glb")
-    assert found.n_verts == sequence.n_verts
-    assert len(found.surface.hard_edges) == len(sequence.surface.hard_edges)
+    result, _ = loaded(tmp_path / "a.glb")
+    assert result.n_verts == sequence.n_verts
+    assert len(result.surface.hard_edges) == len(sequence.surface.hard_edges)
 
 
 def test_glb_without_normals_splits_no_vertices(tmp_path):
@@ -127,9 +127,9 @@ def test_obj_hard_edges_become_smoothing_groups(tmp_path, make):
     n_groups = {8: 1, 50: 3}[sequence.n_verts]
     assert text.count("\ns ") == n_groups
     assert ("\ns off\n" in text) == (n_groups == 1)
-    found, notes = loaded(tmp_path)
+    result, notes = loaded(tmp_path)
     np.testing.assert_array_equal(
-        ascending(found.surface.hard_edges), ascending(sequence.surface.hard_edges)
+        ascending(result.surface.hard_edges), ascending(sequence.surface.hard_edges)
     )
     assert not any("left out" in note for note in notes)
 
@@ -144,8 +144,8 @@ def test_obj_falls_back_to_normals_for_hard_edges(tmp_path):
     named = rows.astype(float)[[int(word.split("/")[2]) - 1 for word in words]]
     expected = meshreel.corner_normals(sheet.vertices[0], sheet.faces, sheet.surface)
     np.testing.assert_allclose(named, expected, atol=1e-6)
-    found, _ = loaded(tmp_path / "a.obj")
-    assert_same_normals(found, sheet, 1e-4)
+    result, _ = loaded(tmp_path / "a.obj")
+    assert_same_normals(result, sheet, 1e-4)
 
 
 @pytest.mark.parametrize("extension", [".ply", ".off", ".stl", ".pvd"])

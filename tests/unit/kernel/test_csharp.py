@@ -163,13 +163,13 @@ def surface_lines(file, data):
     edges = c_reader.array_at(c.hard_edges, 2 * c.n_hard_edges, np.int32)
     yield f"faces {hashed(surface.face_sizes)} hard {hashed(edges)}"
     names = {"uint8": "Byte", "int32": "Int32", "float32": "Single", "float64": "Double"}
-    for i, one in enumerate(surface.attributes):
-        code, values = c.attributes[i], one.values
-        stored = (values, one.indices) if code.is_indexed else (None, None)
-        each = values if one.indices is None else values[one.indices]
+    for i, attribute in enumerate(surface.attributes):
+        code, values = c.attributes[i], attribute.values
+        stored = (values, attribute.indices) if code.is_indexed else (None, None)
+        each = values if attribute.indices is None else values[attribute.indices]
         hashes = " ".join(map(hashed, [*stored, each.astype(float)]))
         codes = f"{code.kind} {code.domain} {code.width}"
-        yield f"attribute '{one.name}' {codes} {names[values.dtype.name]} {hashes}"
+        yield f"attribute '{attribute.name}' {codes} {names[values.dtype.name]} {hashes}"
     for groups in surface.groups:
         yield f"groups '{groups.name}' {'|'.join(groups.labels)} {hashed(groups.numbers)}"
     for part in surface.parts:
@@ -276,7 +276,7 @@ def shown_frames(path, mirrored=True):
                 for t, positions in enumerate(decoder.frames(dtype=np.float32)):
                     vectors = [positions, decoder.normals(positions)]
                     side = np.array([-1 if mirrored else 1, 1, 1], np.float32)
-                    hashes = " ".join(hashed((one * side)[corners] + 0) for one in vectors)
+                    hashes = " ".join(hashed((vector * side)[corners] + 0) for vector in vectors)
                     frame = segment.first_frame + t
                     yield f"{frame} {number} {n_vertices} {hashes} {hashed(uvs)}"
 
@@ -294,12 +294,12 @@ def shown_corners(file, surface, mirrored):
         - np.repeat(np.cumsum(sizes - 2) - sizes + 2, sizes - 2)
     )
     corners = np.stack([starts[faces], second, second + 1], axis=1)
-    groups = [one for one in surface.groups if one.name == "material"]
+    groups = [group for group in surface.groups if group.name == "material"]
     labels = groups[0].numbers[faces] if groups else np.zeros(n_triangles, int)
     order = np.argsort(np.where(labels < 0, labels.max() + 1, labels), kind="stable")
     turned = [0, 2, 1] if mirrored else [0, 1, 2]
     corners, vertices = (one[order][:, turned].ravel() for one in (corners, file.triangles))
-    uv = next((one for one in surface.attributes if one.kind == "uv"), None)
+    uv = next((attribute for attribute in surface.attributes if attribute.kind == "uv"), None)
     if uv is None:
         return vertices, vertices, None
     items = {"vertex": vertices, "corner": corners}[uv.domain]

@@ -51,7 +51,7 @@ def test_plain_reader_computes_the_same_orders(name, is_mixed):
     assert order == corners.tolist()
     listed = [[int(faces[c // 3, (c + k) % 3]) for k in range(3)] for c in order]
     names = list(dict.fromkeys(one for face in listed for one in face))
-    names += [one for one in range(n_verts) if one not in names]
+    names += [number for number in range(n_verts) if number not in names]
     renamed = [[names.index(one) for one in face] for face in listed]
     in_names = read_vertices(both, n_verts, renamed)
     assert [names[one] for one in in_names] == sequence.tolist()

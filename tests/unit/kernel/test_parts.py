@@ -74,7 +74,7 @@ def test_groups_contain_consecutive_segments(monkeypatch):
         decode_together(segments)
 
     monkeypatch.setattr(decoder, "decode_together", recorded)
-    n_two = sum(one.n_frames * one.n_verts for one in given.segments[:2])
+    n_two = sum(segment.n_frames * segment.n_verts for segment in given.segments[:2])
     monkeypatch.setattr(decoder, "POSITIONS_OF_GROUP", n_two)
     apart = meshreel.decode(data)
     assert sizes == [2]  # the others exceed the limit together, and are decoded one by one
@@ -98,7 +98,7 @@ def test_files_remain_usable_after_a_failure():
     data = meshreel.encode(segments_of(3, with_tracks=False))
     whole = OpenFile(data, 1e9)
     files = [whole.segment(number) for number in range(3)]
-    frames = [np.empty((3, one.info.n_verts, 3), np.float32) for one in files]
+    frames = [np.empty((3, file.info.n_verts, 3), np.float32) for file in files]
     requests = [
         SegmentFrames(one, first, [out], 0, with_surface=True)
         for one, first, out in zip(files, (0, 2, 0), frames, strict=True)

@@ -21,7 +21,7 @@ PLAIN = Choice(first_shaped=1 << 30, gain=0.0, rate_weight=0.0)
 def decode_slowly(sequence, size, residuals, n_learned, key=None):
     """Decode with the plain reader, in the layout of `decode_values`."""
     resolutions = resolutions_of(sequence.faces.tolist(), sequence.n_verts, size)
-    order = [vertex.number for one in resolutions for vertex in one]
+    order = [vertex.number for resolution in resolutions for vertex in resolution]
     known = [] if key is None else [dict(zip(order, one, strict=True)) for one in key.T.tolist()]
     fields = predict_fields(resolutions, residuals.tolist(), size, n_learned, known)
     return np.array([[field[v] for field in fields] for v in order])

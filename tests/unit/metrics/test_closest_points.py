@@ -8,16 +8,16 @@ from samples.shapes import closest_by_brute_force, torus
 
 def assert_closest(points, corners):
     """The distance, the triangle and the point are those of brute force."""
-    found = TriangleTree(corners).closest(points)
+    result = TriangleTree(corners).closest(points)
     distances = closest_by_brute_force(points, corners)
     least = distances.min(axis=1).astype(float)
     scale = max(1.0, np.abs(points).max())
     np.testing.assert_allclose(
-        np.sqrt(found.squared_distances), least, rtol=1e-9, atol=1e-12 * scale
+        np.sqrt(result.squared_distances), least, rtol=1e-9, atol=1e-12 * scale
     )
-    at_triangle = distances[np.arange(len(points)), found.triangles].astype(float)
+    at_triangle = distances[np.arange(len(points)), result.triangles].astype(float)
     np.testing.assert_allclose(at_triangle, least, rtol=1e-9, atol=1e-12 * scale)
-    at_point = np.linalg.norm(points - found.points, axis=1)
+    at_point = np.linalg.norm(points - result.points, axis=1)
     np.testing.assert_allclose(at_point, least, rtol=1e-9, atol=1e-12 * scale)
 
 
@@ -71,5 +71,5 @@ def test_closest_points_do_not_depend_on_how_many_are_searched_at_once(rng, monk
 
 
 def test_no_points_have_no_closest_points(rng):
-    found = TriangleTree(rng.normal(size=(5, 3, 3))).closest(np.empty((0, 3)))
-    assert [len(values) for values in found] == [0, 0, 0]
+    result = TriangleTree(rng.normal(size=(5, 3, 3))).closest(np.empty((0, 3)))
+    assert [len(values) for values in result] == [0, 0, 0]

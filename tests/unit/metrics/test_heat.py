@@ -82,8 +82,8 @@ def test_vertex_normal_angle_deg_averages_incident_faces():
     decoded = original.copy()
     decoded[2] = [0, 0, 1]
     faces = np.array([[0, 1, 2], [1, 0, 3]], np.int32)
-    found = vertex_normal_angle_deg(original, decoded, faces)
-    assert found == pytest.approx([45, 45, 90, 0, 0])
+    result = vertex_normal_angle_deg(original, decoded, faces)
+    assert result == pytest.approx([45, 45, 90, 0, 0])
 
 
 def test_vertex_normal_angle_deg_ignores_degenerate_faces():
@@ -91,8 +91,8 @@ def test_vertex_normal_angle_deg_ignores_degenerate_faces():
     decoded = original.copy()
     decoded[2] = [0, 0, 1]
     faces = np.array([[0, 1, 2], [0, 1, 3]], np.int32)  # the second is a line
-    found = vertex_normal_angle_deg(original, decoded, faces)
-    assert found == pytest.approx([90, 90, 90, 0])
+    result = vertex_normal_angle_deg(original, decoded, faces)
+    assert result == pytest.approx([90, 90, 90, 0])
 
 
 def test_error_names_both_shapes():
@@ -111,8 +111,8 @@ def test_vertex_sted_is_the_deviation_of_the_incident_edges():
     lengths, errors = np.array([1, 1, 2]), np.array([0, -1, -0.5])
     mean = np.average(errors, weights=lengths)
     expected = np.sqrt(np.average((errors - mean) ** 2, weights=lengths))
-    found = vertex_sted(original, decoded, np.array([[0, 1, 2]], np.int32))
-    assert found == pytest.approx([expected] * 3)
+    result = vertex_sted(original, decoded, np.array([[0, 1, 2]], np.int32))
+    assert result == pytest.approx([expected] * 3)
 
 
 def test_mean_of_vertex_sted_is_the_spatial_part(tube):
@@ -136,9 +136,9 @@ def test_heat_field_returns_the_requested_kind(kind, tube):
         "angle": lambda: vertex_normal_angle_deg(original, decoded, faces),
         "sted": lambda: vertex_sted(original, decoded, faces),
     }[kind]()
-    found = heat_field(kind, faces, len(original), 7.0)(original, decoded)
-    np.testing.assert_array_equal(found, expected)
-    assert found.max() > 0
+    result = heat_field(kind, faces, len(original), 7.0)(original, decoded)
+    np.testing.assert_array_equal(result, expected)
+    assert result.max() > 0
 
 
 def test_error_for_an_unknown_kind_lists_the_kinds():

@@ -40,8 +40,8 @@ def slow_nmsve(original, decoded, faces):
 @pytest.mark.parametrize("mesh", ["soup", "tube"])
 def test_nmsve_equals_the_definition_in_loops(mesh, request):
     original, decoded, faces = request.getfixturevalue(mesh)
-    found = nmsve_per_frame(original, decoded, faces)
-    np.testing.assert_allclose(found, slow_nmsve(original, decoded, faces), rtol=1e-10)
+    result = nmsve_per_frame(original, decoded, faces)
+    np.testing.assert_allclose(result, slow_nmsve(original, decoded, faces), rtol=1e-10)
 
 
 def test_nmsve_of_equal_sequences_is_exactly_zero(soup):
@@ -51,8 +51,8 @@ def test_nmsve_of_equal_sequences_is_exactly_zero(soup):
 @pytest.mark.parametrize("scale", [1e-6, 2.0**-900, 2.0**900])
 def test_nmsve_is_invariant_to_scale(tube, scale):
     original, decoded, faces = tube
-    found = nmsve_per_frame(original * scale, decoded * scale, faces)
-    np.testing.assert_allclose(found, nmsve_per_frame(*tube), rtol=1e-9)
+    result = nmsve_per_frame(original * scale, decoded * scale, faces)
+    np.testing.assert_allclose(result, nmsve_per_frame(*tube), rtol=1e-9)
 
 
 def test_isolated_vertex_has_no_smoothness_part():
@@ -81,15 +81,15 @@ def test_rounding_of_coincident_neighbors_hardly_changes_nmsve():
 
 def test_nmsve_uses_the_whole_diagonal_if_frame_0_is_a_point():
     original = np.concatenate([np.zeros_like(RIGHT), RIGHT])
-    found = nmsve_per_frame(original, original + AWAY, TRIANGLE)
-    assert found == pytest.approx([math.sqrt(3) / 6] * 2, rel=1e-12)
+    result = nmsve_per_frame(original, original + AWAY, TRIANGLE)
+    assert result == pytest.approx([math.sqrt(3) / 6] * 2, rel=1e-12)
 
 
 def test_nmsve_of_a_single_point_is_zero_or_infinite():
     decoded = np.zeros((2, 3, 3))
     decoded[1, 1, 0] = 1
-    found = nmsve_per_frame(np.zeros((2, 3, 3)), decoded, TRIANGLE)
-    assert found.tolist() == [0, math.inf]
+    result = nmsve_per_frame(np.zeros((2, 3, 3)), decoded, TRIANGLE)
+    assert result.tolist() == [0, math.inf]
 
 
 def test_nmsve_of_a_frame_beyond_float64_is_infinite(tube):

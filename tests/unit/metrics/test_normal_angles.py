@@ -24,43 +24,43 @@ def test_normal_angle_of_a_tilted_face_is_that_of_the_hinge(y, z, angle_deg):
 
 
 def test_tiny_normal_angles_are_precise():
-    found = normal_angles(FLAT, hinge(1, 1e-12), TRIANGLE).mean_deg
-    assert found == pytest.approx(math.degrees(1e-12), rel=1e-9)
+    result = normal_angles(FLAT, hinge(1, 1e-12), TRIANGLE).mean_deg
+    assert result == pytest.approx(math.degrees(1e-12), rel=1e-9)
 
 
 def test_mean_and_percentile_weight_frames_equally():
     # Angles 0 and 90: mean 45; the 95th percentile lies 0.95 of the way from 0 to 90.
     original, decoded = np.repeat(FLAT, 2, axis=0), np.concatenate([FLAT, hinge(0, 1)])
-    found = normal_angles(original, decoded, TRIANGLE)
-    assert (found.mean_deg, found.p95_deg) == pytest.approx((45, 85.5))
+    result = normal_angles(original, decoded, TRIANGLE)
+    assert (result.mean_deg, result.p95_deg) == pytest.approx((45, 85.5))
 
 
 def test_normal_angle_of_equal_sequences_is_exactly_zero(soup):
-    found = normal_angles(soup[0], soup[0].copy(), soup[2])
-    assert (found.mean_deg, found.p95_deg) == (0, 0)
+    result = normal_angles(soup[0], soup[0].copy(), soup[2])
+    assert (result.mean_deg, result.p95_deg) == (0, 0)
 
 
 def test_degenerate_faces_are_omitted_and_counted():
     # Frame 0 sound in both; frame 1 flat to a line in the original, frame 2 in the decoded.
     original = np.concatenate([FLAT, hinge(0, 0), FLAT])
     decoded = np.concatenate([hinge(1, 1), FLAT, hinge(0, 0)])
-    found = normal_angles(original, decoded, TRIANGLE)
-    assert found.n_degenerate_face_frames == 2
-    assert found.mean_deg == pytest.approx(45)
+    result = normal_angles(original, decoded, TRIANGLE)
+    assert result.n_degenerate_face_frames == 2
+    assert result.mean_deg == pytest.approx(45)
 
 
 def test_angles_of_only_degenerate_faces_are_zero():
-    found = normal_angles(hinge(0, 0), hinge(0, 0), np.array([[0, 1, 2], [0, 0, 1]], np.int32))
-    assert (found.mean_deg, found.p95_deg, found.n_degenerate_face_frames) == (0, 0, 2)
+    result = normal_angles(hinge(0, 0), hinge(0, 0), np.array([[0, 1, 2], [0, 0, 1]], np.int32))
+    assert (result.mean_deg, result.p95_deg, result.n_degenerate_face_frames) == (0, 0, 2)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6, 2.0**-900, 2.0**900])
 def test_normal_angles_are_invariant_to_scale(tube, scale):
     original, decoded, faces = tube
-    found, expected = normal_angles(original * scale, decoded * scale, faces), normal_angles(*tube)
-    assert found.n_degenerate_face_frames == expected.n_degenerate_face_frames == 0
-    assert found.mean_deg == pytest.approx(expected.mean_deg, rel=1e-9)
-    assert found.p95_deg == pytest.approx(expected.p95_deg, rel=1e-9)
+    result, expected = normal_angles(original * scale, decoded * scale, faces), normal_angles(*tube)
+    assert result.n_degenerate_face_frames == expected.n_degenerate_face_frames == 0
+    assert result.mean_deg == pytest.approx(expected.mean_deg, rel=1e-9)
+    assert result.p95_deg == pytest.approx(expected.p95_deg, rel=1e-9)
 
 
 @pytest.mark.parametrize(("height", "n_degenerate"), [(1.9e-14, 1), (2.1e-14, 0)])

@@ -168,14 +168,14 @@ def test_reference_diagonal_is_exact_for_huge_offsets():
 )
 def test_errors_of_blocks_equal_those_of_the_whole(soup, cuts, scale, offset, dtype):
     original, decoded = ((part * scale + offset).astype(dtype) for part in soup[:2])
-    found = errors_of_blocks(MeshSequence(original, FACES), decoded, *cuts)
-    assert found == position_errors(original, decoded)
-    assert found.kg_error_percent > 0
+    result = errors_of_blocks(MeshSequence(original, FACES), decoded, *cuts)
+    assert result == position_errors(original, decoded)
+    assert result.kg_error_percent > 0
 
 
 def test_errors_of_blocks_of_equal_sequences_are_exactly_zero(soup):
-    found = errors_of_blocks(MeshSequence(soup[0], FACES), soup[0].copy(), 4)
-    assert found == PositionErrors(0, 0, 0)
+    result = errors_of_blocks(MeshSequence(soup[0], FACES), soup[0].copy(), 4)
+    assert result == PositionErrors(0, 0, 0)
 
 
 @pytest.mark.parametrize(("moved_x", "expected"), [(0.0, 0.0), (1.0, np.inf)])
@@ -183,23 +183,23 @@ def test_errors_of_blocks_of_a_single_point_are_zero_or_infinite(moved_x, expect
     decoded = np.full((3, 4, 3), 0.1)
     original = decoded.copy()
     decoded[2, 1, 0] += moved_x
-    found = errors_of_blocks(MeshSequence(original, FACES), decoded, 1)
-    assert found == PositionErrors(expected, expected, expected)
+    result = errors_of_blocks(MeshSequence(original, FACES), decoded, 1)
+    assert result == PositionErrors(expected, expected, expected)
 
 
 def test_errors_of_blocks_beyond_float64_are_infinite(soup):
     decoded = soup[1].copy()
     decoded[5, 0, 0] = 1e300
-    found = errors_of_blocks(MeshSequence(soup[0], FACES), decoded, 5)
-    assert found == PositionErrors(np.inf, np.inf, np.inf)
+    result = errors_of_blocks(MeshSequence(soup[0], FACES), decoded, 5)
+    assert result == PositionErrors(np.inf, np.inf, np.inf)
 
 
 def test_errors_of_blocks_of_an_original_in_files_equal_those_of_the_whole(tmp_path, soup):
     original, decoded, faces = soup
     sequence = MeshSequence(original + 1e6, faces)
     save(sequence, tmp_path / "f_%d.ply")
-    found = errors_of_blocks(open_source(tmp_path), decoded + 1e6, 4)
-    assert found == position_errors(sequence.vertices, decoded + 1e6)
+    result = errors_of_blocks(open_source(tmp_path), decoded + 1e6, 4)
+    assert result == position_errors(sequence.vertices, decoded + 1e6)
 
 
 def test_error_sums_use_the_diagonal_of_the_whole(soup):

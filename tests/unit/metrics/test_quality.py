@@ -65,8 +65,8 @@ def test_order_and_first_corner_of_faces_do_not_matter(pair, rng):
     faces = original.faces[rng.permutation(original.n_faces)]
     turns = rng.integers(0, 3, len(faces))
     turned = np.array([np.roll(face, turn) for face, turn in zip(faces, turns, strict=True)])
-    found = compare(original, with_faces(decoded, turned)).as_dict()
-    assert found == compare(original, decoded).as_dict()
+    result = compare(original, with_faces(decoded, turned)).as_dict()
+    assert result == compare(original, decoded).as_dict()
 
 
 def test_rotated_degenerate_faces_are_accepted(pair):
@@ -119,10 +119,10 @@ def test_error_names_both_face_counts(pair):
 def test_float32_sequences_are_measured_in_float64(pair):
     single = [MeshSequence(part.vertices.astype(np.float32), part.faces) for part in pair]
     double = [MeshSequence(part.vertices.astype(np.float64), part.faces) for part in single]
-    found, expected = (compare(*both).as_dict() for both in (single, double))
-    assert found.pop("nmsve") == pytest.approx(expected.pop("nmsve"), rel=1e-12)
-    assert found.pop("tracks") == expected.pop("tracks") == {}
-    assert found == pytest.approx(expected, rel=1e-12)
+    result, expected = (compare(*both).as_dict() for both in (single, double))
+    assert result.pop("nmsve") == pytest.approx(expected.pop("nmsve"), rel=1e-12)
+    assert result.pop("tracks") == expected.pop("tracks") == {}
+    assert result == pytest.approx(expected, rel=1e-12)
 
 
 def test_progress_grows_up_to_one(pair):

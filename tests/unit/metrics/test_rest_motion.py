@@ -14,10 +14,10 @@ def walking(n_frames=6, n_verts=50):
     side = DIAGONAL / np.sqrt(3.0)
     places = np.random.default_rng(1).uniform(0.0, side, (n_verts, 3))
     places[10:12] = [[0, 0, 0], [side] * 3]
-    found = np.repeat(places[None], n_frames, axis=0)
-    found[:, :10, 0] *= 0.5
-    found[:, :10, 0] += 0.01 * DIAGONAL * np.arange(n_frames)[:, None]
-    return found
+    result = np.repeat(places[None], n_frames, axis=0)
+    result[:, :10, 0] *= 0.5
+    result[:, :10, 0] += 0.01 * DIAGONAL * np.arange(n_frames)[:, None]
+    return result
 
 
 def test_only_resting_vertices_count():
@@ -25,10 +25,10 @@ def test_only_resting_vertices_count():
     decoded = original.copy()
     decoded[3, 10:, 1] += 0.002 * DIAGONAL
     decoded[:, :10] += np.random.default_rng(2).normal(size=(6, 10, 3))
-    found = rest_motion(original, decoded)
-    assert found.n_pairs == 5 * 40
-    assert found.median_percent == 0.0
-    assert found.p99_percent == pytest.approx(0.2)
+    result = rest_motion(original, decoded)
+    assert result.n_pairs == 5 * 40
+    assert result.median_percent == 0.0
+    assert result.p99_percent == pytest.approx(0.2)
 
 
 def test_median_is_the_motion_of_most_pairs():
@@ -48,14 +48,17 @@ def test_result_is_invariant_to_travel_units_and_position():
     original = walking()
     decoded = original.copy()
     decoded[1::2, :, 1] += 0.001 * DIAGONAL
-    found = rest_motion(original, decoded)
+    result = rest_motion(original, decoded)
     far = rest_motion(1e6 * (original + 8.0), 1e6 * (decoded + 8.0))
-    assert (far.n_pairs, far.median_percent) == (found.n_pairs, pytest.approx(found.median_percent))
+    assert (far.n_pairs, far.median_percent) == (
+        result.n_pairs,
+        pytest.approx(result.median_percent),
+    )
     jump = np.zeros((6, 1, 3))
     jump[5] = [100.0, 0.0, 0.0]
     walked = rest_motion(original + jump, decoded + jump)
-    assert walked.n_pairs == found.n_pairs - 40
-    assert walked.median_percent == pytest.approx(found.median_percent)
+    assert walked.n_pairs == result.n_pairs - 40
+    assert walked.median_percent == pytest.approx(result.median_percent)
 
 
 def test_nothing_is_measured_without_resting_vertices():

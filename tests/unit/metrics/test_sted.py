@@ -56,9 +56,9 @@ def slow_sted(original, decoded, faces):
 def test_sted_equals_the_definition_in_loops(mesh, n_frames, request):
     original, decoded, faces = request.getfixturevalue(mesh)
     original, decoded = original[:n_frames], decoded[:n_frames]
-    found = sted(original, decoded, faces)
+    result = sted(original, decoded, faces)
     expected = slow_sted(original, decoded, faces)
-    assert (found.spatial, found.temporal, found.sted) == pytest.approx(expected, rel=1e-10)
+    assert (result.spatial, result.temporal, result.sted) == pytest.approx(expected, rel=1e-10)
 
 
 # Vertex 2 turned about vertex 0 to (-4, 0, 0): edges 3 and 4 stay, edge 5 becomes 7.
@@ -80,21 +80,21 @@ def test_spatial_part_is_the_weighted_deviation_of_edges(more, faces, variance):
     original = np.concatenate([RIGHT, [more]], axis=1)
     decoded = original.copy()
     decoded[0, 2] = [-4, 0, 0]
-    found = sted(original, decoded, np.array(faces, np.int32)).spatial
-    assert found == pytest.approx(math.sqrt(variance), rel=1e-14)
+    result = sted(original, decoded, np.array(faces, np.int32)).spatial
+    assert result == pytest.approx(math.sqrt(variance), rel=1e-14)
 
 
 def test_sted_of_equal_sequences_is_exactly_zero(tube):
-    found = sted(tube[0], tube[0].copy(), tube[2])
-    assert (found.spatial, found.temporal, found.sted) == (0, 0, 0)
+    result = sted(tube[0], tube[0].copy(), tube[2])
+    assert (result.spatial, result.temporal, result.sted) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 12.5, 2.0**-900, 2.0**900])
 def test_sted_is_invariant_to_scale(tube, scale):
     original, decoded, faces = tube
-    found, expected = sted(original * scale, decoded * scale, faces), sted(*tube)
-    assert found.spatial == pytest.approx(expected.spatial, rel=1e-9)
-    assert found.temporal == pytest.approx(expected.temporal, rel=1e-9)
+    result, expected = sted(original * scale, decoded * scale, faces), sted(*tube)
+    assert result.spatial == pytest.approx(expected.spatial, rel=1e-9)
+    assert result.temporal == pytest.approx(expected.temporal, rel=1e-9)
 
 
 def test_spatial_part_is_invariant_to_rigid_motion(tube):
@@ -118,10 +118,10 @@ def test_temporal_part_is_invariant_to_translation(tube):
 def test_sted_is_precise_for_huge_offsets(tube):
     # Multiples of 2^-20 plus 2^30 are exact in float64, so only the metric can lose digits.
     original, decoded = (np.round(part * 2**20) / 2**20 for part in tube[:2])
-    found = sted(original + 2.0**30, decoded + 2.0**30, tube[2])
+    result = sted(original + 2.0**30, decoded + 2.0**30, tube[2])
     expected = sted(original, decoded, tube[2])
-    assert found.spatial == pytest.approx(expected.spatial, rel=1e-9)
-    assert found.temporal == pytest.approx(expected.temporal, rel=1e-9)
+    assert result.spatial == pytest.approx(expected.spatial, rel=1e-9)
+    assert result.temporal == pytest.approx(expected.temporal, rel=1e-9)
 
 
 def test_spatial_part_is_precise_for_tiny_errors():
@@ -130,8 +130,8 @@ def test_spatial_part_is_precise_for_tiny_errors():
     # variance d^2 (1/36 - 1/144) = d^2 3 / 144.
     decoded = RIGHT.copy()
     decoded[0, 0, 0] = 2.0**-50
-    found = sted(RIGHT, decoded, TRIANGLE).spatial
-    assert found == pytest.approx(2.0**-50 * math.sqrt(3 / 144), rel=1e-12)
+    result = sted(RIGHT, decoded, TRIANGLE).spatial
+    assert result == pytest.approx(2.0**-50 * math.sqrt(3 / 144), rel=1e-12)
 
 
 def test_spatial_part_is_zero_if_all_edges_have_length_zero():
@@ -150,8 +150,8 @@ def test_temporal_part_uses_the_whole_diagonal_if_frame_0_is_a_point():
     original = np.concatenate([np.zeros_like(RIGHT), RIGHT])
     speeds = np.hypot([0, 3 / 5, 4 / 5], 3e-4)
     expected = ((speeds - 3e-4) / speeds).mean()
-    found = sted(original, np.zeros_like(original), TRIANGLE).temporal
-    assert found == pytest.approx(expected, rel=1e-12)
+    result = sted(original, np.zeros_like(original), TRIANGLE).temporal
+    assert result == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(("moved", "expected"), [(0.0, 0), (1.0, math.inf)])
@@ -164,8 +164,8 @@ def test_temporal_part_of_a_single_point_is_zero_or_infinite(moved, expected):
 def test_sted_beyond_float64_is_infinite(tube):
     decoded = tube[0].copy()
     decoded[3, 4] = 1e300
-    found = sted(tube[0], decoded, tube[2])
-    assert (found.spatial, found.temporal) == (math.inf, math.inf)
+    result = sted(tube[0], decoded, tube[2])
+    assert (result.spatial, result.temporal) == (math.inf, math.inf)
 
 
 def test_sted_does_not_depend_on_blocks_of_vertices(tube, monkeypatch):

@@ -120,8 +120,8 @@ def test_figures_of_samples_equal_those_of_brute_force():
         angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
         expected = [least.mean(), np.sqrt(np.mean(least**2)), np.percentile(least, 95),
                     max(least.max(), float(at_vertices.max()))]  # fmt: skip
-        found = np.array(list(vars(way).values()))
-        np.testing.assert_allclose(found[:4], 100 * np.array(expected) / diagonal, rtol=1e-5)
+        result = np.array(list(vars(way).values()))
+        np.testing.assert_allclose(result[:4], 100 * np.array(expected) / diagonal, rtol=1e-5)
         assert way.normal_angle_mean_deg == pytest.approx(angles.mean(), rel=0.01)
     p = np.ptp(shapes[0][0], axis=0).max()
     assert quality.psnr_db == pytest.approx(10 * np.log10(3 * p**2 / max(mean_squares)), abs=1e-6)
@@ -217,11 +217,11 @@ def test_connectivity_may_change_from_frame_to_frame():
 def test_figures_do_not_depend_on_the_number_of_threads(monkeypatch):
     original = [torus(6, n) for n in (8, 9, 10, 11, 12)]
     decoded = [torus(7, n, bend=0.01) for n in (9, 8, 12, 10, 11)]
-    found = []
+    results = []
     for n_cores in (1, 4):
         monkeypatch.setattr(surface_distance, "n_cores", lambda n_cores=n_cores: n_cores)
-        found.append(figures(compare(original, decoded, n_samples=300)))
-    np.testing.assert_array_equal(*found)
+        results.append(figures(compare(original, decoded, n_samples=300)))
+    np.testing.assert_array_equal(*results)
 
 
 def test_quantiles_hardly_change_when_samples_of_many_frames_are_thinned(monkeypatch):

@@ -61,14 +61,14 @@ def test_samples_are_the_same_in_every_call_and_use_no_global_random_state():
 @pytest.mark.parametrize("cells_at_once", [1, 40, 1 << 20])
 def test_grid_meets_a_square_once_at_each_line(monkeypatch, cells_at_once):
     monkeypatch.setattr(surface_samples, "CELLS_AT_ONCE", cells_at_once)
-    found = sample_on_grid(triangles_of(*square(0.25, n=4)), np.zeros(3), 0.1)
-    lines = np.unique(np.rint(found.points * 10), axis=0)
-    assert len(found.points) == len(lines) == 11 * 11
+    result = sample_on_grid(triangles_of(*square(0.25, n=4)), np.zeros(3), 0.1)
+    lines = np.unique(np.rint(result.points * 10), axis=0)
+    assert len(result.points) == len(lines) == 11 * 11
     np.testing.assert_allclose(
-        found.points[:, :2] * 10, np.rint(found.points[:, :2] * 10), atol=1e-9
+        result.points[:, :2] * 10, np.rint(result.points[:, :2] * 10), atol=1e-9
     )
-    np.testing.assert_allclose(found.points[:, 2], 0.25)
-    np.testing.assert_array_equal(found.normals, np.tile([0.0, 0.0, 1.0], (121, 1)))
+    np.testing.assert_allclose(result.points[:, 2], 0.25)
+    np.testing.assert_array_equal(result.normals, np.tile([0.0, 0.0, 1.0], (121, 1)))
 
 
 def test_grid_follows_the_axis_closest_to_the_normal():
@@ -97,7 +97,7 @@ def test_projected_area_predicts_the_number_of_grid_points():
 
 def test_surface_between_the_lines_is_sampled_at_its_centroids():
     triangles = triangles_of(*cube())
-    found = sample_on_grid(triangles, np.full(3, -5.0), 10.0)
+    result = sample_on_grid(triangles, np.full(3, -5.0), 10.0)
     np.testing.assert_allclose(
-        np.sort(found.points, axis=0), np.sort(triangles.corners.mean(axis=1), axis=0)
+        np.sort(result.points, axis=0), np.sort(triangles.corners.mean(axis=1), axis=0)
     )

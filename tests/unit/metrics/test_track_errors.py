@@ -22,11 +22,11 @@ def changed(track, place, value):
 
 def test_error_is_the_length_of_the_difference():
     track = zeros(4, 6, 3, unit="m/s")
-    found = track_errors(track, changed(track, (2, 5), [3, 4, 0]))
-    assert (found.largest, found.unit) == (5, "m/s")
-    assert found.largest_of_frames.tolist() == [0, 0, 5, 0]
-    assert found.rms == pytest.approx(5 / np.sqrt(24))
-    assert found.rms_of_frames[2] == pytest.approx(5 / np.sqrt(6))
+    result = track_errors(track, changed(track, (2, 5), [3, 4, 0]))
+    assert (result.largest, result.unit) == (5, "m/s")
+    assert result.largest_of_frames.tolist() == [0, 0, 5, 0]
+    assert result.rms == pytest.approx(5 / np.sqrt(24))
+    assert result.rms_of_frames[2] == pytest.approx(5 / np.sqrt(6))
 
 
 def test_error_of_a_color_is_that_of_its_worst_component():
@@ -36,8 +36,8 @@ def test_error_of_a_color_is_that_of_its_worst_component():
 
 def test_error_of_a_normal_is_an_angle():
     up = Track(np.tile([0.0, 0.0, 2.0], (1, 3, 1)), kind="normal")
-    found = track_errors(up, changed(up, (0, 1), [0, np.sin(0.2), np.cos(0.2)]))
-    assert (found.largest, found.unit) == (pytest.approx(np.degrees(0.2)), "deg")
+    result = track_errors(up, changed(up, (0, 1), [0, np.sin(0.2), np.cos(0.2)]))
+    assert (result.largest, result.unit) == (pytest.approx(np.degrees(0.2)), "deg")
     missing = changed(up, (0, 0), 0)
     assert track_errors(up, changed(up, (0, 0), [0, 0, 3])).largest == pytest.approx(0)
     assert track_errors(up, changed(up, (0, 2), [0, 0, -0.5])).largest == 180
@@ -48,10 +48,10 @@ def test_error_of_a_normal_is_an_angle():
 def test_errors_include_frames_compared_in_pieces(monkeypatch):
     monkeypatch.setattr("meshreel.metrics.track_errors.NUMBERS_PER_CHUNK", 2 * 6)
     track = zeros(5, 6)
-    found = track_errors(track, Track(np.arange(5.0)[:, None] * np.ones((5, 6))))
-    assert found.largest_of_frames.tolist() == [0, 1, 2, 3, 4]
-    assert found.rms_of_frames == pytest.approx([0, 1, 2, 3, 4])
-    assert found.rms == pytest.approx(np.sqrt(6))
+    result = track_errors(track, Track(np.arange(5.0)[:, None] * np.ones((5, 6))))
+    assert result.largest_of_frames.tolist() == [0, 1, 2, 3, 4]
+    assert result.rms_of_frames == pytest.approx([0, 1, 2, 3, 4])
+    assert result.rms == pytest.approx(np.sqrt(6))
 
 
 def test_only_vertex_values_follow_the_decoded_vertex_order():
@@ -59,8 +59,8 @@ def test_only_vertex_values_follow_the_decoded_vertex_order():
     original = {"of vertices": Track(values), "of faces": Track(values, "face"),
                 "other": Track(values)}  # fmt: skip
     decoded = {"of vertices": Track(values[:, [1, 2, 0]]), "of faces": Track(values, "face")}
-    found = errors_of_tracks(original, decoded, places)
-    assert {name: one.largest for name, one in found.items()} == {"of vertices": 0, "of faces": 0}
+    result = errors_of_tracks(original, decoded, places)
+    assert {name: one.largest for name, one in result.items()} == {"of vertices": 0, "of faces": 0}
     assert errors_of_tracks(original, decoded)["of vertices"].largest == 2
 
 
@@ -111,6 +111,6 @@ def test_compare_rejects_different_tracks_of_the_same_name():
 @pytest.mark.parametrize("scale", [1e-200, 1e200])
 def test_errors_of_tiny_and_huge_numbers_are_precise(scale):
     track = zeros(4, 6, 3)
-    found = track_errors(track, changed(track, (2, 5), [3 * scale, 4 * scale, 0]))
-    assert found.largest == pytest.approx(5 * scale)
-    assert found.rms == pytest.approx(5 * scale / np.sqrt(24))
+    result = track_errors(track, changed(track, (2, 5), [3 * scale, 4 * scale, 0]))
+    assert result.largest == pytest.approx(5 * scale)
+    assert result.rms == pytest.approx(5 * scale / np.sqrt(24))

@@ -43,14 +43,16 @@ def triangles(segment, number):
     """Positions and attributes of all faces with area, in an order that is theirs alone."""
     points = segment.vertices[number].astype(np.float64)[segment.faces]
     columns = [points]
-    for one in segment.surface.attributes:
+    for attribute in segment.surface.attributes:
         of_corners = {
             Domain.CORNER: lambda values: values.reshape(-1, 3, values.shape[1]),
             Domain.VERTEX: lambda values: values[segment.faces],
             Domain.FACE: lambda values: np.repeat(values[:, None], 3, axis=1),
-        }[one.domain]
-        columns.append(of_corners(one.per_item()))
-    columns += [np.repeat(one.numbers[:, None, None], 3, axis=1) for one in segment.surface.groups]
+        }[attribute.domain]
+        columns.append(of_corners(attribute.per_item()))
+    columns += [
+        np.repeat(group.numbers[:, None, None], 3, axis=1) for group in segment.surface.groups
+    ]
     rows = np.concatenate(columns, axis=2)
     a, b, c = points.transpose(1, 0, 2)
     rows = rows[((a != b).any(1)) & ((b != c).any(1)) & ((c != a).any(1))]
@@ -62,25 +64,25 @@ def triangles(segment, number):
 def assert_same_surfaces(matched, given):
     frames = [(one, number) for one in matched for number in range(one.n_frames)]
     originals = [(one, number) for one in given for number in range(one.n_frames)]
-    for found, original in zip(frames, originals, strict=True):
-        assert triangles(*found) == triangles(*original)
+    for results, original in zip(frames, originals, strict=True):
+        assert triangles(*results) == triangles(*original)
 
 
 def test_frames_in_another_order_become_one_segment():
     given = frames_of(SHEET.replace(surface=surface_of(SHEET.faces)))
-    (matched,) = found = match_segments(given)
+    (matched,) = results = match_segments(given)
     assert (matched.n_frames, matched.n_verts, len(matched.faces)) == (6, 99, len(SHEET.faces))
     assert not matched.surface.is_ordered
-    assert_same_surfaces(found, given)
+    assert_same_surfaces(results, given)
 
 
 @pytest.mark.parametrize("n_values", [1, 2, 8])
 def test_equal_texture_coordinates_are_told_apart_by_their_neighbors(n_values):
     given = frames_of(SHEET.replace(surface=surface_of(SHEET.faces, n_values)))
-    found = match_segments(given)
-    assert_same_surfaces(found, given)
+    results = match_segments(given)
+    assert_same_surfaces(results, given)
     if n_values == 8:
-        assert [one.n_verts for one in found] == [99]
+        assert [one.n_verts for one in results] == [99]
 
 
 def collapsed(sequence):
@@ -102,9 +104,9 @@ def collapsed(sequence):
 def test_faces_without_area_that_single_frames_lack_are_added():
     given = collapsed(SHEET.replace(surface=surface_of(SHEET.faces)))
     assert {len(one.faces) for one in given} == {len(SHEET.faces) - 2}
-    (matched,) = found = match_segments(given)
+    (matched,) = results = match_segments(given)
     assert len(matched.faces) == len(SHEET.faces)
-    assert_same_surfaces(found, given)
+    assert_same_surfaces(results, given)
 
 
 def test_frame_without_a_face_with_area_begins_a_segment():
@@ -113,9 +115,9 @@ def test_frame_without_a_face_with_area_begins_a_segment():
     uvs = cut.surface.attributes[0]
     surface = Surface(attributes=(replace(uvs, values=uvs.values[3:]),))
     given[3] = MeshSequence(cut.vertices, cut.faces[1:], surface=surface)
-    found = match_segments(given)
-    assert len(found) > 1
-    assert_same_surfaces(found, given)
+    results = match_segments(given)
+    assert len(results) > 1
+    assert_same_surfaces(results, given)
 
 
 def everything():
@@ -133,8 +135,8 @@ def test_attributes_groups_and_hard_edges_are_kept():
     surface, more = everything()
     surface = replace(surface, attributes=(*surface.attributes, *more))
     given = frames_of(SHEET.replace(surface=surface))
-    (matched,) = found = match_segments(given)
-    assert_same_surfaces(found, given)
+    (matched,) = results = match_segments(given)
+    assert_same_surfaces(results, given)
     ends = [
         np.sort(one.vertices[0][one.surface.hard_edges].reshape(-1, 6), axis=0)
         for one in (matched, given[0])
@@ -199,9 +201,9 @@ def test_segments_of_several_frames_and_other_meshes_are_joined_where_they_match
     def progress(stage, share):
         counts.append((stage, share.done))
 
-    found = match_segments(given, progress)
-    assert [one.n_frames for one in found] == [5, 1, 2]
-    assert_same_surfaces(found, given)
+    results = match_segments(given, progress)
+    assert [one.n_frames for one in results] == [5, 1, 2]
+    assert_same_surfaces(results, given)
     assert counts == [("matching", number) for number in range(1, 7)]
 
 
@@ -222,9 +224,9 @@ def test_component_that_single_frames_lack_is_a_point_there():
     given = frames_of(sheet)
     for number in (1, 2, 4):
         given[number] = shuffled(with_speck(sheet, number), number)
-    (matched,) = found = match_segments(given)
+    (matched,) = results = match_segments(given)
     assert len(matched.faces) == len(SHEET.faces) + 2
-    assert_same_surfaces(found, given)
+    assert_same_surfaces(results, given)
 
 
 def test_face_that_coincides_with_another_may_be_missing():

@@ -60,7 +60,7 @@ def test_selected_materials_keep_only_their_images():
 def test_size_counts_images_when_a_surface_has_some():
     materials, images = look()
     assert Surface(materials=materials, images=images).size_bytes == sum(
-        len(one.data) for one in images
+        len(image.data) for image in images
     )
 
 

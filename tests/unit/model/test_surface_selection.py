@@ -9,7 +9,7 @@ from samples.meshes import two_sheets
 
 
 def names_of(surface):
-    return [one.name for one in (*surface.attributes, *surface.groups)]
+    return [attribute.name for attribute in (*surface.attributes, *surface.groups)]
 
 
 @pytest.mark.parametrize(

@@ -70,19 +70,19 @@ def solved(operator, deltas, anchors, values):
 def expected(method, operator=None, values="positions"):
     """Frames (T, V, 3) less the center, without quantization."""
     operator = laplacian() if operator is None else operator
-    found = []
+    results = []
     for matrix in centered():
         basis = leading(matrix)
         projected = basis @ basis.T @ matrix
         deltas = operator @ projected.T  # Eqs. 8 and 9 back on frames: L A^T U U^T
         if method == "v2v":
-            found.append(projected)
+            results.append(projected)
         elif method in ("pca", "pca-q"):
-            found.append((np.linalg.pinv(operator, rcond=1e-10) @ deltas).T)  # Eq. 11
+            results.append((np.linalg.pinv(operator, rcond=1e-10) @ deltas).T)  # Eq. 11
         else:
             known = matrix if values == "positions" else projected
-            found.append(solved(operator, deltas, ANCHORS, known[:, ANCHORS].T).T)
-    return np.stack(found, axis=2)
+            results.append(solved(operator, deltas, ANCHORS, known[:, ANCHORS].T).T)
+    return np.stack(results, axis=2)
 
 
 def decoded(method, **options):
@@ -102,8 +102,8 @@ FINE_DICTIONARY = {"dictionary_bits": 24, "anchor_bits": 24}
 @pytest.mark.parametrize("values", ["positions", "coefficients"])
 def test_frames_are_the_dense_solution_of_eq_12(method, values):
     choices = {**FINE_DICTIONARY, "anchor_values": values}
-    found = decoded(method, anchors=ANCHORS, choices=choices, **FINE)
-    np.testing.assert_allclose(found, expected(method, values=values), atol=2e-5)
+    result = decoded(method, anchors=ANCHORS, choices=choices, **FINE)
+    np.testing.assert_allclose(result, expected(method, values=values), atol=2e-5)
 
 
 def test_anchor_positions_and_coefficients_differ_with_few_modes():
@@ -113,29 +113,29 @@ def test_anchor_positions_and_coefficients_differ_with_few_modes():
 
 
 def test_frames_are_the_dense_solution_with_the_combinatorial_laplacian():
-    found = decoded(
+    result = decoded(
         "pca-qp", anchors=ANCHORS, laplacian="combinatorial", choices=FINE_DICTIONARY, **FINE
     )
-    np.testing.assert_allclose(found, expected("pca-qp", combinatorial()), atol=2e-5)
+    np.testing.assert_allclose(result, expected("pca-qp", combinatorial()), atol=2e-5)
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("method", ["pca", "pca-q"])
 def test_frames_are_the_pseudo_inverse_of_eq_11_up_to_translation(method):
-    found = decoded(method, choices=FINE_DICTIONARY, **FINE)
+    result = decoded(method, choices=FINE_DICTIONARY, **FINE)
     wanted = expected(method)
-    found, wanted = (frames - frames.mean(axis=1, keepdims=True) for frames in (found, wanted))
-    np.testing.assert_allclose(found, wanted, atol=2e-5)
+    result, wanted = (frames - frames.mean(axis=1, keepdims=True) for frames in (result, wanted))
+    np.testing.assert_allclose(result, wanted, atol=2e-5)
 
 
 def test_frames_of_v2v_are_the_projection():
-    found = decoded("v2v", choices={"dictionary_bits": 24}, **FINE)
-    np.testing.assert_allclose(found, expected("v2v"), atol=2e-5)
+    result = decoded("v2v", choices={"dictionary_bits": 24}, **FINE)
+    np.testing.assert_allclose(result, expected("v2v"), atol=2e-5)
 
 
 def test_uncentered_trajectories_are_those_of_eq_7_as_printed():
     """U of A A^T with the positions as given; deltas and anchors do not depend on the offset."""
-    found = decoded(
+    result = decoded(
         "pca-qp", anchors=ANCHORS, choices={**FINE_DICTIONARY, "centering": "none"}, **FINE
     )
     wanted = []
@@ -143,8 +143,8 @@ def test_uncentered_trajectories_are_those_of_eq_7_as_printed():
         basis = leading(VERTICES[:, :, axis])
         deltas = laplacian() @ (basis @ basis.T @ matrix).T
         wanted.append(solved(laplacian(), deltas, ANCHORS, matrix[:, ANCHORS].T).T)
-    np.testing.assert_allclose(found, np.stack(wanted, axis=2), atol=2e-5)
-    assert np.abs(found - expected("pca-qp")).max() > 1e-3
+    np.testing.assert_allclose(result, np.stack(wanted, axis=2), atol=2e-5)
+    assert np.abs(result - expected("pca-qp")).max() > 1e-3
 
 
 def test_blocks_follow_algorithm_1_with_and_without_ritz_vectors():
@@ -159,8 +159,8 @@ def test_blocks_follow_algorithm_1_with_and_without_ritz_vectors():
         wanted.append(solved(laplacian(), deltas, ANCHORS, matrix[half:, ANCHORS].T).T)
     for rotation in ("ritz", "none"):
         choices = {**FINE_DICTIONARY, "rotation": rotation}
-        found = decoded("blocks", block_frames=half, anchors=ANCHORS, choices=choices, **FINE)
-        np.testing.assert_allclose(found[half:], np.stack(wanted, axis=2), atol=5e-5)
+        result = decoded("blocks", block_frames=half, anchors=ANCHORS, choices=choices, **FINE)
+        np.testing.assert_allclose(result[half:], np.stack(wanted, axis=2), atol=5e-5)
 
 
 def test_coarse_streams_have_the_error_of_dense_quantization():
@@ -173,11 +173,11 @@ def test_coarse_streams_have_the_error_of_dense_quantization():
     ]
     step = np.abs(rows).max() / 127
     errors = []
-    for basis, matrix, one in zip(bases, matrices, rows, strict=True):
-        deltas = (basis @ (step * np.rint(one / step))).T
+    for basis, matrix, row in zip(bases, matrices, rows, strict=True):
+        deltas = (basis @ (step * np.rint(row / step))).T
         errors.append(solved(laplacian(), deltas, ANCHORS, matrix[:, ANCHORS].T).T - matrix)
     frames = decoded("pca-qp", bits=8, anchors=ANCHORS, choices=FINE_DICTIONARY)
-    found = np.stack([frames[:, :, axis] for axis in range(3)]) - centered()
-    assert np.linalg.norm(found) / np.linalg.norm(sizes) == pytest.approx(
+    result = np.stack([frames[:, :, axis] for axis in range(3)]) - centered()
+    assert np.linalg.norm(result) / np.linalg.norm(sizes) == pytest.approx(
         np.linalg.norm(errors), rel=0.02
     )

@@ -40,12 +40,12 @@ def squared_error(mesh, anchors, delta_errors):
 
 def test_no_single_exchange_is_better_by_dense_matrices():
     mesh, errors = mesh_of(grid_faces(4, 5), 20, [0, 1, 2]), noise(20)
-    found = exchange_anchors(mesh, [errors[:, :3], errors[:, 3:]])
-    best = squared_error(mesh, found, errors)
+    result = exchange_anchors(mesh, [errors[:, :3], errors[:, 3:]])
+    best = squared_error(mesh, result, errors)
     assert best < squared_error(mesh, mesh.anchors, errors)
-    for anchor in found:
-        for vertex in set(range(20)) - set(found):
-            others = [*(set(found) - {anchor}), vertex]
+    for anchor in result:
+        for vertex in set(range(20)) - set(result):
+            others = [*(set(result) - {anchor}), vertex]
             assert squared_error(mesh, others, errors) >= best * (1 - MIN_REDUCTION / 3)
 
 
@@ -60,10 +60,10 @@ def test_squared_error_after_changes_is_that_of_dense_matrices():
 
 def test_only_anchor_of_a_component_is_exchanged_within_it():
     mesh, errors = mesh_of(TWO_SHEETS, 26, [0, 20]), noise(26)
-    found = exchange_anchors(mesh, [errors])
-    assert found.tolist() != [0, 20]
-    assert found[0] < 20 <= found[1]
-    assert squared_error(mesh, found, errors) < squared_error(mesh, [0, 20], errors)
+    result = exchange_anchors(mesh, [errors])
+    assert result.tolist() != [0, 20]
+    assert result[0] < 20 <= result[1]
+    assert squared_error(mesh, result, errors) < squared_error(mesh, [0, 20], errors)
 
 
 @pytest.mark.parametrize(("method", "block_frames"), [("pca-qp", None), ("blocks", 10)])

@@ -157,6 +157,6 @@ def test_first_rows_decode_to_what_encoding_them_alone_gives(method, names):
     many, few = (
         encode(sequence, method, n_modes=n_modes, bits=20, choices=choices) for n_modes in (8, 3)
     )
-    found = decode(many, n_modes=3).vertices
-    np.testing.assert_allclose(found, decode(few).vertices, atol=2e-4)
-    assert np.abs(found - decode(many).vertices).max() > 1e-3
+    result = decode(many, n_modes=3).vertices
+    np.testing.assert_allclose(result, decode(few).vertices, atol=2e-4)
+    assert np.abs(result - decode(many).vertices).max() > 1e-3

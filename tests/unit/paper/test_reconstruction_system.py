@@ -50,8 +50,8 @@ def test_responses_are_columns_of_the_dense_inverse():
     laplacian, anchors = uniform_laplacian(FACES, N_VERTS, normalized=True), np.array([3, 30])
     matrix = (laplacian.T @ laplacian).toarray()
     matrix[anchors, anchors] += 1
-    found = ReconstructionSystem(laplacian, anchors).responses(np.array([30, 5]))
-    np.testing.assert_allclose(found, np.linalg.inv(matrix)[:, [30, 5]], atol=1e-9)
+    result = ReconstructionSystem(laplacian, anchors).responses(np.array([30, 5]))
+    np.testing.assert_allclose(result, np.linalg.inv(matrix)[:, [30, 5]], atol=1e-9)
 
 
 def test_error_names_a_component_without_an_anchor():

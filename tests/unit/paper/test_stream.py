@@ -163,8 +163,8 @@ def test_isolated_vertices_have_their_exact_positions():
         stream = read(encoded(sequence, method, bits=4))
         degrees = laplacian_of(sequence.faces, sequence.n_verts, normalized=False).diagonal()
         assert stream.isolated.tolist() == np.flatnonzero(degrees == 0).tolist()
-        found = stream.reconstruct()[:, stream.isolated]
-        np.testing.assert_array_equal(found, sequence.vertices[:, stream.isolated])
+        result = stream.reconstruct()[:, stream.isolated]
+        np.testing.assert_array_equal(result, sequence.vertices[:, stream.isolated])
 
 
 def test_graph_fourier_basis_has_the_lowest_frequencies():
@@ -202,8 +202,8 @@ def test_own_streams_are_measured_with_any_number_of_frequencies(all_of_gft):
     """The command line measures the streams that it writes."""
     data, decoded = all_of_gft
     original = SEQUENCES["shuffled"]
-    found = measure_stream(original, data).kg_error_percent
-    assert found == pytest.approx(kg_error_percent(original.vertices, decoded))
+    result = measure_stream(original, data).kg_error_percent
+    assert result == pytest.approx(kg_error_percent(original.vertices, decoded))
 
 
 def test_decoders_accept_the_leading_frequencies_of_many(all_of_gft):
@@ -252,9 +252,9 @@ def test_reconstruct_uses_replaced_arrays():
         replace(block, coefficients=rows)
         for block, rows in zip(stream.blocks, without, strict=True)
     )
-    found = replace(stream, blocks=blocks).reconstruct()
-    np.testing.assert_array_equal(found, meshreel.decode(data, n_modes=2).vertices)
-    assert np.abs(found - stream.reconstruct()).max() > 1e-3
+    result = replace(stream, blocks=blocks).reconstruct()
+    np.testing.assert_array_equal(result, meshreel.decode(data, n_modes=2).vertices)
+    assert np.abs(result - stream.reconstruct()).max() > 1e-3
 
 
 @pytest.mark.parametrize(

@@ -30,10 +30,10 @@ def test_q_counts_bits_of_the_largest_integer_of_each_row():
         [len(f"{max(abs(int(one)) for one in row):b}") + 1 if row.any() else 0 for row in axis]
         for axis in block.coefficients.integers
     ]
-    found = rates(data).eq13
-    np.testing.assert_array_equal(found.bits_per_row[0], bits)
-    assert found.q == pytest.approx(np.sum(bits) / 3 / K)
-    assert found.bits_per_row[0].max() == 8
+    result = rates(data).eq13
+    np.testing.assert_array_equal(result.bits_per_row[0], bits)
+    assert result.q == pytest.approx(np.sum(bits) / 3 / K)
+    assert result.bits_per_row[0].max() == 8
 
 
 @pytest.mark.parametrize("anchor_bits", [2, 3, 12, 16])
@@ -52,45 +52,45 @@ def test_q_a_counts_coefficients_when_positions_are_not_stored():
 @pytest.mark.parametrize("bits", [8, 16])
 def test_q_d_counts_the_bits_of_the_dictionary(bits):
     # Eq. 13 with one block: bits k^2 / (n k).
-    found = rates(encoded("pca-qp", n_modes=3, choices={"dictionary_bits": bits}))
-    assert found.dictionary_bits == bits
-    assert found.eq13.q_d == found.q_d_per_block == pytest.approx(bits * K / N)
+    result = rates(encoded("pca-qp", n_modes=3, choices={"dictionary_bits": bits}))
+    assert result.dictionary_bits == bits
+    assert result.eq13.q_d == result.q_d_per_block == pytest.approx(bits * K / N)
 
 
 def test_q_d_counts_a_short_last_block_by_its_own_frames():
     # 12 frames in blocks of 5, 5 and 2.
     data = encoded("blocks", n_modes=2, block_frames=5)
-    found = rates(data)
+    result = rates(data)
     bits = stored_bits(data, "basis") / (2 * K)  # of a stored entry: 2 modes of 12 frames
-    assert found.dictionary_bits == pytest.approx(bits)
-    assert found.eq13.q_d == pytest.approx(bits * K**2 / (N * K))  # n_b^2 k_f^2, as printed
-    assert found.q_d_per_block == pytest.approx(bits * (25 + 25 + 4) / (N * K))
+    assert result.dictionary_bits == pytest.approx(bits)
+    assert result.eq13.q_d == pytest.approx(bits * K**2 / (N * K))  # n_b^2 k_f^2, as printed
+    assert result.q_d_per_block == pytest.approx(bits * (25 + 25 + 4) / (N * K))
 
 
 def test_stored_rates_are_a_third_of_the_sections():
     data = encoded("pca-qp", n_modes=3, anchors=0.05)
-    found = rates(data).stored
-    assert found.q == pytest.approx(stored_bits(data, "coefficients") / (N * K))
-    assert found.q_a == pytest.approx(stored_bits(data, "anchors", "anchor residuals") / (N * K))
-    assert found.q_d == pytest.approx(stored_bits(data, "basis") / (N * K))
-    assert found.q_s == pytest.approx(found.q + found.q_a + found.q_d)
+    result = rates(data).stored
+    assert result.q == pytest.approx(stored_bits(data, "coefficients") / (N * K))
+    assert result.q_a == pytest.approx(stored_bits(data, "anchors", "anchor residuals") / (N * K))
+    assert result.q_d == pytest.approx(stored_bits(data, "basis") / (N * K))
+    assert result.q_s == pytest.approx(result.q + result.q_a + result.q_d)
 
 
 @pytest.mark.parametrize("method", ["pca", "pca-q", "v2v"])
 def test_variants_without_anchors_have_no_q_a(method):
-    found = rates(encoded(method, n_modes=3))
-    for count in (found.eq13, found.stored):
+    result = rates(encoded(method, n_modes=3))
+    for count in (result.eq13, result.stored):
         assert count.q_a is None
         assert count.q_s == pytest.approx(count.q + count.q_d)
 
 
 def test_gft_has_no_dictionary_and_a_coefficient_per_frame_in_each_row():
     data = encoded("gft", n_modes=10, anchors=0.05)
-    found = rates(data)
-    assert found.eq13.q_d is found.stored.q_d is found.dictionary_bits is None
-    (rows,) = found.stored.bits_per_row
+    result = rates(data)
+    assert result.eq13.q_d is result.stored.q_d is result.dictionary_bits is None
+    (rows,) = result.stored.bits_per_row
     assert rows.shape == (3, 10)
-    assert found.eq13.q == pytest.approx(found.eq13.bits_per_row[0].sum() * K / 3 / (N * K))
+    assert result.eq13.q == pytest.approx(result.eq13.bits_per_row[0].sum() * K / 3 / (N * K))
 
 
 def test_stored_bits_per_row_sum_to_the_section():

@@ -57,8 +57,8 @@ def test_options_omit_those_fixed_by_the_method():
 
 
 def test_labels_in_a_table_are_unique():
-    for found in (variants(175), alternatives(175), [*variants(175), *alternatives(175)]):
-        assert len({setting.label for setting in found}) == len(found)
+    for result in (variants(175), alternatives(175), [*variants(175), *alternatives(175)]):
+        assert len({setting.label for setting in result}) == len(result)
 
 
 def test_rows_of_the_printed_preset_have_constant_bits():
@@ -84,12 +84,16 @@ def test_keys_differ_by_allocation():
 
 def test_choices_of_a_table_reach_the_variants_that_take_them():
     table = TableSettings(choices=COEFFICIENTS)
-    found = {one.method: one.options().get("choices") for one in variants(175, table=table)}
-    assert found["pca-qp"] == found["blocks"] == "anchor_values=coefficients"
-    assert found["v2v"] is None
-    assert found["pca"] is None
+    results = {
+        variant.method: variant.options().get("choices") for variant in variants(175, table=table)
+    }
+    assert results["pca-qp"] == results["blocks"] == "anchor_values=coefficients"
+    assert results["v2v"] is None
+    assert results["pca"] is None
     # Labels omit settings that all streams share.
-    assert {one.label for one in variants(175, table=table)} == {one.label for one in variants(175)}
+    assert {variant.label for variant in variants(175, table=table)} == {
+        variant.label for variant in variants(175)
+    }
 
 
 @pytest.mark.every_case

@@ -106,10 +106,10 @@ def test_frames_that_keep_their_mesh_keep_their_image(textured):
     raw, images = textured
     apart = raw.segments[0].vertices[:, :, ::-1].copy()
     sequence = meshreel.concatenate([raw[:2], raw.segments[0].replace(vertices=apart)])
-    found = register(sequence, ErrorBound(0.5))
-    ready, _ = with_atlases(found, SIZE)
+    result = register(sequence, ErrorBound(0.5))
+    ready, _ = with_atlases(result, SIZE)
     baked = list(bake(ready, ready.sequence, [*images[:2], images[0]], (64, 64)))
-    assert [one.n_frames for one in found.sequence.segments] == [2, 1]
+    assert [segment.n_frames for segment in result.sequence.segments] == [2, 1]
     assert np.array_equal(baked[2], images[0].resize((64, 64)))
 
 
@@ -168,8 +168,8 @@ def test_an_atlas_places_texels_on_triangles():
     assert len(atlas.faces) == 4 * 3  # the lower left quarter of the image
     places = np.einsum("nk,nkc->nc", atlas.weights, SQUARE[atlas.faces] * 0.5)
     expected = [[(x + 0.5) / 8, (y + 0.5) / 6] for y in range(3) for x in range(4)]
-    found = sorted(map(tuple, np.round(places, 6)), key=lambda one: (one[1], one[0]))
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    result = sorted(map(tuple, np.round(places, 6)), key=lambda item: (item[1], item[0]))
+    np.testing.assert_allclose(result, expected, atol=1e-6)
 
 
 def test_texels_outside_take_the_nearest_color():

@@ -112,10 +112,10 @@ def test_attempts_follow_each_other_while_faces_fold(
     }.items():
         monkeypatch.setattr(Follower, name, scripted)
     follower = Follower(plane, TOLERANCE)
-    found = follower.follow(follower.tracker.start(), plane)
+    result = follower.follow(follower.tracker.start(), plane)
     assert tried == UNLESS_NEAR[:n_attempts]
-    assert np.all(found.positions[:, 2] == chosen)
-    assert found.n_folded == n_folded
+    assert np.all(result.positions[:, 2] == chosen)
+    assert result.n_folded == n_folded
 
 
 def test_folds_are_restored_only_within_the_tolerance(plane):
@@ -195,9 +195,9 @@ def test_only_a_key_with_the_components_of_the_next_frame_may_lack_vertices(plan
             bridge = np.flatnonzero(is_corner)[[0, 2, 1]]
             faces = np.concatenate([faces, bridge[None]])
         frames.append(MeshSequence(vertices[None].astype(np.float32), faces.astype(np.int32)))
-    found = register(meshreel.concatenate(frames), ErrorBound(0.4))
-    assert [one.n_frames for one in found.segments] == [1, 1]
-    assert found.segments[0].may_lack_vertices != joins
+    registered = register(meshreel.concatenate(frames), ErrorBound(0.4))
+    assert [segment.n_frames for segment in registered.segments] == [1, 1]
+    assert registered.segments[0].may_lack_vertices != joins
 
 
 @pytest.mark.parametrize(("n_frames", "is_refined_kept"), [(20, False), (60, True)])

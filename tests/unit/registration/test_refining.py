@@ -70,8 +70,8 @@ def test_texture_coordinates_are_interpolated_on_a_refined_key(monkeypatch):
     for one in raw.segments:
         uv = Attribute("uv", Kind.UV, Domain.VERTEX, one.read(0, 1)[0, :, ::2])
         textured.append(one.replace(surface=Surface(attributes=(uv,))))
-    found = register(raw.of_segments(textured), ErrorBound(2.0))
-    (segment,), key = found.sequence.segments, found.segments[0].key
+    registered = register(raw.of_segments(textured), ErrorBound(2.0))
+    (segment,), key = registered.sequence.segments, registered.segments[0].key
     (uv,) = segment.surface.attributes
     at_corners = segment.read(key, key + 1)[0][segment.faces.ravel()]
     assert uv.per_item() == pytest.approx(at_corners[:, ::2], abs=1e-5)

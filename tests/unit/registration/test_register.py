@@ -35,7 +35,7 @@ def only_segment(found):
 def test_a_moving_surface_becomes_one_segment(raw, registered):
     sequence = registered.sequence
     assert (sequence.n_segments, sequence.n_frames, sequence.fps) == (1, raw.n_frames, 25.0)
-    assert sequence.segments[0].n_verts in [one.n_verts for one in raw.segments]
+    assert sequence.segments[0].n_verts in [segment.n_verts for segment in raw.segments]
 
 
 def test_every_frame_is_within_the_tolerance(raw, registered):
@@ -65,9 +65,9 @@ def test_times_are_those_of_the_raw_frames(raw):
     parts = [
         frame.replace(start_s=7 + number / raw.fps) for number, frame in enumerate(raw.segments)
     ]
-    found = register(meshreel.concatenate(parts), TOLERANCE)
-    assert (found.sequence.start_s, only_segment(found).start_s) == (7.0, 7.0)
-    assert meshreel.decode(meshreel.encode(found.sequence)).start_s == 7.0
+    result = register(meshreel.concatenate(parts), TOLERANCE)
+    assert (result.sequence.start_s, only_segment(result).start_s) == (7.0, 7.0)
+    assert meshreel.decode(meshreel.encode(result.sequence)).start_s == 7.0
 
 
 def test_registration_is_deterministic(raw, registered):
@@ -82,25 +82,27 @@ def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
     torn = np.vstack([vertices * 0.5 + aside, vertices * 0.5 - aside])
     both = np.vstack([faces, faces + len(vertices)])
     others = as_frames([(torn, both), (torn + np.array([0, 0, 0.01]), both)])
-    found = register(meshreel.concatenate([raw, others]), TOLERANCE)
-    assert [one.n_frames for one in found.sequence.segments] == [raw.n_frames, 2]
-    assert any("does not continue the mesh" in line for line in found.cuts())
+    result = register(meshreel.concatenate([raw, others]), TOLERANCE)
+    assert [segment.n_frames for segment in result.sequence.segments] == [raw.n_frames, 2]
+    assert any("does not continue the mesh" in line for line in result.cuts())
 
 
 def test_frames_without_a_surface_stay_as_they_are(raw):
     empty = as_frames([(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))])
-    found = register(meshreel.concatenate([empty, raw, empty]), TOLERANCE)
-    assert [one.n_frames for one in found.sequence.segments] == [1, raw.n_frames, 1]
-    assert found.sequence[0].vertices.shape == (3, 3)
-    assert any("without a surface" in note for note in found.changes)
+    result = register(meshreel.concatenate([empty, raw, empty]), TOLERANCE)
+    assert [segment.n_frames for segment in result.sequence.segments] == [1, raw.n_frames, 1]
+    assert result.sequence[0].vertices.shape == (3, 3)
+    assert any("without a surface" in note for note in result.changes)
 
 
 def test_a_frame_inside_out_is_named(raw):
-    frames = [MeshSequence(one.read(0, 1), one.faces, one.fps) for one in raw.segments]
+    frames = [
+        MeshSequence(segment.read(0, 1), segment.faces, segment.fps) for segment in raw.segments
+    ]
     frames[0] = frames[0].replace(faces=frames[0].faces[:, ::-1])
-    found = register(meshreel.concatenate(frames), TOLERANCE)
-    assert any("oriented inside out" in cut for cut in found.cuts())
-    assert found.sequence.n_frames == N_FRAMES
+    result = register(meshreel.concatenate(frames), TOLERANCE)
+    assert any("oriented inside out" in cut for cut in result.cuts())
+    assert result.sequence.n_frames == N_FRAMES
 
 
 def test_constant_faces_are_an_error(raw):
@@ -122,10 +124,10 @@ def test_texture_coordinates_of_the_key_are_kept_at_corners(raw):
         return MeshSequence(segment.vertices, segment.faces, segment.fps, surface=surface)
 
     given = meshreel.concatenate([textured(one) for one in raw.segments[:3]])
-    found = register(given, TOLERANCE)
-    segment = only_segment(found)
+    result = register(given, TOLERANCE)
+    segment = only_segment(result)
     (uv,) = segment.surface.attributes
-    at_corners = segment.vertices[found.segments[0].key][segment.faces.ravel()][:, :2]
+    at_corners = segment.vertices[result.segments[0].key][segment.faces.ravel()][:, :2]
     assert uv.domain is Domain.CORNER
     np.testing.assert_allclose(uv.per_item(), at_corners, atol=1e-5)
 
@@ -145,8 +147,8 @@ def test_distances_of_a_decoded_sequence_include_those_of_coding(raw, registered
 def test_notes_state_the_result_and_the_cuts(raw):
     other = as_frames([capsule(20, 20)]).segments[0]
     apart = MeshSequence(other.read(0, 1)[:, :, ::-1].copy(), other.faces, fps=25.0)
-    found = register(meshreel.concatenate([raw[:2], apart]), TOLERANCE)
-    first, *others = found.notes()
+    result = register(meshreel.concatenate([raw[:2], apart]), TOLERANCE)
+    first, *others = result.notes()
     assert first.startswith("registered 3 frames in 2 segments; distance from the raw surface:")
     assert any("does not continue the mesh" in note for note in others)
 
@@ -159,8 +161,8 @@ def test_a_warning_names_what_was_removed(raw):
 
 
 def test_tolerances_are_lengths_or_percent(raw):
-    found = meshreel.register(raw[:2], tolerance="20mm", unit="m")
-    assert found.n_segments == 1
+    result = meshreel.register(raw[:2], tolerance="20mm", unit="m")
+    assert result.n_segments == 1
     with pytest.raises(InvalidInputError, match="tolerance takes percent"):
         meshreel.register(raw, tolerance="fine")
     with pytest.raises(InvalidInputError, match="tolerance 5mm is a length"):
@@ -190,8 +192,8 @@ def with_values(segment):
 
 
 def test_values_of_raw_vertices_become_tracks(raw):
-    found = register(meshreel.concatenate([with_values(one) for one in raw.segments]), TOLERANCE)
-    segment = only_segment(found)
+    result = register(meshreel.concatenate([with_values(one) for one in raw.segments]), TOLERANCE)
+    segment = only_segment(result)
     height, above, color = (segment.tracks[name] for name in ("height", "above", "color"))
     z = segment.vertices[..., 2]
     np.testing.assert_allclose(height.values[..., 0], z, atol=0.01)
@@ -200,7 +202,7 @@ def test_values_of_raw_vertices_become_tracks(raw):
     np.testing.assert_allclose(color.values[..., 1], np.clip(127.5 * (z + 1), 0, 255), atol=3)
     assert (height.unit, color.kind, color.dtype) == ("m", "color", np.uint8)
     assert segment.surface.attributes == ()
-    (change,) = found.changes
+    (change,) = result.changes
     assert change == "left out tracks that are not on the vertices of all frames: of faces"
 
 
@@ -209,7 +211,7 @@ def test_values_of_frame_files_become_tracks(raw, tmp_path):
     meshreel.save(meshreel.concatenate(frames), tmp_path / "frame_%d.ply")
     (segment,) = meshreel.register(tmp_path, tolerance=0.5).segments
     assert {*segment.tracks} == {"color", "height", "above"}
-    assert [one.name for one in segment.surface.attributes] == ["of_faces"]
+    assert [attribute.name for attribute in segment.surface.attributes] == ["of_faces"]
 
 
 def test_colors_that_differ_in_type_stay_those_of_the_key(raw):
@@ -219,4 +221,4 @@ def test_colors_that_differ_in_type_stay_those_of_the_key(raw):
     first = first.replace(surface=Surface(attributes=(floats,)), tracks={})
     segment = only_segment(register(meshreel.concatenate([first, *others]), TOLERANCE))
     assert segment.tracks == {}
-    assert [one.name for one in segment.surface.attributes] == ["color"]
+    assert [attribute.name for attribute in segment.surface.attributes] == ["color"]

@@ -54,17 +54,17 @@ def test_surface_psnr_is_close_to_that_of_compare(registered):
 
 @pytest.mark.slow
 def test_the_measured_frames_are_few_and_named():
-    found = register(capture(7, 0.5), ErrorBound(0.5))
-    report = Report.measured(found, found.sequence)
+    result = register(capture(7, 0.5), ErrorBound(0.5))
+    report = Report.measured(result, result.sequence)
     frames = report.registered_points.frames
     assert len(set(frames)) == MIN_POINT_FRAMES
-    assert found.segments[0].key not in frames
+    assert result.segments[0].key not in frames
     assert report.rows(1)["D1 and D2 of"] == f"2 of 7 frames: {', '.join(map(str, frames))}"
 
 
 def test_keys_are_measured_if_there_are_no_other_frames():
     vertices, faces = capsule(20, 20)
-    found = register(as_frames([(vertices, faces), (vertices[:, ::-1].copy(), faces)]))
-    assert found.sequence.n_segments == 2
-    points = Report.measured(found, found.sequence).registered_points
+    result = register(as_frames([(vertices, faces), (vertices[:, ::-1].copy(), faces)]))
+    assert result.sequence.n_segments == 2
+    points = Report.measured(result, result.sequence).registered_points
     assert points == PointPsnr(np.inf, np.inf, (0, 1))

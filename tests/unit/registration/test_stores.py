@@ -44,12 +44,12 @@ def memory_of(array):
 def test_an_interrupted_registration_continues_with_equal_results(raw, tmp_path):
     with pytest.raises(InterruptionError):
         register(raw, TOLERANCE, interrupt_after(4), tmp_path)
-    found = register(raw, TOLERANCE, folder=tmp_path)
+    registered = register(raw, TOLERANCE, folder=tmp_path)
     expected = register(raw, TOLERANCE)
-    assert found.distances == expected.distances
-    for frame, other in zip(found.sequence, expected.sequence, strict=True):
+    assert registered.distances == expected.distances
+    for frame, other in zip(registered.sequence, expected.sequence, strict=True):
         assert np.array_equal(frame.vertices, other.vertices)
-    assert "continued an earlier run" in found.changes
+    assert "continued an earlier run" in registered.changes
 
 
 def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
@@ -88,4 +88,4 @@ def test_a_folder_with_other_files_is_refused(raw, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(InvalidInputError, match="is no folder of a registration"):
         register(raw, TOLERANCE, folder=tmp_path)
-    assert [one.name for one in tmp_path.iterdir()] == ["notes.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

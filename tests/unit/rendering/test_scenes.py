@@ -218,13 +218,17 @@ def test_heat_of_segments_is_the_vertex_distance_if_their_meshes_are_the_same(ch
 
 
 def test_heat_is_the_distance_to_the_surface_if_the_order_of_vertices_differs(changing, grid):
-    shuffled = MeshSequence.of_segments([with_other_faces(one) for one in changing.segments])
+    shuffled = MeshSequence.of_segments(
+        [with_other_faces(segment) for segment in changing.segments]
+    )
     same = Scene(shuffled, changing, "distance")
     assert same.titles[-1] == "distance to the original surface, % of the diagonal"
     assert same.scales(range(12)).heat.largest < 1e-10
     raised = [
-        MeshSequence(one.read(0, one.n_frames) + np.float32(0.5), one.faces, one.fps)
-        for one in shuffled.segments
+        MeshSequence(
+            segment.read(0, segment.n_frames) + np.float32(0.5), segment.faces, segment.fps
+        )
+        for segment in shuffled.segments
     ]
     heat = Scene(MeshSequence.of_segments(raised), changing, "distance").scales(range(12)).heat
     longest = 50 * np.sqrt(3) / np.linalg.norm(changing.extent.high - changing.extent.low)

@@ -276,7 +276,7 @@ def test_lock_of_the_forking_thread_is_still_held_in_a_child():
 
 
 def test_cached_property_is_computed_in_a_child_while_another_thread_computes_it():
-    attributes = [one for one in vars(FieldMesh).values() if isinstance(one, cached_property)]
+    attributes = [var for var in vars(FieldMesh).values() if isinstance(var, cached_property)]
     own_lock = getattr(attributes[0], "lock", None)
     if own_lock is None:
         pytest.skip("cached properties of this Python have no lock")

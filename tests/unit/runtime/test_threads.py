@@ -342,7 +342,7 @@ def test_error_of_a_piece_is_raised_after_the_results_before_it():
 
 def test_nested_pieces_run_in_their_thread():
     def work(number):
-        return sum(results_in_order(lambda one: one, range(number), lambda _: True))
+        return sum(results_in_order(lambda item: item, range(number), lambda _: True))
 
     sums = results_in_order(work, range(20), lambda _: True)
     assert list(sums) == [number * (number - 1) // 2 for number in range(20)]

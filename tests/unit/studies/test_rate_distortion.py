@@ -19,25 +19,25 @@ def curve(scale=1.0, power=1.3, rates=RATES):
 @pytest.mark.parametrize(("scale", "percent"), [(0.5, -50), (1, 0), (2, 100), (0.1, -90)])
 def test_bd_rate_of_scaled_rates_is_their_ratio(scale, percent):
     scaled = [(scale * rate, error) for rate, error in curve()]
-    found = bd_rate(scaled, curve())
-    assert found.percent == pytest.approx(percent, abs=1e-9)
+    result = bd_rate(scaled, curve())
+    assert result.percent == pytest.approx(percent, abs=1e-9)
     errors = [error for _, error in curve()]
-    assert (found.low_error, found.high_error) == pytest.approx((min(errors), max(errors)))
-    assert found.reason == ""
+    assert (result.low_error, result.high_error) == pytest.approx((min(errors), max(errors)))
+    assert result.reason == ""
 
 
 def test_bd_rate_does_not_depend_on_the_sampling_of_curves():
-    found = bd_rate(curve(0.5, rates=np.geomspace(0.3, 3, 13)), curve())
-    assert found.percent == pytest.approx(-50, abs=1e-6)
+    result = bd_rate(curve(0.5, rates=np.geomspace(0.3, 3, 13)), curve())
+    assert result.percent == pytest.approx(-50, abs=1e-6)
 
 
 def test_bd_rate_is_the_mean_of_the_log_ratio():
     steep, flat = curve(power=2), curve(power=1)
     # Log rates are -e / 2 and -e over the log errors e of the overlap, which is symmetric.
-    found = bd_rate(steep[4:], flat[4:])  # errors 1 to 0.1 are common
+    result = bd_rate(steep[4:], flat[4:])  # errors 1 to 0.1 are common
     expected = 100 * np.expm1(-np.log(10) / 2 * 0.5)
-    assert found.percent == pytest.approx(expected, abs=1e-6)
-    assert (found.low_error, found.high_error) == pytest.approx((0.1, 1))
+    assert result.percent == pytest.approx(expected, abs=1e-6)
+    assert (result.low_error, result.high_error) == pytest.approx((0.1, 1))
 
 
 def test_bd_rate_ignores_dominated_points():
@@ -50,14 +50,14 @@ def test_bd_rate_ignores_lossless_points():
 
 
 def test_bd_rate_states_that_no_errors_are_common():
-    found = bd_rate(curve(rates=[0.1, 0.2]), curve(rates=[1, 2]))
-    assert (found.percent, found.reason) == (None, "no common errors")
+    result = bd_rate(curve(rates=[0.1, 0.2]), curve(rates=[1, 2]))
+    assert (result.percent, result.reason) == (None, "no common errors")
 
 
 @pytest.mark.parametrize("points", [[], curve()[:1], [(1.0, 0.5), (2.0, 0.5)]])
 def test_bd_rate_states_that_points_are_missing(points):
-    for found in (bd_rate(points, curve()), bd_rate(curve(), points)):
-        assert (found.percent, found.reason) == (None, "fewer than 2 points")
+    for result in (bd_rate(points, curve()), bd_rate(curve(), points)):
+        assert (result.percent, result.reason) == (None, "fewer than 2 points")
 
 
 def test_rate_at_error_interpolates_the_curve():
@@ -81,7 +81,7 @@ def test_envelope_omits_zeros():
 def test_error_at_equal_rate_of_power_laws_is_the_ratio_of_their_factors():
     triple = [(rate, 3 * rate**-1.5) for rate in np.geomspace(0.5, 4, 6)]
     double = [(rate, 2 * rate**-1.5) for rate in np.geomspace(1, 8, 7)]
-    found = error_at_equal_rate(triple, double)
-    assert found.percent == pytest.approx(50, abs=1e-6)
-    assert (found.low_error, found.high_error) == pytest.approx((1, 4))
+    result = error_at_equal_rate(triple, double)
+    assert result.percent == pytest.approx(50, abs=1e-6)
+    assert (result.low_error, result.high_error) == pytest.approx((1, 4))
     assert error_at_equal_rate(triple[:2], double[-2:]).percent is None

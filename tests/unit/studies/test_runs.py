@@ -60,9 +60,9 @@ def test_run_in_two_groups_is_executed_once(store):
     runs = {
         key: stub_run(key, lambda _, key=key: Outcome({"key": calls.append(key)})) for key in "ab"
     }
-    found = run_all({"first": [runs["a"]], "rest": [runs["b"], runs["a"]]}, store)
+    results = run_all({"first": [runs["a"]], "rest": [runs["b"], runs["a"]]}, store)
     assert calls == ["a", "b"]
-    assert found["rest"][1] == found["first"][0]
+    assert results["rest"][1] == results["first"][0]
 
 
 def test_progress_counts_runs_and_names_stages(store):

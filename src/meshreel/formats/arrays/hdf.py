@@ -80,7 +80,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
             )
         arrays = _named_arrays(root, positions)
         candidates = list(_candidates_next_to(root, positions))
-        places = [one.place for one in candidates]
+        places = [candidate.place for candidate in candidates]
         _note_left_out(root, positions, arrays, places, options.notes)
         name = positions.name.rpartition("/")[2]
         layout = find_layout(
@@ -93,8 +93,10 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
     dtype = positions.dtype.newbyteorder("=")
     with errors_naming(path), hdf_errors():
         tracks = {
-            name: one.to_stored_track(_VerifiedDataset(path, require_dataset(root, one.place)).read)
-            for name, one in named_tracks(
+            name: track.to_stored_track(
+                _VerifiedDataset(path, require_dataset(root, track.place)).read
+            )
+            for name, track in named_tracks(
                 candidates, n_frames, n_verts, about, options.notes
             ).items()
         }

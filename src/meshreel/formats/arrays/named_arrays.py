@@ -141,24 +141,24 @@ def _attribute_arrays(attributes: Sequence[Attribute]) -> dict[str, Array]:
     if not attributes:
         return {}
     arrays = {
-        "attribute_names": text_array([one.name for one in attributes]),
-        "attribute_kinds": text_array([one.kind for one in attributes]),
-        "attribute_domains": text_array([one.domain for one in attributes]),
+        "attribute_names": text_array([attribute.name for attribute in attributes]),
+        "attribute_kinds": text_array([attribute.kind for attribute in attributes]),
+        "attribute_domains": text_array([attribute.domain for attribute in attributes]),
     }
-    for index, one in enumerate(attributes):
-        arrays[f"attribute_{index}_values"] = one.values
-        if one.indices is not None:
-            arrays[f"attribute_{index}_indices"] = one.indices
+    for index, attribute in enumerate(attributes):
+        arrays[f"attribute_{index}_values"] = attribute.values
+        if attribute.indices is not None:
+            arrays[f"attribute_{index}_indices"] = attribute.indices
     return arrays
 
 
 def _group_arrays(groups: Sequence[FaceGroups]) -> dict[str, Array]:
     if not groups:
         return {}
-    arrays = {"group_names": text_array([one.name for one in groups])}
-    for index, one in enumerate(groups):
-        arrays[f"group_{index}_labels"] = text_array(one.labels)
-        arrays[f"group_{index}_numbers"] = one.numbers
+    arrays = {"group_names": text_array([group.name for group in groups])}
+    for index, group in enumerate(groups):
+        arrays[f"group_{index}_labels"] = text_array(group.labels)
+        arrays[f"group_{index}_numbers"] = group.numbers
     return arrays
 
 

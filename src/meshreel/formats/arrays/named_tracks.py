@@ -135,17 +135,17 @@ def named_tracks(
     sizes = domain_sizes(n_verts, len(about.faces), about.surface)
     found: dict[str, NamedTrack] = {}
     others = []
-    for one in candidates:
-        track = _track(one, n_frames, sizes)
+    for candidate in candidates:
+        track = _track(candidate, n_frames, sizes)
         if track is None:
-            others.append(one.place)
-        elif one.name in found:
+            others.append(candidate.place)
+        elif candidate.name in found:
             raise InvalidInputError(
-                f"contains the track {one.name!r} twice, as {found[one.name].place!r} and "
-                f"{one.place!r}; rename one of them"
+                f"contains the track {candidate.name!r} twice, as {found[candidate.name].place!r} "
+                f"and {candidate.place!r}; rename one of them"
             )
         else:
-            found[one.name] = track
+            found[candidate.name] = track
     if others:
         note_left_out(
             notes,

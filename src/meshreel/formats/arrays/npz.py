@@ -241,7 +241,8 @@ class _StoredArray:
     def _pieces(self, start: int, stop: int) -> list[slice]:
         n_at_once = max(1, READ_BYTES // self._frame_bytes)
         return [
-            slice(start + one.start, start + one.stop) for one in chunks(stop - start, n_at_once)
+            slice(start + chunk.start, start + chunk.stop)
+            for chunk in chunks(stop - start, n_at_once)
         ]
 
     def _native(self, numbers: Numbers) -> Numbers:

@@ -133,9 +133,9 @@ def track_arrays(tracks: Mapping[str, TrackSource]) -> dict[str, Array]:
         return {}
     return {
         "track_names": text_array(list(tracks)),
-        "track_kinds": text_array([one.kind for one in tracks.values()]),
-        "track_domains": text_array([one.domain for one in tracks.values()]),
-        "track_units": text_array([one.unit for one in tracks.values()]),
+        "track_kinds": text_array([track.kind for track in tracks.values()]),
+        "track_domains": text_array([track.domain for track in tracks.values()]),
+        "track_units": text_array([track.unit for track in tracks.values()]),
     }
 
 
@@ -175,7 +175,7 @@ def find_tracks(
             for name in [info.filename.removesuffix(".npy")]
             if name != positions and not RESERVED_NAMES.fullmatch(name)
         ]
-        if missing := described.keys() - {one.place for one in candidates}:
+        if missing := described.keys() - {candidate.place for candidate in candidates}:
             raise FormatError(f"has no array {min(missing)!r}, which other arrays refer to")
     return named_tracks(candidates, *sizes, about, notes)
 

@@ -237,7 +237,11 @@ class _Run:
     def _surface(self, notes: list[str]) -> Surface:
         """Return the surface of the first frame without data that change, and note the changes."""
         changing, surface = self._data.changing, self.first.surface
-        constant = [one for one in surface.attributes if (one.domain, one.name) not in changing]
+        constant = [
+            attribute
+            for attribute in surface.attributes
+            if (attribute.domain, attribute.name) not in changing
+        ]
         if (hard := self.first.find_hard_edges()) is not None:
             NormalNotes(notes).add("", hard)
         if any(
@@ -275,6 +279,8 @@ class _Run:
 def _without_data(frame: Frame) -> Surface:
     """Return the surface without the data that may become tracks."""
     attributes = (
-        one for one in frame.surface.attributes if (one.domain, one.name) not in frame.fields
+        attribute
+        for attribute in frame.surface.attributes
+        if (attribute.domain, attribute.name) not in frame.fields
     )
     return replace(frame.surface, attributes=tuple(attributes))

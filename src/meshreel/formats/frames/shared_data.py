@@ -60,8 +60,8 @@ class SharedData:
         has_hard_edges = has_empty = False
         for number, mesh in enumerate(meshes):
             found = [dict.fromkeys(keys) for keys in _keys(mesh)]
-            for key, one in _groups(mesh.surface).items():
-                labels.setdefault(key, {}).update(dict.fromkeys(one.labels))
+            for key, group in _groups(mesh.surface).items():
+                labels.setdefault(key, {}).update(dict.fromkeys(group.labels))
             has_hard_edges = has_hard_edges or mesh.surface.hard_edges is not None
             part_names = tuple(part.name for part in mesh.surface.parts)
             if number == 0:
@@ -166,19 +166,25 @@ def _keys(mesh: FrameStream) -> Iterable[Iterable[Key]]:
 def _attributes(surface: Surface) -> dict[Key, Attribute]:
     seen: Counter[Key] = Counter()
     found: dict[Key, Attribute] = {}
-    for one in surface.attributes:
-        key = one.name, one.kind, one.domain, one.values.shape[1], one.values.dtype.str
+    for attribute in surface.attributes:
+        key = (
+            attribute.name,
+            attribute.kind,
+            attribute.domain,
+            attribute.values.shape[1],
+            attribute.values.dtype.str,
+        )
         seen[key] += 1
-        found[(*key, seen[key])] = one
+        found[(*key, seen[key])] = attribute
     return found
 
 
 def _groups(surface: Surface) -> dict[Key, FaceGroups]:
-    return {(one.name,): one for one in surface.groups}
+    return {(group.name,): group for group in surface.groups}
 
 
 def _tracks(tracks: Mapping[str, TrackSource]) -> dict[Key, TrackSource]:
     return {
-        (name, one.domain, one.kind, one.shape[2], one.dtype.str, one.unit): one
-        for name, one in tracks.items()
+        (name, track.domain, track.kind, track.shape[2], track.dtype.str, track.unit): track
+        for name, track in tracks.items()
     }

@@ -348,7 +348,7 @@ def _joined_arrays(pieces: Sequence[Piece]) -> Iterator[DataArray]:
     for first in pieces[0].arrays:
         same = [array for piece in pieces for array in piece.arrays if array.key == first.key]
         values = [array.read() for array in same]
-        if len(same) == len(pieces) and len({one.shape[1:] for one in values}) == 1:
+        if len(same) == len(pieces) and len({value.shape[1:] for value in values}) == 1:
             field = first.describe()
             assert field is not None
             joined = np.concatenate(values)

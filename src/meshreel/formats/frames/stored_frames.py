@@ -263,7 +263,7 @@ class ArrayFrames:
             description.name,
             description.start_s,
             description.surface,
-            {name: read_track(one, range(self.n_frames)) for name, one in tracks.items()},
+            {name: read_track(track, range(self.n_frames)) for name, track in tracks.items()},
         )
 
     def _stored(

@@ -92,9 +92,10 @@ def _v2_geometry(geometry: dict[str, Any]) -> tuple[str, int, float]:
     pattern = _text(geometry, "path")
     if len(targets) > 1:
         folders = [pattern.replace("[target]", name) for name in targets]
+        patterns = [NUMBER.sub("*", folder).replace("[ext]", "") for folder in folders]
         raise FormatError(
             f"its geometry has several targets, {listed(targets)}; name the files of one instead, "
-            f"as a pattern: {listed(NUMBER.sub('*', one).replace('[ext]', '') for one in folders)}"
+            f"as a pattern: {listed(patterns)}"
         )
     [(name, target)] = targets.items()
     if not isinstance(target, dict) or target.get("format") not in FILE_EXTENSIONS:

@@ -167,10 +167,10 @@ def read_vtk(data: bytes) -> Frame:
 
 def _no_legacy_file(data: bytes) -> FormatError:
     """Error for a file that is not legacy VTK; names the right extension for VTK XML files."""
-    found = XML_TYPE.search(data[:XML_HEAD_BYTES])
-    if found is None:
+    match = XML_TYPE.search(data[:XML_HEAD_BYTES])
+    if match is None:
         return FormatError(f"does not begin with {SIGNATURE!r}; expected a legacy VTK file")
-    kind = found[1].decode("ascii", "replace")
+    kind = match[1].decode("ascii", "replace")
     extension = XML_EXTENSIONS.get(kind, "")
     if extension in XML_READ:
         remedy = f"rename it to {extension}"

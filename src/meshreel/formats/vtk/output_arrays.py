@@ -67,7 +67,9 @@ def output_arrays(
     notes : list of str
         Receives a sentence for each thing that is left out.
     """
-    attributes = [one for one in surface.attributes if one.domain is not Domain.CORNER]
+    attributes = [
+        attribute for attribute in surface.attributes if attribute.domain is not Domain.CORNER
+    ]
     note_unwritten(surface, (*attributes, *surface.groups), extension, notes)
     if surface.groups:
         names = listed(groups.name for groups in surface.groups)
@@ -75,7 +77,7 @@ def output_arrays(
         add_note(notes, NoteKind.UNWRITTEN, "group labels", text)
     found = [
         *map(_attribute_array, attributes),
-        *(_array(one.name, Domain.FACE, one.numbers[:, None]) for one in surface.groups),
+        *(_array(group.name, Domain.FACE, group.numbers[:, None]) for group in surface.groups),
         *(_track_array(name, track) for name, track in tracks.items()),
     ]
     return _with_unique_names(found)
@@ -111,14 +113,14 @@ def _with_unique_names(arrays: list[OutputArray]) -> list[OutputArray]:
     names: set[tuple[Domain, str]] = set()
     roles: set[tuple[Domain, str]] = set()
     found = []
-    for one in arrays:
-        name = xml_text(one.name) or "unnamed"
-        while (one.domain, name) in names:
+    for array in arrays:
+        name = xml_text(array.name) or "unnamed"
+        while (array.domain, name) in names:
             name += "_"
-        role = "" if (one.domain, one.role) in roles else one.role
-        names.add((one.domain, name))
-        roles.add((one.domain, one.role))
-        found.append(replace(one, name=name, role=role))
+        role = "" if (array.domain, array.role) in roles else array.role
+        names.add((array.domain, name))
+        roles.add((array.domain, array.role))
+        found.append(replace(array, name=name, role=role))
     return found
 
 

@@ -79,7 +79,7 @@ def _file(path: Path, element: Element, options: ReadOptions) -> Path:
 
 def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions) -> SceneMesh:
     pieces: dict[float, list[Path]] = {}
-    for time, file in sorted(files, key=lambda one: one[0]):
+    for time, file in sorted(files, key=lambda item: item[0]):
         pieces.setdefault(time, []).append(file)
     frames, times = list(pieces.values()), np.array(list(pieces))
     several = next((time for time, found in pieces.items() if len(found) > 1), None)

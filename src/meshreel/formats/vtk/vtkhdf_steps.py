@@ -108,7 +108,9 @@ class VtkSteps:
 
     def note_other_data(self, arrays: Iterable[DataArray], surface: Surface) -> None:
         """Add a note on arrays of a step that are not part of a surface stored elsewhere."""
-        names = {one.name for one in surface.attributes} | {one.name for one in surface.groups}
+        names = {attribute.name for attribute in surface.attributes} | {
+            group.name for group in surface.groups
+        }
         known = {array_name(name) for name in names}
         data = [array.name for array in arrays]
         # The writer appends underscores to make names unique.
@@ -338,7 +340,7 @@ def read_cells(
     corners = read_rows(connectivity, first_corner, sum(n_corners.tolist())).astype(np.int64)
     if (corners < 0).any() or (corners >= n_points.repeat(n_corners)).any():
         raise FormatError(f"{group.name}/Connectivity has point indices out of range")
-    if [int(one.sum()) for one in counts] != n_corners.tolist():
+    if [int(count.sum()) for count in counts] != n_corners.tolist():
         raise FormatError(f"{group.name}/Offsets do not agree with NumberOfConnectivityIds")
     total = sum(n_cells.tolist())
     if kind is None:

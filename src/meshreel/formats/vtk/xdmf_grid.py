@@ -122,11 +122,11 @@ class GridFrames:
 
     def _note_left_out(self, index: int) -> None:
         attributes = self._steps[index].findall("Attribute")
-        others = [one for one in attributes if _center(one) not in CENTERS]
+        others = [attribute for attribute in attributes if _center(attribute) not in CENTERS]
         note_kinds(
             self._notes,
             "data of neither nodes nor cells",
-            (one.get("Name", "") for one in others),
+            (other.get("Name", "") for other in others),
         )
         sets = (one.get("Name", "(unnamed)") for one in self._steps[index].findall("Set"))
         note_kinds(self._notes, "sets", sets)

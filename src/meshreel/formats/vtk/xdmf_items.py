@@ -201,10 +201,10 @@ class DataItems:
 def _follow(root: Element, place: str) -> Element:
     """Return the element at a path such as /Xdmf/Domain/Grid[2]/Topology."""
     element = root
-    for one in place.strip().removeprefix("/Xdmf/").split("/"):
-        if (found := PATH_ELEMENT.fullmatch(one)) is None:
+    for word in place.strip().removeprefix("/Xdmf/").split("/"):
+        if (match := PATH_ELEMENT.fullmatch(word)) is None:
             raise FormatError(f"refers to {place[:80]!r}, which is not a supported path")
-        tag, number, name = found.groups()
+        tag, number, name = match.groups()
         children = [child for child in element if child.tag == tag]
         if name is not None:
             children = [child for child in children if child.get("Name") == name]

@@ -73,19 +73,19 @@ def _grids(numbers: "_HdfItems", segment: FrameStream, output: HdfOutput) -> Ite
     arrays = output_arrays(segment.surface, segment.tracks, ".xdmf", segment.notes)
     topology = _topology(numbers, segment)
     static = {
-        number: numbers.item(f"data/{number}", _flat(one.values))
-        for number, one in enumerate(arrays)
-        if one.values is not None
+        number: numbers.item(f"data/{number}", _flat(array.values))
+        for number, array in enumerate(arrays)
+        if array.values is not None
     }
     for index, frame in output.frames(segment):
         points = numbers.item(f"points/{index}", frame)
         values = segment.values(index)
         items = static | {
-            number: numbers.item(f"data/{number}/{index}", _flat(values[one.track]))
-            for number, one in enumerate(arrays)
-            if one.track
+            number: numbers.item(f"data/{number}/{index}", _flat(values[array.track]))
+            for number, array in enumerate(arrays)
+            if array.track
         }
-        data = "".join(_attribute(one, items[number]) for number, one in enumerate(arrays))
+        data = "".join(_attribute(array, items[number]) for number, array in enumerate(arrays))
         yield f'{topology}<Geometry GeometryType="XYZ">\n{points}</Geometry>\n{data}'
 
 

@@ -53,11 +53,11 @@ def read_vtk_xml(data: bytes) -> Step:
         If the data is not such a file, or is damaged.
     """
     appended, is_raw = b"", False
-    if found := APPENDED.search(data):
+    if match := APPENDED.search(data):
         end = data.rfind(b"</AppendedData")
-        appended = data[found.end() : end if end > 0 else len(data)]
-        is_raw = b"raw" in found[1]
-        data = data[: found.start()] + b"</VTKFile>"
+        appended = data[match.end() : end if end > 0 else len(data)]
+        is_raw = b"raw" in match[1]
+        data = data[: match.start()] + b"</VTKFile>"
     root = parse_xml(data)
     kind = root.get("type", "")
     if root.tag != "VTKFile" or kind not in ("UnstructuredGrid", "PolyData"):
@@ -70,7 +70,9 @@ def read_vtk_xml(data: bytes) -> Step:
     if not elements:
         raise FormatError("has no Piece")
     is_grid = kind == "UnstructuredGrid"
-    piece, left_out = join_pieces([_piece(one, coding, is_grid=is_grid) for one in elements])
+    piece, left_out = join_pieces(
+        [_piece(element, coding, is_grid=is_grid) for element in elements]
+    )
     return piece.step((*left_out, *_left_out(root.find(kind))))
 
 

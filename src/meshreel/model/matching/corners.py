@@ -79,8 +79,8 @@ def joint_numbers(several: Sequence[Corners]) -> list[Integers]:
 def corners_of(segment: MeshSequence) -> Corners:
     """Return the corners of a segment, by its attributes and groups, or else its positions."""
     surface = segment.surface
-    columns = [values_at_corners(one, segment.faces) for one in surface.attributes]
-    columns += [np.repeat(one.numbers, 3)[:, None] for one in surface.groups]
+    columns = [values_at_corners(attribute, segment.faces) for attribute in surface.attributes]
+    columns += [np.repeat(group.numbers, 3)[:, None] for group in surface.groups]
     if not surface.attributes:
         columns.append(segment.vertices[0][segment.faces.ravel()])
     found, numbers = np.unique(rows_as_bytes(*columns), return_inverse=True)
@@ -106,9 +106,15 @@ def values_at_corners(attribute: Attribute, faces: Faces) -> npt.NDArray[np.gene
 def _description(surface: Surface) -> tuple[object, ...]:
     """Everything about a surface except values and groups of faces and hard edges."""
     attributes = [
-        (one.name, one.kind, one.domain, one.values.dtype, one.values.shape[1])
-        for one in surface.attributes
+        (
+            attribute.name,
+            attribute.kind,
+            attribute.domain,
+            attribute.values.dtype,
+            attribute.values.shape[1],
+        )
+        for attribute in surface.attributes
     ]
-    groups = [(one.name, one.labels) for one in surface.groups]
+    groups = [(group.name, group.labels) for group in surface.groups]
     has_hard_edges = surface.hard_edges is not None
     return attributes, groups, surface.materials, surface.images, has_hard_edges

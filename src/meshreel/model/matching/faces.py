@@ -37,7 +37,7 @@ def aligned_faces(run: list[Corners]) -> tuple[Integers, Integers] | None:
     stacked = np.concatenate(faces)
     first, inverse = distinct_faces(stacked)
     keys = stacked[first]
-    rows = np.split(inverse, np.cumsum([len(one) for one in faces])[:-1])
+    rows = np.split(inverse, np.cumsum([len(face) for face in faces])[:-1])
     is_alike = (keys == keys[:, :1]).all(axis=1)  # such a face may begin anywhere
     for own in rows:
         counts = np.bincount(own, minlength=len(keys))

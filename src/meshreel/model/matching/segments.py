@@ -163,7 +163,7 @@ def _assembled(
             return None
         surface = replace(surface, hard_edges=edges)
     return segments[0].replace(
-        vertices=np.concatenate([one[:, used] for one in positions]),
+        vertices=np.concatenate([position[:, used] for position in positions]),
         faces=faces.astype(np.int32),
         surface=surface,
     )
@@ -199,7 +199,7 @@ def _surface(
         return first.indexed(values)
 
     def regrouped(number: int) -> FaceGroups:
-        groups = [one.surface.groups[number] for one in segments]
+        groups = [segment.surface.groups[number] for segment in segments]
         numbers = np.empty(len(source), np.int32)
         for index in np.unique(source).tolist():
             numbers[source == index] = groups[index].numbers[own[source == index, 0] // 3]
@@ -226,11 +226,11 @@ def _hard_edges(
     """
     edges = shared_edges(np.full(len(faces), 3), faces.ravel()).ends
     is_hard = np.zeros(len(edges), bool)
-    for number, (one, own) in enumerate(zip(segments, vertices, strict=True)):
+    for number, (segment, own) in enumerate(zip(segments, vertices, strict=True)):
         there = np.sort(own[edges], axis=1)
         codes, hard = (
-            ends[:, 0] * np.int64(one.n_verts) + ends[:, 1]
-            for ends in (there, np.asarray(one.surface.hard_edges, np.int64))
+            ends[:, 0] * np.int64(segment.n_verts) + ends[:, 1]
+            for ends in (there, np.asarray(segment.surface.hard_edges, np.int64))
         )
         is_hard_there = np.isin(codes, hard)
         if not number:

@@ -49,10 +49,10 @@ def test_each_animation_is_a_separate_stream(inputs):
     clips(inputs / "man.glb", "walk", "jump")
     plan, report = run(inputs)
     assert (list(report.encoded), plan.notes) == (["man.glb#walk", "man.glb#jump"], [])
-    found = outputs(inputs)
-    assert sorted(found) == ["man.jump.reel", "man.walk.reel"]
-    assert found["man.walk.reel"].vertices[-1, 0].tolist() == [2, 0, 0]
-    assert found["man.jump.reel"].vertices[-1, 0].tolist() == [0, 7, 0]
+    result = outputs(inputs)
+    assert sorted(result) == ["man.jump.reel", "man.walk.reel"]
+    assert result["man.walk.reel"].vertices[-1, 0].tolist() == [2, 0, 0]
+    assert result["man.jump.reel"].vertices[-1, 0].tolist() == [0, 7, 0]
     assert all(record.notes == [] for record in report.encoded.values())
 
 

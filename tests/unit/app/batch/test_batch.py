@@ -69,18 +69,18 @@ def test_run_writes_the_streams_of_encode_to_the_same_subfolders(inputs, out):
 
 def test_manifest_contains_the_figures_of_compare_and_info(inputs, out):
     run(inputs, out)
-    found = facts(out)["walk.npz"]
+    results = facts(out)["walk.npz"]
     quality = meshreel.compare(meshreel.load(inputs / "walk.npz"), meshreel.load(out / "walk.reel"))
     stream = meshreel.info((out / "walk.reel").read_bytes())
-    assert found["state"] == "done"
-    assert found["kg_error_percent"] == pytest.approx(quality.kg_error_percent)
-    assert found["max_error_percent"] == pytest.approx(quality.max_error_percent)
-    assert found["size_bytes"] == stream.size_bytes == (out / "walk.reel").stat().st_size
-    assert found["raw_size_bytes"] == stream.raw_size_bytes
-    assert found["ratio"] == pytest.approx(stream.ratio)
-    assert found["seconds"] > 0
-    assert found["options"] == {"quality": 60}
-    assert found["version"] == meshreel.__version__
+    assert results["state"] == "done"
+    assert results["kg_error_percent"] == pytest.approx(quality.kg_error_percent)
+    assert results["max_error_percent"] == pytest.approx(quality.max_error_percent)
+    assert results["size_bytes"] == stream.size_bytes == (out / "walk.reel").stat().st_size
+    assert results["raw_size_bytes"] == stream.raw_size_bytes
+    assert results["ratio"] == pytest.approx(stream.ratio)
+    assert results["seconds"] > 0
+    assert results["options"] == {"quality": 60}
+    assert results["version"] == meshreel.__version__
 
 
 def test_input_whose_faces_change_becomes_segments(tmp_path, out):
@@ -94,19 +94,22 @@ def test_input_whose_faces_change_becomes_segments(tmp_path, out):
     options = EncodeOptions(config, reading, tracks={"heat": "1%", "cold": 1.0})
     report = run(tmp_path / "in", out, options)
     assert report.summary == "0 up to date, 1 encoded, 0 failed"
-    found = facts(out)["scan"]
+    results = facts(out)["scan"]
     decoded = meshreel.decode(out / "scan.reel")
-    assert [one.n_frames for one in decoded.segments] == [3, 2]
-    assert [[a.name for a in one.surface.attributes] for one in decoded.segments] == [[], ["uv"]]
-    assert 0.1 < found["max_error_percent"] <= 0.3
-    assert found["size_bytes"] == (out / "scan.reel").stat().st_size
-    assert 0 < found["tracks"]["heat"]["largest"] <= 0.01
+    assert [segment.n_frames for segment in decoded.segments] == [3, 2]
+    assert [[a.name for a in segment.surface.attributes] for segment in decoded.segments] == [
+        [],
+        ["uv"],
+    ]
+    assert 0.1 < results["max_error_percent"] <= 0.3
+    assert results["size_bytes"] == (out / "scan.reel").stat().st_size
+    assert 0 < results["tracks"]["heat"]["largest"] <= 0.01
     for note in (
         "the faces change: 5 frames in 2 segments of constant connectivity",
         "has no track cold",
     ):
-        assert note in found["notes"]
-    [missing] = [note for note in found["notes"] if "no attribute or group" in note]
+        assert note in results["notes"]
+    [missing] = [note for note in results["notes"] if "no attribute or group" in note]
     assert missing.startswith("has no attribute or group 'none such'; ")
 
 
@@ -118,10 +121,10 @@ def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits,
     meshreel.save(quad_sheet(1), folder / "b.ply")
     config = config_of(quality=60, uv_bits=8)
     run(tmp_path / "in", out, EncodeOptions(config, ReadOptions(attributes=bits)))
-    found = facts(out)["scan"]
-    assert found["state"] == "done"
-    assert (found["uv_error"] is None) == noted
-    assert ("has no texture coordinates for uv_bits to quantize" in found["notes"]) == noted
+    results = facts(out)["scan"]
+    assert results["state"] == "done"
+    assert (results["uv_error"] is None) == noted
+    assert ("has no texture coordinates for uv_bits to quantize" in results["notes"]) == noted
 
 
 def test_manifest_lists_non_default_options(inputs, out):
@@ -487,9 +490,9 @@ def test_long_inputs_are_encoded_first(inputs, out):
 def test_manifest_sums_its_records(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     run(inputs, out)
-    found = json.loads((out / MANIFEST_NAME).read_text())
-    done = [one for one in found["inputs"].values() if one["state"] == "done"]
-    assert found["summary"]["done"] == 2
-    assert found["summary"]["failed"] == 1
-    assert found["summary"]["size_bytes"] == sum(one["size_bytes"] for one in done)
-    assert found["summary"]["max_error_percent"] == max(one["max_error_percent"] for one in done)
+    parsed = json.loads((out / MANIFEST_NAME).read_text())
+    done = [one for one in parsed["inputs"].values() if one["state"] == "done"]
+    assert parsed["summary"]["done"] == 2
+    assert parsed["summary"]["failed"] == 1
+    assert parsed["summary"]["size_bytes"] == sum(one["size_bytes"] for one in done)
+    assert parsed["summary"]["max_error_percent"] == max(one["max_error_percent"] for one in done)

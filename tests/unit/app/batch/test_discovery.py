@@ -24,7 +24,7 @@ def put(folder, *paths):
 
 
 def outputs(folder, **options):
-    return {one.name: one.output for one in find_inputs(folder, **options)}
+    return {source.name: source.output for source in find_inputs(folder, **options)}
 
 
 def test_npz_files_and_frame_folders_at_any_depth_are_inputs(folder):
@@ -129,10 +129,10 @@ def test_files_that_a_written_sequence_references_belong_to_the_input(tmp_path, 
     if extension == ".xdmf":
         pytest.importorskip("h5py")
     written = save(waving_grid(3), tmp_path / f"walk{extension}")
-    [found] = find_inputs(tmp_path)
-    assert found.name == f"walk{extension}"
-    assert set(found.files) == set(written)
+    [result] = find_inputs(tmp_path)
+    assert result.name == f"walk{extension}"
+    assert set(result.files) == set(written)
     written[0].unlink()
-    assert [one.name for one in find_inputs(tmp_path)] == [
+    assert [source.name for source in find_inputs(tmp_path)] == [
         "walk_frames" if extension == ".pvd" else "walk.xdmf.h5"
     ]

@@ -98,7 +98,7 @@ def test_web_server_is_rejected_as_input_folder(tmp_path):
 
 @pytest.mark.parametrize(("but_not", "is_left_out"), [(f"{IN}/a", True), (IN, False), (OUT, False)])
 def test_output_folder_is_skipped_when_it_is_inside_the_input_folder(store, but_not, is_left_out):
-    names = {one.name for one in find_inputs(IN, but_not=but_not)}
+    names = {source.name for source in find_inputs(IN, but_not=but_not)}
     assert ("a/cloth" in names) != is_left_out
     assert "walk.npz" in names
 

@@ -23,7 +23,7 @@ COMMANDS = ("encode", "convert", "batch")
 
 
 def params(command):
-    return {one.name: one for one in command_named(command).params}
+    return {param.name: param for param in command_named(command).params}
 
 
 @pytest.mark.parametrize("name", OPTIONS)

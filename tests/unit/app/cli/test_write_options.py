@@ -30,5 +30,7 @@ def test_option_is_in_the_panel_of_its_outputs(command, name):
 
 def test_unit_is_in_the_panel_of_the_error_bound():
     for command in ("encode", "decode", "convert", "batch"):
-        panels = {one.name: getattr(one, "panel", "") for one in command_named(command).params}
+        panels = {
+            param.name: getattr(param, "panel", "") for param in command_named(command).params
+        }
         assert panels["unit"] == panels["max_error"]

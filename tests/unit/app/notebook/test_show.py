@@ -30,7 +30,7 @@ def opened(monkeypatch):
     """Queue of the addresses that the browser opens; their servers stop after the test."""
     addresses, servers, serve = Queue(), [], showing.serve
     monkeypatch.setattr("webbrowser.open", addresses.put)
-    monkeypatch.setattr(showing, "serve", lambda one: servers.append(serve(one)) or servers[-1])
+    monkeypatch.setattr(showing, "serve", lambda item: servers.append(serve(item)) or servers[-1])
     yield addresses
     for server in servers:
         server.shutdown()

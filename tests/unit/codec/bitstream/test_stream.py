@@ -27,7 +27,7 @@ BLOCKS = [
 SECTIONS = [*LEADING, *BLOCKS[0][1], *BLOCKS[1][1]]
 DATA = write_stream((HEADER, LEADING, BLOCKS))
 UNCOUNTED = replace(HEADER, n_frames=0)
-(FIRST_START, FIRST_END), (SECOND_START, BLOCKS_END) = (one[0] for one in Stream(DATA).groups)
+(FIRST_START, FIRST_END), (SECOND_START, BLOCKS_END) = (group[0] for group in Stream(DATA).groups)
 FIRST, SECOND = FIRST_END - FIRST_START, BLOCKS_END - SECOND_START
 
 
@@ -55,7 +55,7 @@ def test_sections_are_read_in_written_order():
 
 def test_sizes_of_header_and_sections_sum_to_the_whole():
     stream = Stream(DATA)
-    parts = sum(one.size_bytes for one in stream.file.sections())
+    parts = sum(section.size_bytes for section in stream.file.sections())
     assert parts + stream.header_size_bytes == stream.file.info.size_bytes == len(DATA)
 
 

@@ -91,11 +91,11 @@ def test_truncated_bytes_decode_to_other_faces_or_our_error(mesh):
     coded = encode_connectivity(faces, n_verts)
     for size in range(0, len(coded.payload), 1 + len(coded.payload) // 80):
         try:
-            found = decode_connectivity(coded.payload[:size], n_verts, len(faces))
+            result = decode_connectivity(coded.payload[:size], n_verts, len(faces))
         except CorruptStreamError:
             continue
-        assert not np.array_equal(found, coded.internal_faces)
-        assert 0 <= found.min() <= found.max() < n_verts
+        assert not np.array_equal(result, coded.internal_faces)
+        assert 0 <= result.min() <= result.max() < n_verts
     for size in range(1, len(coded.order_payload), 1 + len(coded.order_payload) // 80):
         with suppress(CorruptStreamError):
             decode_order(coded.order_payload[:size], coded.internal_faces, n_verts)
@@ -127,12 +127,12 @@ def test_changed_bytes_decode_to_a_valid_mesh_or_our_error(mesh):
         assert internal.shape == faces.shape
         assert 0 <= internal.min() <= internal.max() < n_verts
         try:
-            found, given = decode_order(bytes(order_payload), internal, n_verts)
+            result, given = decode_order(bytes(order_payload), internal, n_verts)
         except MeshReelError:
             continue
-        np.testing.assert_array_equal(np.sort(found), np.arange(n_verts))
+        np.testing.assert_array_equal(np.sort(result), np.arange(n_verts))
         np.testing.assert_array_equal(
-            sorted_triangles(given, n_verts), sorted_triangles(found[internal], n_verts)
+            sorted_triangles(given, n_verts), sorted_triangles(result[internal], n_verts)
         )
 
 

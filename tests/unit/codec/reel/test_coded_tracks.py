@@ -78,9 +78,9 @@ def test_normals_have_length_one_and_are_within_their_angle():
     normals = unit(smooth(n_verts, 3, dtype=np.float64) - 300)
     normals[:, 4] = 0  # a vertex without a normal
     original = quad_sheet_with(n=meshreel.Track(normals, kind="normal"))
-    found = meshreel.decode(meshreel.encode(original, tracks={"n": "2deg"})).tracks["n"].values
-    assert np.all(found[:, 4] == 0)
-    there = np.delete(found, 4, axis=1)
+    result = meshreel.decode(meshreel.encode(original, tracks={"n": "2deg"})).tracks["n"].values
+    assert np.all(result[:, 4] == 0)
+    there = np.delete(result, 4, axis=1)
     np.testing.assert_allclose(np.linalg.norm(there, axis=2), 1, rtol=1e-12)
     cosines = np.sum(there * np.delete(normals, 4, axis=1), axis=2)
     turns = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
@@ -98,8 +98,8 @@ def test_colors_are_as_accurate_as_their_bits():
     n_verts = sizes()[0]
     colors = np.clip(smooth(n_verts, 4) / 400, 0, 1)
     original = quad_sheet_with(c=meshreel.Track(colors, kind="color"))
-    found = meshreel.decode(meshreel.encode(original, tracks={"c": "6bit"})).tracks["c"].values
-    assert np.abs(found - colors).max() <= 0.5 / 63
+    result = meshreel.decode(meshreel.encode(original, tracks={"c": "6bit"})).tracks["c"].values
+    assert np.abs(result - colors).max() <= 0.5 / 63
 
 
 def test_dropping_tracks_gives_the_file_without_tracks():
@@ -173,9 +173,9 @@ def test_tracks_do_not_change_the_frames():
     moving = waving_grid(12)
     heat = smooth(moving.n_verts, 1)
     both = meshreel.MeshSequence(moving.vertices, moving.faces, tracks={"heat": heat})
-    found = meshreel.decode(meshreel.encode(both, max_error=0.1))
+    result = meshreel.decode(meshreel.encode(both, max_error=0.1))
     alone = meshreel.decode(meshreel.encode(moving, max_error=0.1))
-    np.testing.assert_array_equal(found.vertices, alone.vertices)
+    np.testing.assert_array_equal(result.vertices, alone.vertices)
 
 
 def test_bounds_hold_for_any_values_on_any_mesh():

@@ -41,10 +41,10 @@ def test_exact_tracks_follow_the_order_of_vertices(order):
     ids = np.tile(np.arange(n_items("vertex"), dtype=np.int32), (12, 1))
     original = quad_sheet_with(id=ids)
     decoded = meshreel.decode(meshreel.encode(original, order=order))
-    found = decoded.tracks["id"].values[0, :, 0]
-    assert sorted(found) == list(range(len(found)))
+    result = decoded.tracks["id"].values[0, :, 0]
+    assert sorted(result) == list(range(len(result)))
     step = np.linalg.norm(np.ptp(original.vertices, axis=(0, 1))) / 100
-    assert np.abs(decoded.vertices - original.vertices[:, found]).max() < step
+    assert np.abs(decoded.vertices - original.vertices[:, result]).max() < step
 
 
 def test_constant_integers_are_lossless_and_cost_almost_nothing():
@@ -64,9 +64,9 @@ def test_missing_values_stay_missing_and_others_keep_their_bound():
         data = meshreel.encode(
             quad_sheet_with(heat=heat), tracks={"heat": 0.5}, order=order, block_frames=7
         )
-        found = meshreel.decode(data).tracks["heat"].values[..., 0]
-        np.testing.assert_array_equal(np.isnan(found), np.isnan(heat))
-        assert np.nanmax(np.abs(found - heat)) <= 0.5
+        result = meshreel.decode(data).tracks["heat"].values[..., 0]
+        np.testing.assert_array_equal(np.isnan(result), np.isnan(heat))
+        assert np.nanmax(np.abs(result - heat)) <= 0.5
     nothing = np.full((12, n_verts), np.nan, np.float32)
     data = meshreel.encode(quad_sheet_with(heat=nothing), tracks={"heat": "1%"})
     assert np.isnan(meshreel.decode(data).tracks["heat"].values).all()

@@ -52,11 +52,11 @@ def test_every_position_is_within_the_bound(name, percent):
     sequence = SEQUENCES[name]
     data = meshreel.encode(sequence, "grid", max_error=percent, block_frames=4)
     assert_kept(sequence, data, percent)
-    found = meshreel.info(data)
-    assert found.method == "grid"
-    assert found.error_bound_percent == pytest.approx(percent)
-    assert set(found.n_modes) == {0}
-    assert not found.is_lossless
+    info = meshreel.info(data)
+    assert info.method == "grid"
+    assert info.error_bound_percent == pytest.approx(percent)
+    assert set(info.n_modes) == {0}
+    assert not info.is_lossless
 
 
 def test_bound_may_be_a_length():
@@ -104,8 +104,8 @@ def test_tracks_and_attributes_are_kept_with_the_grid():
     both = meshreel.MeshSequence(sequence.vertices, sequence.faces, tracks={"heat": heat})
     data = meshreel.encode(both, max_error=1e-4, tracks={"heat": "exact"}, block_frames=5)
     assert meshreel.info(data).method == "grid"
-    found = meshreel.decode(data).tracks["heat"].values
-    assert (np.squeeze(found) == np.squeeze(heat.values)).all()
+    result = meshreel.decode(data).tracks["heat"].values
+    assert (np.squeeze(result) == np.squeeze(heat.values)).all()
 
 
 def test_live_frames_anywhere_are_within_the_bound():
@@ -126,9 +126,9 @@ def test_grid_requires_a_bound_or_a_step():
 def test_step_is_that_of_the_grid(n_frames):
     sequence = waving_grid(n_frames)
     data = meshreel.encode(sequence, "grid", step=0.01)
-    found = meshreel.info(data)
-    assert found.error_bound_percent is None
-    apart = np.abs(meshreel.decode(data).vertices - sequence.vertices) / found.diagonal
+    info = meshreel.info(data)
+    assert info.error_bound_percent is None
+    apart = np.abs(meshreel.decode(data).vertices - sequence.vertices) / info.diagonal
     assert 0.004 < apart.max() <= 0.00501
 
 

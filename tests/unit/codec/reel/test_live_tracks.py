@@ -29,11 +29,11 @@ def test_tracks_of_pushed_frames_are_within_their_bounds():
         for number, frame in enumerate(GRID.vertices)
     ]
     data = recorded(frames, {"heat": "0.5K"}, block_frames=4)
-    found = meshreel.decode(data).tracks
-    assert (found["heat"].unit, found["again"].kind) == ("K", TrackKind.SCALAR)
-    assert 0.1 < np.abs(found["heat"].values[..., 0] - HEAT).max() <= 0.5
+    result = meshreel.decode(data).tracks
+    assert (result["heat"].unit, result["again"].kind) == ("K", TrackKind.SCALAR)
+    assert 0.1 < np.abs(result["heat"].values[..., 0] - HEAT).max() <= 0.5
     first_range = np.ptp(HEAT[:4])
-    assert np.abs(found["again"].values[..., 0] - HEAT).max() <= 0.001 * first_range
+    assert np.abs(result["again"].values[..., 0] - HEAT).max() <= 0.001 * first_range
     alone = meshreel.decode(recorded([(frame, None) for frame in GRID.vertices], block_frames=4))
     np.testing.assert_array_equal(meshreel.decode(data).vertices, alone.vertices)
 

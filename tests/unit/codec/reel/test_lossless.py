@@ -74,11 +74,11 @@ def test_positions_are_lossless(name, block_frames):
     decoded = meshreel.decode(data)
     assert_same_bits(decoded.vertices, sequence.vertices)
     assert_same_bits(decoded.faces, sequence.faces)
-    found = meshreel.info(data)
-    assert (found.method, found.order) == ("lossless", "keep")
-    assert found.is_lossless
-    assert found.error_bound_percent == 0
-    assert set(found.n_modes) == {0}
+    info = meshreel.info(data)
+    assert (info.method, info.order) == ("lossless", "keep")
+    assert info.is_lossless
+    assert info.error_bound_percent == 0
+    assert set(info.n_modes) == {0}
 
 
 @pytest.mark.parametrize("order", ["vertices", "drop"])
@@ -133,10 +133,10 @@ def test_tracks_are_lossless_by_default():
     data = meshreel.encode(sequence, lossless=True, tracks={"flow": 0.25, "id": "drop"})
     heat, flow = meshreel.info(data).tracks
     assert (heat.name, heat.is_exact, flow.is_exact, flow.bound) == ("heat", True, False, 0.25)
-    found = meshreel.decode(data)
-    assert_same_bits(found.vertices, sequence.vertices)
-    assert_same_bits(found.tracks["heat"].values, sequence.tracks["heat"].values)
-    apart = np.linalg.norm(found.tracks["flow"].values - sequence.tracks["flow"].values, axis=2)
+    result = meshreel.decode(data)
+    assert_same_bits(result.vertices, sequence.vertices)
+    assert_same_bits(result.tracks["heat"].values, sequence.tracks["heat"].values)
+    apart = np.linalg.norm(result.tracks["flow"].values - sequence.tracks["flow"].values, axis=2)
     assert 0 < apart.max() <= 0.25
 
 

@@ -43,11 +43,11 @@ def with_tracks(sheet, **tracks):
 
 
 def headers(data):
-    return {one.name: one for one in track_headers(data)}
+    return {header.name: header for header in track_headers(data)}
 
 
 def bytes_of(data):
-    return {one.name: one.size_bytes for one in meshreel.info(data).tracks}
+    return {track.name: track.size_bytes for track in meshreel.info(data).tracks}
 
 
 def angles(one, other):
@@ -78,8 +78,8 @@ def test_rate_is_estimated_for_another_unit_of_time():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.CENTRAL) / 7.5
     sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
-    found = headers(meshreel.encode(sequence, max_error=0.001))["v"]
-    assert (found.coding, found.rate) == (Coding.CENTRAL, pytest.approx(FPS / 7.5, rel=1e-6))
+    result = headers(meshreel.encode(sequence, max_error=0.001))["v"]
+    assert (result.coding, result.rate) == (Coding.CENTRAL, pytest.approx(FPS / 7.5, rel=1e-6))
 
 
 @pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
@@ -88,10 +88,10 @@ def test_rate_is_estimated_in_short_blocks(coding):
     values = velocities(sheet.vertices, coding)
     sequence = with_tracks(sheet, v=Track(values, kind="velocity"))
     data = meshreel.encode(sequence, lossless=True, block_frames=4, tracks={"v": "0.1%"})
-    found = headers(data)["v"]
-    assert (found.coding, found.rate) == (coding, FPS)
+    result = headers(data)["v"]
+    assert (result.coding, result.rate) == (coding, FPS)
     apart = np.linalg.norm(meshreel.decode(data).tracks["v"].values - values, axis=2)
-    assert apart.max() <= found.bound
+    assert apart.max() <= result.bound
 
 
 @pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
@@ -149,11 +149,11 @@ def test_predicted_tracks_keep_missing_velocities():
     data = meshreel.encode(
         with_tracks(sheet, v=Track(values, kind="velocity")), max_error=0.001, block_frames=5
     )
-    found = meshreel.decode(data).tracks["v"].values
+    result = meshreel.decode(data).tracks["v"].values
     assert headers(data)["v"].coding is Coding.BACKWARD
-    np.testing.assert_array_equal(np.isnan(found), np.isnan(values))
+    np.testing.assert_array_equal(np.isnan(result), np.isnan(values))
     there = ~np.isnan(values).any(axis=2)
-    apart = np.linalg.norm(found - values, axis=2)[there]
+    apart = np.linalg.norm(result - values, axis=2)[there]
     assert apart.max() <= headers(data)["v"].bound
 
 
@@ -271,9 +271,11 @@ def test_positions_are_finer_when_that_saves_bytes_of_tracks(target, monkeypatch
     monkeypatch.setattr(following_tracks, "MIN_TRACK_SHARE", np.inf)
     at_target = meshreel.encode(sequence, **target)
     assert len(data) < len(at_target)
-    found, coarser = (meshreel.compare(sequence, meshreel.decode(one)) for one in (data, at_target))
-    assert found.max_error_percent < coarser.max_error_percent
-    assert max(found.tracks["n"].largest, coarser.tracks["n"].largest) <= 0.5
+    result, coarser = (
+        meshreel.compare(sequence, meshreel.decode(one)) for one in (data, at_target)
+    )
+    assert result.max_error_percent < coarser.max_error_percent
+    assert max(result.tracks["n"].largest, coarser.tracks["n"].largest) <= 0.5
     alone = meshreel.encode(sequence, **target, tracks={"n": "drop"})
     np.testing.assert_array_equal(
         meshreel.decode(at_target).vertices, meshreel.decode(alone).vertices
@@ -298,8 +300,8 @@ def test_ranks_of_floats_are_ordered_and_invertible(dtype):
 
 def test_non_finite_expected_values_are_0():
     header = TrackHeader("v", "", "velocity", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.0,) * 3)
-    found = expected_places(header, np.array([1e39, -np.inf, np.nan, 0.0]))
-    np.testing.assert_array_equal(found, 0)
+    result = expected_places(header, np.array([1e39, -np.inf, np.nan, 0.0]))
+    np.testing.assert_array_equal(result, 0)
 
 
 def test_fit_does_not_depend_on_pieces(monkeypatch):
@@ -307,12 +309,12 @@ def test_fit_does_not_depend_on_pieces(monkeypatch):
     positions = rng.normal(size=(9, 50, 3))
     velocities = 24.0 * differences(Coding.CENTRAL, positions) + rng.normal(size=(9, 50, 3))
     velocities[2, 7] = np.nan
-    found = []
+    results = []
     for at_once in (1 << 18, 40):
         monkeypatch.setattr(track_residuals, "MAX_VALUES_PER_TASK", at_once)
         fit = track_residuals.DifferenceFit()
         fit.add(velocities, positions)
-        found.append(fit.best())
-    (coding, rate), (coding_of_pieces, rate_of_pieces) = found
+        results.append(fit.best())
+    (coding, rate), (coding_of_pieces, rate_of_pieces) = results
     assert coding is coding_of_pieces is Coding.CENTRAL
     assert rate_of_pieces == pytest.approx(rate, rel=1e-12)

@@ -38,24 +38,24 @@ def test_reused_fields_save_bytes_for_repeated_motion(monkeypatch):
     data = meshreel.encode(LOOPED, **OPTIONS)
     first, *others = layouts(data)
     assert first.n_reused == 0
-    assert all(one.n_reused > 0 for one in others)
+    assert all(other.n_reused > 0 for other in others)
     error = meshreel.compare(LOOPED, meshreel.decode(data)).kg_error_percent
     monkeypatch.setattr(analysis, "_analyze_reusing", lambda *_: None)
     alone = meshreel.encode(LOOPED, **OPTIONS)
-    assert not any(one.n_reused for one in layouts(alone))
+    assert not any(layout.n_reused for layout in layouts(alone))
     assert len(data) < 0.85 * len(alone)
     assert error < 1.3 * meshreel.compare(LOOPED, meshreel.decode(alone)).kg_error_percent
 
 
 def test_error_bound_holds_with_reused_fields():
     data = meshreel.encode(LOOPED, max_error=0.05, block_frames=12)
-    assert any(one.n_reused for one in layouts(data))
+    assert any(layout.n_reused for layout in layouts(data))
     assert 0.01 < meshreel.compare(LOOPED, meshreel.decode(data)).max_error_percent <= 0.05
 
 
 def test_error_target_is_met_with_reused_fields():
     data = meshreel.encode(LOOPED, kg=1.0, block_frames=12)
-    assert any(one.n_reused for one in layouts(data))
+    assert any(layout.n_reused for layout in layouts(data))
     assert 0.98 < meshreel.compare(LOOPED, meshreel.decode(data)).kg_error_percent <= 1.0
 
 
@@ -69,9 +69,9 @@ def test_block_with_reused_fields_decodes_alone(tmp_path):
 
 
 def test_block_becomes_a_key_block_when_the_previous_one_does_not_help():
-    found = layouts(meshreel.encode(HELD_FIRST, **OPTIONS))
-    assert [one.reference for one in found] == [0, 0, 1, 2, 3, 4]
-    assert all(one.n_reused for one in found[2:])
+    result = layouts(meshreel.encode(HELD_FIRST, **OPTIONS))
+    assert [one.reference for one in result] == [0, 0, 1, 2, 3, 4]
+    assert all(one.n_reused for one in result[2:])
 
 
 @pytest.mark.slow
@@ -87,5 +87,5 @@ def test_pushed_frames_reuse_fields_and_keep_tracks_across_key_blocks():
     tracks = {"velocity": meshreel.Track(velocity, kind="velocity")}
     sequence = HELD_FIRST.replace(fps=25.0, tracks=tracks)
     data = recorded(sequence, tracks={"velocity": "1%"}, **OPTIONS)
-    assert [one.reference for one in layouts(data)][:3] == [0, 0, 1]
+    assert [layout.reference for layout in layouts(data)][:3] == [0, 0, 1]
     assert meshreel.compare(HELD_FIRST, meshreel.decode(data)).kg_error_percent < 2

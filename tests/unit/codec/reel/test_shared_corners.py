@@ -41,17 +41,17 @@ def waves(n_items, n_columns=1):
 
 def normals():
     """Normals of vertices, close to those of the surface; some are 0."""
-    found = surface_normals(np.ascontiguousarray(SHEET.vertices), SHEET.faces)
-    found[:, VERTICES] += [0.02, 0, -0.01]
-    lengths = np.linalg.norm(found, axis=2, keepdims=True)
-    return np.divide(found, lengths, out=found, where=lengths > 0).astype(np.float32)
+    result = surface_normals(np.ascontiguousarray(SHEET.vertices), SHEET.faces)
+    result[:, VERTICES] += [0.02, 0, -0.01]
+    lengths = np.linalg.norm(result, axis=2, keepdims=True)
+    return np.divide(result, lengths, out=result, where=lengths > 0).astype(np.float32)
 
 
 def with_seams(of_vertices):
     """Values of corners, with a seam."""
-    found = of_vertices[:, VERTICES].copy()
-    found[:, SIDE] += found[:, SIDE] + found.dtype.type(3)
-    return found
+    result = of_vertices[:, VERTICES].copy()
+    result[:, SIDE] += result[:, SIDE] + result.dtype.type(3)
+    return result
 
 
 def coded(track, bound, **options):
@@ -114,9 +114,9 @@ def test_shared_values_of_corners_are_lossless(dtype, has_seams):
             values[6, odd[1]] = 0.0
     data, header = coded(Track(values, "corner", "other"), "exact", block_frames=4)
     assert header.sharing is (Sharing.ROWS if has_seams else Sharing.VERTICES)
-    found = decoded(data)
-    assert (found.domain, found.dtype) == ("corner", values.dtype)
-    assert found.values.tobytes() == values.tobytes()
+    result = decoded(data)
+    assert (result.domain, result.dtype) == ("corner", values.dtype)
+    assert result.values.tobytes() == values.tobytes()
 
 
 @pytest.mark.parametrize("block_frames", [None, 4])
@@ -125,9 +125,9 @@ def test_values_with_seams_are_within_their_bound_and_cost_less_than_those_of_co
     values[2, SIDE & (VERTICES[SIDE][0] == VERTICES)] = np.nan
     data, header = coded(Track(values, "corner"), 0.2, block_frames=block_frames)
     assert (header.sharing, header.is_exact) == (Sharing.ROWS, False)
-    found = decoded(data).values
-    np.testing.assert_array_equal(np.isnan(found), np.isnan(values))
-    apart = np.linalg.norm(found.astype(float) - values, axis=2)
+    result = decoded(data).values
+    np.testing.assert_array_equal(np.isnan(result), np.isnan(values))
+    apart = np.linalg.norm(result.astype(float) - values, axis=2)
     assert 0.02 < np.nanmax(apart) <= 0.2
     first = np.flatnonzero(np.isin(np.arange(len(VERTICES)), np.arange(0, len(VERTICES), 2)))
     apart = values.copy()

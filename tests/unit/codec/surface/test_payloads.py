@@ -156,7 +156,9 @@ def test_vertex_attributes_follow_their_vertices_when_the_order_is_dropped():
     sequence = quad_sheet()
     decoded = meshreel.decode(meshreel.encode(sequence, order="drop", max_error=0.01))
     order = encode_connectivity(sequence.faces, 30, order="drop").internal_to_given
-    (color,) = [one for one in decoded.surface.attributes if one.domain is Domain.VERTEX]
+    (color,) = [
+        attribute for attribute in decoded.surface.attributes if attribute.domain is Domain.VERTEX
+    ]
     np.testing.assert_array_equal(color.values, sequence.surface.attributes[1].values[order])
 
 
@@ -175,16 +177,18 @@ def test_attributes_and_groups_follow_triangles_when_the_order_of_faces_is_dropp
             Domain.CORNER: fan_corners(sizes),
         }
         columns = [sequence.vertices[0][sequence.faces]]
-        columns += [one.per_item()[items[one.domain]] for one in surface.attributes]
-        labels = [one.numbers[polygons] for one in surface.groups]
-        rows = np.concatenate([one.astype(float) for one in columns], axis=2)
+        columns += [
+            attribute.per_item()[items[attribute.domain]] for attribute in surface.attributes
+        ]
+        labels = [group.numbers[polygons] for group in surface.groups]
+        rows = np.concatenate([column.astype(float) for column in columns], axis=2)
         return sorted(
-            (sorted(triangle.tolist()), [int(one[number]) for one in labels])
+            (sorted(triangle.tolist()), [int(label[number]) for label in labels])
             for number, triangle in enumerate(rows)
         )
 
     assert contents(decoded) == contents(given)
-    assert [one.name for one in decoded.surface.materials] == ["red", "gr\u00fcn"]
+    assert [material.name for material in decoded.surface.materials] == ["red", "gr\u00fcn"]
     assert order_loss_note(given.surface, Order[order.upper()]).endswith(": polygons and parts")
     assert order_loss_note(decoded.surface, Order[order.upper()]) == ""
     assert order_loss_note(given.surface, Order.KEEP) == ""
@@ -328,13 +332,15 @@ def test_hard_edges_are_lossless_when_the_order_of_faces_is_dropped(order):
     decoded = meshreel.decode(data)
     coded = encode_connectivity(given.faces, given.n_verts, order=order)
     names = coded.internal_to_given if order == "drop" else np.arange(given.n_verts)
-    found = {frozenset(names[edge].tolist()) for edge in decoded.surface.hard_edges}
-    assert found == {frozenset(edge.tolist()) for edge in given.surface.hard_edges}
+    results = {frozenset(names[edge].tolist()) for edge in decoded.surface.hard_edges}
+    assert results == {frozenset(edge.tolist()) for edge in given.surface.hard_edges}
     assert "hard" not in order_loss_note(given.surface, Order[order.upper()])
 
 
 def hard_section(surface, faces):
-    wanted = [one for one in surface_sections(surface, faces) if one[0] is Section.HARD_EDGES]
+    wanted = [
+        section for section in surface_sections(surface, faces) if section[0] is Section.HARD_EDGES
+    ]
     return wanted[0][1] if wanted else b""
 
 
@@ -376,7 +382,7 @@ def test_both_readers_refuse_hard_edges_that_do_not_fit(payload):
     with pytest.raises((CorruptStreamError, TruncatedStreamError)):
         meshreel.decode(with_parts(stream, {Section.HARD_EDGES: payload}))
     with pytest.raises(DamagedError):
-        read_hard_edges(payload, Polygons(polygons, [tuple(one) for one in box.faces.tolist()]))
+        read_hard_edges(payload, Polygons(polygons, [tuple(face) for face in box.faces.tolist()]))
 
 
 def unordered(sequence):

@@ -31,9 +31,9 @@ def decoded_uvs(sequence, **options):
 @pytest.mark.parametrize("tiles", [1, -7.5])
 def test_quantized_coordinates_are_within_half_a_step(bits, dtype, tiles):
     given = random_uvs(dtype, tiles)
-    found = decoded_uvs(grid_with_uvs(given), uv_bits=bits)
-    assert found.values.dtype == dtype
-    assert np.abs(found.values.astype(float) - given).max() <= 2.0 ** -(bits + 1)
+    result = decoded_uvs(grid_with_uvs(given), uv_bits=bits)
+    assert result.values.dtype == dtype
+    assert np.abs(result.values.astype(float) - given).max() <= 2.0 ** -(bits + 1)
 
 
 def test_borders_of_tiles_are_preserved_by_quantization():
@@ -44,8 +44,8 @@ def test_borders_of_tiles_are_preserved_by_quantization():
 def test_quantization_is_idempotent():
     first = meshreel.encode(grid_with_uvs(random_uvs()), uv_bits=9)
     second = meshreel.encode(meshreel.decode(first), uv_bits=9)
-    found, again = (meshreel.decode(data).surface.attributes[0].values for data in (first, second))
-    np.testing.assert_array_equal(found, again)
+    result, again = (meshreel.decode(data).surface.attributes[0].values for data in (first, second))
+    np.testing.assert_array_equal(result, again)
 
 
 def test_seams_are_preserved_by_quantization():
@@ -55,8 +55,8 @@ def test_seams_are_preserved_by_quantization():
 
 def test_other_attributes_are_lossless():
     decoded = meshreel.decode(meshreel.encode(two_sheets(), uv_bits=4))
-    found, given = (one.surface.of_kind(Kind.COLOR)[0].values for one in (decoded, two_sheets()))
-    np.testing.assert_array_equal(found, given)
+    result, given = (one.surface.of_kind(Kind.COLOR)[0].values for one in (decoded, two_sheets()))
+    np.testing.assert_array_equal(result, given)
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
@@ -103,8 +103,8 @@ def test_encode_refuses_bits_for_far_and_non_finite_coordinates(bits, value, wor
 def test_live_encoder_quantizes_coordinates():
     given = random_uvs()
     data = recorded(grid_with_uvs(given), uv_bits=10)
-    (found,) = meshreel.decode(data).surface.attributes
-    np.testing.assert_array_equal(found.values, np.rint(given * 1024) / 1024)
+    (result,) = meshreel.decode(data).surface.attributes
+    np.testing.assert_array_equal(result.values, np.rint(given * 1024) / 1024)
 
 
 def test_live_encoder_refuses_bits_without_coordinates():
@@ -114,5 +114,5 @@ def test_live_encoder_refuses_bits_without_coordinates():
 
 def test_encode_keeps_only_selected_attributes():
     decoded = meshreel.decode(meshreel.encode(two_sheets(), attributes="color"))
-    assert [one.name for one in decoded.surface.attributes] == ["color"]
+    assert [attribute.name for attribute in decoded.surface.attributes] == ["color"]
     assert decoded.surface.groups == ()

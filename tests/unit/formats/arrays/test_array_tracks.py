@@ -41,9 +41,9 @@ def test_tracks_round_trip_exactly(tmp_path, extension, n_frames, read):
     pytest.importorskip("h5py")
     sheet, notes = tracked_sheet(n_frames), []
     [path] = save(sheet, tmp_path / f"a.{extension}", notes=notes)
-    found = read(path, notes=notes)
-    assert isinstance(found, StoredFrames) == (read is open_source)
-    assert_same_tracks(found.tracks, sheet.tracks)
+    result = read(path, notes=notes)
+    assert isinstance(result, StoredFrames) == (read is open_source)
+    assert_same_tracks(result.tracks, sheet.tracks)
     assert notes == []
 
 
@@ -52,8 +52,8 @@ def test_save_part_writes_the_tracks_of_its_frames(tmp_path, extension):
     pytest.importorskip("h5py")
     sheet = tracked_sheet()
     [path] = save_part(sheet, range(2, 5), tmp_path / f"a.{extension}")
-    found = load(path).tracks["step_corner"].values
-    assert found.tobytes() == sheet.tracks["step_corner"].values[2:5].tobytes()
+    result = load(path).tracks["step_corner"].values
+    assert result.tobytes() == sheet.tracks["step_corner"].values[2:5].tobytes()
 
 
 @pytest.mark.parametrize("extension", ["npz", "h5"])
@@ -116,8 +116,8 @@ def test_unsupported_types_are_widened_without_loss(tmp_path, given, read_as):
 )
 def test_note_on_an_unsuitable_array_lists_the_requirements(tmp_path, extension, shape, dtype):
     notes = []
-    found = load(store(tmp_path / f"a.{extension}", odd=np.zeros(shape, dtype)), notes=notes)
-    assert not found.tracks
+    loaded = load(store(tmp_path / f"a.{extension}", odd=np.zeros(shape, dtype)), notes=notes)
+    assert not loaded.tracks
     assert notes == [
         "left out: arrays: odd; tracks are numbers of shape (5, N) or (5, N, C), C up to 256, "
         "for 99 vertices, 160 faces and 480 corners"
@@ -135,9 +135,9 @@ def test_duplicate_track_names_are_an_error(tmp_path, extension):
 def test_dataset_option_selects_among_arrays_of_one_shape(tmp_path):
     values = RNG.normal(size=(5, 99, 3))
     path = store(tmp_path / "a.npz", other=values)
-    found = load(path, dataset="other")
-    assert np.array_equal(found.vertices, values)
-    assert np.array_equal(found.tracks["vertices"].values, GRID.vertices)
+    loaded = load(path, dataset="other")
+    assert np.array_equal(loaded.vertices, values)
+    assert np.array_equal(loaded.tracks["vertices"].values, GRID.vertices)
 
 
 def test_units_attribute_of_other_programs_is_read(tmp_path):
@@ -155,9 +155,9 @@ def test_datasets_in_the_track_group_are_not_positions(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["scan"], file["faces"] = GRID.vertices, GRID.faces
         file["tracks/flow"] = RNG.normal(size=GRID.vertices.shape)
-    found = load(tmp_path / "a.h5")
-    assert np.array_equal(found.vertices, GRID.vertices)
-    assert list(found.tracks) == ["flow"]
+    loaded = load(tmp_path / "a.h5")
+    assert np.array_equal(loaded.vertices, GRID.vertices)
+    assert list(loaded.tracks) == ["flow"]
 
 
 @pytest.mark.parametrize("write", [np.savez, np.savez_compressed])
@@ -215,9 +215,12 @@ def test_damaged_files_with_tracks_raise_only_meshreel_errors(tmp_path, extensio
         path.write_bytes(data)
         for read in (load, open_source):
             with contextlib.suppress(MeshReelError):
-                found = read(path)
-                for track in found.tracks.values():
-                    assert track.read(0, found.n_frames).shape == (found.n_frames, *track.shape[1:])
+                result = read(path)
+                for track in result.tracks.values():
+                    assert track.read(0, result.n_frames).shape == (
+                        result.n_frames,
+                        *track.shape[1:],
+                    )
 
 
 @pytest.mark.parametrize("extension", ["off", "stl", "glb", "pc2", "mdd"])

@@ -40,19 +40,19 @@ def test_hdf_round_trips_exactly(tmp_path, extension, dtype, n_frames, read):
     sequence = surfaced_sequence(n_frames, dtype, 29.97, 1 / 3, name="Ödipus/1")
     notes = []
     [path] = save(sequence, tmp_path / f"a.{extension}", notes=notes)
-    found = read(path, notes=notes)
-    assert_same_positions(found, sequence)
-    assert_same_surface(found.surface, sequence.surface)
-    assert (found.fps, found.start_s, found.name) == (29.97, 1 / 3, "Ödipus/1")
+    result = read(path, notes=notes)
+    assert_same_positions(result, sequence)
+    assert_same_surface(result.surface, sequence.surface)
+    assert (result.fps, result.start_s, result.name) == (29.97, 1 / 3, "Ödipus/1")
     assert notes == []
 
 
 @pytest.mark.parametrize("fps", [0.0, 24.0, 23.98765])
 def test_hdf_without_surface_round_trips(tmp_path, fps):
     [path] = save(plain_sequence(fps=fps), tmp_path / "a.h5")
-    found = load(path)
-    assert_same_surface(found.surface, PLAIN)
-    assert (found.fps, found.start_s) == (fps, 0.0)
+    loaded = load(path)
+    assert_same_surface(loaded.surface, PLAIN)
+    assert (loaded.fps, loaded.start_s) == (fps, 0.0)
     assert load(path, fps=60).fps == 60
 
 
@@ -79,10 +79,10 @@ def test_save_writes_frames_as_they_are_produced(tmp_path):
 def test_body_scan_with_frames_last_is_read(tmp_path, read):
     scans = {"50002_hips": POSITIONS.transpose(1, 2, 0), "50004_hips": np.zeros((5, 3, 2))}
     path = store(tmp_path / "registrations_f.hdf5", faces=FACES, **scans)
-    found = read(path, dataset="50002_hips")
-    assert positions_of(found).tobytes() == POSITIONS.tobytes()
-    assert (found.name, found.fps) == ("50002_hips", 0)
-    np.testing.assert_array_equal(found.faces, FACES)
+    result = read(path, dataset="50002_hips")
+    assert positions_of(result).tobytes() == POSITIONS.tobytes()
+    assert (result.name, result.fps) == ("50002_hips", 0)
+    np.testing.assert_array_equal(result.faces, FACES)
 
 
 def test_load_lists_ambiguous_datasets(tmp_path):
@@ -102,9 +102,9 @@ def test_load_finds_the_only_dataset_of_positions(tmp_path):
         file["body/faces"] = FACES
         file["body/left/fps"] = 30
         file["weights"] = np.zeros((5, 4))
-    found = load(path)
-    assert found.vertices.tobytes() == POSITIONS.tobytes()
-    assert (found.fps, found.name) == (30, "points")
+    loaded = load(path)
+    assert loaded.vertices.tobytes() == POSITIONS.tobytes()
+    assert (loaded.fps, loaded.name) == (30, "points")
     assert load(path, dataset="points").vertices.tobytes() == POSITIONS.tobytes()
     assert load(path, dataset="/body/left/points").vertices.tobytes() == POSITIONS.tobytes()
 

@@ -29,10 +29,10 @@ def store(path, **arrays):
 def test_npz_round_trips_exactly(tmp_path, make_sequence, dtype):
     sequence = make_sequence(3, dtype, fps=23.976, name="Ödipus")
     save(sequence, tmp_path / "a.npz")
-    found = load(tmp_path / "a.npz")
-    assert found.vertices.tobytes() == sequence.vertices.tobytes()
-    np.testing.assert_array_equal(found.faces, sequence.faces)
-    assert (found.vertices.dtype, found.fps, found.name) == (dtype, 23.976, "Ödipus")
+    loaded = load(tmp_path / "a.npz")
+    assert loaded.vertices.tobytes() == sequence.vertices.tobytes()
+    np.testing.assert_array_equal(loaded.faces, sequence.faces)
+    assert (loaded.vertices.dtype, loaded.fps, loaded.name) == (dtype, 23.976, "Ödipus")
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -45,8 +45,8 @@ def test_save_writes_the_bytes_of_savez(tmp_path, make_sequence, dtype):
 
 
 def test_default_name_is_the_file_stem(tmp_path):
-    found = load(store(tmp_path / "walk.npz", vertices=VERTICES, faces=FACES))
-    assert (found.name, found.fps) == ("walk", 0.0)
+    loaded = load(store(tmp_path / "walk.npz", vertices=VERTICES, faces=FACES))
+    assert (loaded.name, loaded.fps) == ("walk", 0.0)
 
 
 def test_fps_option_overrides_the_file(tmp_path):
@@ -57,9 +57,9 @@ def test_fps_option_overrides_the_file(tmp_path):
 def test_npz_reads_big_endian_and_compressed_arrays(tmp_path):
     path = tmp_path / "a.npz"
     np.savez_compressed(path, vertices=VERTICES.astype(">f8"), faces=FACES.astype(">i8"))
-    found = load(path)
-    assert found.vertices.dtype.isnative
-    np.testing.assert_array_equal(found.vertices, VERTICES)
+    loaded = load(path)
+    assert loaded.vertices.dtype.isnative
+    np.testing.assert_array_equal(loaded.vertices, VERTICES)
 
 
 @pytest.mark.parametrize(
@@ -112,8 +112,8 @@ def test_error_for_excessive_expansion_gives_sizes_and_remedy(packed, read):
 @pytest.mark.parametrize("read", [load, open_source])
 def test_remedy_of_the_expansion_error_works(packed, tmp_path, read):
     np.savez(tmp_path / "plain.npz", **np.load(packed))
-    found = read(tmp_path / "plain.npz")
-    np.testing.assert_array_equal(found.read(0, 1700), np.load(packed)["vertices"])
+    result = read(tmp_path / "plain.npz")
+    np.testing.assert_array_equal(result.read(0, 1700), np.load(packed)["vertices"])
 
 
 def test_small_arrays_may_expand_without_limit(packed, monkeypatch):
@@ -138,19 +138,19 @@ def test_oversized_declared_shape_is_rejected_before_allocation(tmp_path):
 def test_npz_surface_and_start_round_trip(tmp_path, dtype, read):
     sequence = surfaced_sequence(dtype=dtype, fps=29.97, start_s=1 / 3)
     save(sequence, tmp_path / "a.npz")
-    found = read(tmp_path / "a.npz")
-    assert_same_positions(found, sequence)
-    assert_same_surface(found.surface, sequence.surface)
-    assert (found.fps, found.start_s, found.name) == (29.97, 1 / 3, "walk")
+    result = read(tmp_path / "a.npz")
+    assert_same_positions(result, sequence)
+    assert_same_surface(result.surface, sequence.surface)
+    assert (result.fps, result.start_s, result.name) == (29.97, 1 / 3, "walk")
 
 
 @pytest.mark.parametrize("read", [load, open_source])
 def test_dataset_option_selects_the_positions(tmp_path, read):
     positions = np.random.default_rng(0).random((7, 5, 3))
     store(tmp_path / "a.npz", other=positions, faces=FACES, vertices=VERTICES, fps=30)
-    found = read(tmp_path / "a.npz", dataset="other")
-    np.testing.assert_array_equal(positions_of(found), positions)
-    assert found.fps == 30
+    result = read(tmp_path / "a.npz", dataset="other")
+    np.testing.assert_array_equal(positions_of(result), positions)
+    assert result.fps == 30
 
 
 @pytest.mark.parametrize("read", [load, open_source])

@@ -61,10 +61,10 @@ def test_ply_tracks_round_trip_exactly(tmp_path, read, dtype):
     tracks = {"stress": Track(given[0]), "flag": Track(given[1], "face")}
     save(sheet.replace(tracks=tracks), tmp_path / "f_%02d.ply")
     notes = []
-    found = read(tmp_path, notes=notes)
-    assert isinstance(found, StoredFrames) == (read is open_source)
-    assert_same_tracks(found.tracks, tracks)
-    assert {one.name for one in found.surface.attributes} == {"color", "uv"}
+    result = read(tmp_path, notes=notes)
+    assert isinstance(result, StoredFrames) == (read is open_source)
+    assert_same_tracks(result.tracks, tracks)
+    assert {attribute.name for attribute in result.surface.attributes} == {"color", "uv"}
     assert notes == []
 
 
@@ -104,9 +104,9 @@ def test_trimesh_reads_colors_and_normals_of_ply_frames(tmp_path):
     }
     paths = save(sheet.replace(tracks=tracks), tmp_path / "f_%02d.ply")
     for frame, path in enumerate(paths):
-        found = trimesh.load(path, process=False)
-        assert np.array_equal(found.visual.vertex_colors, colors[frame])
-        raw = found.metadata["_ply_raw"]["vertex"]["data"]
+        loaded = trimesh.load(path, process=False)
+        assert np.array_equal(loaded.visual.vertex_colors, colors[frame])
+        raw = loaded.metadata["_ply_raw"]["vertex"]["data"]
         assert np.array_equal(raw["stress"], stress[frame])
         assert np.array_equal(np.stack([raw[n] for n in ("nx", "ny", "nz")], 1), normals[frame])
 
@@ -138,9 +138,9 @@ def test_notes_explain_tracks_that_ply_cannot_store(tmp_path):
         "tracks left out: hash: .ply cannot store integers beyond 32 bits",
         "units left out: heat flux (W/m²): .ply cannot store them",
     ]
-    found = load(tmp_path).tracks
-    assert set(found) == {"id", "heat_flux", "red_"}
-    assert np.array_equal(found["id"].values, tracks["id"].values)
+    result = load(tmp_path).tracks
+    assert set(result) == {"id", "heat_flux", "red_"}
+    assert np.array_equal(result["id"].values, tracks["id"].values)
 
 
 @READ
@@ -149,8 +149,8 @@ def test_property_of_some_frames_is_nan_in_the_others(tmp_path, read):
     plain = PLY.format(vertex="", face="") + rows.format(a="", b="", c="")
     heat = PLY.format(vertex="property float heat\n", face="") + rows.format(a=" 1", b=" 2", c=" 3")
     notes = []
-    found = read(frames_of(tmp_path, ".ply", [plain, heat, plain]), notes=notes)
-    values = found.tracks["heat"].read(0, 3)[..., 0]
+    result = read(frames_of(tmp_path, ".ply", [plain, heat, plain]), notes=notes)
+    values = result.tracks["heat"].read(0, 3)[..., 0]
     assert np.array_equal(values, [[np.nan] * 3, [1, 2, 3], [np.nan] * 3], equal_nan=True)
     assert notes == ["'heat' is in 1 of 3 frames, and NaN in the others"]
 
@@ -161,9 +161,9 @@ def test_constant_properties_are_attributes(tmp_path):
     text = PLY.format(vertex=more, face="property int id\n") + rows
     notes = []
     texts = [text.replace("{0}", str(i)) for i in range(3)]
-    found = load(frames_of(tmp_path, ".ply", texts), notes=notes)
-    assert found.tracks == {}
-    assert [one.name for one in found.surface.attributes] == ["heat", "id"]
+    loaded = load(frames_of(tmp_path, ".ply", texts), notes=notes)
+    assert loaded.tracks == {}
+    assert [attribute.name for attribute in loaded.surface.attributes] == ["heat", "id"]
     assert notes == ["left out: normals, which programs compute"]
 
 
@@ -179,9 +179,9 @@ def test_obj_color_and_normal_tracks_round_trip(tmp_path, read, domain, make):
     }
     notes = []
     save(sheet.replace(tracks=tracks), tmp_path / "f_%02d.obj", notes=notes)
-    found = read(tmp_path, notes=notes)
-    assert_same_tracks(found.tracks, tracks)
-    assert np.array_equal(found.read(0, N_FRAMES), sheet.vertices)
+    result = read(tmp_path, notes=notes)
+    assert_same_tracks(result.tracks, tracks)
+    assert np.array_equal(result.read(0, N_FRAMES), sheet.vertices)
     # Random corner normals make every edge hard.
     assert [note for note in notes if "hard edges" not in note] == []
 
@@ -203,10 +203,10 @@ def test_trimesh_reads_colors_and_normals_of_obj_frames(tmp_path):
     normals, colors = normals_of(shape), RNG.integers(0, 256, (*shape, 3)) / 255
     tracks = {"normals": Track(normals, kind="normal"), "color": Track(colors, kind="color")}
     for frame, path in enumerate(save(sheet.replace(tracks=tracks), tmp_path / "f_%02d.obj")):
-        found = trimesh.load(path, process=False, maintain_order=True)
-        np.testing.assert_allclose(found.vertices, sheet.vertices[frame], atol=1e-7)
-        np.testing.assert_allclose(found.vertex_normals, normals[frame], atol=1e-6)
-        shown = found.visual.vertex_colors[:, :3] / 255
+        loaded = trimesh.load(path, process=False, maintain_order=True)
+        np.testing.assert_allclose(loaded.vertices, sheet.vertices[frame], atol=1e-7)
+        np.testing.assert_allclose(loaded.vertex_normals, normals[frame], atol=1e-6)
+        shown = loaded.visual.vertex_colors[:, :3] / 255
         np.testing.assert_allclose(shown, colors[frame], atol=1 / 255)
 
 
@@ -218,7 +218,9 @@ def test_notes_explain_tracks_that_obj_cannot_store(tmp_path):
         "Cd": Track(RNG.random((*shape, 4)), kind="color"),
         "N": Track(normals_of(shape, np.float64), kind="normal", unit="1"),
     }
-    only_uv = tuple(one for one in sheet.surface.attributes if one.kind is Kind.UV)
+    only_uv = tuple(
+        attribute for attribute in sheet.surface.attributes if attribute.kind is Kind.UV
+    )
     shown = sheet.replace(surface=replace(sheet.surface, attributes=only_uv), tracks=tracks)
     save(shown, tmp_path / "f_%02d.obj", notes=notes)
     assert [note for note in notes if not note.startswith("left out")] == [
@@ -231,9 +233,9 @@ def test_notes_explain_tracks_that_obj_cannot_store(tmp_path):
         "UV coordinates",
         "units left out: N (1): .obj cannot store them",
     ]
-    found = load(tmp_path)
-    assert set(found.tracks) == {"color", "normals"}
-    assert [one.kind for one in found.surface.attributes] == [Kind.UV]
+    loaded = load(tmp_path)
+    assert set(loaded.tracks) == {"color", "normals"}
+    assert [attribute.kind for attribute in loaded.surface.attributes] == [Kind.UV]
 
 
 def test_surface_colors_take_precedence_over_a_color_track(tmp_path):
@@ -266,7 +268,9 @@ CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n{}"
 )
 def test_obj_normals_follow_the_indices_of_corners(text, domain, expected):
     [(key, (values, field))] = [
-        one for one in read_obj(CORNERS.format(text).encode()).fields.items() if one[0][1] != "uv"
+        item
+        for item in read_obj(CORNERS.format(text).encode()).fields.items()
+        if item[0][1] != "uv"
     ]
     assert key == (domain, "normals")
     assert field.role == "Normals"
@@ -284,8 +288,8 @@ PLAIN = "v 0 0 {0}\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nf 1/1 2/2 3/1\n"
 def test_uv_that_change_in_one_frame_are_a_track(tmp_path):
     texts = [PLAIN.format(i) for i in range(6)]
     texts[4] = texts[4].replace("vt 1 0", "vt 1 0.5")
-    found = load(frames_of(tmp_path, ".obj", texts))
-    assert found.surface.attributes == ()
+    loaded = load(frames_of(tmp_path, ".obj", texts))
+    assert loaded.surface.attributes == ()
     expected = np.tile(np.float32([[0, 0], [1, 0], [0, 0]]), (6, 1, 1))
     expected[4, 1, 1] = 0.5
-    assert np.array_equal(found.tracks["uv"].values, expected)
+    assert np.array_equal(loaded.tracks["uv"].values, expected)

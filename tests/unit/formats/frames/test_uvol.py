@@ -39,10 +39,10 @@ def test_frames_of_a_pattern_are_read_with_their_rate(tmp_path, first, counts):
     save_frames(tmp_path / "geo", first)
     path = write_manifest(tmp_path / "liam.manifest", DRCURLPattern="geo/#####.obj", **counts)
     notes = []
-    found = meshreel.load(path, notes=notes)
-    assert (found.starts, found.fps, found.name) == ((0, 2, 3), 25, "liam")
+    loaded = meshreel.load(path, notes=notes)
+    assert (loaded.starts, loaded.fps, loaded.name) == ((0, 2, 3), 25, "liam")
     expected = meshreel.load(tmp_path / "geo")
-    for one, other in zip(found, expected, strict=True):
+    for one, other in zip(loaded, expected, strict=True):
         np.testing.assert_array_equal(one.vertices, other.vertices)
     assert not any("left out: textures" in note for note in notes)
     assert meshreel.load(path, fps=50).fps == 50
@@ -53,8 +53,8 @@ def test_frames_of_version_2_are_read_without_textures_and_sound(tmp_path):
     contents = {**v2(), "audio": {"path": "a[ext]"}, "texture": {"path": "t", "targets": {}}}
     path = write_manifest(tmp_path / "liam.uvol.json", **contents)
     notes = []
-    found = meshreel.load(path, notes=notes)
-    assert (found.starts, found.fps, found.name) == ((0, 2, 3), 25, "liam")
+    loaded = meshreel.load(path, notes=notes)
+    assert (loaded.starts, loaded.fps, loaded.name) == ((0, 2, 3), 25, "liam")
     assert notes.count("left out: textures, sound of the manifest") == 1
 
 
@@ -66,8 +66,8 @@ def test_draco_frames_are_read(tmp_path):
         (tmp_path / f"{number:05d}.drc").write_bytes(data)
     target = {"frameRate": 30, "frameCount": 2, "format": "draco"}
     path = write_manifest(tmp_path / "a.json", **v2("[#####][ext]", draco=target))
-    found = meshreel.load(path)
-    assert (found.n_frames, found.n_verts, found.fps) == (2, sheet.n_verts, 30)
+    loaded = meshreel.load(path)
+    assert (loaded.n_frames, loaded.n_verts, loaded.fps) == (2, sheet.n_verts, 30)
 
 
 def test_encode_and_info_take_a_manifest(tmp_path):

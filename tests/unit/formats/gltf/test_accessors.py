@@ -27,10 +27,10 @@ def test_accessors_of_every_component_type_are_read(read, dtype, extension):
     numbers = np.array([[info.min, 0, 1], [info.max, 3, 2]], dtype)
     file = Gltf()
     file.accessor(numbers, dtype)
-    found = read(file, "VEC3", extension=extension)
-    assert found.array.dtype == np.dtype(f"<{dtype}")
-    np.testing.assert_array_equal(found.array, numbers)
-    np.testing.assert_array_equal(found.floats(), numbers.astype(np.float64))
+    result = read(file, "VEC3", extension=extension)
+    assert result.array.dtype == np.dtype(f"<{dtype}")
+    np.testing.assert_array_equal(result.array, numbers)
+    np.testing.assert_array_equal(result.floats(), numbers.astype(np.float64))
 
 
 @pytest.mark.parametrize(
@@ -76,8 +76,8 @@ def sparse_file(base, rows, values, dtype="u1", count=5):
 def test_sparse_accessors_replace_values(read, base, dtype):
     expected = np.zeros((5, 2)) if base is None else base.astype(float)
     expected[[1, 4]] = [[7, 8], [9, 10]]
-    found = read(sparse_file(base, [1, 4], [[7, 8], [9, 10]], dtype), "VEC2")
-    np.testing.assert_array_equal(found.array, expected)
+    result = read(sparse_file(base, [1, 4], [[7, 8], [9, 10]], dtype), "VEC2")
+    np.testing.assert_array_equal(result.array, expected)
 
 
 def test_sparse_index_out_of_range_is_rejected(read):
@@ -144,12 +144,12 @@ def test_accessors_that_share_bytes_too_often_are_rejected(tmp_path, monkeypatch
     monkeypatch.setattr(document, "MIN_EXPANDED_BYTES", 1000)
     file = Gltf()
     file.accessor(np.zeros((1000, 3)))
-    found = Document(file.save(tmp_path / "a.glb"))
-    holder = JsonObject({"it": 0}, "holder", found.lists)
+    result = Document(file.save(tmp_path / "a.glb"))
+    holder = JsonObject({"it": 0}, "holder", result.lists)
 
     def read_often():
         for _ in range(96):
-            found.read(holder, "it", "VEC3")
+            result.read(holder, "it", "VEC3")
 
     with pytest.raises(FormatError, match="accessor 0: the arrays of the file would need more"):
         read_often()

@@ -26,8 +26,8 @@ def test_load_reads_an_external_buffer(tmp_path, uri, name):
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_bytes(file.data + b"more")
     expected = load(moving_triangle().save(tmp_path / "b.glb"))
-    found = load(with_external_buffer(tmp_path, uri, file))
-    assert found.vertices.tobytes() == expected.vertices.tobytes()
+    loaded = load(with_external_buffer(tmp_path, uri, file))
+    assert loaded.vertices.tobytes() == expected.vertices.tobytes()
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,11 @@ def packed(**options):
         **options,
     )  # fmt: skip
     decoded = DracoPy.decode(data)
-    [position_id] = [one["unique_id"] for one in decoded.attributes if one["attribute_type"] == 0]
+    [position_id] = [
+        attribute["unique_id"]
+        for attribute in decoded.attributes
+        if attribute["attribute_type"] == 0
+    ]
     file, n_verts = Gltf(), len(decoded.points)
     attributes = {
         "POSITION": file.add("accessors", componentType=5126, count=n_verts, type="VEC3"),
@@ -52,13 +56,13 @@ def corner_values(sequence):
 @pytest.mark.parametrize("options", [{}, {"preserve_order": True}, {"compression_level": 10}])
 def test_load_reads_a_draco_mesh(tmp_path, options):
     file, _ = packed(**options)
-    found = load(file.save(tmp_path / "a.glb"))
+    loaded = load(file.save(tmp_path / "a.glb"))
     plain = Gltf()
     uv = plain.accessor(UV)
     plain.node(mesh=plain.mesh(POSITIONS, FACES, attributes={"TEXCOORD_0": uv}))
     expected = load(plain.save(tmp_path / "b.glb"))
-    assert (found.n_verts, found.n_faces) == (5, 4)
-    np.testing.assert_allclose(corner_values(found), corner_values(expected), rtol=0, atol=1e-4)
+    assert (loaded.n_verts, loaded.n_faces) == (5, 4)
+    np.testing.assert_allclose(corner_values(loaded), corner_values(expected), rtol=0, atol=1e-4)
 
 
 def announce(key, index, count):

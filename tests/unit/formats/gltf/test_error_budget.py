@@ -48,8 +48,8 @@ def write_frames(reel, path, frames=None, **options):
 
 
 def stated(notes):
-    [found] = [found for note in notes if (found := AGAINST_THE_ORIGINAL.fullmatch(note))]
-    return float(found[1]), float(found[2])
+    [result] = [result for note in notes if (result := AGAINST_THE_ORIGINAL.fullmatch(note))]
+    return float(result[1]), float(result[2])
 
 
 @pytest.mark.parametrize("options", [{}, {"max_error": 0.2}, {"max_error": 0.12}, {"targets": 5}])
@@ -67,11 +67,11 @@ def test_targets_use_the_rest_of_a_total_bound(stream_path, tmp_path):
     with meshreel.open(stream_path) as reel:
         for bound in (0.11, 0.2, 0.4):
             notes = write_frames(reel, tmp_path / f"{bound}.glb", max_error=bound)[1]
-            found = re.search(
+            match = re.search(
                 r"the largest error added is ([\d.]+) % .* with (\d+) morph", " ".join(notes)
             )
-            assert float(found[1]) <= bound - GUARANTEE
-            counts[bound] = int(found[2])
+            assert float(match[1]) <= bound - GUARANTEE
+            counts[bound] = int(match[2])
     assert counts[0.11] > counts[0.2] > counts[0.4]
 
 

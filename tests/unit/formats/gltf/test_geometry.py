@@ -26,24 +26,24 @@ def split_square(**attributes):
     """Return a square with a seam on its diagonal; attributes are values or accessor arguments."""
     file = Gltf()
     numbers = {
-        name: file.accessor(one)
-        if not isinstance(one, tuple)
-        else file.accessor(*one[:2], **one[2])
-        for name, one in attributes.items()
+        name: file.accessor(attribute)
+        if not isinstance(attribute, tuple)
+        else file.accessor(*attribute[:2], **attribute[2])
+        for name, attribute in attributes.items()
     }
     file.node(mesh=file.mesh(SPLIT, SPLIT_FACES, attributes=numbers))
     return file
 
 
 def test_coincident_vertices_are_welded(read):
-    found, notes = read(split_square(NORMAL=[[0, 0, 1]] * 6))
-    np.testing.assert_array_equal(found.vertices[0], SQUARE)
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3]])
+    result, notes = read(split_square(NORMAL=[[0, 0, 1]] * 6))
+    np.testing.assert_array_equal(result.vertices[0], SQUARE)
+    np.testing.assert_array_equal(result.faces, [[0, 1, 2], [0, 2, 3]])
     assert notes == [
         "left out: normals, which programs compute",
         "welded 6 vertices, split at seams, to 4",
     ]
-    assert found.surface.is_plain
+    assert result.surface.is_plain
 
 
 def test_vertices_that_differ_in_the_sign_of_zero_are_welded(read):
@@ -57,8 +57,8 @@ def test_vertices_separated_by_a_morph_target_are_not_welded(read):
     target = np.zeros((6, 3))
     target[4] = [0, 0, 1e-30]
     file.node(mesh=file.mesh(SPLIT, SPLIT_FACES, [target]))
-    found, notes = read(file)
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [4, 2, 3]])
+    result, notes = read(file)
+    np.testing.assert_array_equal(result.faces, [[0, 1, 2], [4, 2, 3]])
     assert notes == ["welded 6 vertices, split at seams, to 5"]
 
 
@@ -78,8 +78,8 @@ def test_triangles_that_degenerate_by_welding_are_kept(read):
 
 def test_uvs_that_differ_at_a_seam_are_corner_attributes_with_flipped_v(read):
     uv = np.array([[0, 0], [0.5, 0], [0.5, 0.25], [0, 0.25], [1, 1], [0.5, 0.25]])
-    found, _ = read(split_square(TEXCOORD_0=uv))
-    [attribute] = found.surface.attributes
+    result, _ = read(split_square(TEXCOORD_0=uv))
+    [attribute] = result.surface.attributes
     assert (attribute.name, attribute.kind, attribute.domain) == ("uv", Kind.UV, Domain.CORNER)
     assert (attribute.values.dtype, len(attribute.values)) == (np.float32, 5)
     expected = (uv * [1, -1] + [0, 1])[SPLIT_FACES]
@@ -89,8 +89,8 @@ def test_uvs_that_differ_at_a_seam_are_corner_attributes_with_flipped_v(read):
 def test_uvs_that_agree_at_a_seam_are_vertex_attributes(read):
     uv = np.random.default_rng(0).random((6, 2)).astype(np.float32)
     uv[4:] = uv[[0, 2]]
-    found, _ = read(split_square(TEXCOORD_0=uv))
-    [attribute] = found.surface.attributes
+    result, _ = read(split_square(TEXCOORD_0=uv))
+    [attribute] = result.surface.attributes
     assert (attribute.domain, attribute.indices) == (Domain.VERTEX, None)
     np.testing.assert_array_equal(attribute.values, np.stack([uv[:4, 0], 1 - uv[:4, 1]], axis=1))
 
@@ -100,17 +100,17 @@ def test_normalized_uvs_are_read_as_fractions(read, dtype):
     maximum = np.iinfo(dtype).max
     uv = np.zeros((6, 2))
     uv[:] = [maximum, maximum // 5]
-    found, _ = read(split_square(TEXCOORD_0=(uv, dtype, {"normalized": True})))
+    result, _ = read(split_square(TEXCOORD_0=(uv, dtype, {"normalized": True})))
     np.testing.assert_array_equal(
-        found.surface.attributes[0].values, np.array([[1, 0.8]] * 4, np.float32)
+        result.surface.attributes[0].values, np.array([[1, 0.8]] * 4, np.float32)
     )
 
 
 @pytest.mark.parametrize("width", [3, 4])
 def test_byte_colors_stay_bytes(read, width):
     color = np.random.default_rng(0).integers(0, 256, (6, width))
-    found, _ = read(split_square(COLOR_0=(color, "u1", {"normalized": True})))
-    [attribute] = found.surface.attributes
+    result, _ = read(split_square(COLOR_0=(color, "u1", {"normalized": True})))
+    [attribute] = result.surface.attributes
     assert (attribute.name, attribute.kind, attribute.domain) == (
         "color", Kind.COLOR, Domain.CORNER,
     )  # fmt: skip
@@ -120,8 +120,8 @@ def test_byte_colors_stay_bytes(read, width):
 
 def test_short_and_float_colors_are_read_as_fractions(read):
     shorts = (np.full((6, 3), 13107), "u2", {"normalized": True})
-    found, _ = read(split_square(COLOR_0=shorts, COLOR_1=np.full((6, 4), 0.2)))
-    first, second = found.surface.attributes
+    result, _ = read(split_square(COLOR_0=shorts, COLOR_1=np.full((6, 4), 0.2)))
+    first, second = result.surface.attributes
     assert (first.name, second.name) == ("color", "color1")
     np.testing.assert_array_equal(first.values, np.full((4, 3), 0.2, np.float32))
     np.testing.assert_array_equal(second.values, np.full((4, 4), 0.2, np.float32))
@@ -131,9 +131,14 @@ def test_attributes_are_ordered_by_kind_and_set(read):
     pair = np.zeros((6, 2))
     file = split_square(_HEAT=np.arange(6), TEXCOORD_10=pair, COLOR_0=np.ones((6, 3)),
                         TEXCOORD_2=pair, TANGENT=np.ones((6, 4)))  # fmt: skip
-    found, _ = read(file)
-    assert [one.name for one in found.surface.attributes] == ["uv2", "uv10", "color", "_HEAT"]
-    heat = found.surface.attributes[3]
+    result, _ = read(file)
+    assert [attribute.name for attribute in result.surface.attributes] == [
+        "uv2",
+        "uv10",
+        "color",
+        "_HEAT",
+    ]
+    heat = result.surface.attributes[3]
     assert (heat.kind, heat.domain) == (Kind.OTHER, Domain.CORNER)
     np.testing.assert_array_equal(heat.per_item()[:, 0], SPLIT_FACES)
 
@@ -144,8 +149,8 @@ def test_attributes_are_ordered_by_kind_and_set(read):
 def test_custom_attributes_of_every_type_keep_their_values(read, dtype, expected):
     info = np.finfo(dtype) if dtype == "f4" else np.iinfo(dtype)
     numbers = np.array([info.max, info.min, 1, 2, info.max, 1], dtype)
-    found, _ = read(split_square(_OWN=(numbers, dtype, {})))
-    [attribute] = found.surface.attributes
+    result, _ = read(split_square(_OWN=(numbers, dtype, {})))
+    [attribute] = result.surface.attributes
     assert attribute.values.dtype == np.dtype(expected)
     np.testing.assert_array_equal(attribute.values[:, 0], numbers[:4])
 
@@ -160,9 +165,9 @@ def two_primitives(first=None, second=None, **more):
 
 
 def test_primitives_are_joined_to_one_mesh(read):
-    found, notes = read(two_primitives())
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [1, 3, 4]])
-    np.testing.assert_array_equal(found.vertices[0], [*TRIANGLE, [2, 0, 0], [1, 1, 0]])
+    result, notes = read(two_primitives())
+    np.testing.assert_array_equal(result.faces, [[0, 1, 2], [1, 3, 4]])
+    np.testing.assert_array_equal(result.vertices[0], [*TRIANGLE, [2, 0, 0], [1, 1, 0]])
     assert notes == ["welded 6 vertices, split at seams, to 5"]
 
 
@@ -170,8 +175,8 @@ def test_materials_of_primitives_become_groups(read):
     file = two_primitives(material=3)
     for name in ("skin", None, "skin", None):
         file.add("materials", **({"name": name} if name else {}))
-    found, _ = read(file)
-    [groups] = found.surface.groups
+    result, _ = read(file)
+    [groups] = result.surface.groups
     assert (groups.name, groups.labels, groups.numbers.tolist()) == (
         "material", ("material_3",), [-1, 0],
     )  # fmt: skip
@@ -187,9 +192,9 @@ def test_primitives_with_the_same_accessors_share_vertices(read):
     second = {**primitive, "indices": file.accessor(SQUARE_FACES[3:], "u4")}
     file.json["meshes"][mesh]["primitives"].append(second)
     file.node(mesh=mesh)
-    found, notes = read(file)
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3]])
-    assert (found.n_verts, notes) == (4, [])
+    result, notes = read(file)
+    np.testing.assert_array_equal(result.faces, [[0, 1, 2], [0, 2, 3]])
+    assert (result.n_verts, notes) == (4, [])
 
 
 def test_missing_attributes_are_filled_in_and_noted(read):
@@ -198,8 +203,8 @@ def test_missing_attributes_are_filled_in_and_noted(read):
     attributes["TEXCOORD_0"] = file.accessor([[0.5, 0.5]] * 3)
     attributes["COLOR_0"] = file.accessor([[0, 0, 0, 9]] * 3, "u1", normalized=True)
     attributes["_OWN"] = file.accessor([1, 2, 3])
-    found, notes = read(file)
-    uv, color = found.surface.attributes
+    result, notes = read(file)
+    uv, color = result.surface.attributes
     np.testing.assert_array_equal(uv.per_item(), [[0, 1]] * 3 + [[0.5, 0.5]] * 3)
     np.testing.assert_array_equal(color.per_item(), [[255] * 4] * 3 + [[0, 0, 0, 9]] * 3)
     assert notes[:-1] == [
@@ -236,15 +241,15 @@ def test_triangles_of_a_flat_strip_have_the_same_orientation(read):
     file = Gltf()
     file.node(mesh=file.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]]))
     file.json["meshes"][0]["primitives"][0]["mode"] = STRIP
-    found, _ = read(file)
-    a, b, c = np.moveaxis(found.vertices[0][found.faces], 1, 0)
+    result, _ = read(file)
+    a, b, c = np.moveaxis(result.vertices[0][result.faces], 1, 0)
     np.testing.assert_array_equal(np.cross(b - a, c - a), [[0, 0, 1]] * 3)
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2, 3])
 def test_points_and_lines_are_left_out_and_noted(read, mode):
-    found, notes = read(two_primitives(mode=mode))
-    assert found.n_verts == 3
+    result, notes = read(two_primitives(mode=mode))
+    assert result.n_verts == 3
     assert notes == ["left out: points and lines, 1 of 2 primitives of mesh 0"]
 
 
@@ -264,8 +269,8 @@ def test_quantized_positions_are_decoded(read):
     file.json["meshes"][mesh]["primitives"][0]["attributes"]["POSITION"] = normalized
     file.node(mesh=mesh, scale=[2, 2, 2], translation=[1, 0, 0])
     file.json["extensionsRequired"] = ["KHR_mesh_quantization"]
-    found, _ = read(file)
-    np.testing.assert_array_equal(found.vertices[0], grid / 127 * 2 + [1, 0, 0])
+    result, _ = read(file)
+    np.testing.assert_array_equal(result.vertices[0], grid / 127 * 2 + [1, 0, 0])
     del file.json["accessors"][normalized]["normalized"]
     np.testing.assert_array_equal(read(file)[0].vertices[0], grid * 2 + [1, 0, 0])
 

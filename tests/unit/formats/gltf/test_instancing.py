@@ -15,8 +15,8 @@ BAKED = "baked 2 instances, one mesh per node"
 def instanced(file, *, more=None, **attributes):
     """Return the extensions of a node with instances; attributes are rows or accessor indices."""
     numbers = {
-        name: one if isinstance(one, int) else file.accessor(one)
-        for name, one in attributes.items()
+        name: attribute if isinstance(attribute, int) else file.accessor(attribute)
+        for name, attribute in attributes.items()
     }
     return {"EXT_mesh_gpu_instancing": {"attributes": {**numbers, **(more or {})}}}
 
@@ -41,10 +41,10 @@ def test_instances_are_scaled_then_rotated_then_translated(read):
         SCALE=[[1, 1, 1], [2, 3, 1]],
     )
     file.node(mesh=file.mesh(), extensions=extensions)
-    found, notes = read(file)
+    result, notes = read(file)
     expected = [*TRIANGLE, [5, 0, 0], [5, 2, 0], [2, 0, 0]]
-    np.testing.assert_allclose(found.vertices[0], expected, rtol=0, atol=1e-6)
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [3, 4, 5]])
+    np.testing.assert_allclose(result.vertices[0], expected, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(result.faces, [[0, 1, 2], [3, 4, 5]])
     assert notes == [BAKED]
 
 
@@ -64,9 +64,9 @@ def test_instances_move_with_their_node(read):
     node = file.node(mesh=file.mesh(), extensions=extensions)
     file.animate(node, "scale", [0, 1], [[1, 1, 1], [3, 1, 1]], "STEP")
     file.animate(node, "translation", [0, 1], [[0, 0, 0], [0, 7, 0]])
-    found, _ = read(file)
+    result, _ = read(file)
     both = np.concatenate([TRIANGLE, shifted(TRIANGLE, [1, 0, 0])])
-    np.testing.assert_array_equal(found.vertices, [both, both * [3, 1, 1] + [0, 7, 0]])
+    np.testing.assert_array_equal(result.vertices, [both, both * [3, 1, 1] + [0, 7, 0]])
 
 
 def test_morph_targets_are_transformed_with_each_instance(read):
@@ -75,8 +75,8 @@ def test_morph_targets_are_transformed_with_each_instance(read):
     extensions = instanced(file, SCALE=[[1, 1, 1], [1, 1, -2]])
     node = file.node(mesh=mesh, extensions=extensions)
     file.animate(node, "weights", [0, 1], [0, 1])
-    found, _ = read(file)
-    np.testing.assert_array_equal(found.vertices[1][[0, 3]], [[0, 0, 1], [0, 0, -2]])
+    result, _ = read(file)
+    np.testing.assert_array_equal(result.vertices[1][[0, 3]], [[0, 0, 1], [0, 0, -2]])
 
 
 @pytest.mark.parametrize("node_scale", [[1, 1, 1], [1, -1, 1]])
@@ -86,16 +86,16 @@ def test_faces_of_mirroring_instances_are_reversed(read, node_scale):
     mesh = file.mesh([*TRIANGLE, TRIANGLE[0]], [0, 1, 2, 3, 2, 1], attributes={"TEXCOORD_0": uv})
     extensions = instanced(file, SCALE=[[1, 1, 1], [-1, 1, 1]])
     file.node(mesh=mesh, extensions=extensions, scale=node_scale)
-    found, _ = read(file)
+    result, _ = read(file)
     kept, mirrored = [[0, 1, 2], [0, 2, 1]], [[0, 2, 1], [0, 1, 2]]
     if node_scale[1] < 0:
         kept, mirrored = mirrored, kept
-    np.testing.assert_array_equal(found.faces, [*kept, *np.add(mirrored, 3)])
+    np.testing.assert_array_equal(result.faces, [*kept, *np.add(mirrored, 3)])
     rows = {0: [0, 1], 1: [0.5, 1], 2: [0, 0.75], 3: [1, 0]}
     split = [[0, 1, 2], [3, 2, 1]], [[0, 2, 1], [3, 1, 2]]
     order = split if node_scale[1] > 0 else split[::-1]
     expected = [rows[one] for faces in order for face in faces for one in face]
-    [attribute] = found.surface.attributes
+    [attribute] = result.surface.attributes
     np.testing.assert_array_equal(attribute.per_item(), expected)
 
 
@@ -106,8 +106,8 @@ def test_instances_have_the_colors_and_materials_of_the_mesh(read):
     file.json["meshes"][mesh]["primitives"][0]["material"] = file.add("materials", name="leaf")
     extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]])
     file.node(mesh=mesh, extensions=extensions)
-    found, _ = read(file)
-    [attribute], [groups] = found.surface.attributes, found.surface.groups
+    result, _ = read(file)
+    [attribute], [groups] = result.surface.attributes, result.surface.groups
     np.testing.assert_array_equal(attribute.per_item(), np.tile(colors, (2, 1)))
     assert (groups.labels, groups.numbers.tolist()) == (("leaf",), [0, 0])
 
@@ -134,9 +134,9 @@ def test_load_counts_the_instances_of_all_nodes(read):
     mesh = file.mesh()
     file.node(mesh=mesh, extensions=extensions)
     file.node(mesh=mesh, extensions=extensions, translation=[0, 9, 0])
-    found, notes = read(file, merge=True)
+    result, notes = read(file, merge=True)
     assert notes[0] == "baked 4 instances of 2 nodes, one mesh per node"
-    assert [part.n_faces for part in found.surface.parts] == [2, 2]
+    assert [part.n_faces for part in result.surface.parts] == [2, 2]
 
 
 def test_load_leaves_out_instances_of_skinned_meshes(read):
@@ -148,8 +148,8 @@ def test_load_leaves_out_instances_of_skinned_meshes(read):
     extensions = instanced(file, TRANSLATION=[[0, 0, 0], [5, 0, 0]])
     file.node(mesh=mesh, skin=skin, extensions=extensions, name="tail")
     file.node()
-    found, notes = read(file)
-    assert (found.n_faces, notes) == (1, ["left out: instances of skinned meshes: tail"])
+    result, notes = read(file)
+    assert (result.n_faces, notes) == (1, ["left out: instances of skinned meshes: tail"])
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,9 @@ def rotation(degrees, axis=(0, 0, 1)):
 
 
 def test_linear_curve_is_piecewise_linear():
-    found = Curve(KEYS, VALUES, LINEAR).at(TIMES)
+    result = Curve(KEYS, VALUES, LINEAR).at(TIMES)
     expected = [np.interp(TIMES, KEYS, column) for column in VALUES.T]
-    np.testing.assert_allclose(found, np.transpose(expected), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(result, np.transpose(expected), rtol=0, atol=1e-15)
 
 
 def test_curve_has_the_exact_values_at_keys():
@@ -26,8 +26,8 @@ def test_curve_has_the_exact_values_at_keys():
 
 
 def test_step_curve_is_constant_until_the_next_key():
-    found = Curve(KEYS, VALUES, STEP).at(TIMES)
-    np.testing.assert_array_equal(found, VALUES[[0, 0, 0, 1, 1, 1, 2, 2]])
+    result = Curve(KEYS, VALUES, STEP).at(TIMES)
+    np.testing.assert_array_equal(result, VALUES[[0, 0, 0, 1, 1, 1, 2, 2]])
 
 
 def test_spline_curve_reproduces_a_cubic():
@@ -67,13 +67,13 @@ def test_slerp_rotates_at_constant_speed(degrees):
 
 
 def test_slerp_takes_the_shorter_arc():
-    found = slerp(rotation(0)[np.newaxis], -rotation(60)[np.newaxis], np.array([[0.5]]))
-    np.testing.assert_allclose(found, [rotation(30)], rtol=0, atol=1e-15)
+    result = slerp(rotation(0)[np.newaxis], -rotation(60)[np.newaxis], np.array([[0.5]]))
+    np.testing.assert_allclose(result, [rotation(30)], rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 def test_rotation_curve_has_unit_quaternions(interpolation):
     values = np.array([rotation(0), rotation(80), -rotation(200)])
     tangents = (values, values) if interpolation == CUBICSPLINE else None
-    found = Curve(KEYS, values, interpolation, tangents, is_rotation=True).at(TIMES)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=0, atol=1e-15)
+    result = Curve(KEYS, values, interpolation, tangents, is_rotation=True).at(TIMES)
+    np.testing.assert_allclose(np.linalg.norm(result, axis=1), 1, rtol=0, atol=1e-15)

@@ -28,9 +28,9 @@ def reflected(model):
 
 @pytest.mark.parametrize("diffuse", [[0.8, 0.2, 0.1], [0.5, 0.5, 0.5]])
 def test_dielectric_reflects_the_same_light(diffuse):
-    found = converted(diffuseFactor=[*diffuse, 0.25], specularFactor=[0.04] * 3)
-    assert (found.metallic, found.roughness) == (pytest.approx(0, abs=1e-9), 0)
-    assert found.base_color == pytest.approx([*diffuse, 0.25])
+    result = converted(diffuseFactor=[*diffuse, 0.25], specularFactor=[0.04] * 3)
+    assert (result.metallic, result.roughness) == (pytest.approx(0, abs=1e-9), 0)
+    assert result.base_color == pytest.approx([*diffuse, 0.25])
 
 
 def test_black_dielectric_reflects_the_same_light():
@@ -41,10 +41,10 @@ def test_black_dielectric_reflects_the_same_light():
 
 def test_metal_has_its_specular_color_as_base_color():
     gold = [1.0, 0.766, 0.336]
-    found = converted(diffuseFactor=[0, 0, 0, 1], specularFactor=gold, glossinessFactor=0.9)
-    assert found.metallic == pytest.approx(1)
-    assert found.base_color == pytest.approx([*gold, 1])
-    assert found.roughness == pytest.approx(0.1)
+    result = converted(diffuseFactor=[0, 0, 0, 1], specularFactor=gold, glossinessFactor=0.9)
+    assert result.metallic == pytest.approx(1)
+    assert result.base_color == pytest.approx([*gold, 1])
+    assert result.roughness == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("metallic", [0.1, 0.5, 0.9])
@@ -52,9 +52,9 @@ def test_metal_has_its_specular_color_as_base_color():
 def test_conversion_of_gray_inverts_metallic_roughness(metallic, gray):
     diffuse, specular = 0.96 * gray * (1 - metallic), 0.04 + (gray - 0.04) * metallic
     factor = diffuse / (1 - specular)
-    found = converted(diffuseFactor=[factor, factor, factor, 1], specularFactor=[specular] * 3)
-    assert found.metallic == pytest.approx(metallic)
-    for one, light in zip(reflected(found), (diffuse, specular), strict=True):
+    result = converted(diffuseFactor=[factor, factor, factor, 1], specularFactor=[specular] * 3)
+    assert result.metallic == pytest.approx(metallic)
+    for one, light in zip(reflected(result), (diffuse, specular), strict=True):
         np.testing.assert_allclose(one, light, rtol=1e-9)
 
 
@@ -81,8 +81,8 @@ def square(extension, **material):
 
 def read(tmp_path, *extensions, **material):
     notes = []
-    found = load(square(*extensions, **material).save(tmp_path / "a.glb"), notes=notes)
-    return found.surface.materials[0], notes
+    loaded = load(square(*extensions, **material).save(tmp_path / "a.glb"), notes=notes)
+    return loaded.surface.materials[0], notes
 
 
 def test_load_converts_a_material_and_keeps_its_diffuse_texture(tmp_path):
@@ -91,18 +91,18 @@ def test_load_converts_a_material_and_keeps_its_diffuse_texture(tmp_path):
         "glossinessFactor": 0.75,
         "diffuseTexture": {"index": 0},
     }
-    found, notes = read(tmp_path, extension, doubleSided=True)
-    assert (found.metallic, found.roughness) == (pytest.approx(0, abs=1e-9), 0.25)
-    assert found.base_color_texture.channels == "rgba"
-    assert found.double_sided
+    result, notes = read(tmp_path, extension, doubleSided=True)
+    assert (result.metallic, result.roughness) == (pytest.approx(0, abs=1e-9), 0.25)
+    assert result.base_color_texture.channels == "rgba"
+    assert result.double_sided
     assert notes == [CONVERTED]
 
 
 def test_load_notes_a_specular_texture_that_is_left_out(tmp_path):
     texture = {"diffuseFactor": [0.1, 0.2, 0.3, 1], "specularGlossinessTexture": {"index": 0}}
-    found, notes = read(tmp_path, texture)
-    assert (found.metallic, found.roughness) == (0, 0.5)
-    assert found.base_color == (0.1, 0.2, 0.3, 1)
+    result, notes = read(tmp_path, texture)
+    assert (result.metallic, result.roughness) == (0, 0.5)
+    assert result.base_color == (0.1, 0.2, 0.3, 1)
     assert notes == [
         CONVERTED,
         "left out: specular-glossiness textures, replaced by metalness 0 and half the glossiness: "
@@ -111,6 +111,6 @@ def test_load_notes_a_specular_texture_that_is_left_out(tmp_path):
 
 
 def test_metallic_roughness_has_precedence_over_the_extension(tmp_path):
-    found, notes = read(tmp_path, {}, pbrMetallicRoughness={"roughnessFactor": 0.7})
-    assert (found.metallic, found.roughness) == (1, 0.7)
+    result, notes = read(tmp_path, {}, pbrMetallicRoughness={"roughnessFactor": 0.7})
+    assert (result.metallic, result.roughness) == (1, 0.7)
     assert notes == [f"left out: extensions of materials: {NAME} (skin)"]

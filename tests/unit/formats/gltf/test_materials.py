@@ -101,7 +101,7 @@ def test_material_is_read_with_every_property(surface_of):
     )
     assert surface.materials == (expected,)
     assert surface.images == (png(), jpeg())
-    assert [one.labels for one in surface.groups] == [("skin",)]
+    assert [group.labels for group in surface.groups] == [("skin",)]
     assert notes == []
 
 
@@ -111,7 +111,7 @@ def test_material_round_trips_to_the_same_json(tmp_path):
     again = written(tmp_path, meshreel.decode(meshreel.encode(sequence)))
     assert again.document["materials"] == file.json["materials"]
     views = [again.document["bufferViews"][one["bufferView"]] for one in again.document["images"]]
-    data = [again.buffer[one["byteOffset"] :][: one["byteLength"]] for one in views]
+    data = [again.buffer[view["byteOffset"] :][: view["byteLength"]] for view in views]
     assert data == [png().data, jpeg().data]
     assert again.document["samplers"] == [SAMPLER]
     assert "extensionsUsed" not in again.document
@@ -122,20 +122,22 @@ def test_material_round_trips_to_the_same_json(tmp_path):
 def test_materials_round_trip_through_files(tmp_path, make, extension):
     sequence, notes = make(), []
     save(sequence, tmp_path / f"a.{extension}", notes=notes)
-    found = load(tmp_path / f"a.{extension}", merge=True).surface
+    result = load(tmp_path / f"a.{extension}", merge=True).surface
     # glTF identifies UV sets by index, not by name.
-    expected = [as_gltf(one) for one in sequence.surface.materials]
-    assert sorted(found.materials, key=str) == sorted(expected, key=str)
-    assert sorted(one.data for one in found.images) == sorted(
-        one.data for one in sequence.surface.images
+    expected = [as_gltf(material) for material in sequence.surface.materials]
+    assert sorted(result.materials, key=str) == sorted(expected, key=str)
+    assert sorted(image.data for image in result.images) == sorted(
+        image.data for image in sequence.surface.images
     )
     assert not any("material" in note for note in notes)
 
 
 def as_gltf(material):
     textures = {
-        slot: replace(one, uv="uv", channels="rgba" if slot == "base_color" else one.channels)
-        for slot, one in material.textures.items()
+        slot: replace(
+            texture, uv="uv", channels="rgba" if slot == "base_color" else texture.channels
+        )
+        for slot, texture in material.textures.items()
     }
     return material.with_textures(textures)
 
@@ -154,9 +156,9 @@ def test_extensions_without_loss_round_trip(tmp_path):
         },
     }
     sequence = load(square_with(material).save(tmp_path / "a.glb"))
-    (found,) = sequence.surface.materials
-    assert found.emissive == (4.0, 2.0, 1.0)
-    assert found.base_color_texture.uv == "uv1"
+    (result,) = sequence.surface.materials
+    assert result.emissive == (4.0, 2.0, 1.0)
+    assert result.base_color_texture.uv == "uv1"
     again = written(tmp_path, sequence).document
     material_json = again["materials"][0]
     assert material_json["extensions"] == material["extensions"]
@@ -214,10 +216,10 @@ def test_unreadable_image_is_left_out_and_noted(tmp_path, image, message):
     (note,) = notes
     assert note.startswith("left out: texture images: image 0")
     assert message in note
-    (found,) = surface.materials
-    assert set(found.textures) == {"metallic", "roughness", "normal", "occlusion"}
+    (result,) = surface.materials
+    assert set(result.textures) == {"metallic", "roughness", "normal", "occlusion"}
     assert surface.images == (jpeg(),)
-    assert found.metallic_texture.image == 0
+    assert result.metallic_texture.image == 0
 
 
 @pytest.mark.parametrize(
@@ -250,10 +252,10 @@ def test_single_mesh_has_only_the_materials_and_images_that_it_uses(tmp_path):
     file.json["meshes"][mesh]["primitives"][0]["material"] = number
     file.node(mesh=mesh, name="other")
     surface = load(file.save(tmp_path / "a.glb"), object="other").surface
-    assert [one.name for one in surface.materials] == ["cloth"]
+    assert [material.name for material in surface.materials] == ["cloth"]
     assert surface.images == (jpeg(),)
     both = load(file.save(tmp_path / "a.glb"), merge=True).surface
-    assert [one.name for one in both.materials] == ["skin", "cloth"]
+    assert [material.name for material in both.materials] == ["skin", "cloth"]
     assert both.images == (png(), jpeg())
     assert both.materials[1].base_color_texture.image == 1
 
@@ -279,7 +281,7 @@ def test_different_materials_with_the_same_name_are_renamed(tmp_path):
 def test_unnamed_material_is_kept_unless_it_is_the_default(surface_of, material, label):
     surface, _ = surface_of(square_with(material))
     assert [one.name for one in surface.materials] == ([] if label is None else [label])
-    assert [one.labels for one in surface.groups] == ([] if label is None else [(label,)])
+    assert [group.labels for group in surface.groups] == ([] if label is None else [(label,)])
 
 
 def test_image_types_of_extensions_round_trip(tmp_path):
@@ -371,9 +373,11 @@ def test_labels_without_materials_get_a_default_material(tmp_path):
     sheet = dressed_sheet()
     plain = sheet.replace(surface=sheet.surface.without_materials())
     write_gltf(tmp_path / "a.gltf", stream_of(plain), WriteOptions())
-    found = load(tmp_path / "a.gltf").surface
-    assert {(one.metallic, one.double_sided) for one in found.materials} == {(0.0, True)}
-    assert found.images == ()
+    result = load(tmp_path / "a.gltf").surface
+    assert {(material.metallic, material.double_sided) for material in result.materials} == {
+        (0.0, True)
+    }
+    assert result.images == ()
 
 
 def test_buffer_views_after_an_image_of_odd_size_are_aligned(tmp_path):

@@ -24,17 +24,17 @@ def decode(data, mode, kind, count, stride):
 
 @pytest.mark.parametrize(("mode", "kind", "count", "stride", "text", "expected"), STREAMS)
 def test_streams_decode_like_the_library(mode, kind, count, stride, text, expected):
-    found = decode(base64.b64decode(text), mode, kind, count, stride)
-    assert (found.shape, found.dtype) == ((count * stride,), np.uint8)
+    decoded = decode(base64.b64decode(text), mode, kind, count, stride)
+    assert (decoded.shape, decoded.dtype) == ((count * stride,), np.uint8)
     if kind == "NONE":
-        assert zlib.crc32(found) == expected
+        assert zlib.crc32(decoded) == expected
         return
     wanted = np.frombuffer(base64.b64decode(expected), np.uint8)
     if kind == "EXPONENTIAL":  # exact
-        np.testing.assert_array_equal(found, wanted)
+        np.testing.assert_array_equal(decoded, wanted)
         return
     dtype = f"{'u' if kind == 'COLOR' else 'i'}{stride // 4}"
-    difference = found.view(dtype).astype(int) - wanted.view(dtype)
+    difference = decoded.view(dtype).astype(int) - wanted.view(dtype)
     assert np.abs(difference).max() <= 1
 
 
@@ -119,10 +119,10 @@ def saved(path, file):
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_load_reads_compressed_geometry_and_animation(tmp_path, extension):
-    found = load(saved(tmp_path / "a.glb", packed_square(extension)))
-    np.testing.assert_array_equal(found.vertices, [shifted(SQUARE, [x, 0, 0]) for x in range(3)])
-    np.testing.assert_array_equal(found.faces.ravel(), SQUARE_FACES)
-    assert found.fps == 2
+    loaded = load(saved(tmp_path / "a.glb", packed_square(extension)))
+    np.testing.assert_array_equal(loaded.vertices, [shifted(SQUARE, [x, 0, 0]) for x in range(3)])
+    np.testing.assert_array_equal(loaded.faces.ravel(), SQUARE_FACES)
+    assert loaded.fps == 2
 
 
 def test_buffer_view_with_damaged_data_is_named(tmp_path):

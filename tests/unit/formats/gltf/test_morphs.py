@@ -23,34 +23,34 @@ def plain_error(frames, n_targets):
 @pytest.mark.slow
 @pytest.mark.parametrize("bound", [0.02, 0.003, 0.0003])
 def test_fit_morphs_meets_the_bound(flag, bound):
-    found = fit_morphs(flag, bound)
-    decoded = found.weights.astype(np.float64) @ found.targets.values
+    result = fit_morphs(flag, bound)
+    decoded = result.weights.astype(np.float64) @ result.targets.values
     distances = np.linalg.norm((decoded - flag).reshape(len(flag), 3, -1), axis=1)
     assert distances.max() <= bound
-    np.testing.assert_allclose(found.errors, distances.max(axis=1), atol=1e-6)
+    np.testing.assert_allclose(result.errors, distances.max(axis=1), atol=1e-6)
 
 
 def test_fit_morphs_needs_fewer_targets_than_components(flag):
-    found = fit_morphs(flag, 0.005)
-    assert plain_error(flag, len(found.targets)) > 1.5 * 0.005
+    result = fit_morphs(flag, 0.005)
+    assert plain_error(flag, len(result.targets)) > 1.5 * 0.005
 
 
 def test_fit_morphs_needs_one_target_for_motion_of_rank_one():
     time = np.sin(np.arange(9.0))[:, None]
     frames = (time * np.random.default_rng(1).uniform(-1, 1, (1, 30))).astype(np.float32)
-    found = fit_morphs(frames, 1e-4)
-    assert (len(found.targets), found.error <= 1e-4) == (1, True)
+    result = fit_morphs(frames, 1e-4)
+    assert (len(result.targets), result.error <= 1e-4) == (1, True)
 
 
 def test_fit_morphs_returns_the_best_targets_if_integers_are_too_coarse(flag):
-    found = fit_morphs(flag, 1e-7)
-    assert 1e-7 < found.error < 1e-4
+    result = fit_morphs(flag, 1e-7)
+    assert 1e-7 < result.error < 1e-4
 
 
 def test_fit_fixed_morphs_has_a_fifth_less_error_than_components(flag):
-    found = fit_fixed_morphs(flag, 12, 0.0)
-    assert len(found.targets) == 12
-    assert found.error < 0.8 * plain_error(flag, 12)
+    result = fit_fixed_morphs(flag, 12, 0.0)
+    assert len(result.targets) == 12
+    assert result.error < 0.8 * plain_error(flag, 12)
 
 
 def test_fit_fixed_morphs_returns_fewer_targets_if_these_are_exact(flag):
@@ -64,11 +64,11 @@ def test_targets_use_the_full_integer_range(flag):
 
 
 def test_measure_returns_the_errors_of_changed_weights(flag):
-    found = fit_morphs(flag, 0.01)
-    weights = found.weights.copy()
+    result = fit_morphs(flag, 0.01)
+    weights = result.weights.copy()
     weights[3] = 0
-    errors = measure(found.targets, weights, flag).errors
+    errors = measure(result.targets, weights, flag).errors
     longest = np.linalg.norm(flag[3].reshape(3, -1), axis=0).max()
     assert errors[3] == pytest.approx(longest, rel=1e-6)
-    others, before = np.delete(errors, 3), np.delete(found.errors, 3)
+    others, before = np.delete(errors, 3), np.delete(result.errors, 3)
     np.testing.assert_allclose(others, before, rtol=1e-4, atol=1e-6 * longest)

@@ -51,8 +51,8 @@ def test_fixed_number_of_targets_includes_those_of_normals():
 
 
 def test_normals_of_degenerate_faces_point_along_z():
-    found = static_normals(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32))
-    np.testing.assert_array_equal(found.base, np.tile(np.float32([0, 0, 1]), (3, 1)))
+    result = static_normals(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32))
+    np.testing.assert_array_equal(result.base, np.tile(np.float32([0, 0, 1]), (3, 1)))
 
 
 @pytest.mark.parametrize("choice", [None, True])
@@ -77,11 +77,11 @@ def test_smooth_normals_need_fewer_targets_than_exact_ones():
 
 def test_creased_mesh_has_normals_only_on_request():
     box = rich_cube(4)
-    found = [
+    results = [
         fit_part(box.vertices, box.faces, MorphOptions(None, 0.001, one))
         for one in (None, True, False)
     ]
-    assert [one.normals is not None for one in found] == [False, True, False]
+    assert [one.normals is not None for one in results] == [False, True, False]
 
 
 @pytest.mark.parametrize(("error_share", "n_targets"), [(1.01, 1), (0.99, 2), (0.2, 3)])
@@ -94,5 +94,5 @@ def test_fewest_targets_that_reach_the_error_of_normals_are_selected(error_share
     offsets = (basis[:, 1:] * amounts) @ fields.T
     weights = (basis[:, 1:] * amounts).astype(np.float32)
     length_error = error_share * np.sqrt(5 / (offsets.size / 3))
-    found = select_normal_targets(weights, offsets.astype(np.float32), length_error)
-    assert found.tolist() == list(range(n_targets))
+    result = select_normal_targets(weights, offsets.astype(np.float32), length_error)
+    assert result.tolist() == list(range(n_targets))

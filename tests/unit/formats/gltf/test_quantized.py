@@ -21,24 +21,24 @@ def test_integer_targets_are_int16_without_allowed_noise():
 
 def test_small_targets_are_int8_within_the_allowed_noise():
     max_weights = np.array([1.0, 1e-3, 0.5, 2e-3, 1e-3, 0.1])
-    found = integer_targets(fields(), max_weights, 3.5e-4)
-    assert found.levels.tolist() == [SHORT, BYTE, SHORT, BYTE, BYTE, SHORT]
+    result = integer_targets(fields(), max_weights, 3.5e-4)
+    assert result.levels.tolist() == [SHORT, BYTE, SHORT, BYTE, BYTE, SHORT]
 
 
 def test_rounding_error_of_targets_stays_below_the_noise():
     exact, max_weights = 0.3 * fields(), np.full(6, 0.7)
     noise = 0.7 * 0.3 * 1.5 / BYTE
-    found = integer_targets(exact.copy(), max_weights, noise)
-    assert (found.levels == BYTE).any()
+    result = integer_targets(exact.copy(), max_weights, noise)
+    assert (result.levels == BYTE).any()
     largest = np.abs(exact).max(axis=1)
-    errors = (found.values * largest[:, None] - exact) * max_weights[:, None]
+    errors = (result.values * largest[:, None] - exact) * max_weights[:, None]
     distances = np.linalg.norm(errors.sum(axis=0).reshape(-1, 3), axis=1)
     assert np.sqrt((distances**2).mean()) < noise
 
 
 def test_integer_targets_of_a_zero_field_are_zero():
-    found = integer_targets(np.zeros((2, 9), np.float32), np.ones(2), 0.1)
-    assert not found.values.any()
+    result = integer_targets(np.zeros((2, 9), np.float32), np.ones(2), 0.1)
+    assert not result.values.any()
 
 
 def test_best_weights_recover_the_weights_of_frames():

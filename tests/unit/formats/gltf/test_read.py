@@ -25,36 +25,36 @@ def read(tmp_path):
 def test_load_returns_one_frame_without_animation(read):
     file = Gltf()
     file.node(mesh=file.mesh([[0.1, 1 / 3, -7], [1e-20, 2, 3], [4, 1e20, 6]]), name="a")
-    found, notes = read(file)
+    result, notes = read(file)
     expected = np.array([[[0.1, 1 / 3, -7], [1e-20, 2, 3], [4, 1e20, 6]]], np.float32)
-    assert (found.vertices.tobytes(), found.dtype) == (expected.tobytes(), np.float32)
-    assert (found.fps, found.start_s, found.name, notes) == (0, 0, "a", [])
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2]])
+    assert (result.vertices.tobytes(), result.dtype) == (expected.tobytes(), np.float32)
+    assert (result.fps, result.start_s, result.name, notes) == (0, 0, "a", [])
+    np.testing.assert_array_equal(result.faces, [[0, 1, 2]])
 
 
 @pytest.mark.parametrize("extension", ["glb", "gltf"])
 def test_load_samples_even_keys(tmp_path, extension):
-    found = load(moving_triangle().save(tmp_path / f"a.{extension}"))
+    result = load(moving_triangle().save(tmp_path / f"a.{extension}"))
     expected = [shifted(TRIANGLE, [step, 0, 0]) for step in range(3)]
-    np.testing.assert_array_equal(found.vertices, expected)
-    assert (found.fps, found.start_s) == (2, 0)
+    np.testing.assert_array_equal(result.vertices, expected)
+    assert (result.fps, result.start_s) == (2, 0)
 
 
 def test_load_samples_at_the_requested_rate(read):
-    found, _ = read(moving_triangle(), fps=24)
-    assert (found.n_frames, found.fps) == (25, 24)
+    result, _ = read(moving_triangle(), fps=24)
+    assert (result.n_frames, result.fps) == (25, 24)
     expected = np.arange(25) / 12
-    np.testing.assert_array_equal(found.vertices[:, 0, 0], expected.astype(np.float32))
+    np.testing.assert_array_equal(result.vertices[:, 0, 0], expected.astype(np.float32))
 
 
 def test_load_keeps_the_final_pose_between_two_frames(read):
     file = Gltf()
     node = file.node(mesh=file.mesh())
     file.animate(node, "translation", [0, 0.25], [[0, 0, 0], [1, 0, 0]])
-    found, [note] = read(file, fps=30)
-    assert (found.n_frames, found.fps) == (9, 30)
-    assert found.vertices[-1, 0].tolist() == [1, 0, 0]
-    np.testing.assert_allclose(np.diff(found.vertices[:8, 0, 0]), 4 / 30, rtol=1e-5)
+    result, [note] = read(file, fps=30)
+    assert (result.n_frames, result.fps) == (9, 30)
+    assert result.vertices[-1, 0].tolist() == [1, 0, 0]
+    np.testing.assert_allclose(np.diff(result.vertices[:8, 0, 0]), 4 / 30, rtol=1e-5)
     assert note == (
         "the animation takes 0.25 s, which is 7.5 frames at 30 per second; the last frame, "
         "0.266667 s after the first, shows its final pose"
@@ -75,25 +75,25 @@ def test_load_derives_frame_rate_and_start_from_keys(read, fps, first):
     rng = np.random.default_rng(1)
     translations = rng.standard_normal((40, 3)).astype(np.float32)
     file.animate(node, "translation", (first + np.arange(40)) / fps, translations)
-    found, _ = read(file)
-    assert found.fps == pytest.approx(fps, rel=1e-12)
-    assert found.start_s == first / found.fps
-    np.testing.assert_array_equal(found.vertices[:, 0], translations)
+    result, _ = read(file)
+    assert result.fps == pytest.approx(fps, rel=1e-12)
+    assert result.start_s == first / result.fps
+    np.testing.assert_array_equal(result.vertices[:, 0], translations)
 
 
 def test_load_scales_then_rotates_then_translates(read):
     file = Gltf()
     file.node(mesh=file.mesh(), translation=[1, 2, 3], rotation=QUARTER_Z, scale=[2, 3, 4])
-    found, _ = read(file)
-    np.testing.assert_allclose(found.vertices[0], [[1, 2, 3], [1, 4, 3], [-2, 2, 3]], atol=1e-7)
+    result, _ = read(file)
+    np.testing.assert_allclose(result.vertices[0], [[1, 2, 3], [1, 4, 3], [-2, 2, 3]], atol=1e-7)
 
 
 def test_load_reads_matrices_by_column(read):
     file = Gltf()
     columns = [0, 2, 0, 0, -3, 0, 0, 0, 0, 0, 4, 0, 1, 2, 3, 1]
     file.node(mesh=file.mesh(), matrix=columns)
-    found, _ = read(file)
-    np.testing.assert_array_equal(found.vertices[0], [[1, 2, 3], [1, 4, 3], [-2, 2, 3]])
+    result, _ = read(file)
+    np.testing.assert_array_equal(result.vertices[0], [[1, 2, 3], [1, 4, 3], [-2, 2, 3]])
 
 
 def test_load_applies_animated_transforms_of_ancestors(read):
@@ -103,22 +103,22 @@ def test_load_applies_animated_transforms_of_ancestors(read):
     root = file.node(children=[arm], scale=[2, 2, 2], name="root")
     file.animate(arm, "rotation", [0, 1], [[0, 0, 0, 1], QUARTER_Z], "STEP")
     file.animate(root, "translation", [0, 1], [[0, 0, 0], [0, 0, 5]])
-    found, _ = read(file)
-    assert found.name == "leaf"
+    result, _ = read(file)
+    assert result.name == "leaf"
     expected = [[[2, 0, 0], [4, 0, 0], [2, 2, 0]], [[0, 2, 5], [0, 4, 5], [-2, 2, 5]]]
-    np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(result.vertices, expected, rtol=0, atol=1e-6)
 
 
 def test_load_interpolates_rotations_spherically(read):
     file = Gltf()
     node = file.node(mesh=file.mesh())
     file.animate(node, "rotation", [1, 2], [[0, 0, 0, 1], QUARTER_Z])
-    found, [note] = read(file)
+    result, [note] = read(file)
     angles = np.radians(90) * np.arange(31) / 30
     assert "curved motion between them" in note
-    assert (found.n_frames, found.fps, found.start_s) == (31, 30, 1)
+    assert (result.n_frames, result.fps, result.start_s) == (31, 30, 1)
     expected = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    np.testing.assert_allclose(found.vertices[:, 1], expected, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(result.vertices[:, 1], expected, rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("dtype", ["i1", "u1", "i2", "u2"])
@@ -129,8 +129,8 @@ def test_load_reads_rotations_in_normalized_integers(read, dtype):
     file.animate(
         node, "rotation", [0, 1], [[0, 0, 0, maximum], [0, 0, maximum, 0]], "STEP", dtype=dtype
     )
-    found, _ = read(file)
-    np.testing.assert_array_equal(found.vertices[1], [[0, 0, 0], [-1, 0, 0], [0, -1, 0]])
+    result, _ = read(file)
+    np.testing.assert_array_equal(result.vertices[1], [[0, 0, 0], [-1, 0, 0], [0, -1, 0]])
 
 
 def test_load_interpolates_cubic_splines(read):
@@ -142,9 +142,9 @@ def test_load_interpolates_cubic_splines(read):
     slopes = np.stack([3 * keys**2, flat, flat], axis=1)
     rows = np.stack([slopes, positions, slopes], axis=1).reshape(-1, 3)
     file.animate(node, "translation", keys, rows, "CUBICSPLINE")
-    found, _ = read(file, fps=20)
+    result, _ = read(file, fps=20)
     expected = (np.arange(31) / 20) ** 3
-    np.testing.assert_allclose(found.vertices[:, 0, 0], expected, rtol=0, atol=3e-7)
+    np.testing.assert_allclose(result.vertices[:, 0, 0], expected, rtol=0, atol=3e-7)
 
 
 def morphing(**mesh):
@@ -159,39 +159,39 @@ def test_load_applies_default_weights(read, of_mesh, of_node):
     file, node = morphing(weights=of_mesh)
     if of_node:
         file.json["nodes"][node]["weights"] = of_node
-    found, _ = read(file)
+    result, _ = read(file)
     np.testing.assert_array_equal(
-        found.vertices[0], np.array([[0.5, 0, 0], [1, 0.2, 0], [0, 1, 4]], np.float32)
+        result.vertices[0], np.array([[0.5, 0, 0], [1, 0.2, 0], [0, 1, 4]], np.float32)
     )
 
 
 def test_default_weights_are_zero(read):
-    found, _ = read(morphing()[0])
-    np.testing.assert_array_equal(found.vertices[0], TRIANGLE)
+    result, _ = read(morphing()[0])
+    np.testing.assert_array_equal(result.vertices[0], TRIANGLE)
 
 
 def test_load_applies_animated_weights(read):
     file, node = morphing(weights=[9, 9])
     file.animate(node, "weights", [0, 0.5, 1], [0, 0, 1, 0, 0.5, 2])
-    found, _ = read(file, fps=4)
-    assert found.vertices[:, 0, 0].tolist() == [0, 0.5, 1, 0.75, 0.5]
-    assert found.vertices[:, 2, 2].tolist() == [0, 0, 0, 2, 4]
+    result, _ = read(file, fps=4)
+    assert result.vertices[:, 0, 0].tolist() == [0, 0.5, 1, 0.75, 0.5]
+    assert result.vertices[:, 2, 2].tolist() == [0, 0, 0, 2, 4]
 
 
 def test_load_applies_weights_on_a_spline(read):
     file, node = morphing()
     rows = [[0, 0], [0, 0], [1, 0], [1, 0], [1, 0], [0, 0]]  # the first weight grows linearly
     file.animate(node, "weights", [0, 1], np.ravel(rows), "CUBICSPLINE")
-    found, _ = read(file, fps=8)
-    np.testing.assert_allclose(found.vertices[:, 0, 0], np.arange(9) / 8, rtol=0, atol=1e-7)
+    result, _ = read(file, fps=8)
+    np.testing.assert_allclose(result.vertices[:, 0, 0], np.arange(9) / 8, rtol=0, atol=1e-7)
 
 
 def test_targets_with_only_normals_move_no_vertex(read):
     file, _ = morphing(weights=[1, 1])
     file.json["meshes"][0]["primitives"][0]["targets"][0] = {"NORMAL": file.accessor(TRIANGLE)}
-    found, _ = read(file)
-    np.testing.assert_array_equal(found.vertices[0, 0], [0, 0, 0])
-    assert found.vertices[0, 2, 2] == 2
+    result, _ = read(file)
+    np.testing.assert_array_equal(result.vertices[0, 0], [0, 0, 0])
+    assert result.vertices[0, 2, 2] == 2
 
 
 def two_animations():
@@ -206,31 +206,31 @@ def two_animations():
 
 
 def test_load_reads_the_first_animation_and_names_the_others(read):
-    found, notes = read(two_animations())
-    assert found.vertices[-1, 0].tolist() == [2, 0, 0]
+    result, notes = read(two_animations())
+    assert result.vertices[-1, 0].tolist() == [2, 0, 0]
     assert notes == ["read the animation walk, not jump, animation_2; choose with animation"]
 
 
 def test_load_skips_animations_that_move_no_mesh(read):
     file = two_animations()
     file.json["animations"].reverse()
-    found, notes = read(file)
-    assert found.vertices[-1, 0].tolist() == [0, 0, 7]
+    result, notes = read(file)
+    assert result.vertices[-1, 0].tolist() == [0, 0, 7]
     assert notes == ["read the animation jump, not animation_0, walk; choose with animation"]
 
 
 def test_load_returns_one_frame_if_no_animation_moves_a_mesh(read):
     file = two_animations()
     del file.json["animations"][:2]
-    found, notes = read(file)
-    assert (found.n_frames, found.start_s) == (1, 0)
+    result, notes = read(file)
+    assert (result.n_frames, result.start_s) == (1, 0)
     assert notes == ["the animation animation_0 moves no mesh; read a single frame"]
 
 
 @pytest.mark.parametrize("wanted", ["jump", 1, "1"])
 def test_load_selects_an_animation_by_name_or_index(read, wanted):
-    found, notes = read(two_animations(), animation=wanted)
-    assert (found.vertices[-1, 0].tolist(), notes) == ([0, 0, 7], [])
+    result, notes = read(two_animations(), animation=wanted)
+    assert (result.vertices[-1, 0].tolist(), notes) == ([0, 0, 7], [])
 
 
 def test_name_of_an_animation_has_precedence_over_an_index(read):
@@ -275,16 +275,16 @@ def test_animation_is_rejected_for_formats_without_several(tmp_path, wanted):
 
 
 def test_load_returns_one_frame_for_a_requested_animation_that_moves_no_mesh(read):
-    found, notes = read(two_animations(), animation="animation_2")
-    assert found.n_frames == 1
+    result, notes = read(two_animations(), animation="animation_2")
+    assert result.n_frames == 1
     assert notes == ["the animation animation_2 moves no mesh; read a single frame"]
 
 
 def test_load_reads_the_next_animation_after_a_malformed_one(read):
     file = two_animations()
     file.json["animations"][0]["samplers"][0]["interpolation"] = "SMOOTH"
-    found, notes = read(file)
-    assert found.vertices[-1, 0].tolist() == [0, 0, 7]
+    result, notes = read(file)
+    assert result.vertices[-1, 0].tolist() == [0, 0, 7]
     assert notes == [
         "read the animation jump, not animation_2; choose with animation",
         "left out: malformed animations: walk (animation 0, sampler 0: 'interpolation' must be "
@@ -333,16 +333,21 @@ def test_load_lists_unique_paths_of_several_meshes(read):
 
 
 def test_static_mesh_has_one_frame_among_animated_ones(read):
-    found, _ = read(several_meshes(), object="/square")
-    np.testing.assert_array_equal(found.vertices, [shifted(SQUARE, [0, 0, 9])])
+    result, _ = read(several_meshes(), object="/square")
+    np.testing.assert_array_equal(result.vertices, [shifted(SQUARE, [0, 0, 9])])
 
 
 def test_load_merges_all_meshes(read):
-    found, _ = read(several_meshes(), merge=True)
-    assert [part.name for part in found.surface.parts] == ["/a_b", "/root/tri", "/square", "/a_b_1"]
-    assert (found.n_frames, found.n_verts, found.fps) == (3, 15, 2)
-    np.testing.assert_array_equal(found.vertices[2, :3], shifted(TRIANGLE, [2, 0, 0]))
-    np.testing.assert_array_equal(found.vertices[2, 7:11], shifted(SQUARE, [0, 0, 9]))
+    result, _ = read(several_meshes(), merge=True)
+    assert [part.name for part in result.surface.parts] == [
+        "/a_b",
+        "/root/tri",
+        "/square",
+        "/a_b_1",
+    ]
+    assert (result.n_frames, result.n_verts, result.fps) == (3, 15, 2)
+    np.testing.assert_array_equal(result.vertices[2, :3], shifted(TRIANGLE, [2, 0, 0]))
+    np.testing.assert_array_equal(result.vertices[2, 7:11], shifted(SQUARE, [0, 0, 9]))
 
 
 def test_load_notes_all_welded_vertices_in_one_sentence(read):
@@ -358,9 +363,9 @@ def test_faces_of_a_mirroring_node_are_reversed(read, scale):
     uv = file.accessor([[0, 0], [0.5, 0], [0, 0.25], [1, 1]])
     mesh = file.mesh([*TRIANGLE, TRIANGLE[0]], [0, 1, 2, 3, 2, 1], attributes={"TEXCOORD_0": uv})
     file.node(mesh=mesh, scale=scale)
-    found, _ = read(file)
-    np.testing.assert_array_equal(found.faces, [[0, 2, 1], [0, 1, 2]])
-    [attribute] = found.surface.attributes
+    result, _ = read(file)
+    np.testing.assert_array_equal(result.faces, [[0, 2, 1], [0, 1, 2]])
+    [attribute] = result.surface.attributes
     expected = [[0, 1], [0, 0.75], [0.5, 1], [1, 0], [0.5, 1], [0, 0.75]]
     np.testing.assert_array_equal(attribute.per_item(), np.array(expected, np.float32))
 

@@ -17,9 +17,9 @@ def sampled(keys, fps=0.0, *, is_curved=True):
 @pytest.mark.parametrize("fps", [12, 24, 25, 30000 / 1001, 60, 240])
 @pytest.mark.parametrize("start", [0, 1, 100, 86_400])
 def test_rate_of_even_keys_is_exact(fps, start):
-    found, notes = sampled((start + np.arange(50)) / fps)
-    assert (found.fps, notes) == (pytest.approx(fps, rel=1e-12), [])
-    np.testing.assert_array_equal(found.times_s, (start + np.arange(50)) / found.fps)
+    result, notes = sampled((start + np.arange(50)) / fps)
+    assert (result.fps, notes) == (pytest.approx(fps, rel=1e-12), [])
+    np.testing.assert_array_equal(result.times_s, (start + np.arange(50)) / result.fps)
 
 
 @pytest.mark.parametrize(
@@ -27,34 +27,34 @@ def test_rate_of_even_keys_is_exact(fps, start):
     [([0, 5, 7, 30], 24), ([0, 2, 3, 4, 6], 24), ([0, 2, 5, 20], 24), ([10, 13, 17], 60)],
 )
 def test_rate_of_keys_with_gaps_is_the_common_one(frames, fps):
-    found, notes = sampled(np.array(frames) / fps)
-    assert (found.fps, notes) == (fps, [])
-    assert len(found.times_s) == frames[-1] - frames[0] + 1
+    result, notes = sampled(np.array(frames) / fps)
+    assert (result.fps, notes) == (fps, [])
+    assert len(result.times_s) == frames[-1] - frames[0] + 1
 
 
 @pytest.mark.parametrize("keys", [[0, 0.1, 0.31, 0.97], [0, 0.999, 1, 2], [0, 1e-4, 5]])
 def test_rate_of_irregular_keys_is_thirty_and_noted(keys):
-    found, [note, *_] = sampled(keys)
-    assert found.fps == 30
+    result, [note, *_] = sampled(keys)
+    assert result.fps == 30
     assert "not evenly spaced; sampled at 30 frames per second" in note
 
 
 def test_rate_of_sparse_keys_on_a_curve_is_thirty_and_noted():
-    found, [note] = sampled([0, 0.25, 0.5])
-    assert (found.fps, len(found.times_s)) == (30, 16)
+    result, [note] = sampled([0, 0.25, 0.5])
+    assert (result.fps, len(result.times_s)) == (30, 16)
     assert "at 4 per second with curved motion between them" in note
 
 
 def test_rate_of_sparse_keys_on_a_line_is_that_of_the_keys():
-    found, notes = sampled([0, 0.25, 0.5], is_curved=False)
-    assert (found.fps, len(found.times_s), notes) == (4, 3, [])
+    result, notes = sampled([0, 0.25, 0.5], is_curved=False)
+    assert (result.fps, len(result.times_s), notes) == (4, 3, [])
 
 
 @pytest.mark.parametrize(("fps", "n_frames"), [(24, 25), (10, 11), (7, 8)])
 def test_times_span_the_keys_at_a_requested_rate(fps, n_frames):
-    found, notes = sampled([2, 2.3, 3], fps)
-    assert (found.fps, notes) == (fps, [])
-    np.testing.assert_allclose(found.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
+    result, notes = sampled([2, 2.3, 3], fps)
+    assert (result.fps, notes) == (fps, [])
+    np.testing.assert_allclose(result.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -67,30 +67,30 @@ def test_times_span_the_keys_at_a_requested_rate(fps, n_frames):
     ],
 )
 def test_last_frame_shows_the_last_key_between_two_frames(end, fps, n_frames, last):
-    found, [note] = sampled([2, 2 + end / 3, 2 + end], fps)
-    np.testing.assert_allclose(found.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
-    assert found.curve_times_s[-1] == float32([2 + end])[0]
+    result, [note] = sampled([2, 2 + end / 3, 2 + end], fps)
+    np.testing.assert_allclose(result.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
+    assert result.curve_times_s[-1] == float32([2 + end])[0]
     assert f"the last frame, {last}" in note
     assert note.endswith("s after the first, shows its final pose")
 
 
 @pytest.mark.parametrize("end", [0.25, 2_000.0003])
 def test_last_frame_snaps_to_the_last_key(end):
-    found, _ = sampled([0, 0.1, end], 40)
-    assert found.curve_times_s[-1] == float32([end])[0]
-    assert abs(found.times_s[-1] - end) <= 0.05 / 40
+    result, _ = sampled([0, 0.1, end], 40)
+    assert result.curve_times_s[-1] == float32([end])[0]
+    assert abs(result.times_s[-1] - end) <= 0.05 / 40
 
 
 def test_curve_times_snap_to_rounded_keys():
     keys = float32(np.arange(1, 49) / 24)
-    found, _ = sampled(keys)
-    np.testing.assert_array_equal(found.curve_times_s, keys)
-    np.testing.assert_array_equal(found.times_s, np.arange(1, 49) / 24)
+    result, _ = sampled(keys)
+    np.testing.assert_array_equal(result.curve_times_s, keys)
+    np.testing.assert_array_equal(result.times_s, np.arange(1, 49) / 24)
 
 
 def test_single_key_gives_one_frame():
-    found, notes = sampled([1.5])
-    assert (found.times_s.tolist(), found.fps, notes) == ([1.5], 0, [])
+    result, notes = sampled([1.5])
+    assert (result.times_s.tolist(), result.fps, notes) == ([1.5], 0, [])
 
 
 @pytest.mark.parametrize(("end", "fps"), [(1e30, 0), (1e5, 0), (10, 1e9), (3.4e38, 24)])

@@ -44,12 +44,12 @@ def test_load_reads_every_node_of_a_file_without_scenes(read):
 def test_scene_nodes_that_are_not_roots_keep_the_transforms_of_ancestors(read):
     file = family()
     file.json["scenes"][0]["nodes"] = [1]
-    found, [note] = read(file)
+    result, [note] = read(file)
     assert note == (
         "scene 0 lists nodes that are not roots: hand; each is read once, with the transforms of "
         "all its ancestors"
     )
-    np.testing.assert_array_equal(found.vertices[:, 0], [[5, 0, 0], [6, 0, 0]])
+    np.testing.assert_array_equal(result.vertices[:, 0], [[5, 0, 0], [6, 0, 0]])
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 0, 2), (1, 2)])
@@ -68,8 +68,8 @@ def test_scene_that_lists_every_node_of_a_deep_hierarchy_is_read_fast(read):
     file.json["nodes"] = [{"children": [number + 1]} for number in range(depth - 1)] + [{}]
     file.json["nodes"][10]["mesh"] = file.mesh()
     file.json["scenes"] = [{"nodes": list(range(depth))[::-1]}]
-    found, [note] = read(file)
-    assert found.n_faces == 1
+    result, [note] = read(file)
+    assert result.n_faces == 1
     assert note.endswith(
         "node 19992 and 19991 more; each is read once, with the transforms of all its ancestors"
     )

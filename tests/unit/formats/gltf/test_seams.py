@@ -28,7 +28,9 @@ def uv(domain, values):
 
 def triangles(split):
     """Return the corners of all triangles as original vertices."""
-    return np.concatenate([split.sources[one.verts][one.triangles] for one in split.primitives])
+    return np.concatenate(
+        [split.sources[primitive.verts][primitive.triangles] for primitive in split.primitives]
+    )
 
 
 def test_vertices_without_seams_are_not_split():
@@ -87,8 +89,8 @@ def test_vertices_are_split_along_edges_where_face_colors_differ():
 def test_each_used_material_has_a_primitive():
     groups = (FaceGroups("material", ("unused", "red"), np.array([1, -1], np.int32)),)
     split = split_at_seams(two_quads(groups=groups))
-    assert [one.material for one in split.primitives] == ["red", None]
-    assert [split.sources[one.verts].tolist() for one in split.primitives] == [
+    assert [primitive.material for primitive in split.primitives] == ["red", None]
+    assert [split.sources[primitive.verts].tolist() for primitive in split.primitives] == [
         [0, 1, 2, 3],
         [1, 2, 4, 5],
     ]
@@ -112,9 +114,9 @@ def test_attributes_of_the_same_kind_are_numbered():
 )
 def test_colors_are_clipped_to_the_valid_range(values, dtype, expected):
     colors = attribute(Kind.COLOR, Domain.VERTEX, np.tile(values, (6, 1)), dtype)
-    found = split_at_seams(two_quads(colors)).attributes["COLOR_0"]
-    assert found.dtype == expected.dtype
-    np.testing.assert_array_equal(found, np.tile(expected, (6, 1)))
+    result = split_at_seams(two_quads(colors)).attributes["COLOR_0"]
+    assert result.dtype == expected.dtype
+    np.testing.assert_array_equal(result, np.tile(expected, (6, 1)))
 
 
 def test_describe_losses_names_what_gltf_cannot_store():

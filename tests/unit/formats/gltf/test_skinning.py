@@ -50,57 +50,57 @@ def read(tmp_path):
 
 
 def test_vertices_follow_their_joints(read):
-    found = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=translated_binds()))
+    result = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], binds=translated_binds()))
     # The tip rotates about (0, 1, 0), so (1, 0, 0) moves to (1, 2, 0); all move by 5 along z.
-    np.testing.assert_allclose(found.vertices[0], TRIANGLE, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(result.vertices[0], TRIANGLE, rtol=0, atol=1e-7)
     expected = [[0, 0, 5], [1, 2, 5], [0, 1, 5]]
-    np.testing.assert_allclose(found.vertices[1], expected, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(result.vertices[1], expected, rtol=0, atol=1e-6)
 
 
 def test_missing_bind_matrices_are_identities(read):
-    found = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
-    np.testing.assert_allclose(found.vertices[0], [[0, 0, 0], [1, 1, 0], [0, 1.5, 0]], atol=1e-7)
+    result = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
+    np.testing.assert_allclose(result.vertices[0], [[0, 0, 0], [1, 1, 0], [0, 1.5, 0]], atol=1e-7)
     # Half of the root's (0, 1, 5), half of the tip's (-1, 1, 5).
     expected = [[0, 0, 5], [0, 2, 5], [-0.5, 1, 5]]
-    np.testing.assert_allclose(found.vertices[1], expected, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(result.vertices[1], expected, rtol=0, atol=1e-6)
 
 
 def test_transform_of_a_skinned_mesh_is_ignored(read):
     plain = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
     moved = skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES], translation=[9, 9, 9], scale=[-1, 1, 1])
-    found = read(moved)
-    assert found.vertices.tobytes() == plain.vertices.tobytes()
-    np.testing.assert_array_equal(found.faces, plain.faces)
+    result = read(moved)
+    assert result.vertices.tobytes() == plain.vertices.tobytes()
+    np.testing.assert_array_equal(result.faces, plain.faces)
 
 
 @pytest.mark.parametrize(("dtype", "weight_dtype"), [("u2", "f4"), ("u1", "u1"), ("u2", "u2")])
 def test_all_types_of_joints_and_weights_give_the_same_result(read, dtype, weight_dtype):
     maximum = 1 if weight_dtype == "f4" else np.iinfo(weight_dtype).max
     weights = np.array(ONE_ONE_HALVES) * maximum  # truncated halves are normalized again
-    found = read(skinned([ROOT_TIP_BOTH], [weights], dtype=dtype, weight_dtype=weight_dtype))
+    result = read(skinned([ROOT_TIP_BOTH], [weights], dtype=dtype, weight_dtype=weight_dtype))
     expected = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
-    np.testing.assert_allclose(found.vertices, expected.vertices, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(result.vertices, expected.vertices, rtol=0, atol=1e-6)
 
 
 def test_weights_are_normalized(read):
     scaled = np.array(ONE_ONE_HALVES) * [[3], [1e-30], [0.25]]
-    found = read(skinned([ROOT_TIP_BOTH], [scaled]))
+    result = read(skinned([ROOT_TIP_BOTH], [scaled]))
     expected = read(skinned([ROOT_TIP_BOTH], [ONE_ONE_HALVES]))
-    np.testing.assert_allclose(found.vertices, expected.vertices, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(result.vertices, expected.vertices, rtol=0, atol=1e-6)
 
 
 def test_vertex_without_weights_follows_its_first_joint(read):
-    found = read(skinned([np.ones((3, 4))], [np.zeros((3, 4))]))
+    result = read(skinned([np.ones((3, 4))], [np.zeros((3, 4))]))
     expected = read(skinned([np.ones((3, 4))], [np.tile([1, 0, 0, 0], (3, 1))]))
-    assert found.vertices.tobytes() == expected.vertices.tobytes()
+    assert result.vertices.tobytes() == expected.vertices.tobytes()
 
 
 def test_vertices_follow_the_joints_of_all_sets(read):
     none, tip = np.zeros((3, 4)), np.tile([0, 0, 0, 1], (3, 1))
     weights = np.tile([0.5, 0, 0, 0], (3, 1)), np.tile([0, 0, 0, 0.5], (3, 1))
-    found = read(skinned([none, tip], weights))
+    result = read(skinned([none, tip], weights))
     both = read(skinned([np.tile([0, 1, 0, 0], (3, 1))], [np.tile([0.5, 0.5, 0, 0], (3, 1))]))
-    np.testing.assert_allclose(found.vertices, both.vertices, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(result.vertices, both.vertices, rtol=0, atol=1e-7)
 
 
 def test_morph_targets_are_applied_before_skinning(read):

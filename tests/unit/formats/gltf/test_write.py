@@ -46,8 +46,8 @@ def two_parts(names=("left", "right"), **changes):
 @pytest.mark.parametrize("percent", [1.0, 0.1, 0.02])
 def test_error_measured_in_the_file_meets_the_bound(tmp_path, percent):
     sequence, notes = grid(), []
-    found = written(tmp_path, sequence, notes, max_error=percent)
-    error = largest_error_percent(sequence, found.world("grid"))
+    result = written(tmp_path, sequence, notes, max_error=percent)
+    error = largest_error_percent(sequence, result.world("grid"))
     assert error <= percent
     assert notes[0].startswith(f"the largest error is {error:.4f} % of the diagonal, in frame ")
 
@@ -66,9 +66,9 @@ def test_larger_bounds_need_fewer_targets(tmp_path):
 
 
 def test_requested_number_of_targets_is_written(tmp_path):
-    found = written(tmp_path, grid(), targets=5)
-    assert found.weights("grid")[1].shape == (30, 5)
-    (mesh,) = found.document["meshes"]
+    result = written(tmp_path, grid(), targets=5)
+    assert result.weights("grid")[1].shape == (30, 5)
+    (mesh,) = result.document["meshes"]
     assert mesh["extras"]["targetNames"] == [f"mode {number}" for number in (1, 2, 3, 4, 5)]
 
 
@@ -120,26 +120,26 @@ def test_unknown_frame_rate_is_noted(tmp_path):
 
 
 def test_default_weights_show_the_first_frame(tmp_path):
-    found = written(tmp_path, grid())
-    (mesh,) = found.document["meshes"]
-    np.testing.assert_array_equal(np.float32(mesh["weights"]), found.weights("grid")[1][0])
+    result = written(tmp_path, grid())
+    (mesh,) = result.document["meshes"]
+    np.testing.assert_array_equal(np.float32(mesh["weights"]), result.weights("grid")[1][0])
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_single_frame_is_an_exact_static_mesh(tmp_path, dtype):
     sequence = MeshSequence(np.float32(grid(1).vertices).astype(dtype), grid(1).faces, name="one")
-    found = written(tmp_path, sequence)
-    assert found.document.keys().isdisjoint({"animations", "extensionsUsed"})
-    assert found.node("one") == {"name": "one", "mesh": 0}
-    np.testing.assert_array_equal(found.world("one"), sequence.vertices)
-    np.testing.assert_array_equal(found.triangles("one"), sequence.faces)
+    result = written(tmp_path, sequence)
+    assert result.document.keys().isdisjoint({"animations", "extensionsUsed"})
+    assert result.node("one") == {"name": "one", "mesh": 0}
+    np.testing.assert_array_equal(result.world("one"), sequence.vertices)
+    np.testing.assert_array_equal(result.triangles("one"), sequence.faces)
 
 
 def test_constant_sequence_is_a_static_mesh(tmp_path):
     vertices, notes = np.repeat(grid(1).vertices, 5, axis=0), []
-    found = written(tmp_path, MeshSequence(vertices, grid(1).faces, 25.0, "static"), notes)
+    result = written(tmp_path, MeshSequence(vertices, grid(1).faces, 25.0, "static"), notes)
     assert notes == ["no vertex moves by more than the error bound: written as a static mesh"]
-    np.testing.assert_array_equal(found.world("static")[0], vertices[0])
+    np.testing.assert_array_equal(result.world("static")[0], vertices[0])
 
 
 def test_single_point_is_a_static_mesh(tmp_path):
@@ -150,8 +150,8 @@ def test_single_point_is_a_static_mesh(tmp_path):
 def test_float64_positions_far_from_the_origin_meet_the_bound(tmp_path):
     near = grid(dtype=np.float64)
     sequence = near.replace(vertices=near.vertices + 1e6)
-    found = written(tmp_path, sequence, max_error=0.05)
-    assert largest_error_percent(sequence, found.world("grid")) <= 0.05
+    result = written(tmp_path, sequence, max_error=0.05)
+    assert largest_error_percent(sequence, result.world("grid")) <= 0.05
 
 
 def test_sequences_with_more_frames_than_coordinates_meet_the_bound(tmp_path):
@@ -163,13 +163,13 @@ def test_sequences_with_more_frames_than_coordinates_meet_the_bound(tmp_path):
 
 def test_irregular_mesh_keeps_its_triangles(tmp_path):
     sequence, notes = irregular_sequence(), []
-    found = written(tmp_path, sequence, notes)
+    result = written(tmp_path, sequence, notes)
     used = np.unique(sequence.faces)
-    np.testing.assert_array_equal(used[found.triangles("irregular")], sequence.faces)
+    np.testing.assert_array_equal(used[result.triangles("irregular")], sequence.faces)
     assert (
         largest_error_percent(
             sequence.replace(vertices=sequence.vertices[:, used], faces=np.array([[0, 1, 2]])),
-            found.world("irregular"),
+            result.world("irregular"),
         )
         <= 0.2
     )  # relative to a smaller diagonal
@@ -179,45 +179,45 @@ def test_irregular_mesh_keeps_its_triangles(tmp_path):
 
 def test_each_part_has_a_node(tmp_path):
     sequence = two_parts()
-    found = written(tmp_path, sequence)
+    result = written(tmp_path, sequence)
     for name, verts in (("left", slice(0, 30)), ("right", slice(30, 60))):
-        own = np.unique(found.world(name).round(5), axis=1)
+        own = np.unique(result.world(name).round(5), axis=1)
         expected = sequence.vertices[: len(own), verts]
         distances = np.linalg.norm(own[:, :, None] - expected[:, None], axis=3)
         assert distances.min(axis=2).max() < 0.005
         assert distances.min(axis=1).max() < 0.005
-    assert (found.weights("left") is None, found.weights("right") is None) == (False, True)
+    assert (result.weights("left") is None, result.weights("right") is None) == (False, True)
 
 
 def test_part_names_that_are_paths_become_a_hierarchy(tmp_path):
     sequence = two_parts(("/root/arm", "/root"))
-    found = written(tmp_path, sequence)
-    (root,) = found.document["scenes"][0]["nodes"]
-    assert found.document["nodes"][root]["name"] == "root"
-    assert found.document["nodes"][root]["children"] == [1]
-    low, high = found.world("arm").min(axis=(0, 1)), found.world("arm").max(axis=(0, 1))
+    result = written(tmp_path, sequence)
+    (root,) = result.document["scenes"][0]["nodes"]
+    assert result.document["nodes"][root]["name"] == "root"
+    assert result.document["nodes"][root]["children"] == [1]
+    low, high = result.world("arm").min(axis=(0, 1)), result.world("arm").max(axis=(0, 1))
     np.testing.assert_allclose(low, sequence.vertices[:, :30].min(axis=(0, 1)), atol=0.005)
     np.testing.assert_allclose(high, sequence.vertices[:, :30].max(axis=(0, 1)), atol=0.005)
 
 
 def test_each_label_has_one_material_for_all_parts(tmp_path):
-    found = written(tmp_path, two_parts())
-    names = [one.get("name") for one in found.document["materials"]]
+    result = written(tmp_path, two_parts())
+    names = [one.get("name") for one in result.document["materials"]]
     assert sorted(names, key=str) == [None, "blue", "red"]
     for part in ("left", "right"):
-        assert len({one["material"] for one in found.primitives(part)}) == 3
+        assert len({primitive["material"] for primitive in result.primitives(part)}) == 3
 
 
 def test_corner_attributes_are_stored_per_split_vertex(tmp_path):
     sequence = two_parts()
-    found = written(tmp_path, sequence)
+    result = written(tmp_path, sequence)
     uv, colors = sequence.surface.attributes
     written_uvs = set()
     for part in ("left", "right"):
-        for one in found.primitives(part):
-            own = found.array(one["attributes"]["TEXCOORD_0"])
+        for primitive in result.primitives(part):
+            own = result.array(primitive["attributes"]["TEXCOORD_0"])
             written_uvs |= set(map(tuple, own.tolist()))
-            bytes_ = found.array(one["attributes"]["COLOR_0"]) * 255
+            bytes_ = result.array(primitive["attributes"]["COLOR_0"]) * 255
             assert set(map(tuple, bytes_.round().tolist())) <= set(map(tuple, colors.values))
     flipped = np.stack([uv.values[:, 0], np.float32(1 - uv.values[:, 1].astype("f8"))], axis=1)
     assert written_uvs == set(map(tuple, flipped.tolist()))
@@ -230,18 +230,18 @@ def test_triangulation_of_polygons_is_noted(tmp_path):
 
 
 def test_requested_normals_have_unit_length(tmp_path):
-    found = written(tmp_path, two_parts(), normals=True)
+    result = written(tmp_path, two_parts(), normals=True)
     for part, tolerance in (("left", 0.01), ("right", 1e-6)):
-        for one in found.primitives(part):
-            lengths = np.linalg.norm(found.array(one["attributes"]["NORMAL"]), axis=1)
+        for primitive in result.primitives(part):
+            lengths = np.linalg.norm(result.array(primitive["attributes"]["NORMAL"]), axis=1)
             np.testing.assert_allclose(lengths, 1, atol=tolerance)
-            assert all("NORMAL" in target for target in one.get("targets", []))
+            assert all("NORMAL" in target for target in primitive.get("targets", []))
 
 
 def test_smooth_surface_has_normals_by_default(tmp_path):
     notes = []
-    found = written(tmp_path, grid(), notes)
-    (primitive,) = found.primitives("grid")
+    result = written(tmp_path, grid(), notes)
+    (primitive,) = result.primitives("grid")
     assert all("NORMAL" in one for one in (primitive["attributes"], *primitive["targets"]))
     assert notes[-1].startswith("normals are smooth, with a mean error of ")
 
@@ -255,8 +255,8 @@ def test_normals_can_be_disabled(tmp_path):
 
 def test_missing_normals_of_a_creased_mesh_are_explained(tmp_path):
     notes = []
-    found = written(tmp_path, rich_cube(4).replace(name="cube", fps=24.0), notes)
-    (primitive,) = found.primitives("cube")
+    result = written(tmp_path, rich_cube(4).replace(name="cube", fps=24.0), notes)
+    (primitive,) = result.primitives("cube")
     assert "NORMAL" not in primitive["attributes"]
     assert notes[-1].startswith(
         "no normals, so viewers use flat shading: much of the surface is creased"

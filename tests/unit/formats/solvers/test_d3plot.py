@@ -67,11 +67,11 @@ def test_positions_times_and_parts_are_those_of_the_states(tmp_path, code, name)
     states = [state(2 + index / 8, moved(index), code=code) for index in range(3)]
     path = write_family(tmp_path / name, whole_model(), [states[:1], states[1:]], code)
     notes = []
-    found = load(path, notes=notes)
+    loaded = load(path, notes=notes)
     expected = np.array([moved(index)[:12] for index in range(3)]).astype(FLOATS[code[1]])
-    assert found.vertices.tobytes() == expected.tobytes()
-    assert (found.fps, found.start_s, found.name) == (8.0, 2.0, path.stem)
-    [parts] = found.surface.groups
+    assert loaded.vertices.tobytes() == expected.tobytes()
+    assert (loaded.fps, loaded.start_s, loaded.name) == (8.0, 2.0, path.stem)
+    [parts] = loaded.surface.groups
     assert parts.labels == ("lower block", "upper block", "skin")
     assert np.bincount(parts.numbers).tolist() == [5, 5, 2]  # the cubes share a face
     assert "left out: elements without faces: beams" in notes
@@ -87,8 +87,8 @@ def test_unnamed_parts_have_numbers(tmp_path):
 def test_keywords_after_the_titles_are_skipped(tmp_path):
     model = whole_model()
     model.after = ([90100, 9], [0x2A2A2A2A] * 180)
-    found = load(write_family(tmp_path / "d3plot", model, [[state(0, moved(1))]]))
-    assert found.vertices[0].tobytes() == moved(1)[:12].astype(np.float32).tobytes()
+    loaded = load(write_family(tmp_path / "d3plot", model, [[state(0, moved(1))]]))
+    assert loaded.vertices[0].tobytes() == moved(1)[:12].astype(np.float32).tobytes()
 
 
 SHAPES = {
@@ -106,10 +106,10 @@ SHAPES = {
 def test_degenerate_solids_have_closed_surfaces_facing_outward(tmp_path, shape, kind):
     nodes, n_faces, volume = SHAPES[shape]
     model = Model(CUBE, control=flags(), **{kind: np.array([[*nodes, 0]])})
-    found = load(write_family(tmp_path / "d3plot", model, [[state(0, CUBE)]]))
-    corners = found.vertices[0].astype(float)[found.faces]
-    assert found.surface.n_faces(len(found.faces)) == n_faces
-    assert found.n_verts == len(set(nodes))
+    loaded = load(write_family(tmp_path / "d3plot", model, [[state(0, CUBE)]]))
+    corners = loaded.vertices[0].astype(float)[loaded.faces]
+    assert loaded.surface.n_faces(len(loaded.faces)) == n_faces
+    assert loaded.n_verts == len(set(nodes))
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(volume)
 
 
@@ -117,9 +117,9 @@ def test_degenerate_solids_have_closed_surfaces_facing_outward(tmp_path, shape, 
 def test_further_nodes_of_ten_node_solids_are_skipped(tmp_path, ten_nodes):
     model = whole_model()
     model.ten_nodes = ten_nodes
-    found = load(write_family(tmp_path / "d3plot", model, [[state(0, moved(1))]]))
-    assert found.vertices[0].tobytes() == moved(1)[:12].astype(np.float32).tobytes()
-    assert found.surface.groups[0].labels == ("lower block", "upper block", "skin")
+    loaded = load(write_family(tmp_path / "d3plot", model, [[state(0, moved(1))]]))
+    assert loaded.vertices[0].tobytes() == moved(1)[:12].astype(np.float32).tobytes()
+    assert loaded.surface.groups[0].labels == ("lower block", "upper block", "skin")
 
 
 DELETION = {"maxint": -10_003}
@@ -129,14 +129,14 @@ def test_deleted_elements_begin_a_segment_and_leave_no_nodes(tmp_path):
     alive = [[1, 2, 3, 3, 2], [1, 2, 3, 3, 2], [1, 0, 3, 3, 2], [1, 0, 0, 3, 2]]
     states = [state(index, moved(index), alive[index]) for index in range(4)]
     path = write_family(tmp_path / "d3plot", whole_model(**DELETION), [states])
-    found = load(path)
-    assert [one.n_frames for one in found.segments] == [2, 1, 1]
-    assert [np.bincount(one.surface.groups[0].numbers, minlength=3).tolist() for one in
-            found.segments] == [[5, 5, 2], [6, 0, 2], [6, 0, 1]]  # fmt: skip
-    assert [one.n_verts for one in found.segments] == [12, 12, 11]
+    loaded = load(path)
+    assert [segment.n_frames for segment in loaded.segments] == [2, 1, 1]
+    assert [np.bincount(segment.surface.groups[0].numbers, minlength=3).tolist() for segment in
+            loaded.segments] == [[5, 5, 2], [6, 0, 2], [6, 0, 1]]  # fmt: skip
+    assert [segment.n_verts for segment in loaded.segments] == [12, 12, 11]
     last = np.delete(moved(3)[:12], 9, axis=0).astype(np.float32)
-    assert positions_of(found.segments[2])[0].tobytes() == last.tobytes()
-    assert found.fps == 1
+    assert positions_of(loaded.segments[2])[0].tobytes() == last.tobytes()
+    assert loaded.fps == 1
 
 
 def test_deleted_nodes_delete_their_elements(tmp_path):
@@ -144,8 +144,8 @@ def test_deleted_nodes_delete_their_elements(tmp_path):
     visible = np.ones((2, 8))
     visible[1, 7] = 0
     states = [state(index, model.nodes, visible[index]) for index in range(2)]
-    found = load(write_family(tmp_path / "d3plot", model, [states]))
-    assert [len(one.faces) for one in found.segments] == [6, 4]
+    loaded = load(write_family(tmp_path / "d3plot", model, [states]))
+    assert [len(segment.faces) for segment in loaded.segments] == [6, 4]
 
 
 def test_frames_without_elements_are_an_error(tmp_path):
@@ -165,15 +165,15 @@ def test_results_at_nodes_are_tracks(tmp_path):
     }  # fmt: skip
     values = {name: rng.random((2, 8, width)) for name, width in widths.items()}
     states = [
-        state(index, [7, 7], model.nodes, *(one[index] for one in values.values()))
+        state(index, [7, 7], model.nodes, *(value[index] for value in values.values()))
         for index in range(2)
     ]
-    found = load(write_family(tmp_path / "d3plot", model, [states]))
-    assert set(found.tracks) == set(widths)
+    loaded = load(write_family(tmp_path / "d3plot", model, [states]))
+    assert set(loaded.tracks) == set(widths)
     for name, expected in values.items():
-        track = found.tracks[name]
+        track = loaded.tracks[name]
         assert track.values.reshape(expected.shape).tobytes() == expected.astype("f4").tobytes()
-    assert found.tracks["velocity"].kind == "velocity"
+    assert loaded.tracks["velocity"].kind == "velocity"
 
 
 def test_tables_of_particles_are_skipped(tmp_path):
@@ -190,8 +190,8 @@ def test_tables_of_particles_are_skipped(tmp_path):
         for index in range(3)
     ]
     notes = []
-    found = load(write_family(tmp_path / "d3plot", model, [states]), notes=notes)
-    assert found.n_frames == 3
+    loaded = load(write_family(tmp_path / "d3plot", model, [states]), notes=notes)
+    assert loaded.n_frames == 3
     assert "left out: elements without faces: SPH particles, particles of airbags" in notes
 
 
@@ -210,11 +210,11 @@ def test_results_of_elements_are_tracks_of_faces(tmp_path, n_points):
     rng = np.random.default_rng(0)
     tables = [rng.random(shape) for shape in ((2, n_points, 9), (1, 6), (2, 33))]
     notes = []
-    found = load(
+    loaded = load(
         write_family(tmp_path / "d3plot", model, [[state(0, TWO_CUBES, *tables)]]), notes=notes
     )
-    solids, _, shells = (one.astype(np.float32) for one in tables)
-    rows = found.surface.groups[0].numbers
+    solids, _, shells = (table.astype(np.float32) for table in tables)
+    rows = loaded.surface.groups[0].numbers
     mean = solids.mean(axis=1)
     expected = {
         "stress": [*mean[:, :6], shells[:, :6]],
@@ -222,9 +222,9 @@ def test_results_of_elements_are_tracks_of_faces(tmp_path, n_points):
         "thickness": [np.nan, np.nan, shells[:, 29:30]],
         "internal_energy": [np.nan, np.nan, shells[:, 32:33]],
     }
-    assert set(found.tracks) == set(expected)
+    assert set(loaded.tracks) == set(expected)
     for name, of_parts in expected.items():
-        values = found.tracks[name].values[0].reshape(len(rows), -1)
+        values = loaded.tracks[name].values[0].reshape(len(rows), -1)
         for part in range(3):
             np.testing.assert_allclose(
                 values[rows == part],
@@ -239,8 +239,8 @@ def test_rigid_shells_without_results_are_nan(tmp_path):
     model.shells[1, 4] = 1
     model.more = ([1, 2, 1, 20],)
     results = np.arange(42).reshape(2, 21)
-    found = load(write_family(tmp_path / "d3plot", model, [[state(0, model.nodes, results)]]))
-    assert found.tracks["plastic_strain"].values.ravel().tolist() == pytest.approx(
+    loaded = load(write_family(tmp_path / "d3plot", model, [[state(0, model.nodes, results)]]))
+    assert loaded.tracks["plastic_strain"].values.ravel().tolist() == pytest.approx(
         [6, np.nan, 27], nan_ok=True
     )
 
@@ -258,10 +258,10 @@ def test_states_follow_the_geometry_and_continue_in_the_next_files(tmp_path):
         rest = rest[400:]
         if not rest:
             break
-    found = load(tmp_path / "d3plot")
+    loaded = load(tmp_path / "d3plot")
     assert block % 2048
     expected = [moved(index, model.nodes) for index in range(5)]
-    assert found.vertices.tobytes() == np.array(expected, np.float32).tobytes()
+    assert loaded.vertices.tobytes() == np.array(expected, np.float32).tobytes()
 
 
 def test_members_are_read_in_the_order_of_their_numbers(tmp_path):
@@ -278,17 +278,20 @@ def test_adapted_meshes_replace_later_states_and_begin_segments(tmp_path):
     states = [state(index, coarse.nodes) for index in range(4)]
     write_family(tmp_path / "d3plot", coarse, [states])
     write_family(tmp_path / "d3plotaa", fine, [[state(time, fine.nodes) for time in (2, 3, 4)]])
-    found = load(tmp_path / "d3plot")
-    assert [(one.n_frames, len(one.faces)) for one in found.segments] == [(2, 4), (3, 10)]
-    assert found.fps == 1
+    loaded = load(tmp_path / "d3plot")
+    assert [(segment.n_frames, len(segment.faces)) for segment in loaded.segments] == [
+        (2, 4),
+        (3, 10),
+    ]
+    assert loaded.fps == 1
 
 
 def test_states_without_positions_are_at_rest(tmp_path):
     model = sheet(positions=0, velocity=1)
     notes = []
     states = [state(index, np.ones((8, 3))) for index in range(2)]
-    found = load(write_family(tmp_path / "d3plot", model, [states]), notes=notes)
-    assert (found.vertices == model.nodes).all()
+    loaded = load(write_family(tmp_path / "d3plot", model, [states]), notes=notes)
+    assert (loaded.vertices == model.nodes).all()
     assert "left out: motion: the states contain no positions" in notes
 
 
@@ -357,16 +360,16 @@ def test_frames_stay_in_the_files_until_they_are_read(tmp_path):
 
 def test_batches_find_root_files_only(tmp_path):
     path = write_family(tmp_path / "d3plot", sheet(), [[state(0, sheet().nodes)]])
-    [found] = find_inputs(tmp_path)
-    assert (found.source, len(found.files)) == (path, 2)
+    [result] = find_inputs(tmp_path)
+    assert (result.source, len(result.files)) == (path, 2)
 
 
 def test_inspection_counts_all_files(tmp_path):
     path = write_family(tmp_path / "d3plot", sheet(), [[state(0, sheet().nodes)]])
     write_family(tmp_path / "d3plotaa", sheet(5), [[state(1, sheet(5).nodes)]])
-    found = inspect_source(path, ReadOptions())
+    result = inspect_source(path, ReadOptions())
     size = sum(one.stat().st_size for one in tmp_path.iterdir())
-    assert (found.n_files, found.size_bytes, found.meshes[0].n_segments) == (4, size, 2)
+    assert (result.n_files, result.size_bytes, result.meshes[0].n_segments) == (4, size, 2)
     assert len(files_of_source(path)) == 4
 
 
@@ -374,9 +377,9 @@ def test_deleted_elements_survive_encoding(tmp_path):
     alive = [[1, 2, 3, 3, 2], [1, 0, 3, 3, 2], [1, 0, 0, 3, 2]]
     states = [state(index, moved(index), alive[index]) for index in range(3)]
     path = write_family(tmp_path / "d3plot", whole_model(**DELETION), [states])
-    found = load(path)
-    data = meshreel.encode(found, max_error="0.001u")
-    for number, one in enumerate(found.segments):
+    loaded = load(path)
+    data = meshreel.encode(loaded, max_error="0.001u")
+    for number, segment in enumerate(loaded.segments):
         back = meshreel.decode(data, segment=number)
-        assert abs(positions_of(one) - back.vertices).max() <= 0.001
-        assert one.surface.groups[0].labels == back.surface.groups[0].labels
+        assert abs(positions_of(segment) - back.vertices).max() <= 0.001
+        assert segment.surface.groups[0].labels == back.surface.groups[0].labels

@@ -35,10 +35,10 @@ def moving(folder, form, variables=(), times=(0.5, 0.75, 1.0), **files):
 
 @pytest.mark.parametrize("form", FORMATS)
 def test_positions_and_times_are_those_of_the_files(tmp_path, form):
-    found = load(moving(tmp_path, form))
-    assert found.vertices.tobytes() == np.array([one[:4] for one in STEPS]).tobytes()
-    assert found.faces.tolist() == TRIANGLES
-    assert (found.fps, found.start_s, found.name) == (4.0, 0.5, "sheet")
+    loaded = load(moving(tmp_path, form))
+    assert loaded.vertices.tobytes() == np.array([step[:4] for step in STEPS]).tobytes()
+    assert loaded.faces.tolist() == TRIANGLES
+    assert (loaded.fps, loaded.start_s, loaded.name) == (4.0, 0.5, "sheet")
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -46,9 +46,9 @@ def test_numbers_and_extents_are_skipped(tmp_path, form):
     square = block(form, "quad4", [[0, 1, 2, 3]], numbers=True)
     body = part(form, 4, "body", SQUARE, square, numbers=True)
     data = geometry(form, body, numbers="given", extents=True)
-    found = load(store(tmp_path, case("g"), g=data))
-    assert found.vertices[0].tolist() == SQUARE[:4].tolist()
-    assert found.surface.face_sizes.tolist() == [4]
+    loaded = load(store(tmp_path, case("g"), g=data))
+    assert loaded.vertices[0].tolist() == SQUARE[:4].tolist()
+    assert loaded.surface.face_sizes.tolist() == [4]
 
 
 SOLIDS = {
@@ -67,9 +67,9 @@ SOLIDS = {
 def test_surfaces_of_solids_face_outward(tmp_path, form, kind):
     nodes, n_faces, volume = SOLIDS[kind]
     body = part(form, 1, "body", CUBE, block(form, kind, [[*nodes]]))
-    found = load(store(tmp_path, case("g"), g=geometry(form, body)))
-    corners = found.vertices[0].astype(float)[found.faces]
-    assert found.surface.n_faces(len(found.faces)) == n_faces
+    loaded = load(store(tmp_path, case("g"), g=geometry(form, body)))
+    corners = loaded.vertices[0].astype(float)[loaded.faces]
+    assert loaded.surface.n_faces(len(loaded.faces)) == n_faces
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(volume)
 
 
@@ -82,8 +82,8 @@ def test_polygons_and_polyhedra_have_any_number_of_corners(tmp_path, form):
     solids = block(form, "nfaced", [*shared, *upper], sizes=([6, 6], [4] * 12))
     pentagon = block(form, "nsided", [[0, 1, 2, 3, 4], [5, 6, 7]], sizes=([5, 3],))
     body = part(form, 1, "body", points, solids, pentagon)
-    found = load(store(tmp_path, case("g"), g=geometry(form, body)))
-    assert sorted(found.surface.face_sizes.tolist()) == [3] + [4] * 10 + [5]
+    loaded = load(store(tmp_path, case("g"), g=geometry(form, body)))
+    assert sorted(loaded.surface.face_sizes.tolist()) == [3] + [4] * 10 + [5]
 
 
 def test_polyhedra_with_bad_faces_are_an_error(tmp_path):
@@ -112,11 +112,11 @@ def test_variables_are_tracks(tmp_path, form):
         "tensor symm per element: 1 load l**",
         "scalar per element: fixed fixed",
     ]
-    found = load(moving(tmp_path, form, lines, **files))
-    assert found.tracks["heat"].values.reshape(3, 4).tolist() == heat[:, :4].tolist()
-    assert found.tracks["speed"].values.tolist() == speed[:, :4].tolist()
-    assert found.tracks["load"].values.tolist() == load_.tolist()
-    assert found.tracks["fixed"].values.reshape(3, 2).tolist() == [[3, 4]] * 3
+    loaded = load(moving(tmp_path, form, lines, **files))
+    assert loaded.tracks["heat"].values.reshape(3, 4).tolist() == heat[:, :4].tolist()
+    assert loaded.tracks["speed"].values.tolist() == speed[:, :4].tolist()
+    assert loaded.tracks["load"].values.tolist() == load_.tolist()
+    assert loaded.tracks["fixed"].values.reshape(3, 2).tolist() == [[3, 4]] * 3
 
 
 def test_undefined_values_and_missing_types_are_nan(tmp_path):
@@ -126,16 +126,16 @@ def test_undefined_values_and_missing_types_are_nan(tmp_path):
     lines = ["scalar per element: heat h", "complex scalar per node: wave r i 2.0"]
     notes = []
     path = store(tmp_path, case("g", lines), g=geometry("<", body), h=values)
-    found = load(path, notes=notes)
-    np.testing.assert_array_equal(found.tracks["heat"].values.ravel(), [5, np.nan, np.nan])
+    loaded = load(path, notes=notes)
+    np.testing.assert_array_equal(loaded.tracks["heat"].values.ravel(), [5, np.nan, np.nan])
     assert "left out: variables: wave (complex scalar per node)" in notes
 
 
 def test_partial_values_are_left_out_with_a_note(tmp_path):
     values = variable("<", (1, {"coordinates partial": [5.0]}))
     notes = []
-    found = load(moving(tmp_path, "<", ["scalar per node: heat h"], h=values), notes=notes)
-    assert not found.tracks
+    loaded = load(moving(tmp_path, "<", ["scalar per node: heat h"], h=values), notes=notes)
+    assert not loaded.tracks
     assert "left out: variable 'heat': h has partial values, which are not supported" in notes
 
 
@@ -146,8 +146,8 @@ def test_elements_can_be_in_the_file_of_one_step(tmp_path, form):
         blocks = [block(form, "tria3", TRIANGLES)] if index == 1 else []
         files[f"g{3 + 2 * index}"] = geometry(form, part(form, 1, "sheet", points, *blocks))
     text = case("1 g* change_coords_only 1", times=[0, 1, 2])
-    found = load(store(tmp_path, text, **files))
-    assert found.vertices.tobytes() == np.array([one[:4] for one in STEPS]).tobytes()
+    loaded = load(store(tmp_path, text, **files))
+    assert loaded.vertices.tobytes() == np.array([step[:4] for step in STEPS]).tobytes()
 
 
 def test_numbers_of_nodes_must_fit_the_elements(tmp_path):
@@ -169,10 +169,10 @@ def test_changing_elements_begin_a_segment(tmp_path):
     path = moving(tmp_path, "<")
     one = part("<", 1, "sheet", STEPS[2], block("<", "tria3", TRIANGLES[:1]))
     (tmp_path / "g007").write_bytes(geometry("<", one))
-    found = load(path)
-    assert [(one.n_frames, len(one.faces)) for one in found.segments] == [(2, 2), (1, 1)]
-    data = meshreel.encode(found, max_error="0.001u")
-    for number, segment in enumerate(found.segments):
+    loaded = load(path)
+    assert [(one.n_frames, len(one.faces)) for one in loaded.segments] == [(2, 2), (1, 1)]
+    data = meshreel.encode(loaded, max_error="0.001u")
+    for number, segment in enumerate(loaded.segments):
         back = meshreel.decode(data, segment=number)
         assert abs(positions_of(segment) - back.vertices).max() <= 0.001
 
@@ -181,9 +181,9 @@ def test_variables_of_a_geometry_at_rest_have_its_frames(tmp_path):
     body = geometry("<", part("<", 1, "sheet", SQUARE, block("<", "tria3", TRIANGLES)))
     heat = {f"h{3 + 2 * i}": variable("<", (1, {"coordinates": np.full(5, i)})) for i in range(3)}
     text = case("g", ["scalar per node: 1 heat h*"], [0, 1, 2])
-    found = load(store(tmp_path, text, g=body, **heat))
-    assert found.n_frames == 3
-    assert found.tracks["heat"].values[:, 0].ravel().tolist() == [0, 1, 2]
+    loaded = load(store(tmp_path, text, g=body, **heat))
+    assert loaded.n_frames == 3
+    assert loaded.tracks["heat"].values[:, 0].ravel().tolist() == [0, 1, 2]
 
 
 def test_variables_at_other_times_are_left_out_with_a_note(tmp_path):

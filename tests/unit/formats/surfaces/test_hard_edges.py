@@ -36,14 +36,16 @@ def computed(sequence):
 @pytest.mark.parametrize("make", [hard_box, hard_sheet])
 def test_hard_edges_are_recovered_from_their_normals(make):
     sequence = make()
-    found = find_hard_edges(polygons_of(sequence), computed(sequence))
+    hard_edges = find_hard_edges(polygons_of(sequence), computed(sequence))
     again = find_hard_edges(polygons_of(sequence), np.nan_to_num(computed(sequence)) * 7)
-    np.testing.assert_array_equal(ascending(found.edges), ascending(again.edges))
-    assert found.n_far == 0
+    np.testing.assert_array_equal(ascending(hard_edges.edges), ascending(again.edges))
+    assert hard_edges.n_far == 0
     # A hard edge that ends inside a fan does not change normals, so it cannot be recovered.
     given = ascending(sequence.surface.hard_edges)
-    assert {*map(tuple, ascending(found.edges))} <= {*map(tuple, given)}
-    kept = corner_normals(sequence.vertices[0], sequence.faces, surface_with(sequence, found.edges))
+    assert {*map(tuple, ascending(hard_edges.edges))} <= {*map(tuple, given)}
+    kept = corner_normals(
+        sequence.vertices[0], sequence.faces, surface_with(sequence, hard_edges.edges)
+    )
     np.testing.assert_allclose(kept, computed(sequence), atol=1e-12)
 
 
@@ -53,25 +55,27 @@ def surface_with(sequence, edges):
 
 def test_smooth_normals_give_no_hard_edges():
     sheet = quad_sheet()
-    found = find_hard_edges(polygons_of(sheet), computed(sheet))
-    assert (found.edges, found.n_far) == (None, 0)
+    hard_edges = find_hard_edges(polygons_of(sheet), computed(sheet))
+    assert (hard_edges.edges, hard_edges.n_far) == (None, 0)
 
 
 def test_rims_of_a_cylinder_are_hard():
     sequence = cake()
     for normals in (cake_normals(sequence), -cake_normals(sequence)):
-        found = find_hard_edges(polygons_of(sequence), normals)
+        hard_edges = find_hard_edges(polygons_of(sequence), normals)
         np.testing.assert_array_equal(
-            ascending(found.edges), ascending(sequence.surface.hard_edges)
+            ascending(hard_edges.edges), ascending(sequence.surface.hard_edges)
         )
-        assert (found.n_far, found.n_shared) == (0, 24 * 5)
+        assert (hard_edges.n_far, hard_edges.n_shared) == (0, 24 * 5)
 
 
 def test_quantized_normals_give_the_same_hard_edges():
     sequence = cake()
     rounded = np.rint(cake_normals(sequence) * 127) / 127
-    found = find_hard_edges(polygons_of(sequence), rounded)
-    np.testing.assert_array_equal(ascending(found.edges), ascending(sequence.surface.hard_edges))
+    hard_edges = find_hard_edges(polygons_of(sequence), rounded)
+    np.testing.assert_array_equal(
+        ascending(hard_edges.edges), ascending(sequence.surface.hard_edges)
+    )
 
 
 def test_nearest_candidate_set_of_hard_edges_is_chosen():
@@ -82,34 +86,36 @@ def test_nearest_candidate_set_of_hard_edges_is_chosen():
     touching = [e for e in sheet.surface.hard_edges if len(next_one & {*e.tolist()}) == 1]
     edges = np.array([dart[0], *touching])
     given = corner_normals(sheet.vertices[0], sheet.faces, surface_with(sheet, edges))
-    found = find_hard_edges(polygons_of(sheet), given)
-    if found.edges is not None:
-        assert {*map(tuple, ascending(found.edges))} <= {*map(tuple, ascending(edges))}
-    kept = corner_normals(sheet.vertices[0], sheet.faces, surface_with(sheet, found.edges))
+    hard_edges = find_hard_edges(polygons_of(sheet), given)
+    if hard_edges.edges is not None:
+        assert {*map(tuple, ascending(hard_edges.edges))} <= {*map(tuple, ascending(edges))}
+    kept = corner_normals(sheet.vertices[0], sheet.faces, surface_with(sheet, hard_edges.edges))
     np.testing.assert_allclose(kept, given, atol=1e-12)
 
 
 def test_normals_with_large_errors_are_counted():
     box = hard_box()
     bent = computed(box) + [[0, 0, 0], [0, 0, 0], [0, 0, 0], [1, 1, 1]] * 6
-    found = find_hard_edges(polygons_of(box), bent)
-    assert 0 < found.n_far <= 6
-    assert found.n_corners == 24
+    hard_edges = find_hard_edges(polygons_of(box), bent)
+    assert 0 < hard_edges.n_far <= 6
+    assert hard_edges.n_corners == 24
 
 
 def test_faceted_surface_has_only_hard_edges():
     grid = waving_grid(1, 60, 60)
     mesh = polygons_of(grid)
-    found = find_hard_edges(mesh, np.repeat(face_normals(grid.vertices[0], grid.faces), 3, axis=0))
-    assert len(found.edges) == found.n_shared
+    hard_edges = find_hard_edges(
+        mesh, np.repeat(face_normals(grid.vertices[0], grid.faces), 3, axis=0)
+    )
+    assert len(hard_edges.edges) == hard_edges.n_shared
 
 
 def test_missing_normals_give_no_hard_edges():
     box = hard_box()
     normals = computed(box)
     normals[:20] = [[0, 0, 0], [np.nan, 0, 1]] * 10
-    found = find_hard_edges(polygons_of(box), normals)
-    assert (found.edges, found.n_corners) == (None, 4)
+    hard_edges = find_hard_edges(polygons_of(box), normals)
+    assert (hard_edges.edges, hard_edges.n_corners) == (None, 4)
 
 
 def test_edges_between_smoothing_groups_are_hard_and_all_of_group_0():
@@ -122,8 +128,8 @@ def test_edges_between_smoothing_groups_are_hard_and_all_of_group_0():
 
 def test_creases_between_faces_are_hard():
     mesh = polygons_of(hard_box())
-    found = edges_from_creases(mesh, np.array([[0, 1], [0, 7], [3, 1], [8, 9], [-1, 0]]))
-    assert ascending(found.edges).tolist() == [[0, 1], [1, 3]]
+    result = edges_from_creases(mesh, np.array([[0, 1], [0, 7], [3, 1], [8, 9], [-1, 0]]))
+    assert ascending(result.edges).tolist() == [[0, 1], [1, 3]]
 
 
 def test_notes_on_several_meshes_are_one_sentence():
@@ -144,5 +150,5 @@ def test_notes_on_several_meshes_are_one_sentence():
 @pytest.mark.filterwarnings("error")
 def test_single_face_has_no_hard_edges():
     mesh = PolygonMesh(np.eye(3), np.array([3]), np.array([0, 1, 2], np.int32))
-    found = find_hard_edges(mesh, np.ones((3, 3)))
-    assert (found.edges, found.n_shared, found.n_corners) == (None, 0, 3)
+    hard_edges = find_hard_edges(mesh, np.ones((3, 3)))
+    assert (hard_edges.edges, hard_edges.n_shared, hard_edges.n_corners) == (None, 0, 3)

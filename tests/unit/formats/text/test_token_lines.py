@@ -58,14 +58,14 @@ def test_floats_equal_those_of_python():
         "2.2250738585072011e-308",
     ]
     lines = split_lines(" ".join(texts).encode())
-    found = lines.floats(np.arange(len(texts)))
-    np.testing.assert_array_equal(found, np.array([float(text) for text in texts]))
+    result = lines.floats(np.arange(len(texts)))
+    np.testing.assert_array_equal(result, np.array([float(text) for text in texts]))
 
 
 def test_integers_accept_signs_and_slashes():
     lines = split_lines(b"7 -12 +3 007 5/6/7 8//9 999999999999999999")
-    found = lines.integers(np.arange(7), stop_at_slash=True)
-    assert found.tolist() == [7, -12, 3, 7, 5, 8, 999999999999999999]
+    result = lines.integers(np.arange(7), stop_at_slash=True)
+    assert result.tolist() == [7, -12, 3, 7, 5, 8, 999999999999999999]
 
 
 @pytest.mark.parametrize("word", ["1.5", "x", "-", "1/2", "1e3", "1234567890123456789", "1_0"])

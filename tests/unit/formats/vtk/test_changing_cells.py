@@ -101,9 +101,9 @@ class TimeSeries(VTKPythonAlgorithmBase):
         info = outputs.GetInformationObject(0)
         time_s = info.Get(Pipeline.UPDATE_TIME_STEP()) or 0.0
         mesh = self.meshes[round(time_s / STEP_S)]
-        found = self.GetOutputData(outputs, 0)
-        found.ShallowCopy(mesh)
-        found.GetInformation().Set(found.DATA_TIME_STEP(), time_s)
+        result = self.GetOutputData(outputs, 0)
+        result.ShallowCopy(mesh)
+        result.GetInformation().Set(result.DATA_TIME_STEP(), time_s)
         return 1
 
 
@@ -155,9 +155,9 @@ def test_polygons_that_change_become_segments_with_their_arrays(tmp_path, write)
 @pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
 def test_boundaries_of_solid_cells_that_change_become_segments(tmp_path, write):
     source = write(tmp_path, [stack(frame) for frame in range(len(N_LAYERS))])
-    found = load(source, fps=1 / STEP_S)
-    assert found.starts == STARTS
-    for segment, start in zip(found.segments, STARTS, strict=False):
+    loaded = load(source, fps=1 / STEP_S)
+    assert loaded.starts == STARTS
+    for segment, start in zip(loaded.segments, STARTS, strict=False):
         n_layers = N_LAYERS[start]
         assert (segment.n_verts, len(segment.faces)) == (4 * (n_layers + 1), 2 * (4 * n_layers + 2))
         for index, vertices in enumerate(segment.read(0, segment.n_frames)):
@@ -213,8 +213,8 @@ def test_array_that_only_later_steps_of_vtkhdf_have_is_left_out_with_a_note(tmp_
     meshes = [sheet(frame) for frame in range(len(ROWS))]
     with_array(meshes[3].GetPointData(), "late", heat_of(3))
     notes = []
-    found = load(write_vtkhdf(tmp_path, meshes), notes=notes)
-    assert_sheets(found)
+    loaded = load(write_vtkhdf(tmp_path, meshes), notes=notes)
+    assert_sheets(loaded)
     [note] = [note for note in notes if "late" in note]
     assert note.startswith("left out: arrays: late, with offsets for ")
 

@@ -105,7 +105,7 @@ ALL = pytest.mark.parametrize("make", [xdmf, pvd, vtu, vtp_frames, vtk_frames])
 
 
 def frames_of(center, name, values):
-    return [[((center, name), one)] for one in values]
+    return [[((center, name), value)] for value in values]
 
 
 def join_frames(*columns):
@@ -140,8 +140,8 @@ def test_non_finite_values_are_preserved(tmp_path, make):
     else:
         values = RNG.random((2, N_POINTS)).astype(np.float32)
         values.view(np.uint32)[0, :3] = 0x7FC12345, 0x7F800000, 0xFF800000  # a NaN with payload
-    found = load(make(tmp_path, frames_of("Node", "heat", values))).tracks["heat"]
-    assert found.values.tobytes() == values.tobytes()
+    result = load(make(tmp_path, frames_of("Node", "heat", values))).tracks["heat"]
+    assert result.values.tobytes() == values.tobytes()
 
 
 @ALL
@@ -163,17 +163,17 @@ def test_field_of_some_frames_is_nan_in_the_others(tmp_path, make, dtype, read_a
 
 @COLLECTIONS
 def test_constant_array_of_a_collection_is_an_attribute(tmp_path, make):
-    found = load(make(tmp_path, frames_of("Cell", "still", [HEAT] * 3)))
-    assert "still" in {one.name for one in found.surface.attributes}
-    assert not found.tracks
+    loaded = load(make(tmp_path, frames_of("Cell", "still", [HEAT] * 3)))
+    assert "still" in {attribute.name for attribute in loaded.surface.attributes}
+    assert not loaded.tracks
 
 
 @pytest.mark.parametrize("make", [vtp_frames, vtk_frames])
 @pytest.mark.parametrize("n_frames", [1, 3])
 def test_constant_array_of_frame_files_is_a_track(tmp_path, make, n_frames):
-    found = load(make(tmp_path, frames_of("Cell", "still", [HEAT] * n_frames)))
-    assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
-    assert found.tracks["still"].values.tolist() == [HEAT[:, None].tolist()] * n_frames
+    loaded = load(make(tmp_path, frames_of("Cell", "still", [HEAT] * n_frames)))
+    assert {attribute.name for attribute in loaded.surface.attributes} == {"uv set", "paint"}
+    assert loaded.tracks["still"].values.tolist() == [HEAT[:, None].tolist()] * n_frames
 
 
 def test_reading_a_track_fails_if_its_file_has_changed(tmp_path):
@@ -225,7 +225,7 @@ def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path, make):
         frames_of("Cell", "heat", RNG.random((2, N_CELLS))),
     )
     tracks = load(make(tmp_path, frames)).tracks
-    assert {name: str(one.domain) for name, one in tracks.items()} == {
+    assert {name: str(track.domain) for name, track in tracks.items()} == {
         "heat": "vertex",
         "heat (faces)": "face",
     }
@@ -299,6 +299,6 @@ def test_segments_have_their_part_of_a_track(tmp_path):
     array.SetName("heat")
     mesh.GetPointData().AddArray(array)
     write_mesh(vtkXMLPolyDataWriter(), mesh, tmp_path / "f_2.vtp")
-    found = [segment.tracks["heat"].read(0, 3)[..., 0] for segment in load(path).segments]
-    assert [len(values) for values in found] == [2, 1]
-    assert np.array_equal(np.concatenate(found), heat)
+    results = [segment.tracks["heat"].read(0, 3)[..., 0] for segment in load(path).segments]
+    assert [len(values) for values in results] == [2, 1]
+    assert np.array_equal(np.concatenate(results), heat)

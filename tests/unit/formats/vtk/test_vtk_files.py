@@ -62,7 +62,7 @@ def assert_is_sample(found, dtype, *, is_text=False):
     corners = [corner for polygon in POLYGONS for corner in polygon]
     assert found.faces[0].tolist() == corners[:3]
     assert found.faces[-1].tolist() == [5, 8, 9]
-    uv, paint = sorted(found.surface.attributes, key=lambda one: one.name, reverse=True)
+    uv, paint = sorted(found.surface.attributes, key=lambda attribute: attribute.name, reverse=True)
     assert (uv.name, uv.kind, uv.domain) == ("uv set", Kind.UV, Domain.VERTEX)
     assert (paint.name, paint.kind, paint.domain) == ("paint", Kind.COLOR, Domain.VERTEX)
     np.testing.assert_allclose(uv.values, UV, rtol=1e-5 if is_text else 0)
@@ -170,13 +170,13 @@ VECTORS v float
 
 def test_load_reads_every_section_of_a_legacy_file(tmp_path):
     (tmp_path / "a.vtk").write_text(LEGACY)
-    found = load(tmp_path / "a.vtk")
-    assert found.vertices[0].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    assert found.faces.tolist() == [
+    loaded = load(tmp_path / "a.vtk")
+    assert loaded.vertices[0].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    assert loaded.faces.tolist() == [
         [0, 1, 3],
         [1, 2, 3],
     ]  # the second triangle of a strip is reversed
-    paint, uv = found.surface.attributes
+    paint, uv = loaded.surface.attributes
     assert (paint.name, paint.kind, paint.values.tolist()) == (
         "paint", Kind.COLOR, [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 128]],
     )  # fmt: skip
@@ -255,9 +255,9 @@ def surface_by_vtk(mesh):
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_surface_of_a_solid_cell_is_that_of_vtk(tmp_path, kind):
     mesh = grid(CUBE, [(kind, SOLIDS[kind])])
-    found = load(write_mesh(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
-    assert triangles_of(found) == surface_by_vtk(mesh)
-    corners = found.vertices[0][found.faces]
+    loaded = load(write_mesh(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
+    assert triangles_of(loaded) == surface_by_vtk(mesh)
+    corners = loaded.vertices[0][loaded.faces]
     assert np.linalg.det(corners).sum() > 0  # faces point outward
 
 
@@ -273,9 +273,9 @@ def test_faces_of_solid_cells_point_outward(tmp_path, kind):
         ring = np.stack([turn.real, turn.imag, np.zeros(n_sides)], axis=1)
         # The first ring of a wedge faces outward in VTK, that of other prisms inward.
         points = np.concatenate([ring, ring + np.array([0, 0, -1 if kind == 13 else 1])])
-    found = load(write_mesh(xml_writer("vtu"), grid(points, [(kind, [*range(len(points))])]),
+    loaded = load(write_mesh(xml_writer("vtu"), grid(points, [(kind, [*range(len(points))])]),
                          tmp_path / "a.vtu"))  # fmt: skip
-    a, b, c = np.moveaxis(found.vertices[0][found.faces].astype(float), 1, 0)
+    a, b, c = np.moveaxis(loaded.vertices[0][loaded.faces].astype(float), 1, 0)
     outwards = np.cross(b - a, c - a)
     assert np.all(np.einsum("ij,ij->i", outwards, (a + b + c) / 3 - points.mean(axis=0)) > 0.01)
 
@@ -286,8 +286,8 @@ def test_load_ignores_mid_edge_points_of_curved_cells(tmp_path, kind):
     n_points = {22: 6, 34: 7, 69: 6, 23: 8, 28: 9, 70: 9, 24: 10, 25: 20, 29: 27, 26: 15, 27: 13}
     points = np.random.default_rng(0).standard_normal((n_points[kind], 3))
     mesh = grid(points, [(kind, list(range(n_points[kind])))])
-    found = load(write_mesh(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
-    assert found.faces.max() == linear - 1
+    loaded = load(write_mesh(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
+    assert loaded.faces.max() == linear - 1
 
 
 def test_load_drops_faces_that_solid_cells_share(tmp_path):
@@ -301,9 +301,9 @@ def test_load_drops_faces_that_solid_cells_share(tmp_path):
         cells.append((12, [int(one) for one in [*low, *(np.array(low) + 1)]]))
     cells += [(5, [0, 1, 2]), (3, [0, 1])]
     mesh = grid(points, cells)
-    found = load(write_mesh(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
-    assert found.n_verts == (size + 1) ** 3 - (size - 1) ** 3
-    assert len(found.surface.face_sizes) == 6 * size**2 + 1
+    loaded = load(write_mesh(xml_writer("vtu"), mesh, tmp_path / "a.vtu"))
+    assert loaded.n_verts == (size + 1) ** 3 - (size - 1) ** 3
+    assert len(loaded.surface.face_sizes) == 6 * size**2 + 1
     mesh_only = grid(points, cells[:-2])
     path = write_mesh(xml_writer("vtu"), mesh_only, tmp_path / "b.vtu")
     assert triangles_of(load(path)) == surface_by_vtk(mesh_only)
@@ -336,10 +336,10 @@ def write_series(folder, n_frames, name="f_{}.vtu", dtype=np.float32):
 def test_folder_or_pattern_of_frame_files_is_read_in_natural_order(tmp_path, extension, read):
     positions = write_series(tmp_path, 11, f"f_{{}}.{extension}")
     for source in (tmp_path, tmp_path / f"f_*.{extension}"):
-        found = read(source, fps=24)
-        assert positions_of(found).tobytes() == positions.tobytes()
-        assert found.surface.face_sizes.tolist() == [4, 3, 5]
-        assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
+        result = read(source, fps=24)
+        assert positions_of(result).tobytes() == positions.tobytes()
+        assert result.surface.face_sizes.tolist() == [4, 3, 5]
+        assert {attribute.name for attribute in result.surface.attributes} == {"uv set", "paint"}
 
 
 def write_pvd(folder, rows):
@@ -355,12 +355,16 @@ def test_collection_gives_times_and_files_of_the_frames(tmp_path, fps, read):
     (tmp_path / "parts").mkdir()
     positions = write_series(tmp_path, 5, "parts/f_{}.vtp")
     rows = [f'timestep="{2 + i / fps!r}" file="parts/f_{i}.vtp"' for i in (3, 0, 1, 2, 4)]
-    found = read(write_pvd(tmp_path, rows))
-    assert isinstance(found, StoredFrames) == (read is open_source)
-    assert positions_of(found).tobytes() == positions.tobytes()
-    assert (found.fps, found.start_s, found.name) == (fps, 2.0, "walk")
-    assert {one.name for one in found.surface.attributes} == {"uv set", "paint", "heat"}
-    [heat] = [one for one in found.surface.attributes if one.name == "heat"]
+    result = read(write_pvd(tmp_path, rows))
+    assert isinstance(result, StoredFrames) == (read is open_source)
+    assert positions_of(result).tobytes() == positions.tobytes()
+    assert (result.fps, result.start_s, result.name) == (fps, 2.0, "walk")
+    assert {attribute.name for attribute in result.surface.attributes} == {
+        "uv set",
+        "paint",
+        "heat",
+    }
+    [heat] = [attribute for attribute in result.surface.attributes if attribute.name == "heat"]
     assert (heat.domain, heat.values.ravel().tolist()) == (Domain.FACE, HEAT.tolist())
 
 
@@ -372,9 +376,9 @@ def test_changing_data_of_a_collection_are_a_track(tmp_path):
     notes = []
     path = write_pvd(tmp_path, [f'timestep="{i}" file="f_{i}.vtp"' for i in range(2)])
     write_mesh(xml_writer("vtp"), poly_data(POINTS.astype(np.float32)), tmp_path / "f_0.vtp")
-    found = load(path, notes=notes)
-    assert {one.name for one in found.surface.attributes} == {"uv set", "paint"}
-    assert (list(found.tracks), notes) == (["heat"], [])
+    loaded = load(path, notes=notes)
+    assert {attribute.name for attribute in loaded.surface.attributes} == {"uv set", "paint"}
+    assert (list(loaded.tracks), notes) == (["heat"], [])
 
 
 def test_load_lists_the_parts_of_a_collection(tmp_path):
@@ -431,11 +435,15 @@ def test_load_suggests_merging_files_of_one_time(tmp_path, choice):
 @pytest.mark.parametrize("read", [load, open_source])
 def test_merge_joins_the_files_of_a_time(tmp_path, read):
     path, positions = unnamed_pieces(tmp_path)
-    found = read(path, merge=True)
+    result = read(path, merge=True)
     expected = positions.reshape(2, -1, 3)
-    assert positions_of(found).tobytes() == expected.tobytes()
-    assert [part.name for part in found.surface.parts] == ["/piece_0", "/piece_1"]
-    assert {one.name for one in found.surface.attributes} == {"uv set", "paint", "heat"}
+    assert positions_of(result).tobytes() == expected.tobytes()
+    assert [part.name for part in result.surface.parts] == ["/piece_0", "/piece_1"]
+    assert {attribute.name for attribute in result.surface.attributes} == {
+        "uv set",
+        "paint",
+        "heat",
+    }
 
 
 def test_files_of_a_time_keep_the_order_of_the_collection(tmp_path):
@@ -455,9 +463,9 @@ def test_frame_rate_reads_files_of_equal_times_in_file_order(tmp_path, read, tim
     with pytest.raises(InvalidInputError, match=r"or read each file as a frame, .* with fps"):
         read(path)
     notes = []
-    found = read(path, fps=12, notes=notes)
-    assert positions_of(found).tobytes() == positions.tobytes()
-    assert (found.fps, found.start_s, found.n_frames) == (12, 0, 4)
+    result = read(path, fps=12, notes=notes)
+    assert positions_of(result).tobytes() == positions.tobytes()
+    assert (result.fps, result.start_s, result.n_frames) == (12, 0, 4)
     assert notes == ["frame times are not ascending; read in file order at 12 frames per second"]
 
 
@@ -468,8 +476,8 @@ def test_load_sorts_files_with_distinct_times(tmp_path):
 
 def test_merge_joins_files_of_a_time_at_a_given_rate(tmp_path):
     path, positions = unnamed_pieces(tmp_path)
-    found = load(path, merge=True, fps=12)
-    assert (found.fps, found.n_verts) == (12, 2 * positions.shape[1])
+    loaded = load(path, merge=True, fps=12)
+    assert (loaded.fps, loaded.n_verts) == (12, 2 * positions.shape[1])
 
 
 def test_merge_does_not_invent_missing_pieces(tmp_path):

@@ -31,10 +31,10 @@ def change(path, place, values, starts=None):
 def test_vtkhdf_tracks_round_trip_exactly(tmp_path, n_frames, read):
     sheet, notes = tracked_sheet(n_frames, DOMAINS), []
     [path] = save(sheet, tmp_path / "a.vtkhdf")
-    found = read(path, notes=notes)
-    assert isinstance(found, StoredFrames) == (read is open_source)
-    assert_same_tracks(found.tracks, sheet.tracks)
-    assert_same_surface(found.surface, sheet.surface)
+    result = read(path, notes=notes)
+    assert isinstance(result, StoredFrames) == (read is open_source)
+    assert_same_tracks(result.tracks, sheet.tracks)
+    assert_same_surface(result.surface, sheet.surface)
     assert notes == []
 
 
@@ -71,9 +71,9 @@ def test_vtk_reads_the_tracks_of_every_step(tmp_path):
         output = reader.GetOutputDataObject(0)
         for name, track in sheet.tracks.items():
             data = output.GetPointData() if track.domain == "vertex" else output.GetCellData()
-            found = vtk_to_numpy(data.GetArray(name.replace("/", "_")))
-            assert found.dtype == track.dtype
-            assert found.tobytes() == track[step].tobytes()
+            result = vtk_to_numpy(data.GetArray(name.replace("/", "_")))
+            assert result.dtype == track.dtype
+            assert result.tobytes() == track[step].tobytes()
 
 
 def test_arrays_added_by_another_program_are_tracks(tmp_path):
@@ -108,7 +108,7 @@ def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path):
     change(path, "PointData/heat", np.arange(90.0), np.arange(3) * 30)
     change(path, "CellData/heat", np.arange(3.0 * n_faces), np.arange(3) * n_faces)
     tracks = load(path, notes=notes).tracks
-    assert {name: str(one.domain) for name, one in tracks.items()} == {
+    assert {name: str(track.domain) for name, track in tracks.items()} == {
         "heat": "vertex",
         "heat (faces)": "face",
     }

@@ -48,7 +48,9 @@ def mixed_sheet(n_frames=N_FRAMES, domains=DOMAINS):
 
 def without_unsupported(sheet):
     """The sheet without what VTK cannot store: corner attributes and group labels."""
-    kept = [one for one in sheet.surface.attributes if one.domain is not Domain.CORNER]
+    kept = [
+        attribute for attribute in sheet.surface.attributes if attribute.domain is not Domain.CORNER
+    ]
     surface = replace(sheet.surface, attributes=tuple(kept), groups=())
     return sheet.replace(surface=surface)
 
@@ -62,7 +64,7 @@ def read_with(reader_class, path):
 
 def corners_of(found):
     cells = map(found.GetCell, range(found.GetNumberOfCells()))
-    return [one.GetPointId(k) for one in cells for k in range(one.GetNumberOfPoints())]
+    return [cell.GetPointId(k) for cell in cells for k in range(cell.GetNumberOfPoints())]
 
 
 def assert_holds(found, sheet, frame):
@@ -87,11 +89,12 @@ def test_vtk_reads_positions_tracks_and_units_of_frame_files(tmp_path, extension
     paths = save(sheet, tmp_path / f"f_%02d{extension}")
     assert len(paths) == N_FRAMES
     for frame, path in enumerate(paths):
-        found = read_with(FRAMES[extension], path)
-        assert_holds(found, sheet, frame)
-        assert found.GetPointData().GetNormals().GetName() == "N & <n>"
+        result = read_with(FRAMES[extension], path)
+        assert_holds(result, sheet, frame)
+        assert result.GetPointData().GetNormals().GetName() == "N & <n>"
         assert (
-            corners_of(found) == join_fans(sheet.surface.sizes(sheet.n_faces), sheet.faces).tolist()
+            corners_of(result)
+            == join_fans(sheet.surface.sizes(sheet.n_faces), sheet.faces).tolist()
         )
 
 
@@ -125,11 +128,11 @@ def test_vtk_reads_xdmf_data_of_every_step(tmp_path, dtype, width):
     assert np.allclose(steps, 2.0 + np.arange(3) / sheet.fps, atol=1e-12)
     for frame, time in enumerate(steps):
         reader.UpdateTimeStep(time)
-        found = reader.GetOutputDataObject(0)
-        assert np.array_equal(vtk_to_numpy(found.GetPoints().GetData()), sheet.vertices[frame])
+        result = reader.GetOutputDataObject(0)
+        assert np.array_equal(vtk_to_numpy(result.GetPoints().GetData()), sheet.vertices[frame])
         expected = join_fans(sheet.surface.sizes(sheet.n_faces), sheet.faces)
-        assert corners_of(found) == expected.tolist()
-        for values, data in ((at_points, found.GetPointData()), (at_cells, found.GetCellData())):
+        assert corners_of(result) == expected.tolist()
+        for values, data in ((at_points, result.GetPointData()), (at_cells, result.GetCellData())):
             array = data.GetArray("heat" if values is at_points else "area")
             assert np.array_equal(vtk_to_numpy(array).reshape(values[frame].shape), values[frame])
 
@@ -141,11 +144,11 @@ def test_collections_round_trip_exactly(tmp_path, extension, n_frames, read):
     sheet = without_unsupported(mixed_sheet(n_frames)).replace(start_s=1.5)
     path, *_ = save(sheet, tmp_path / f"a{extension}")
     notes = []
-    found = read(path, notes=notes)
-    assert found.read(0, n_frames).tobytes() == sheet.vertices.tobytes()
-    assert (found.fps, found.start_s) == (sheet.fps if n_frames > 1 else 0, 1.5)
-    assert_same_surface(found.surface, sheet.surface)
-    assert_same_tracks(found.tracks, sheet.tracks)
+    result = read(path, notes=notes)
+    assert result.read(0, n_frames).tobytes() == sheet.vertices.tobytes()
+    assert (result.fps, result.start_s) == (sheet.fps if n_frames > 1 else 0, 1.5)
+    assert_same_surface(result.surface, sheet.surface)
+    assert_same_tracks(result.tracks, sheet.tracks)
     assert notes == []
 
 
@@ -157,9 +160,9 @@ def test_tracks_of_frame_files_round_trip_exactly(tmp_path, extension):
     attributes = (*sheet.surface.attributes, constant)
     sheet = sheet.replace(surface=replace(sheet.surface, attributes=attributes))
     save(sheet, tmp_path / f"f_%02d{extension}")
-    found = load(tmp_path / f"f_*{extension}")
-    assert_same_tracks(found.tracks, sheet.tracks)
-    assert_same_surface(found.surface, sheet.surface)
+    loaded = load(tmp_path / f"f_*{extension}")
+    assert_same_tracks(loaded.tracks, sheet.tracks)
+    assert_same_surface(loaded.surface, sheet.surface)
 
 
 @pytest.mark.parametrize("extension", [".pvd", ".xdmf", "_%d.vtp", "_%d.vtu"])

@@ -34,11 +34,11 @@ def test_vtkhdf_round_trips_exactly(tmp_path, extension, dtype, n_frames, read):
     sequence = surfaced_sequence(n_frames, dtype, 29.97, 1 / 3)
     [path] = save(sequence, tmp_path / "a.vtkhdf")
     path = path.rename(tmp_path / f"a.{extension}")
-    found = read(path)
-    assert isinstance(found, StoredFrames) == (read is open_source)
-    assert_same_positions(found, sequence)
-    assert_same_surface(found.surface, sequence.surface)
-    assert (found.fps, found.start_s, found.name) == (29.97, 1 / 3, "walk")
+    result = read(path)
+    assert isinstance(result, StoredFrames) == (read is open_source)
+    assert_same_positions(result, sequence)
+    assert_same_surface(result.surface, sequence.surface)
+    assert (result.fps, result.start_s, result.name) == (29.97, 1 / 3, "walk")
 
 
 @pytest.mark.parametrize("fps", RATES)
@@ -49,11 +49,11 @@ def test_vtkhdf_round_trips_frame_rate_and_start(tmp_path, fps, start_s, has_mes
     if not has_meshreel_group:
         with h5py.File(path, "a") as file:
             del file["meshreel"]
-    found = load(path)
-    assert found.fps == pytest.approx(
+    loaded = load(path)
+    assert loaded.fps == pytest.approx(
         fps, rel=1e-15 if has_meshreel_group or fps != RATES[-1] else 1e-12
     )
-    assert found.start_s == start_s
+    assert loaded.start_s == start_s
     assert load(path, fps=48).fps == 48
 
 
@@ -72,10 +72,10 @@ def test_load_reads_the_vtk_arrays_without_the_meshreel_group(tmp_path):
     [path] = save(sequence, tmp_path / "a.vtkhdf")
     with h5py.File(path, "a") as file:
         del file["meshreel"]
-    found = load(path).surface
-    np.testing.assert_array_equal(found.face_sizes, COUNTS)
-    expected = {one.name: one for one in full_surface().attributes}
-    kinds = {one.name: (one.kind, one.domain) for one in found.attributes}
+    result = load(path).surface
+    np.testing.assert_array_equal(result.face_sizes, COUNTS)
+    expected = {attribute.name: attribute for attribute in full_surface().attributes}
+    kinds = {attribute.name: (attribute.kind, attribute.domain) for attribute in result.attributes}
     assert kinds == {
         "Cd": (Kind.COLOR, Domain.VERTEX),
         "id": (Kind.OTHER, Domain.VERTEX),
@@ -83,9 +83,11 @@ def test_load_reads_the_vtk_arrays_without_the_meshreel_group(tmp_path):
         "wärme": (Kind.OTHER, Domain.FACE),
         "material": (Kind.OTHER, Domain.FACE),
     }
-    for one in found.attributes:
-        wanted = expected[one.name].values if one.name in expected else [[0], [1], [-1], [1]]
-        np.testing.assert_array_equal(one.values, wanted)
+    for attribute in result.attributes:
+        wanted = (
+            expected[attribute.name].values if attribute.name in expected else [[0], [1], [-1], [1]]
+        )
+        np.testing.assert_array_equal(attribute.values, wanted)
 
 
 @pytest.mark.parametrize("surface", [PLAIN, Surface(COUNTS), full_surface()])
@@ -163,11 +165,11 @@ def test_load_extracts_the_boundary_of_solid_cells(tmp_path):
     cube = np.concatenate([np.full((1, 3), 9, np.float32), CUBE])
     points = np.stack([cube, 2 * cube])
     path = store_grid(tmp_path / "a.vtkhdf", points, [12], [[8]], np.array(HEXAHEDRON) + 1)
-    found = load(path)
-    assert found.vertices.tobytes() == points[:, 1:].tobytes()  # the unused point is dropped
-    assert found.surface.face_sizes.tolist() == [4] * 6
-    assert found.fps == 10
-    triangles = found.vertices[0][found.faces]
+    loaded = load(path)
+    assert loaded.vertices.tobytes() == points[:, 1:].tobytes()  # the unused point is dropped
+    assert loaded.surface.face_sizes.tolist() == [4] * 6
+    assert loaded.fps == 10
+    triangles = loaded.vertices[0][loaded.faces]
     volume = np.linalg.det(triangles.astype(np.float64)).sum() / 6
     assert volume == pytest.approx(1)  # only if all faces point outward
 
@@ -180,13 +182,13 @@ def test_load_joins_partitions(tmp_path):
         still=(np.arange(8.0), [0, 0, 0]), moving=(np.arange(24.0), [0, 8, 16]),
     )  # fmt: skip
     notes = []
-    found = load(path, notes=notes)
-    assert found.vertices.tobytes() == points.tobytes()
-    assert found.surface.face_sizes.tolist() == [3, 4, 3]
-    assert found.faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3], [7, 6, 5]]
-    [still] = found.surface.attributes
+    loaded = load(path, notes=notes)
+    assert loaded.vertices.tobytes() == points.tobytes()
+    assert loaded.surface.face_sizes.tolist() == [3, 4, 3]
+    assert loaded.faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3], [7, 6, 5]]
+    [still] = loaded.surface.attributes
     assert (still.name, still.values.ravel().tolist()) == ("still", list(range(8)))
-    moving = found.tracks["moving"]
+    moving = loaded.tracks["moving"]
     assert (moving.domain, moving.kind) == ("vertex", "scalar")
     assert moving.values.ravel().tolist() == list(range(24))
     assert notes == []
@@ -281,11 +283,11 @@ def test_load_reads_partitions_that_share_cells_and_empty_groups(tmp_path, n_off
         for name in EMPTY:
             del file["VTKHDF"][name]["Offsets"]
             file["VTKHDF"][name]["Offsets"] = [0] * n_offsets
-    found = load(path)
+    loaded = load(path)
     expected = np.concatenate([sequence.vertices, sequence.vertices + np.float32(9)], axis=1)
-    np.testing.assert_array_equal(found.vertices, expected)
+    np.testing.assert_array_equal(loaded.vertices, expected)
     np.testing.assert_array_equal(
-        found.faces, np.concatenate([sequence.faces, sequence.faces + 11])
+        loaded.faces, np.concatenate([sequence.faces, sequence.faces + 11])
     )
 
 

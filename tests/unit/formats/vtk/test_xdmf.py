@@ -71,12 +71,12 @@ def store(folder, *grids, name="a.xdmf"):
 def test_reading_gives_steps_and_times_of_inline_numbers(tmp_path, extension, dtype, fps, read):
     positions = POSITIONS.astype(dtype)
     steps = [step(points, 2 + index / fps) for index, points in enumerate(positions)]
-    found = read(store(tmp_path, temporal(*steps), name=f"a.{extension}"))
-    assert isinstance(found, StoredFrames) == (read is open_source)
-    assert found.dtype == dtype
-    assert positions_of(found).tobytes() == positions.tobytes()
-    assert found.faces.tolist() == TRIANGLES.tolist()
-    assert (found.fps, found.start_s, found.name) == (fps, 2.0, "walk")
+    result = read(store(tmp_path, temporal(*steps), name=f"a.{extension}"))
+    assert isinstance(result, StoredFrames) == (read is open_source)
+    assert result.dtype == dtype
+    assert positions_of(result).tobytes() == positions.tobytes()
+    assert result.faces.tolist() == TRIANGLES.tolist()
+    assert (result.fps, result.start_s, result.name) == (fps, 2.0, "walk")
 
 
 def write_hdf_steps(folder, make_points):
@@ -107,10 +107,10 @@ def slab_of_step(index):
 @pytest.mark.parametrize("make_points", [dataset_of_step, slab_of_step])
 @pytest.mark.parametrize("read", [load, open_source])
 def test_reading_gives_numbers_of_hdf5_files(tmp_path, make_points, read):
-    found = read(write_hdf_steps(tmp_path, make_points))
-    assert positions_of(found).tobytes() == POSITIONS.tobytes()
-    assert found.faces.tolist() == TRIANGLES.tolist()
-    assert found.fps == 25
+    result = read(write_hdf_steps(tmp_path, make_points))
+    assert positions_of(result).tobytes() == POSITIONS.tobytes()
+    assert result.faces.tolist() == TRIANGLES.tolist()
+    assert result.fps == 25
 
 
 @pytest.mark.parametrize(("endian", "order"), [("Little", "<"), ("Big", ">"), ("Native", "<")])
@@ -119,8 +119,8 @@ def test_load_reads_numbers_of_binary_files(tmp_path, endian, order):
     (tmp_path / "points.bin").write_bytes(b"12345" + points.tobytes())
     facts = {"Dimensions": f"{N_VERTS} 3", "Precision": 4, "Endian": endian, "Seek": 5}
     data = item("points.bin", Format="Binary", **facts)
-    found = load(store(tmp_path, f"<Grid>{topology()}{geometry(data)}</Grid>"))
-    assert found.vertices[0].tobytes() == POSITIONS[0].tobytes()
+    loaded = load(store(tmp_path, f"<Grid>{topology()}{geometry(data)}</Grid>"))
+    assert loaded.vertices[0].tobytes() == POSITIONS[0].tobytes()
 
 
 def test_data_files_outside_the_folder_need_allow_outside(tmp_path):
@@ -131,8 +131,8 @@ def test_data_files_outside_the_folder_need_allow_outside(tmp_path):
     path = store(tmp_path / "in", f"<Grid>{topology()}{geometry(data)}</Grid>")
     with pytest.raises(FormatError, match="outside its folder; move it into the folder"):
         load(path)
-    found = load(path, allow_outside=True)
-    assert found.vertices[0].tobytes() == POSITIONS[0].astype(np.float32).tobytes()
+    loaded = load(path, allow_outside=True)
+    assert loaded.vertices[0].tobytes() == POSITIONS[0].astype(np.float32).tobytes()
 
 
 def mixed_cells():
@@ -156,20 +156,20 @@ def mixed_cells():
 )
 def test_load_reads_every_type_of_cells(tmp_path, kind, cells, more, sizes):
     faces = topology(inline(np.array(cells)), kind, more)
-    found = load(store(tmp_path, step(POSITIONS[0], faces=faces)))
-    sizes_found = found.surface.face_sizes
+    loaded = load(store(tmp_path, step(POSITIONS[0], faces=faces)))
+    sizes_found = loaded.surface.face_sizes
     assert (None if sizes_found is None else sizes_found.tolist()) == sizes
-    assert found.n_verts == (4 if kind == "Tetrahedron" else N_VERTS)
+    assert loaded.n_verts == (4 if kind == "Tetrahedron" else N_VERTS)
 
 
 def test_load_reads_xy_points_and_separate_columns(tmp_path):
     flat = f"<Grid>{topology()}{geometry(inline(POSITIONS[0, :, :2]), 'XY')}</Grid>"
-    found = load(store(tmp_path, flat))
-    np.testing.assert_array_equal(found.vertices[0, :, :2], POSITIONS[0, :, :2])
-    assert not found.vertices[0, :, 2].any()
+    loaded = load(store(tmp_path, flat))
+    np.testing.assert_array_equal(loaded.vertices[0, :, :2], POSITIONS[0, :, :2])
+    assert not loaded.vertices[0, :, 2].any()
     columns = "".join(inline(POSITIONS[0, :, axis]) for axis in range(3))
-    found = load(store(tmp_path, f"<Grid>{topology()}{geometry(columns, 'X_Y_Z')}</Grid>"))
-    assert found.vertices[0].tobytes() == POSITIONS[0].tobytes()
+    loaded = load(store(tmp_path, f"<Grid>{topology()}{geometry(columns, 'X_Y_Z')}</Grid>"))
+    assert loaded.vertices[0].tobytes() == POSITIONS[0].tobytes()
 
 
 @pytest.mark.parametrize(
@@ -182,14 +182,14 @@ def test_load_reads_xy_points_and_separate_columns(tmp_path):
 )
 def test_load_reads_the_times_of_a_collection(tmp_path, time, fps, start_s):
     steps = [step(points) for points in POSITIONS]
-    found = load(store(tmp_path, temporal(*steps, time=time)))
-    assert (found.fps, found.start_s) == (fps, start_s)
+    loaded = load(store(tmp_path, temporal(*steps, time=time)))
+    assert (loaded.fps, loaded.start_s) == (fps, start_s)
 
 
 def test_missing_times_are_noted(tmp_path):
     notes = []
-    found = load(store(tmp_path, temporal(*map(step, POSITIONS))), notes=notes)
-    assert found.fps == 1
+    loaded = load(store(tmp_path, temporal(*map(step, POSITIONS))), notes=notes)
+    assert loaded.fps == 1
     assert "has no times; read as one frame per second" in notes[0]
 
 
@@ -200,17 +200,17 @@ def test_frame_rate_reads_unordered_steps_in_file_order(tmp_path, times):
     with pytest.raises(FormatError, match=r"must be ascending; .* in file order with fps"):
         load(path)
     notes = []
-    found = load(path, fps=12, notes=notes)
-    assert positions_of(found).tobytes() == POSITIONS.tobytes()
-    assert (found.fps, found.start_s) == (12, 0)
+    loaded = load(path, fps=12, notes=notes)
+    assert positions_of(loaded).tobytes() == POSITIONS.tobytes()
+    assert (loaded.fps, loaded.start_s) == (12, 0)
     assert notes == ["frame times are not ascending; read in file order at 12 frames per second"]
 
 
 def test_frame_rate_keeps_the_start_of_ascending_times(tmp_path):
     steps = [step(points, 2 + index) for index, points in enumerate(POSITIONS)]
     notes = []
-    found = load(store(tmp_path, temporal(*steps)), fps=12, notes=notes)
-    assert (found.fps, found.start_s, notes) == (12, 2, [])
+    loaded = load(store(tmp_path, temporal(*steps)), fps=12, notes=notes)
+    assert (loaded.fps, loaded.start_s, notes) == (12, 2, [])
 
 
 def test_constant_data_are_attributes_and_changing_data_tracks(tmp_path):
@@ -221,8 +221,8 @@ def test_constant_data_are_attributes_and_changing_data_tracks(tmp_path):
         for index, points in enumerate(POSITIONS)
     ]
     notes = []
-    found = load(store(tmp_path, temporal(*steps)), notes=notes)
-    uv, heat = found.surface.attributes
+    loaded = load(store(tmp_path, temporal(*steps)), notes=notes)
+    uv, heat = loaded.surface.attributes
     assert (uv.name, uv.kind, uv.domain) == ("uv", Kind.UV, Domain.VERTEX)
     assert uv.values.tobytes() == UV.tobytes()
     assert (heat.name, heat.domain, heat.values.ravel().tolist()) == (
@@ -230,7 +230,7 @@ def test_constant_data_are_attributes_and_changing_data_tracks(tmp_path):
         Domain.FACE,
         [0, 1, 2],
     )
-    assert found.tracks["speed"].values.tolist() == [
+    assert loaded.tracks["speed"].values.tolist() == [
         [[index]] * N_VERTS for index in range(len(POSITIONS))
     ]
     assert not any("speed" in note for note in notes)
@@ -247,9 +247,9 @@ def test_load_follows_references_and_includes(tmp_path):
     reference = '<Topology Reference="/Xdmf/Domain/Grid[1]/Topology"/>'
     by_text = '<Topology Reference="XML">/Xdmf/Domain/Grid/Topology</Topology>'
     steps = [step(POSITIONS[i], i, faces=one) for i, one in enumerate([reference, by_text])]
-    found = load(store(tmp_path, mesh, temporal(*steps)))
-    assert found.faces.tolist() == TRIANGLES.tolist()
-    assert positions_of(found).tobytes() == POSITIONS[:2].tobytes()
+    loaded = load(store(tmp_path, mesh, temporal(*steps)))
+    assert loaded.faces.tolist() == TRIANGLES.tolist()
+    assert positions_of(loaded).tobytes() == POSITIONS[:2].tobytes()
 
 
 def test_load_lists_the_grids(tmp_path):
@@ -262,8 +262,8 @@ def test_load_lists_the_grids(tmp_path):
     path = store(tmp_path, temporal(*spatial))
     with pytest.raises(InvalidInputError, match="holds 2 meshes: /left, /right; choose one"):
         load(path)
-    found = load(path, object="right")
-    assert positions_of(found).tobytes() == POSITIONS[1:4].tobytes()
+    loaded = load(path, object="right")
+    assert positions_of(loaded).tobytes() == POSITIONS[1:4].tobytes()
     path = store(tmp_path, step(POSITIONS[0]), step(POSITIONS[1]))
     with pytest.raises(InvalidInputError, match="holds 2 meshes: /body_0, /body_1"):
         load(path)
@@ -375,10 +375,10 @@ def test_load_reads_xdmf_of_vtk(tmp_path):
 
     from samples.vtk import COLORS, POINTS, grid, write_mesh
 
-    found = load(write_mesh(vtkXdmfWriter(), grid(), tmp_path / "a.xmf"))
-    np.testing.assert_allclose(found.vertices[0], POINTS, rtol=1e-5)
-    assert found.surface.face_sizes.tolist() == [4, 3, 5]
-    [paint] = found.surface.of_kind(Kind.COLOR)
+    loaded = load(write_mesh(vtkXdmfWriter(), grid(), tmp_path / "a.xmf"))
+    np.testing.assert_allclose(loaded.vertices[0], POINTS, rtol=1e-5)
+    assert loaded.surface.face_sizes.tolist() == [4, 3, 5]
+    [paint] = loaded.surface.of_kind(Kind.COLOR)
     np.testing.assert_array_equal(paint.values, COLORS)
 
 

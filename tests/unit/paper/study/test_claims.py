@@ -35,21 +35,21 @@ def test_differences_of_equal_blocks_take_hardly_any_bits():
     # Motion of full rank: columns beyond the rank would be rounding errors, of any size in bits.
     noise = np.random.default_rng(4).normal(scale=0.1, size=period.vertices.shape)
     vertices = np.concatenate([period.vertices + noise] * 3)
-    found = figures(dictionaries_run(meshreel.MeshSequence(vertices, period.faces, 25.0, "loop")))
-    assert found["kept_difference"] < 0.05 * found["kept_whole"]
-    assert found["kept_difference_plain"] < 0.05 * found["kept_whole_plain"]
-    assert found["all_whole"] > 8
+    result = figures(dictionaries_run(meshreel.MeshSequence(vertices, period.faces, 25.0, "loop")))
+    assert result["kept_difference"] < 0.05 * result["kept_whole"]
+    assert result["kept_difference_plain"] < 0.05 * result["kept_whole_plain"]
+    assert result["all_whole"] > 8
 
 
 def test_a_single_block_has_no_differences():
-    found = figures(dictionaries_run(waving_grid(12)))
-    assert found["kept_whole"] is None
-    assert found["kept_difference"] is None
+    result = figures(dictionaries_run(waving_grid(12)))
+    assert result["kept_whole"] is None
+    assert result["kept_difference"] is None
 
 
 def test_blocks_at_rest_have_less_motion_and_fewer_bits():
-    found = figures(quiet_blocks_run(with_rest()))
-    motion, bits = found["motion_percent"], found["bits"]
+    result = figures(quiet_blocks_run(with_rest()))
+    motion, bits = result["motion_percent"], result["bits"]
     assert len(motion) == len(bits) == 3
     assert motion[2] < 0.2 * motion[0]
     assert bits[2] < 0.5 * bits[0]
@@ -67,20 +67,20 @@ def test_motion_is_the_rms_displacement_from_frame_to_frame():
 def test_sequence_is_repeated_until_it_is_long(monkeypatch):
     assert runs.LONG_FRAMES > 1000
     monkeypatch.setattr(runs, "LONG_FRAMES", 120)  # eigenvectors of 1,200 frames take seconds
-    found = figures(long_run(waving_grid(50, 4, 4), TableSettings(modes=3, block_modes=2)))
-    assert found["n_frames"] == 150
+    result = figures(long_run(waving_grid(50, 4, 4), TableSettings(modes=3, block_modes=2)))
+    assert result["n_frames"] == 150
     for method in ("blocks", "pca-qp"):
-        assert found[method]["encode_processor"] > 0 < found[method]["decode_processor"]
+        assert result[method]["encode_processor"] > 0 < result[method]["decode_processor"]
 
 
 def test_full_decomposition_has_all_frequencies(monkeypatch):
     computed = []
     monkeypatch.setattr(runs, "graph_fourier_basis", lambda _, n_modes: computed.append(n_modes))
-    found = figures(full_decomposition_run(waving_grid(3, 8, 8)))
-    assert computed == [found["n_verts"]] == [64]
-    assert found["memory_bytes"] == 2 * 8 * 64**2
-    assert found["machine"]["cores"] > 0
-    assert found["seconds"] > 0 <= found["processor_seconds"]
+    result = figures(full_decomposition_run(waving_grid(3, 8, 8)))
+    assert computed == [result["n_verts"]] == [64]
+    assert result["memory_bytes"] == 2 * 8 * 64**2
+    assert result["machine"]["cores"] > 0
+    assert result["seconds"] > 0 <= result["processor_seconds"]
 
 
 def test_full_decomposition_is_refused_when_it_takes_too_long(monkeypatch):

@@ -8,12 +8,12 @@ MEASURED = {"n_verts": 1000, "seconds": 2.0, "processor_seconds": 3.0, "memory_b
 
 
 def test_basis_is_extrapolated_with_the_powers_of_time_and_memory():
-    found = extrapolated_basis(MEASURED, 20_000, 152)
-    assert found.seconds_each == pytest.approx(2.0 * 20**3)
-    assert found.processor_seconds_each == pytest.approx(3.0 * 20**3)
-    assert found.seconds == pytest.approx(152 * 2.0 * 20**3)
-    assert found.processor_seconds == pytest.approx(152 * 3.0 * 20**3)
-    assert found.memory_bytes == pytest.approx(16e6 * 20**2)
+    result = extrapolated_basis(MEASURED, 20_000, 152)
+    assert result.seconds_each == pytest.approx(2.0 * 20**3)
+    assert result.processor_seconds_each == pytest.approx(3.0 * 20**3)
+    assert result.seconds == pytest.approx(152 * 2.0 * 20**3)
+    assert result.processor_seconds == pytest.approx(152 * 3.0 * 20**3)
+    assert result.memory_bytes == pytest.approx(16e6 * 20**2)
 
 
 def test_text_names_the_extrapolation_and_its_source():

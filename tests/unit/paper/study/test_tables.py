@@ -51,8 +51,8 @@ def test_other_sequences_have_no_printed_figures(name):
 def test_seconds_of_handstand_are_next_to_the_printed_ones():
     variants = [made_result("pca-qs", seconds=(0.5, 15.42))]
     table = seconds_table(made_sequence("handstand", variants, n_verts=10002))
-    found = list(cells(table)["pca-qs"].values())
-    assert found == ["0.5", "1", "15.4", "30.8", "0.89", "4736.25"]
+    result = list(cells(table)["pca-qs"].values())
+    assert result == ["0.5", "1", "15.4", "30.8", "0.89", "4736.25"]
 
 
 @pytest.mark.every_case

@@ -23,7 +23,7 @@ def memory():
 @pytest.mark.parametrize("extension", ["", "/"])
 def test_files_below_lists_the_folder_recursively(memory, extension):
     files = files_below(f"memory://bucket/a{extension}")
-    assert sorted((one.name, one.address, one.size_bytes) for one in files) == [
+    assert sorted((file.name, file.address, file.size_bytes) for file in files) == [
         ("1.obj", "memory:///bucket/a/1.obj", 1),
         ("b/22.obj", "memory:///bucket/a/b/22.obj", 2),
         ("b/3.ply", "memory:///bucket/a/b/3.ply", 3),

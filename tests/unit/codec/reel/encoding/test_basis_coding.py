@@ -34,18 +34,18 @@ def assert_saves(sequence, data, usual, share):
 
 def test_periodic_motion_takes_fewer_bytes_as_cosines(monkeypatch):
     sequence = periodic()
-    found = meshreel.encode(sequence)
+    encoded = meshreel.encode(sequence)
     monkeypatch.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
     usual = meshreel.encode(sequence)
-    assert [one.has_cosines for one in layouts(found)] == [True]
-    assert_saves(sequence, found, usual, 0.97)
+    assert [layout.has_cosines for layout in layouts(encoded)] == [True]
+    assert_saves(sequence, encoded, usual, 0.97)
 
 
 def test_fields_are_reused_in_blocks_with_cosines():
     sequence = periodic(72)
-    found = layouts(meshreel.encode(sequence, block_frames=24, quality=90))
-    assert [one.has_cosines for one in found] == [True] * 3
-    assert all(one.n_reused for one in found[1:])
+    result = layouts(meshreel.encode(sequence, block_frames=24, quality=90))
+    assert [one.has_cosines for one in result] == [True] * 3
+    assert all(one.n_reused for one in result[1:])
 
 
 def test_sudden_motion_is_coded_by_times():
@@ -79,11 +79,11 @@ def shaking(n_frames=120, side=8):
 def test_irregular_motion_takes_fewer_bytes_by_adaptive_times(monkeypatch):
     monkeypatch.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
     sequence = shaking()
-    found = meshreel.encode(sequence, quality=70)
+    encoded = meshreel.encode(sequence, quality=70)
     monkeypatch.setattr(basis_coding, "MIN_ADAPTIVE_GAIN", 1.0)
     usual = meshreel.encode(sequence, quality=70)
-    assert [one.is_adaptive for one in layouts(found)] == [True]
-    assert_saves(sequence, found, usual, 0.98)
+    assert [layout.is_adaptive for layout in layouts(encoded)] == [True]
+    assert_saves(sequence, encoded, usual, 0.98)
 
 
 def test_fields_are_reused_in_blocks_with_adaptive_times(monkeypatch):
@@ -91,9 +91,9 @@ def test_fields_are_reused_in_blocks_with_adaptive_times(monkeypatch):
     monkeypatch.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
     sequence = periodic(72)
     data = meshreel.encode(sequence, block_frames=24, quality=90)
-    found = layouts(data)
-    assert all(one.is_adaptive for one in found)
-    assert all(one.n_reused for one in found[1:])
+    result = layouts(data)
+    assert all(one.is_adaptive for one in result)
+    assert all(one.n_reused for one in result[1:])
     usual = meshreel.compare(sequence, meshreel.decode(data)).kg_error_percent
     monkeypatch.setattr(basis_coding, "MIN_ADAPTIVE_GAIN", 1.0)
     plain = meshreel.decode(meshreel.encode(sequence, block_frames=24, quality=90))

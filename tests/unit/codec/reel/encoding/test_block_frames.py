@@ -35,9 +35,9 @@ def test_modes_of_a_sketch_are_nearly_optimal(frames, n_modes):
     rows = rows_of(frames)
     best = np.linalg.svd(rows, full_matrices=False)[0][:, :n_modes]
     _, vectors = BlockFrames(frames, UNIT).trajectories(0.0)
-    found = vectors[:, :n_modes]
-    np.testing.assert_allclose(found.T @ found, np.eye(n_modes), atol=1e-9)
-    assert left_by(best, rows) <= left_by(found, rows) < 1.01 * left_by(best, rows)
+    result = vectors[:, :n_modes]
+    np.testing.assert_allclose(result.T @ result, np.eye(n_modes), atol=1e-9)
+    assert left_by(best, rows) <= left_by(result, rows) < 1.01 * left_by(best, rows)
 
 
 def test_sketch_captures_motion_of_few_vertices(frames):

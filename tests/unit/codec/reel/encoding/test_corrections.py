@@ -77,10 +77,10 @@ def test_only_errors_beyond_the_bound_are_corrected():
     errors = some_errors()
     corrections = find_corrections(errors, 1.5, 0.0)
     is_far = np.linalg.norm(errors, axis=0) > allowed_error(1.5, 0.0)
-    found = np.zeros_like(is_far)
-    found[corrections.frames, corrections.vertices] = True
+    result = np.zeros_like(is_far)
+    result[corrections.frames, corrections.vertices] = True
     assert 0 < is_far.sum() < is_far.size
-    np.testing.assert_array_equal(found, is_far)
+    np.testing.assert_array_equal(result, is_far)
 
 
 def test_corrections_are_ordered_by_vertex_then_frame():

@@ -28,20 +28,20 @@ def metered(sequence, step, block_frames=8):
 @pytest.mark.parametrize("make", [waving_grid, irregular_sequence])
 @pytest.mark.parametrize("step", [1e-2, 1e-4, 1e-6, 1e-8])
 def test_kg_error_of_fields_equals_that_of_decoded_frames(make, step):
-    found, exact = metered(make(20), step)
-    assert found == pytest.approx(exact, rel=1e-4 if step > 1e-5 else 1e-2)
+    result, exact = metered(make(20), step)
+    assert result == pytest.approx(exact, rel=1e-4 if step > 1e-5 else 1e-2)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e3])
 def test_kg_error_far_from_the_origin_is_not_underestimated(offset):
     grid = waving_grid(20)
     moved = MeshSequence((grid.vertices + offset).astype(np.float32), grid.faces)
-    found, exact = metered(moved, 1e-4)
-    assert exact * (1 - SLACK) <= found * (1 + 1e-2)
-    assert found == pytest.approx(exact, rel=1e-2)
+    result, exact = metered(moved, 1e-4)
+    assert exact * (1 - SLACK) <= result * (1 + 1e-2)
+    assert result == pytest.approx(exact, rel=1e-2)
 
 
 def test_kg_error_is_infinite_for_coincident_vertices():
     still = MeshSequence(np.ones((3, 4, 3)) * np.arange(3)[:, None, None], [[0, 1, 2]])
-    found, _ = metered(still, 1e-2)
-    assert found == np.inf or found == 0.0
+    result, _ = metered(still, 1e-2)
+    assert result == np.inf or result == 0.0

@@ -44,9 +44,9 @@ def rests_of(data):
 
 def steps_percent(vertices):
     """Displacements of vertices between frames, in percent of the diagonal of the first."""
-    found = np.asarray(vertices, np.float64)
-    diagonal = np.linalg.norm(np.ptp(found[0], axis=0))
-    return 100.0 * np.linalg.norm(np.diff(found, axis=0), axis=2) / diagonal
+    result = np.asarray(vertices, np.float64)
+    diagonal = np.linalg.norm(np.ptp(result[0], axis=0))
+    return 100.0 * np.linalg.norm(np.diff(result, axis=0), axis=2) / diagonal
 
 
 def test_equal_frames_are_decoded_equal():
@@ -84,12 +84,12 @@ def test_part_that_never_moves_rests(monkeypatch):
     with_means = meshreel.encode(sequence)
     monkeypatch.setattr(analysis, "has_resting_vertices", lambda *_: False)
     without = meshreel.encode(sequence)
-    found, crawling = (
+    result, crawling = (
         np.median(steps_percent(meshreel.decode(data).vertices)[:, still])
         for data in (with_means, without)
     )
-    assert found < 0.01
-    assert found < 0.5 * crawling
+    assert result < 0.01
+    assert result < 0.5 * crawling
     assert len(with_means) < 1.02 * len(without)
 
 

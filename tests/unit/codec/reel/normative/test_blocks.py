@@ -101,7 +101,7 @@ def written_raw(step, n_corrected, columns):
             struct.pack("<f", step),
             write_varint(n_corrected),
             write_varint(len(columns[2])),
-            encode_integers([np.array(one) for one in columns], [0, 1, 2, 3, 3, 3]),
+            encode_integers([np.array(column) for column in columns], [0, 1, 2, 3, 3, 3]),
         ]
     )
 

@@ -56,9 +56,9 @@ def assert_follows_the_format(faces, n_verts):
     sizes = np.diff(mesh.hierarchy.level_starts)
     assert np.bincount(numbers, sizes).tolist() == list(map(len, wanted))
     stencils = np.stack([mesh.hierarchy.stencil, mesh.hierarchy.hops], axis=2)
-    for found, vertex in zip(stencils, vertices, strict=True):
+    for result, vertex in zip(stencils, vertices, strict=True):
         pairs = [(mesh.number[v], hops) for v, hops in vertex.stencil]
-        np.testing.assert_array_equal(found, pairs + [(-1, 0)] * (SIZE - len(pairs)))
+        np.testing.assert_array_equal(result, pairs + [(-1, 0)] * (SIZE - len(pairs)))
     assert contexts_of(mesh.coding_order) == passes_of(wanted)
     return wanted
 
@@ -79,7 +79,9 @@ def test_hierarchy_equals_that_of_the_plain_reader(name):
 def test_sample_meshes_have_full_and_short_stencils():
     """The tests above are not vacuous."""
     resolutions = assert_follows_the_format(*MESHES["components"])
-    assert {1, SIZE} < {len(vertex.stencil) for one in resolutions[1:] for vertex in one}
+    assert {1, SIZE} < {
+        len(vertex.stencil) for resolution in resolutions[1:] for vertex in resolution
+    }
     assert len(resolutions) > 3
 
 
