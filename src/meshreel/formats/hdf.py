@@ -1,14 +1,17 @@
 """HDF5 files: safe reading of untrusted ones, writing that survives a full disk, track attributes.
 
-Reading opens no external files and allocates no more than the file size. The HDF5 library crashes
-if it cannot flush its buffers. It gets a file object that accepts all writes: data that the disk
-refuses stays in memory, and the error is raised after the library has closed the file.
+Reading opens no external files and allocates no more than the file size. The HDF5 library never
+returns from some damaged files, which are rejected here, and crashes if it cannot flush its
+buffers: it gets a file object that accepts all writes. Data that the disk refuses stays in memory,
+and the error is raised after the library has closed the file.
 """
 
 import io
 import math
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,13 @@ Node = Any  # a group or a dataset of h5py, which has no types
 Dataset = Any
 
 UNIT_NAMES = ("unit", "units")
+
+HEAP_START = b"GCOL\1\0\0\0"
+"""Signature and version of a global heap, which stores text of any length (HDF5 format, III.E)."""
+
+HEAP_OBJECT = struct.Struct("<HHIQ")
+MAX_SCANNED_BYTES = 1 << 30
+"""Heaps are not looked for in larger files, because that would take seconds."""
 
 
 @contextmanager
@@ -56,7 +66,29 @@ def open_hdf(path: Path) -> Node:
     """
     h5py = HDF.load()
     with hdf_errors():
-        return h5py.File(path, "r")["/"]
+        file = h5py.File(path, "r")
+        if file.id.get_create_plist().get_sizes()[1] == 8:
+            _check_heaps(path)
+        return file["/"]
+
+
+def _check_heaps(path: Path) -> None:
+    """Reject heaps with an object of no bytes, which the library reads again and again."""
+    if not 0 < path.stat().st_size <= MAX_SCANNED_BYTES:
+        return
+    with path.open("rb") as opened, mmap(opened.fileno(), 0, access=ACCESS_READ) as data:
+        heap = data.find(HEAP_START)
+        while 0 <= heap <= len(data) - 16:
+            size = int.from_bytes(data[heap + 8 : heap + 16], "little")
+            place, end = heap + 16, min(heap + size, len(data))
+            while place + HEAP_OBJECT.size <= end:
+                number, _, _, n_bytes = HEAP_OBJECT.unpack_from(data, place)
+                # Object 0 is free space, whose size includes its header.
+                n_bytes = n_bytes if number == 0 else HEAP_OBJECT.size + (n_bytes + 7) // 8 * 8
+                if n_bytes == 0:
+                    raise FormatError(f"is damaged: the heap at byte {heap} has an empty object")
+                place += n_bytes
+            heap = data.find(HEAP_START, heap + 8)
 
 
 def find_node(group: Node, name: str, n_links: int = 0) -> Node | None:

@@ -244,6 +244,16 @@ def test_load_rejects_truncated_files(tmp_path, keep):
         load(path)
 
 
+def test_load_rejects_heaps_with_empty_objects(tmp_path):
+    [path] = save(surfaced_sequence(), tmp_path / "a.h5")
+    data = bytearray(path.read_bytes())
+    heap = data.index(b"GCOL")
+    data[heap + 400 : heap + 460] = bytes(60)
+    path.write_bytes(data)
+    with pytest.raises(FormatError, match=f"heap at byte {heap} has an empty object"):
+        load(path)
+
+
 def test_damaged_files_raise_only_meshreel_errors(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.h5")
     damaged_path = tmp_path / "b.h5"
