@@ -100,10 +100,3 @@ def test_holes_of_a_mesh_stay_open(existing, name, mesh, n_faces):
     assert len(loaded.faces) == (counts[solid] - 2).sum() == n_faces
     np.testing.assert_array_equal(loaded.surface.face_sizes, counts[solid])
     assert f"left out: subdivision, whose cages are read: {mesh}" in notes
-
-
-def test_skip_bad_leaves_out_bad_meshes(existing):
-    path, notes = existing("native/odd/color_opacity_primvar.usda"), []
-    loaded = load(path, merge=True, skip_bad=True, notes=notes)
-    assert [part.n_verts for part in loaded.surface.parts] == [8] * 13 + [482]
-    assert sum("EmptyColorNoOpacity" in note for note in notes) == 1

@@ -167,24 +167,24 @@ def test_invalid_usd_creases_are_ignored(read, pxr, more):
     assert not any("hard edges" in note for note in notes)
 
 
-def test_usd_primitives_have_hard_edges(read, pxr):
-    cube, _ = read('#usda 1.0\ndef Cube "a" {}\n', ".usda")
-    assert len(cube.surface.hard_edges) == 12
-    can, _ = read('#usda 1.0\ndef Cylinder "a" {}\n', ".usda")
-    assert len(can.surface.hard_edges) == 64
-    ball, notes = read('#usda 1.0\ndef Sphere "a" {}\n', ".usda")
-    assert ball.surface.hard_edges is None
-    assert f"left out: {NORMALS}" not in notes
-
-
 def test_all_usd_instances_have_hard_edges(read, pxr):
-    text = """#usda 1.0
-def PointInstancer "p" {
+    quads = "[0, 1, 2, 3, 4, 5, 6, 7, 0, 6, 5, 1, 4, 7, 3, 2, 0, 3, 7, 6, 4, 2, 1, 5]"
+    text = f"""#usda 1.0
+def PointInstancer "p" {{
   rel prototypes = </p/c>
   int[] protoIndices = [0, 0, 0]
   point3f[] positions = [(0, 0, 0), (5, 0, 0), (9, 0, 0)]
-  def Cube "c" {}
-}
+  def Mesh "c" {{
+    point3f[] points = [(1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1),
+      (-1, -1, -1), (-1, 1, -1), (1, 1, -1), (1, -1, -1)]
+    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+    int[] faceVertexIndices = {quads}
+    uniform token subdivisionScheme = "none"
+    normal3f[] normals = [(0, 0, 1), (0, 0, -1), (0, 1, 0), (0, -1, 0), (1, 0, 0), (-1, 0, 0)] (
+      interpolation = "uniform"
+    )
+  }}
+}}
 """
     result, _ = read(text, ".usda")
     assert len(result.surface.hard_edges) == 36

@@ -21,7 +21,6 @@ from meshreel.formats.scenes.transforms import is_mirroring, transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, edges_from_creases, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners
 from meshreel.formats.usd.materials import StageMaterials, read_materials
-from meshreel.formats.usd.primitives import N_AROUND, PRIMITIVES, PrimitiveShape
 from meshreel.formats.usd.quantities import (
     StageQuantity,
     by_track_name,
@@ -77,9 +76,6 @@ class MeshShape:
     def stored(self) -> list[float]:
         """Time codes where points and faces have samples."""
         return sample_codes(self.prim, ("points", *FACE_ATTRIBUTES, HOLES))
-
-    keys = ()
-    """Time codes of other animation, which a mesh does not have."""
 
     @cached_property
     def has_constant_topology(self) -> bool:
@@ -303,8 +299,8 @@ class MeshNotes:
     sampled, final : GatheredNote
         List meshes whose samples differ from their frames, and those whose last sample is between
         two frames.
-    cages, holes, flat, round : GatheredNote
-        List subdivision surfaces, meshes with holes, and primitives.
+    cages, holes : GatheredNote
+        List subdivision surfaces and meshes with holes.
     normals : NormalNotes
         Covers meshes with normals.
     """
@@ -318,9 +314,6 @@ class MeshNotes:
         self.final = changed("the last frame shows the final pose, which is earlier")
         self.cages = GatheredNote(plain, NoteKind.LEFT_OUT, CAGES)
         self.holes = GatheredNote(plain, NoteKind.LEFT_OUT, "faces that are holes")
-        self.flat = changed("read as meshes")
-        approximate = f"with {N_AROUND} faces around, within 1 % of the radius"
-        self.round = changed(f"read as meshes {approximate}")
         self.normals = NormalNotes(plain)
 
 
@@ -358,8 +351,8 @@ class StageMesh:
 
         They are samples of the motion or, if the mesh does not move, of its animated primvars.
         """
-        stored, keys = self._shape.stored, [*self._transform_codes, *self._shape.keys]
-        keys += [] if self.skin is None else self.skin.codes
+        stored, keys = self._shape.stored, self._transform_codes
+        keys = keys + ([] if self.skin is None else self.skin.codes)
         if len(distinct_codes(stored + keys)) < 2:
             stored = stored + [
                 code for quantity in quantities(self._prim) for code in quantity.times()
@@ -461,9 +454,8 @@ class StageMesh:
         return self.rendered.prim
 
     @cached_property
-    def _shape(self) -> MeshShape | PrimitiveShape:
-        prim = self._prim
-        return PrimitiveShape(prim) if prim.GetTypeName() in PRIMITIVES else MeshShape(prim)
+    def _shape(self) -> MeshShape:
+        return MeshShape(self._prim)
 
     @property
     def _space(self) -> Any:
@@ -530,7 +522,7 @@ class StageMesh:
     def _hard_edges(
         self, mesh: PolygonMesh, rows: dict[Domain, Any], code: float, *, is_track: bool
     ) -> Int32s | None:
-        """Return the hard edges implied by its normals, or else by sharp edges of its shape."""
+        """Return the hard edges implied by its normals, or else by its creases."""
         order: Any = slice(None)
         if self._is_reversed:
             order = reversed_corners(mesh.counts, keeps_first=True)
@@ -558,12 +550,9 @@ class StageMesh:
         return remaining_edges(hard_edges.edges, solid, corners)
 
     def _note_shape(self, solid: Any) -> None:
-        """Note primitives, cages of subdivision surfaces, and holes."""
-        path, shape = str(self._prim.GetPath()), self._shape
-        if isinstance(shape, PrimitiveShape):
-            note = self.notes.round if PRIMITIVES[shape.kind].is_round else self.notes.flat
-            note.add(f"{path} ({shape.kind})")
-        if shape.is_subdivided:
+        """Note cages of subdivision surfaces, and holes."""
+        path = str(self._prim.GetPath())
+        if self._shape.is_subdivided:
             self.notes.cages.add(path)
         if not isinstance(solid, slice):
             self.notes.holes.add(f"{np.count_nonzero(~solid)} of {len(solid)} of {path}")

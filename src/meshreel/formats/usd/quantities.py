@@ -180,8 +180,6 @@ def quantities(prim: Any) -> Iterator[StageQuantity]:
         if domain is not None and (is_ours or not DERIVED.match(name)):
             yield _quantity(name, domain, primvar.GetAttr(), primvar, kind)
     geometry = USD.load("UsdGeom")
-    if not prim.IsA(geometry.PointBased):
-        return
     points = geometry.PointBased(prim)
     primvar = geometry.PrimvarsAPI(prim).FindPrimvarWithInheritance("normals")
     interpolation, normals = str(points.GetNormalsInterpolation()), points.GetNormalsAttr()

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers
 from meshreel.errors import FormatError
 from meshreel.formats.notes import listed, note_kinds, note_left_out
-from meshreel.formats.usd.primitives import PRIMITIVES
 from meshreel.formats.usd.sampling import attribute_codes, sample_codes
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import USD
@@ -282,10 +281,10 @@ class RenderedMesh:
 
 
 def rendered_meshes(stage: Any, notes: list[str]) -> list[RenderedMesh]:
-    """Return the meshes and primitives that are rendered, in stage order, instances included.
+    """Return the meshes that are rendered, in stage order, instances included.
 
-    These are the prims that are visible at some time and have the purpose default or render. A
-    mesh must also have points and faces, and a prototype at least one instance.
+    These are the meshes that are visible at some time, have the purpose default or render, and have
+    points and faces; a prototype must have at least one instance.
 
     Parameters
     ----------
@@ -337,7 +336,7 @@ class _Geometry:
                 raise FormatError(
                     f"contains more than {MAX_PRIMS} prims; write the mesh to a separate file"
                 )
-            if prim.IsA(geometry.Mesh) or prim.GetTypeName() in PRIMITIVES:
+            if prim.IsA(geometry.Mesh):
                 self.meshes.append(RenderedMesh(prim, transforms, levels))
             elif prim.IsA(geometry.PointInstancer):
                 self._add_instancer(prim, transforms, levels)
@@ -368,7 +367,7 @@ def _reason_not_rendered(rendered: RenderedMesh) -> str:
         if purpose not in (geometry.Tokens.default_, geometry.Tokens.render):
             return f"of purpose {purpose}"
     mesh = geometry.Mesh(prim)
-    if mesh and not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
+    if not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
         return "without points or faces"
     if not all(level.is_rendered() for level in rendered.levels):
         return "of prototypes without a rendered instance"

@@ -252,13 +252,13 @@ def test_load_leaves_out_meshes_that_are_not_rendered(stage_file):
             "blinking": 'token visibility.timeSamples = { 0: "invisible", 1: "invisible" }',
         }.items()
     )
-    body += 'def Mesh "empty" { }\ndef Sphere "ball" {\ntoken visibility = "invisible"\n}\n'
+    body += 'def Mesh "empty" { }\ndef Sphere "ball" { }\n'
     body += 'def BasisCurves "hair" { }\n'
     body += f'def PointInstancer "many" {{ {mesh(name="proto")} }}'
     assert load(stage_file(body), notes=notes).name == "m"
     assert notes[0] == (
-        "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 3 meshes invisible, "
-        "1 mesh without points or faces, 1 BasisCurves, "
+        "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 2 meshes invisible, "
+        "1 mesh without points or faces, 1 Sphere, 1 BasisCurves, "
         "1 PointInstancer whose prototypes contain no mesh"
     )
 
