@@ -122,9 +122,6 @@ WAYS: tuple[Way, ...] = (
     plain("OpenVAT, 8-bit PNG", "openvat", TexelType.BITS_8),
     plain("OpenVAT, 16-bit PNG", "openvat", TexelType.BITS_16),
     plain("OpenVAT, half EXR", "openvat", TexelType.HALF),
-    plain("Labs, 8-bit PNG", "labs", TexelType.BITS_8),
-    plain("Labs, 16-bit PNG", "labs", TexelType.BITS_16),
-    plain("Labs, half EXR", "labs", TexelType.HALF),
     morphs,
     on_the_fly,
 )

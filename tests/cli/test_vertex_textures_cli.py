@@ -27,17 +27,17 @@ def test_decode_writes_the_folder_and_prints_the_achieved_error(tmp_path):
 def test_convert_uses_layout_and_textures(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.npz")
     figures = run_json(
-        "convert", "walk.npz", "-o", "out.vat", "--layout", "labs-unity", "--textures", "png",
+        "convert", "walk.npz", "-o", "out.vat", "--layout", "openvat-unity", "--textures", "png",
         "--no-normals", cwd=tmp_path,
     )  # fmt: skip
     assert figures["outputs"] == [
-        "out.vat/out_mesh.glb",
-        "out.vat/out_pos.png",
-        "out.vat/out_data.json",
+        "out.vat/out.glb",
+        "out.vat/out_vat.png",
+        "out.vat/out-remap_info.json",
     ]
     files = (tmp_path / "out.vat").iterdir()
     assert figures["size_bytes"] == sum(file.stat().st_size for file in files)
-    done = run("convert", "walk.npz", "-o", "out.glb", "--layout", "labs", cwd=tmp_path)
+    done = run("convert", "walk.npz", "-o", "out.glb", "--layout", "openvat", cwd=tmp_path)
     assert_fails(done, "--layout", "has no effect on a .glb file", ".vat")
 
 

@@ -119,7 +119,7 @@ def is_placeholder(value):
         ("encode", "--effort", "10", False),
         ("encode", "--method", "reel", True),
         ("encode", "--method", "zip", False),
-        ("decode", "--layout", "labs", True),
+        ("decode", "--layout", "openvat", True),
         ("render", "--up", "w", False),
         ("render", "--component", "3", True),
         ("encode", "--max-error", "0.5mm", True),

@@ -40,13 +40,6 @@ def texels_at(image, u, v):
     return texels.astype(F)
 
 
-def rotated(vector, quaternions):
-    """Rotate a vector by each of the quaternions x y z w."""
-    axis, w = quaternions[:, :3], quaternions[:, 3:]
-    vector = np.broadcast_to(np.asarray(vector, F), axis.shape)
-    return vector + F(2) * np.cross(axis, np.cross(axis, vector) + w * vector)
-
-
 def only(folder, pattern):
     [path] = sorted(Path(folder).glob(pattern))
     return path
@@ -59,8 +52,6 @@ class Player:
     ----------
     n_frames : int
         As in the shader.
-    is_hidden : bool array
-        Vertices of the mesh that the shader collapses into a point.
     """
 
     def __init__(self, folder):
@@ -68,7 +59,6 @@ class Player:
         self.data = json.loads(only(folder, "*.json").read_text("utf-8"))
         self.rest = self.mesh["POSITION"]
         self.u, self.v = self.mesh["TEXCOORD_1"].T
-        self.is_hidden = np.zeros(len(self.rest), bool)
 
     @property
     def shift(self):
@@ -128,105 +118,11 @@ def from_blender(vectors):
     return np.stack([vectors[:, 0], vectors[:, 2], -vectors[:, 1]], axis=1)
 
 
-class LabsPlayer(Player):
-    """The players for three.js and Babylon, which read the JSON and glTF's axes."""
-
-    def __init__(self, folder):
-        super().__init__(folder)
-        self.positions_image = read_texture(only(folder, "*_pos.*"))
-        rotations = sorted(Path(folder).glob("*_rot.*"))
-        self.rotations_image = read_texture(rotations[0]) if rotations else None
-        [self.about] = self.data
-        self.high = np.array([self.about[f"Bound Max {axis}"] for axis in "XYZ"], F)
-        self.low = np.array([self.about[f"Bound Min {axis}"] for axis in "XYZ"], F)
-        self.n_frames = self.about["Frame Count"]
-        self.is_raw = bool(self.about["Use HDR Textures"])
-        self.is_hidden = self.v > 1 - F(0.5) / F(self.n_frames)
-
-    def ratios(self):
-        low, high = self.low * F(10), self.high * F(10)
-        return 1 - (np.ceil(low[2]) - low[2]), 1 - (np.ceil(high[0]) - high[0])
-
-    def texel_uvs(self, frame):
-        ratio_u, ratio_v = self.ratios()
-        return self.u * ratio_u, (self.v + F(frame) / F(self.n_frames)) * ratio_v
-
-    def offsets(self, frame):
-        values = texels_at(self.positions_image, *self.texel_uvs(frame))
-        return values if self.is_raw else values * (self.high - self.low) + self.low
-
-    def quaternions(self, frame):
-        values = texels_at(self.rotations_image, *self.texel_uvs(frame))
-        return values if self.is_raw else (values - F(0.5)) * F(2)
-
-    def positions(self, frame):
-        return self.rest + self.offsets(frame)
-
-    def normals(self, frame):
-        return rotated((0, 1, 0), self.quaternions(frame))
-
-
-class UnityPlayer(LabsPlayer):
-    """The shader graph for Unity, whose importers mirror x and turn v upwards."""
-
-    def __init__(self, folder):
-        super().__init__(folder)
-        upwards = 1 - self.v
-        self.is_hidden = upwards <= F(0.1)
-        self.is_raw = (F(10) * self.high[2]) % 1 >= 0.5
-
-    def ratios(self):
-        low, high = self.low * F(10), self.high * F(10)
-        return 1 - (np.ceil(low[2]) - low[2]), 1 - (-high[0]) % 1
-
-    def positions(self, frame):
-        return self.rest + mirrored(self.offsets(frame))
-
-    def normals(self, frame):
-        return mirrored(rotated((0, 1, 0), self.quaternions(frame)))
-
-
 def mirrored(vectors):
     return vectors * np.array([-1, 1, 1], F)
-
-
-class UnrealPlayer(LabsPlayer):
-    """The material for Unreal: centimeters, z upwards, and all else read from the mesh's bounds."""
-
-    def __init__(self, folder):
-        super().__init__(folder)
-        corners = to_unreal(self.rest) * F(100)
-        self.low, self.high = corners.min(axis=0), corners.max(axis=0)
-        # In axes of Houdini, whose y is Unreal's z.
-        low, high = self.low[[0, 2, 1]] / F(10), self.high[[0, 2, 1]] / F(10)
-        code = high[2] - np.floor(high[2])
-        hundreds = round(100 * float(code))
-        self.is_raw = code >= 0.499
-        hundreds = 0 if hundreds % 25 == 0 or hundreds % 10 == 0 else hundreds % 50
-        hundreds -= hundreds // 10
-        rows = 100 * hundreds + round(100 * float(np.ceil(low[1]) - low[1]))
-        self.n_frames = round(len(self.positions_image) / rows)
-        self.is_hidden = self.v >= F(0.99999)
-
-    def ratios(self):
-        return 1.0, 1.0
-
-    def positions(self, frame):
-        return self.rest + to_unreal(self.offsets(frame)) / F(100)
-
-    def normals(self, frame):
-        return to_unreal(rotated((0, 0, 1), self.quaternions(frame)))
-
-
-def to_unreal(vectors):
-    """Unreal's axes from glTF's, or back."""
-    return vectors[:, [0, 2, 1]]
 
 
 PLAYERS: dict[str, Any] = {
     "openvat": OpenVatPlayer,
     "openvat-unity": OpenVatUnityPlayer,
-    "labs": LabsPlayer,
-    "labs-unity": UnityPlayer,
-    "labs-unreal": UnrealPlayer,
 }

@@ -62,7 +62,7 @@ def convert_command(
 
     - `meshreel convert walk.npz -o walk.glb --max-error 0.05`
 
-    - `meshreel convert walk.npz -o walk.vat/ --layout labs --max-error 0.05`
+    - `meshreel convert walk.npz -o walk.vat/ --layout openvat-unity --max-error 0.05`
 
     - `meshreel convert walk.abc -o part.reel --frames 100:200 --max-error 0.1`
 

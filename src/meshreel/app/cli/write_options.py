@@ -88,8 +88,8 @@ WRITING = Group(
             "layout",
             str,
             TEXTURES,
-            "Layout for the shaders that play the textures: openvat, openvat-unity, labs (axes of "
-            "glTF), labs-unity or labs-unreal. Default: openvat.",
+            "Layout for the shaders that play the textures: openvat or openvat-unity. "
+            "Default: openvat.",
             metavar="NAME",
         ),
         _option(

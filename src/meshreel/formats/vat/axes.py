@@ -17,8 +17,6 @@ class Axes:
 
     Attributes
     ----------
-    name : str
-        The program's name for them.
     order : tuple of int
         The glTF axis of each program axis.
     signs : tuple of int
@@ -27,7 +25,6 @@ class Axes:
         Program units per glTF unit.
     """
 
-    name: str
     order: tuple[int, int, int]
     signs: tuple[int, int, int]
     scale: float = 1.0
@@ -42,27 +39,10 @@ class Axes:
         converted[..., list(self.order)] = vectors * np.asarray(self.signs, vectors.dtype)
         return converted
 
-    def convert_rotations(self, quaternions: Floats) -> Floats:
-        """Return rotations as quaternions x y z w, of shape (..., 4), from glTF to program axes.
-
-        Between right-handed and left-handed axes, the sense of rotation reverses.
-        """
-        sense = -1 if self.is_mirrored else 1
-        return np.concatenate(
-            [sense * self.convert(quaternions[..., :3]), quaternions[..., 3:]], axis=-1
-        )
-
     def convert_box(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Return the corners of a box, from glTF to program axes and units."""
-        first, second = self.scale * self.convert(low), self.scale * self.convert(high)
+        """Return the corners of a box, from glTF to program axes; lengths do not change."""
+        first, second = self.convert(low), self.convert(high)
         return np.minimum(first, second), np.maximum(first, second)
-
-    @property
-    def is_mirrored(self) -> bool:
-        """Whether these axes are left-handed."""
-        matrix = np.zeros((3, 3))
-        matrix[range(3), self.order] = self.signs
-        return bool(np.linalg.det(matrix) < 0)
 
 
 @dataclass(frozen=True)
@@ -79,12 +59,9 @@ class MeshSpace:
     rotation: tuple[float, float, float, float] | None = None
 
 
-BLENDER = Axes("Right-Handed Z-Up", (0, 2, 1), (1, -1, 1))
-GLTF = Axes("Right-Handed Y-Up", (0, 1, 2), (1, 1, 1))
-UNITY = Axes("Left-Handed Y-Up", (0, 1, 2), (-1, 1, 1))
-UNREAL = Axes("Left-Handed Z-Up", (0, 2, 1), (1, 1, 1), 100.0)
+BLENDER = Axes((0, 2, 1), (1, -1, 1))
 
-GLTF_SPACE = MeshSpace(GLTF)
+GLTF_SPACE = MeshSpace(Axes((0, 1, 2), (1, 1, 1)))
 BLENDER_FBX_SPACE = MeshSpace(replace(BLENDER, scale=0.01), (-(0.5**0.5), 0.0, 0.0, 0.5**0.5))
 """The space of FBX files from Blender: centimeters and z up, corrected by rotation and scale of the
 node."""

@@ -15,9 +15,16 @@ from meshreel.formats.gltf.mesh_writer import describe_losses
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.polygons import describe_fans
-from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF, UNITY, UNREAL
-from meshreel.formats.vat.grid import WIDTHS, TexelGrid
-from meshreel.formats.vat.layouts import FileNames, LabsSoft, Layout, OpenVat, Remap
+from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF_SPACE, MeshSpace
+from meshreel.formats.vat.grid import WIDTHS, TexelGrid, fit_grid
+from meshreel.formats.vat.layouts import (
+    N_CHANNELS,
+    FileNames,
+    Remap,
+    normal_values,
+    normals_of,
+    remap_document,
+)
 from meshreel.formats.vat.mesh import RestMesh
 from meshreel.formats.vat.motion import Motion, placement_for
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
@@ -33,13 +40,8 @@ TEXEL_TYPES = {
 
 DEFAULT_TEXTURES = "exr"
 
-LAYOUTS: dict[str, Layout] = {
-    "openvat": OpenVat(),
-    "openvat-unity": OpenVat(BLENDER_FBX_SPACE),
-    "labs": LabsSoft(GLTF),
-    "labs-unity": LabsSoft(UNITY),
-    "labs-unreal": LabsSoft(UNREAL),
-}
+LAYOUTS = {"openvat": GLTF_SPACE, "openvat-unity": BLENDER_FBX_SPACE}
+"""The space of the mesh file in each ``--layout``; all else is the same."""
 
 DEFAULT_LAYOUT = "openvat"
 
@@ -61,10 +63,10 @@ def vat_files(path: Path, options: WriteOptions) -> list[Path]:
     """
     if options.max_error is not None:
         bound_of(options.max_error)
-    names = _names(path.stem, options, _types(options))
+    _mesh_space(options)
+    names = FileNames.of(path.stem, _types(options)[0].extension)
     (PNG if options.textures == "png" else OPEN_EXR).load()
-    used = (names.mesh, names.positions, names.normals, names.data)
-    return [path / name for name in used if name is not None]
+    return [path / name for name in (names.mesh, names.texture, names.data)]
 
 
 def write_vat(
@@ -74,7 +76,7 @@ def write_vat(
     options: WriteOptions,
     types: Sequence[TexelType] = (),
 ) -> None:
-    """Write the mesh, the textures and the JSON of a layout.
+    """Write the mesh, the texture and the JSON of a layout.
 
     All frames are loaded into memory.
 
@@ -92,43 +94,38 @@ def write_vat(
         If no type meets the error bound, or a texture would exceed the size limit of GPUs.
     """
     types = types or _types(options)
-    layout, names, notes = _layout(options), _names(stem, options, types), stream.notes
+    space, names, notes = (
+        _mesh_space(options),
+        FileNames.of(stem, types[0].extension),
+        stream.notes,
+    )
     has_normals = options.normals is not False
     fps = _note_losses(stream)
     sequence = stream.gather()
     mesh = RestMesh(sequence.faces, sequence.surface, sequence.n_verts)
     budget = _budget(sequence, options)
-    motion = _motion(sequence, mesh, fps, layout, budget, notes)
-    grid = layout.grid(motion.n_verts, motion.n_frames, normals=has_normals)
-    if grid.n_frames > motion.n_frames:
-        motion = motion.repeated(grid.n_frames)
-        notes.append("the frame is stored twice: shaders of this layout hide part of a single one")
+    motion = _motion(sequence, mesh, fps, space, budget, notes)
+    grid = fit_grid(motion.n_verts, motion.n_frames, n_halves=2 if has_normals else 1)
 
     stream.progress("textures", 0.0)
     # Without a budget, the resolution of float32 for a single point.
     bound = budget.added or float(np.spacing(np.abs(motion.rest).max()))
-    texel_type, remap, offsets, errors = _smallest_texture(motion, layout, grid, types, bound)
-    images = [offsets]
-    angle_deg = None
-    if has_normals:
-        if not layout.normal_half:
-            images.append(grid.image(layout.normal_channels, texel_type.dtype))
-        angle_deg = _write_normals(images[-1], motion, layout, grid, texel_type)
-    textures = [folder / name for name in (names.positions, names.normals) if name is not None]
-    for path, image in zip(textures, images, strict=True):
-        write_texture(path, image)
-        if not np.array_equal(read_texture(path), image):
-            raise InvalidInputError(
-                f"{path.name} decodes to other texels, a defect of the library that wrote it; "
-                "choose the other kind of textures"
-            )
-    corners = layout.corners(remap)
-    mesh.write(folder / names.mesh, motion, grid.texel_uvs(), layout.mesh_space, corners, notes)
-    document = layout.document(motion, grid, remap, stream.name or Path(names.mesh).stem)
+    remap = Remap.of(motion)
+    texel_type, image, errors = _smallest_texture(motion, remap, grid, types, bound)
+    angle_deg = _write_normals(image, motion, grid, texel_type) if has_normals else None
+    path = folder / names.texture
+    write_texture(path, image)
+    if not np.array_equal(read_texture(path), image):
+        raise InvalidInputError(
+            f"{path.name} decodes to other texels, a defect of the library that wrote it; "
+            "choose the other kind of textures"
+        )
+    mesh.write(folder / names.mesh, motion, grid.texel_uvs(), space, notes)
+    document = remap_document(motion, grid, remap, stream.name or Path(names.mesh).stem)
     text = json.dumps(document, ensure_ascii=False, indent=4)
     (folder / names.data).write_text(f"{text}\n", encoding="utf-8")
     _note_errors(notes, budget, errors, angle_deg, texel_type)
-    _note_sizes(notes, grid, texel_type, len(textures))
+    _note_size(notes, grid, texel_type)
 
 
 def _types(options: WriteOptions) -> Sequence[TexelType]:
@@ -140,17 +137,13 @@ def _types(options: WriteOptions) -> Sequence[TexelType]:
     return TEXEL_TYPES[kind]
 
 
-def _layout(options: WriteOptions) -> Layout:
+def _mesh_space(options: WriteOptions) -> MeshSpace:
     name = options.layout or DEFAULT_LAYOUT
     if name not in LAYOUTS:
         raise InvalidInputError(
             Keyword("layout"), f" must be one of {', '.join(LAYOUTS)}; got {name!r}"
         )
     return LAYOUTS[name]
-
-
-def _names(stem: str, options: WriteOptions, types: Sequence[TexelType]) -> FileNames:
-    return _layout(options).names(stem, types[0].extension, normals=options.normals is not False)
 
 
 def _note_losses(stream: FrameStream) -> float:
@@ -195,7 +188,7 @@ def _motion(
     sequence: MeshSequence,
     mesh: RestMesh,
     fps: float,
-    layout: Layout,
+    space: MeshSpace,
     budget: ErrorBudget,
     notes: list[str],
 ) -> Motion:
@@ -204,19 +197,19 @@ def _motion(
     if n_isolated := sequence.n_verts - len(mesh.used):
         notes.append(f"left out {counted(n_isolated, 'vertex')} that no face uses")
         frames = frames[:, mesh.used]
-    placement = placement_for(frames, budget.added or np.inf, layout.max_distance)
+    placement = placement_for(frames, budget.added or np.inf)
     if placement is not IDENTITY:
         origin = " ".join(f"{coordinate:g}" for coordinate in placement.offset)
         notes.append(
             f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
             "where float32 is too coarse; keep the node when you import it"
         )
-    return Motion(frames, mesh.faces, fps, placement, layout.mesh_space.axes.scale)
+    return Motion(frames, mesh.faces, fps, placement, space.axes.scale)
 
 
 def _smallest_texture(
-    motion: Motion, layout: Layout, grid: TexelGrid, types: Sequence[TexelType], bound: float
-) -> tuple[TexelType, Remap, Texels, npt.NDArray[np.float64]]:
+    motion: Motion, remap: Remap, grid: TexelGrid, types: Sequence[TexelType], bound: float
+) -> tuple[TexelType, Texels, npt.NDArray[np.float64]]:
     """Return the texture of offsets of the first type that meets the error bound.
 
     Parameters
@@ -227,7 +220,6 @@ def _smallest_texture(
     Returns
     -------
     texel_type : TexelType
-    remap : Remap
     image : array of texels
     errors : float64 array of shape (T,)
         Largest error of each frame as shaders play it, in model units.
@@ -239,21 +231,16 @@ def _smallest_texture(
     """
     min_error = np.inf
     for texel_type in types:
-        remap = layout.remap(motion, grid, texel_type)
-        image = grid.image(3, texel_type.dtype)
-        errors = np.full(motion.n_frames, np.inf)
-        low, high = texel_type.range
+        image = grid.image(N_CHANNELS, texel_type.dtype)
+        errors = np.empty(motion.n_frames)
         for frame, offsets in enumerate(motion.offsets()):
-            values = remap.values(offsets)
-            if values.min() < low or values.max() > high:
-                break
-            texels = texel_type.texels(values)
+            texels = texel_type.texels(remap.values(offsets))
             grid.write_frame(image, frame, texels)
             played_offsets = remap.offsets(texel_type.values(texels))
             errors[frame] = motion.playback_errors(frame, played_offsets).max()
         min_error = min(min_error, errors.max())
         if min_error <= bound:
-            return texel_type, remap, image, errors
+            return texel_type, image, errors
     advice = ", or choose textures 'exr'" if texel_type.is_integer else ""
     raise InvalidInputError(
         f"the error with {texel_type.title} is {min_error:.4g} model units; at most {bound:.4g} "
@@ -263,15 +250,13 @@ def _smallest_texture(
     )
 
 
-def _write_normals(
-    image: Texels, motion: Motion, layout: Layout, grid: TexelGrid, texel_type: TexelType
-) -> float:
-    """Write normals to a texture; return the largest angle to them as shaders play them."""
+def _write_normals(image: Texels, motion: Motion, grid: TexelGrid, texel_type: TexelType) -> float:
+    """Write normals to the lower half of a texture; return the largest angle to those played."""
     angle_deg = 0.0
     for frame, normals in enumerate(motion.normals()):
-        texels = texel_type.texels(layout.normal_values(normals, texel_type))
-        grid.write_frame(image, frame, texels, layout.normal_half)
-        played_normals = layout.normals(texel_type.values(texels), texel_type)
+        texels = texel_type.texels(normal_values(normals))
+        grid.write_frame(image, frame, texels, half=1)
+        played_normals = normals_of(texel_type.values(texels))
         played_normals /= np.linalg.norm(played_normals, axis=1, keepdims=True)
         # Chords are accurate for small angles; cosines are not.
         chord = np.linalg.norm(played_normals - normals, axis=1).max()
@@ -297,10 +282,10 @@ def _note_errors(
         notes.append(f"the largest error of normals is {angle_deg:.2g} degrees")
 
 
-def _note_sizes(notes: list[str], grid: TexelGrid, texel_type: TexelType, n_textures: int) -> None:
-    video_bytes = n_textures * texel_type.video_bytes(grid.height, grid.width)
+def _note_size(notes: list[str], grid: TexelGrid, texel_type: TexelType) -> None:
+    video_bytes = texel_type.video_bytes(grid.height, grid.width)
     notes.append(
-        f"{counted(n_textures, 'texture')} of {grid.width} x {grid.height} texels: "
+        f"1 texture of {grid.width} x {grid.height} texels: "
         f"{video_bytes / 1e6:.3g} MB of video memory"
     )
     if max(grid.width, grid.height) > WIDTHS[0]:

@@ -18,13 +18,12 @@ MAX_HEIGHT = 16384
 class TexelGrid:
     """Arrangement of the texels of all vertices and frames in a texture.
 
+    The frames of a row of vertices are adjacent.
+
     Attributes
     ----------
     width : int
         Texels per row; a frame with more vertices takes several rows.
-    frame_by_frame : bool
-        Whether the rows of a frame are adjacent, as in Labs; otherwise the frames of a row are, as
-        in OpenVAT.
     n_halves : int, default 1
         Number of such grids in the texture, stacked vertically.
     """
@@ -32,7 +31,6 @@ class TexelGrid:
     n_verts: int
     n_frames: int
     width: int
-    frame_by_frame: bool
     n_halves: int = 1
 
     @property
@@ -64,12 +62,10 @@ class TexelGrid:
 
     def _rows(self, frame: int, half: int) -> npt.NDArray[np.int64]:
         """Return the row indices of a frame, from the top."""
-        rows = np.arange(self.n_rows)
-        local = frame * self.n_rows + rows if self.frame_by_frame else rows * self.n_frames + frame
-        return local + half * self.n_rows * self.n_frames
+        return (np.arange(self.n_rows) + half * self.n_rows) * self.n_frames + frame
 
 
-def fit_grid(n_verts: int, n_frames: int, *, frame_by_frame: bool, n_halves: int = 1) -> TexelGrid:
+def fit_grid(n_verts: int, n_frames: int, *, n_halves: int = 1) -> TexelGrid:
     """Return the smallest grid for these counts, with one row per frame if the width allows it.
 
     Raises
@@ -80,7 +76,7 @@ def fit_grid(n_verts: int, n_frames: int, *, frame_by_frame: bool, n_halves: int
     for max_width in WIDTHS:
         n_rows = -(-n_verts // max_width)
         width = -(-n_verts // n_rows)  # balance the rows
-        grid = TexelGrid(n_verts, n_frames, width, frame_by_frame, n_halves)
+        grid = TexelGrid(n_verts, n_frames, width, n_halves)
         if grid.height <= WIDTHS[0]:
             return grid
     if grid.height > MAX_HEIGHT:

@@ -6,24 +6,21 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Singles
+from meshreel.arrays import Floats
 from meshreel.formats.gltf.container import BufferWriter, write_container
 from meshreel.formats.gltf.materials import Materials
-from meshreel.formats.gltf.mesh_writer import Primitive, SplitVertices, split_at_seams, write_mesh
+from meshreel.formats.gltf.mesh_writer import split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh, NormalTargets
 from meshreel.formats.gltf.write import NodeTree, assemble_document
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.vat.axes import MeshSpace
-from meshreel.formats.vat.motion import UP, Motion
+from meshreel.formats.vat.motion import Motion
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 
 TEXEL_UVS = "VAT_UV"
 """Name of the UVs of the texels, TEXCOORD_1 in the file."""
-
-CORNER_EDGE = 0.01
-"""Edge length of the triangles in the corners of the box, in model units."""
 
 
 class RestMesh:
@@ -58,7 +55,6 @@ class RestMesh:
         motion: Motion,
         uvs: Floats,
         space: MeshSpace,
-        corners: tuple[Singles, Singles] | None,
         notes: list[str],
     ) -> None:
         """Write a ``.glb`` file of the first frame.
@@ -69,9 +65,6 @@ class RestMesh:
             UVs of the texels of the first frame; v is 0 at the bottom.
         space : MeshSpace
             Axes and units of the vertices in the file.
-        corners : tuple of two float32 arrays of shape (3,), optional
-            Corners of the bounding box that the mesh must have. Each gains a small triangle, whose
-            vertices shaders hide since their v is 0. In the axes of the file.
         notes : list of str
             Gains a sentence for everything of a material that glTF cannot store.
         """
@@ -87,8 +80,6 @@ class RestMesh:
         materials = Materials(surface, buffer, notes)
         [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
         split = split_at_seams(whole).with_indices(self._compact_indices, self._compact_indices)
-        if corners is not None:
-            split, rest, normals = _with_corners(split, rest, normals, corners)
         still = NormalTargets(
             normals, np.empty((0, *normals.shape), np.int8), np.empty(0, np.int64)
         )
@@ -118,31 +109,3 @@ class RestMesh:
             uv_indices = [0]
         attributes.insert(uv_indices[0] + 1, texel_uvs)
         return replace(self._surface, attributes=tuple(attributes))
-
-
-def _with_corners(
-    split: SplitVertices, rest: Singles, normals: Singles, corners: tuple[Singles, Singles]
-) -> tuple[SplitVertices, Singles, Singles]:
-    """Return the mesh with a triangle in each of two corners, as part of the last primitive."""
-    low, high = corners
-    edges = CORNER_EDGE * np.array([[0, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
-    positions = np.concatenate([high - edges, low + edges]).astype(np.float32)
-    n_split, n_verts = len(split.sources), len(rest)
-    attributes = {
-        name: np.concatenate([values, np.zeros((6, values.shape[1]), values.dtype)])
-        for name, values in split.attributes.items()
-    }
-    attributes["TEXCOORD_1"][-6:] = (0, 1)  # v is 0 at the bottom, and glTF counts from the top
-    sources = np.concatenate([split.sources, n_verts + np.arange(6)])
-    *others, last = split.primitives
-    added = np.arange(6).reshape(2, 3) + (n_split - last.verts.start)
-    extended = Primitive(
-        last.material,
-        slice(last.verts.start, n_split + 6),
-        np.concatenate([last.triangles, added]),
-    )
-    return (
-        SplitVertices(sources, sources, attributes, (*others, extended)),
-        np.concatenate([rest, positions]),
-        np.concatenate([normals, np.tile(np.array([UP], np.float32), (6, 1))]),
-    )

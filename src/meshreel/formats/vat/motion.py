@@ -1,7 +1,7 @@
 """The motion to bake: a rest mesh, and the offsets of its vertices in each frame."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -53,10 +53,6 @@ class Motion:
         """Rest positions in the mesh file: the first frame as float32, of shape (V, 3)."""
         return self.positions(0).astype(np.float32)
 
-    def repeated(self, n_times: int) -> "Motion":
-        """Return all frames several times in a row."""
-        return replace(self, frames=np.concatenate([self.frames] * n_times))
-
     def positions(self, frame: int) -> npt.NDArray[np.float64]:
         """Return the positions of a frame relative to the placement, of shape (V, 3)."""
         return np.asarray(self.frames[frame].astype(np.float64) - self.placement.offset)
@@ -86,11 +82,6 @@ class Motion:
             normals[~normals.any(axis=1)] = UP
             yield normals
 
-    def bounding_box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Return the corners of the bounding box of all frames."""
-        low, high = _box_of(self.frames)
-        return low - self.placement.offset, high - self.placement.offset
-
     def offset_box(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return the corners of the bounding box of all offsets."""
         boxes = [(offsets.min(axis=0), offsets.max(axis=0)) for offsets in self.offsets()]
@@ -98,7 +89,7 @@ class Motion:
         return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def placement_for(frames: Vertices, max_error: float, max_distance: float) -> Placement:
+def placement_for(frames: Vertices, max_error: float) -> Placement:
     """Return a placement that centers the mesh where float32 is too coarse, or else none.
 
     Parameters
@@ -106,20 +97,12 @@ def placement_for(frames: Vertices, max_error: float, max_distance: float) -> Pl
     frames : float array of shape (T, V, 3)
     max_error : float
         Error that may be added to a position, in model units; float32 may use an eighth of it.
-    max_distance : float
-        Limit of the coordinates of the mesh, in model units.
     """
-    low, high = _box_of(frames)
+    low = np.min([frame.min(axis=0) for frame in frames], axis=0).astype(np.float64)
+    high = np.max([frame.max(axis=0) for frame in frames], axis=0).astype(np.float64)
     reach = float(np.maximum(-low, high).max())
     center = ((low + high) / 2).astype(np.float32).astype(np.float64)
-    is_near = np.spacing(np.float32(reach)) <= max_error / 8 and reach <= max_distance
+    is_near = np.spacing(np.float32(reach)) <= max_error / 8
     if is_near or not center.any():
         return IDENTITY
     return Placement(center, 1.0)
-
-
-def _box_of(frames: Vertices) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the corners of the bounding box of all frames."""
-    low = np.min([frame.min(axis=0) for frame in frames], axis=0).astype(np.float64)
-    high = np.max([frame.max(axis=0) for frame in frames], axis=0).astype(np.float64)
-    return low, high

@@ -11,17 +11,13 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import check_output
 from meshreel.formats.vat.grid import fit_grid
-from meshreel.formats.vat.layouts import encode_box
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 from samples.vat_player import PLAYERS, read_glb
 
-NAMES = {
-    "openvat": ["walk.glb", "walk_vat.exr", "walk-remap_info.json"],
-    "labs": ["walk_mesh.glb", "walk_pos.exr", "walk_rot.exr", "walk_data.json"],
-}
+NAMES = ["walk.glb", "walk_vat.exr", "walk-remap_info.json"]
 
 LAYOUTS = list(PLAYERS)
 BIG = pytest.param(65_537, 2, marks=pytest.mark.slow)
@@ -29,12 +25,12 @@ ERROR = 0.1
 """Percent of the diagonal."""
 
 
-@pytest.mark.parametrize("layout", NAMES)
+@pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("output", ["walk.vat", "walk.vat/", "WALK.VAT/"])
 def test_files_are_named_after_the_folder(tmp_path, layout, output):
     options = WriteOptions(layout=layout)
     written = meshreel.save(waving_grid(), f"{tmp_path}/{output}", options=options)
-    assert sorted(path.name.lower() for path in written) == sorted(NAMES[layout])
+    assert sorted(path.name.lower() for path in written) == sorted(NAMES)
     assert sorted(written) == sorted(tmp_path.glob("*/*"))
 
 
@@ -68,13 +64,13 @@ def test_textures_of_another_kind_are_not_added_to_a_folder(tmp_path):
         (
             "a.vat",
             {"layout": "opengl"},
-            r"layout .* openvat, .* labs, .*; got 'opengl'",
+            r"layout .* openvat, openvat-unity; got 'opengl'",
         ),
         ("a.vat", {"textures": "tga"}, r"textures .* exr, png; got 'tga'"),
         ("a.vat", {"targets": 3}, r"targets .* no effect on a \.vat folder"),
         ("a.vat", {"lossless": True}, r"lossless .* no effect on a \.vat folder"),
         ("a.vat", {"max_error": "far"}, "max_error takes"),
-        ("a.glb", {"layout": "labs"}, r"layout .* no effect on a \.glb file; it is for \.vat"),
+        ("a.glb", {"layout": "openvat"}, r"layout .* no effect on a \.glb file; it is for \.vat"),
         ("a.npz", {"textures": "png"}, r"textures .* it is for \.vat"),
         ("a_%d.vat", {}, "has a number field"),
     ],
@@ -97,12 +93,6 @@ def test_folder_cannot_be_loaded(tmp_path):
     meshreel.save(waving_grid(), tmp_path / "walk.vat")
     with pytest.raises(FormatError, match=r"contains no frames .* it contains walk\.glb"):
         meshreel.load(tmp_path / "walk.vat")
-
-
-def test_folder_without_normals_has_no_normal_texture(tmp_path):
-    options = WriteOptions(layout="labs", normals=False)
-    meshreel.save(waving_grid(), tmp_path / "walk.vat", options=options)
-    assert not list((tmp_path / "walk.vat").glob("*_rot*"))
 
 
 def test_lost_tracks_and_the_assumed_frame_rate_are_noted(tmp_path):
@@ -150,7 +140,7 @@ def saved(sequence, folder, **options):
 
 def vertex_indices(player, vertices):
     """Return the sequence vertex of each mesh vertex, matched by rest position."""
-    distances, rows = cKDTree(vertices).query(player.rest[~player.is_hidden])
+    distances, rows = cKDTree(vertices).query(player.rest)
     assert distances.max() <= 1e-6 * np.abs(vertices).max()
     return rows
 
@@ -164,7 +154,7 @@ def largest_error(sequence, folder, layout):
     assert set(rows) == set(used)
     errors = []
     for frame in range(sequence.n_frames):
-        positions = player.positions(frame)[~player.is_hidden]
+        positions = player.positions(frame)
         errors.append(
             np.linalg.norm(positions + player.shift - sequence.vertices[frame][rows], axis=1)
         )
@@ -189,7 +179,7 @@ def test_sheet_is_played_within_the_error_bounds_of_positions_and_normals(
     noted = next(float(note.split()[6]) for note in notes if "error of normals" in note)
     for frame in range(sequence.n_frames):
         expected = vertex_normals(sequence.vertices[frame], sequence.faces)[rows]
-        normals = player.normals(frame)[~player.is_hidden].astype(float)
+        normals = player.normals(frame).astype(float)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         angle = np.degrees(np.arccos(np.clip((normals * expected).sum(axis=1), -1, 1))).max()
         assert angle <= 1.1 * noted + 0.05  # the note is rounded, and cosines are coarse near 1
@@ -204,22 +194,6 @@ def test_vertices_find_their_texels_for_all_counts(tmp_path, layout, n_verts, n_
     sequence = strip(n_verts, n_frames)
     saved(sequence, tmp_path / "a.vat", layout=layout, max_error=ERROR, normals=False)
     assert largest_error(sequence, tmp_path / "a.vat", layout) <= ERROR / 100 * diagonal(sequence)
-
-
-def test_box_encodes_the_number_of_rows():
-    """The hundreds are decoded without the other flags in the same decimals."""
-    for n_rows in (1, 99, 100, 101, 950, 1000, 1900, 1980):
-        low, high = encode_box(np.zeros(3), np.ones(3), n_rows, is_raw=True, encode_rows=True)
-        code = round(100 * float(high[2] * np.float32(10) % 1))
-        hundreds = 0 if code % 25 == 0 or code % 10 == 0 else code % 50
-        remainder = round(100 * float(np.ceil(low[1] * 10) - low[1] * 10))
-        assert 100 * (hundreds - hundreds // 10) + remainder == n_rows
-        assert code >= 50
-
-
-def test_box_is_rejected_where_float32_has_too_few_decimals():
-    with pytest.raises(InvalidInputError, match="choose layout 'openvat'"):
-        encode_box(np.full(3, 2e7), np.full(3, 2.1e7), 3, is_raw=True, encode_rows=True)
 
 
 @pytest.mark.parametrize("textures", ["exr", "png"])
@@ -242,10 +216,9 @@ def test_node_moves_a_centered_mesh_far_from_the_origin(tmp_path, layout):
     player = PLAYERS[layout](tmp_path / "a.vat")
     assert player.shift.any()
     # Rest positions are not unique in float32, so match vertices by their order.
-    visible = ~player.is_hidden
-    order = np.argsort(player.u[visible])
+    order = np.argsort(player.u)
     for frame in range(5):
-        positions = player.positions(frame)[visible][order] + player.shift
+        positions = player.positions(frame)[order] + player.shift
         errors = np.linalg.norm(positions - sequence.vertices[frame], axis=1)
         assert errors.max() <= 0.05 / 100 * diagonal(sequence)
 
@@ -305,28 +278,6 @@ def test_vertices_split_at_seams_share_a_texel_and_unused_ones_have_none(tmp_pat
     assert largest_error(odd, tmp_path / "b.vat", "openvat") <= 1e-3 * diagonal(odd)
 
 
-@pytest.mark.parametrize("layout", ["labs", "labs-unreal"])
-def test_mesh_of_labs_fills_the_box_that_shaders_read(tmp_path, layout):
-    sequence = waving_grid()
-    saved(sequence, tmp_path / "a.vat", layout=layout)
-    mesh, triangles, _ = read_glb(tmp_path / "a.vat" / "a_mesh.glb")
-    [about] = json.loads((tmp_path / "a.vat" / "a_data.json").read_text("utf-8"))
-    scale = 100 if layout == "labs-unreal" else 1
-    order = [0, 2, 1] if layout == "labs-unreal" else [0, 1, 2]
-    for which, corner in (("Min", mesh["POSITION"].min(0)), ("Max", mesh["POSITION"].max(0))):
-        bounds = [about[f"Bound {which} {axis}"] for axis in "XYZ"]
-        np.testing.assert_allclose(bounds, scale * corner[order], rtol=1e-6)
-    assert (mesh["TEXCOORD_1"][-6:] == (0, 1)).all()
-    assert len(triangles) == len(sequence.faces) + 2
-
-
-def test_single_frame_of_several_rows_is_stored_twice(tmp_path):
-    notes = saved(strip(8193, 1), tmp_path / "a.vat", layout="labs", normals=False)
-    assert any(note.startswith("the frame is stored twice") for note in notes)
-    [about] = json.loads((tmp_path / "a.vat" / "a_data.json").read_text("utf-8"))
-    assert about["Frame Count"] == 2
-
-
 def test_json_of_openvat_matches_its_importers(tmp_path):
     sequence = waving_grid()
     saved(sequence, tmp_path / "a.vat")
@@ -342,11 +293,9 @@ def test_json_of_openvat_matches_its_importers(tmp_path):
 
 def test_grid_rejects_too_many_rows():
     with pytest.raises(InvalidInputError, match="GPUs support 16384 rows; use fewer frames"):
-        fit_grid(6, 9000, frame_by_frame=False, n_halves=2)
-    assert fit_grid(6, 9000, frame_by_frame=False).height == 9000
-    assert (
-        fit_grid(65_537, 1000, frame_by_frame=True).n_rows == 5
-    )  # nine rows per frame would be 9,000 rows
+        fit_grid(6, 9000, n_halves=2)
+    assert fit_grid(6, 9000).height == 9000
+    assert fit_grid(65_537, 1000).n_rows == 5  # nine rows per frame would be 9,000 rows
 
 
 def test_textures_beyond_the_limits_of_some_gpus_are_noted(tmp_path, monkeypatch):
