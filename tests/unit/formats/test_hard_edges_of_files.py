@@ -167,31 +167,6 @@ def test_invalid_usd_creases_are_ignored(read, pxr, more):
     assert not any("hard edges" in note for note in notes)
 
 
-def test_all_usd_instances_have_hard_edges(read, pxr):
-    quads = "[0, 1, 2, 3, 4, 5, 6, 7, 0, 6, 5, 1, 4, 7, 3, 2, 0, 3, 7, 6, 4, 2, 1, 5]"
-    text = f"""#usda 1.0
-def PointInstancer "p" {{
-  rel prototypes = </p/c>
-  int[] protoIndices = [0, 0, 0]
-  point3f[] positions = [(0, 0, 0), (5, 0, 0), (9, 0, 0)]
-  def Mesh "c" {{
-    point3f[] points = [(1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1),
-      (-1, -1, -1), (-1, 1, -1), (1, 1, -1), (1, -1, -1)]
-    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
-    int[] faceVertexIndices = {quads}
-    uniform token subdivisionScheme = "none"
-    normal3f[] normals = [(0, 0, 1), (0, 0, -1), (0, 1, 0), (0, -1, 0), (1, 0, 0), (-1, 0, 0)] (
-      interpolation = "uniform"
-    )
-  }}
-}}
-"""
-    result, _ = read(text, ".usda")
-    assert len(result.surface.hard_edges) == 36
-    lengths = np.linalg.norm(np.diff(result.vertices[0][result.surface.hard_edges], axis=1), axis=2)
-    np.testing.assert_allclose(lengths, 2)
-
-
 def test_alembic_corner_normals_give_hard_rims(tmp_path):
     sample = pytest.importorskip("samples.alembic")
     from alembic3d import AbcGeom

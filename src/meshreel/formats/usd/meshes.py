@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers, Values
-from meshreel.errors import FormatError, Keyword
+from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Key
 from meshreel.formats.notes import CAGES, GatheredNote, NoteKind
 from meshreel.formats.scenes.quantities import (
@@ -27,11 +27,7 @@ from meshreel.formats.usd.quantities import (
     quantities,
     read_attributes,
 )
-from meshreel.formats.usd.rendered import (
-    RenderedMesh,
-    all_prims_predicate,
-    instance_matrices,
-)
+from meshreel.formats.usd.rendered import Transforms
 from meshreel.formats.usd.sampling import (
     TOLERANCE,
     Samples,
@@ -40,18 +36,15 @@ from meshreel.formats.usd.sampling import (
     sample_codes,
 )
 from meshreel.formats.usd.stage import usd_errors
-from meshreel.model.geometry.hard_edges import merged_edges, remaining_edges
+from meshreel.model.geometry.hard_edges import remaining_edges
 from meshreel.model.sequence import Vertices
-from meshreel.model.surface import Attribute, Domain, Int32s, Surface
+from meshreel.model.surface import Domain, Int32s, Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import USD
 
 INFINITELY_SHARP = 10.0
 """Sharpness from which USD does not smooth a crease."""
-
-MAX_FRAME_BYTES = 1 << 30
-"""Limit of positions and faces of all instances in a frame."""
 
 MISMATCHED = "primvars that do not fit their faces"
 
@@ -272,7 +265,8 @@ def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
 
 
 def _skins_below(root: Any) -> Iterator[tuple[str, Skin]]:
-    skel, predicate = USD.load("UsdSkel"), all_prims_predicate()
+    skel, usd = USD.load("UsdSkel"), USD.load("Usd")
+    predicate = usd.TraverseInstanceProxies()
     cache = skel.Cache()
     cache.Populate(root, predicate)
     for binding in cache.ComputeSkelBindings(root, predicate):
@@ -319,13 +313,14 @@ class MeshNotes:
 
 @dataclass(frozen=True, eq=False)
 class StageMesh:
-    """A mesh of a stage, or all instances of a mesh of a prototype, concatenated.
+    """A mesh of a stage.
 
     Parameters
     ----------
     stage : Usd.Stage
         Kept alive, since its prims become invalid with it.
-    rendered : RenderedMesh
+    prim : Usd.Prim
+    transforms : Transforms
     skin : Skin or None
         The skinning by a skeleton.
     materials : StageMaterials
@@ -335,15 +330,16 @@ class StageMesh:
     """
 
     stage: Any
-    rendered: RenderedMesh
+    prim: Any
+    transforms: Transforms
     skin: Skin | None
     materials: StageMaterials
     notes: MeshNotes
 
     @property
     def path(self) -> str:
-        """Its path in the stage; for instances, also that of the instancer."""
-        return self.rendered.name
+        """Its path in the stage."""
+        return str(self.prim.GetPath())
 
     @cached_property
     def samples(self) -> Samples:
@@ -355,7 +351,7 @@ class StageMesh:
         keys = keys + ([] if self.skin is None else self.skin.codes)
         if len(distinct_codes(stored + keys)) < 2:
             stored = stored + [
-                code for quantity in quantities(self._prim) for code in quantity.times()
+                code for quantity in quantities(self.prim) for code in quantity.times()
             ]
         return Samples(distinct_codes(stored), distinct_codes(keys))
 
@@ -365,38 +361,32 @@ class StageMesh:
         Raises
         ------
         FormatError
-            If points or faces are missing or invalid, or there are no instances or too many.
+            If points or faces are missing or invalid.
         """
         with usd_errors(f"USD cannot read {self.path} at time code {code:g}"):
-            mesh = self._single(code)
-            if not self.rendered.levels:
-                return mesh
-            matrices = instance_matrices(self.rendered.levels, code)
-            self._check_size(mesh, len(matrices), code)
-            rows = _instance_rows(mesh, matrices)
-            starts = len(mesh.vertices) * np.arange(len(matrices), dtype=np.int32)
-            corners = mesh.corners[rows[Domain.CORNER]] + starts[:, np.newaxis]
-            counts = mesh.counts[rows[Domain.FACE]]
-            vertices = transform_points(mesh.vertices, matrices)
-            return PolygonMesh(vertices, counts.ravel(), corners.ravel())
+            points = self._shape.points(code)
+            points = points if self.skin is None else self.skin.deform(points, code)
+            vertices = transform_points(points, self._matrix(code))
+            if not self._shape.has_constant_topology:
+                return self._polygons(vertices, code)
+            first = self._first
+            if len(first.vertices) != len(vertices):  # indices must be validated again
+                return polygon_mesh(vertices, first.counts, first.corners)
+            return replace(first, vertices=vertices)
 
     def surface(self, code: float, animated: Collection[str] = ()) -> Surface:
         """Return attributes and groups at a time code, without properties that become tracks."""
         with usd_errors(f"USD cannot read the properties of {self.path} at time code {code:g}"):
             mesh, notes = self._file_mesh(code), self.notes.plain
             rows = self._rows(mesh.counts, code)
-            looks = read_materials(self._prim, code, len(mesh.counts), self.materials)
+            looks = read_materials(self.prim, code, len(mesh.counts), self.materials)
             groups = [
                 replace(group, numbers=group.numbers[rows[Domain.FACE]]) for group in looks[0]
             ]
-            attributes = read_attributes(self._prim, code, mesh.n_items, rows, notes, animated)
+            attributes = read_attributes(self.prim, code, mesh.n_items, rows, notes, animated)
             self._note_shape(rows[Domain.FACE])
             hard_edges = self._hard_edges(mesh, rows, code, is_track="normals" in animated)
-            surface = Surface(None, attributes, tuple(groups), (), *looks[1:], hard_edges)
-            if not self.rendered.levels:
-                return surface
-            matrices = instance_matrices(self.rendered.levels, code)
-            return _instance_surface(surface, self._single(code), matrices)
+            return Surface(None, attributes, tuple(groups), (), *looks[1:], hard_edges)
 
     def animated(self, codes: Floats) -> dict[str, StageQuantity]:
         """Return the quantities that are tracks in frames at these time codes, by name in the file.
@@ -406,7 +396,7 @@ class StageMesh:
         with usd_errors(f"USD cannot read the properties of {self.path}"):
             return {
                 quantity.name: quantity
-                for quantity in quantities(self._prim)
+                for quantity in quantities(self.prim)
                 if not (self.skin and quantity.to_world) and quantity.is_animated(codes)
             }
 
@@ -427,7 +417,7 @@ class StageMesh:
                 for name, quantity in by_track_name(animated).items()
             }
             first = float(codes[frames.start])
-            file_mesh, single = self._file_mesh(first), self._single(first)
+            file_mesh = self._file_mesh(first)
             rows, n_items = self._rows(file_mesh.counts, first), file_mesh.n_items
 
             @usd_errors(f"USD cannot read the properties of {self.path}")
@@ -435,41 +425,32 @@ class StageMesh:
                 values = tracks[key].of_items(code, n_items[key[0]])
                 if values is None:
                     return None
-                to_world = tracks[key].to_world or (lambda values, matrix: values)
-                own: Values = to_world(values, self._matrix(code))[rows[key[0]]]
-                if not self.rendered.levels:
-                    return own
-                matrices = instance_matrices(self.rendered.levels, code)
-                order = _instance_rows(single, matrices)[key[0]]
-                each = zip(matrices, order, strict=True)
-                return np.concatenate([own[:0], *(to_world(own, to)[at] for to, at in each)])
+                if (to_world := tracks[key].to_world) is not None:
+                    values = to_world(values, self._matrix(code))
+                of_mesh: Values = values[rows[key[0]]]
+                return of_mesh
 
             sizes, times = (n_items, self.frame(first).n_items), codes[frames.start : frames.stop]
             return quantity_tracks(
                 self.path, tracks, times, sizes, read, self.notes.plain, MISMATCHED
             )
 
-    @property
-    def _prim(self) -> Any:
-        return self.rendered.prim
-
     @cached_property
     def _shape(self) -> MeshShape:
-        return MeshShape(self._prim)
+        return MeshShape(self.prim)
 
     @property
     def _space(self) -> Any:
         """The prim in whose space its points are, after skinning."""
-        return self._prim if self.skin is None else self.skin.space
+        return self.prim if self.skin is None else self.skin.space
 
     @property
     def _transform_codes(self) -> list[float]:
-        own = self.rendered.transforms.codes(self._space)
-        return own + [code for level in self.rendered.levels for code in level.codes]
+        return self.transforms.codes(self._space)
 
     def _matrix(self, code: float) -> Floats:
-        """Return the matrix to the world, or to the prototype, at a time code."""
-        return self.rendered.transforms.world(self._space, code)
+        """Return the matrix to the world at a time code."""
+        return self.transforms.world(self._space, code)
 
     @cached_property
     def _start(self) -> float:
@@ -485,7 +466,7 @@ class StageMesh:
         return self._shape.polygons(self._shape.points(code), code)
 
     def _rows(self, counts: Integers, code: float) -> dict[Domain, Any]:
-        """Return the items in the file of the items of a single instance, to index arrays."""
+        """Return the items in the file of the items of the mesh, to index arrays."""
         rows: dict[Domain, Any] = dict.fromkeys(Domain, slice(None))
         if self._is_reversed:
             rows[Domain.CORNER] = reversed_corners(counts, keeps_first=True)
@@ -494,18 +475,6 @@ class StageMesh:
             corners = np.arange(counts.sum())[rows[Domain.CORNER]]
             rows |= {Domain.FACE: solid, Domain.CORNER: corners[np.repeat(solid, counts)]}
         return rows
-
-    def _single(self, code: float) -> PolygonMesh:
-        """Return the mesh, or a single instance in the space of the prototype."""
-        points = self._shape.points(code)
-        points = points if self.skin is None else self.skin.deform(points, code)
-        vertices = transform_points(points, self._matrix(code))
-        if not self._shape.has_constant_topology:
-            return self._polygons(vertices, code)
-        first = self._first
-        if len(first.vertices) != len(vertices):  # indices must be validated again
-            return polygon_mesh(vertices, first.counts, first.corners)
-        return replace(first, vertices=vertices)
 
     @cached_property
     def _first(self) -> PolygonMesh:
@@ -528,7 +497,7 @@ class StageMesh:
             order = reversed_corners(mesh.counts, keeps_first=True)
         whole = replace(mesh, corners=mesh.corners[order])
         quantity = next(
-            (quantity for quantity in quantities(self._prim) if quantity.role == NORMALS), None
+            (quantity for quantity in quantities(self.prim) if quantity.role == NORMALS), None
         )
         if quantity is not None:
             normals = quantity.of_items(code, mesh.n_items[quantity.domain])
@@ -543,7 +512,7 @@ class StageMesh:
             hard_edges = edges_from_creases(whole, creases)
             if hard_edges.edges is None:
                 return None
-        self.notes.normals.add(str(self._prim.GetPath()), hard_edges, is_track=is_track)
+        self.notes.normals.add(self.path, hard_edges, is_track=is_track)
         if isinstance(rows[Domain.FACE], slice):
             return hard_edges.edges
         solid, corners = whole.counts[rows[Domain.FACE]], mesh.corners[rows[Domain.CORNER]]
@@ -551,56 +520,8 @@ class StageMesh:
 
     def _note_shape(self, solid: Any) -> None:
         """Note cages of subdivision surfaces, and holes."""
-        path = str(self._prim.GetPath())
+        path = self.path
         if self._shape.is_subdivided:
             self.notes.cages.add(path)
         if not isinstance(solid, slice):
             self.notes.holes.add(f"{np.count_nonzero(~solid)} of {len(solid)} of {path}")
-
-    def _check_size(self, mesh: PolygonMesh, n_instances: int, code: float) -> None:
-        if not n_instances:
-            raise FormatError(
-                f"{self.path} has no instance at time code {code:g}, so its frame would be "
-                "empty; remove such time codes, or select another mesh with ",
-                Keyword("object"),
-            )
-        n_verts = n_instances * len(mesh.vertices)
-        size_bytes = 24 * n_verts + 4 * n_instances * len(mesh.corners)
-        if size_bytes > MAX_FRAME_BYTES or n_verts > np.iinfo(np.int32).max:
-            raise FormatError(
-                f"{self.path}: {n_instances} instances of {len(mesh.vertices)} vertices need "
-                f"{size_bytes:.3g} bytes; the limit is {MAX_FRAME_BYTES}"
-            )
-
-
-def _instance_rows(mesh: PolygonMesh, matrices: Floats) -> dict[Domain, Int32s]:
-    """Return the items of a single instance for each instance, of shape (I, N)."""
-    is_mirrored = is_mirroring(matrices)
-    rows = {
-        domain: np.tile(np.arange(n_items, dtype=np.int32), (len(matrices), 1))
-        for domain, n_items in mesh.n_items.items()
-    }
-    rows[Domain.CORNER][is_mirrored] = reversed_corners(mesh.counts, keeps_first=True)
-    return rows
-
-
-def _instance_surface(surface: Surface, mesh: PolygonMesh, matrices: Floats) -> Surface:
-    """Return the surface of all instances, given that of a single one."""
-    rows = _instance_rows(mesh, matrices)
-
-    def of_all(attribute: Attribute) -> Attribute:
-        order = rows[attribute.domain].ravel()
-        return replace(
-            attribute, indices=order if attribute.indices is None else attribute.indices[order]
-        )
-
-    edges, n_verts = [surface.hard_edges] * len(matrices), [len(mesh.vertices)] * len(matrices)
-    return replace(
-        surface,
-        attributes=tuple(map(of_all, surface.attributes)),
-        groups=tuple(
-            replace(group, numbers=group.numbers[rows[Domain.FACE].ravel()])
-            for group in surface.groups
-        ),
-        hard_edges=merged_edges(edges, n_verts),
-    )

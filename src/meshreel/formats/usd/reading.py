@@ -18,7 +18,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.usd.materials import StageMaterials
 from meshreel.formats.usd.meshes import MeshNotes, StageMesh, find_skins
-from meshreel.formats.usd.rendered import rendered_meshes
+from meshreel.formats.usd.rendered import Transforms, rendered_meshes
 from meshreel.formats.usd.sampling import TOLERANCE, Samples, even_interval, frame_grid, snap
 from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage, usd_errors
 from meshreel.model.validation import validate_fps
@@ -39,12 +39,12 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
         rendered = rendered_meshes(stage, options.notes)
-        skins = find_skins(mesh.prim for mesh in rendered)
+        skins, transforms = find_skins(rendered), Transforms()
         materials = StageMaterials(None if options.allow_outside else path.parent, options.notes)
         notes = MeshNotes(options.notes)
         meshes = [
-            StageMesh(stage, mesh, skins.get(str(mesh.prim.GetPath())), materials, notes)
-            for mesh in rendered
+            StageMesh(stage, prim, transforms, skins.get(str(prim.GetPath())), materials, notes)
+            for prim in rendered
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
         codes_of = _frame_codes(meshes, rate, codes_per_frame(stage, rate), options)
