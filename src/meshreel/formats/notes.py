@@ -103,23 +103,6 @@ def list_in_note(notes: list[str], kind: NoteKind, subject: str, names: Iterable
     notes.append(Note(kind, subject, [*added]))
 
 
-class GatheredNote:
-    """The note of a kind and subject, which lists more and more names.
-
-    Parameters
-    ----------
-    notes : list of str
-        Receives the note with the first name.
-    """
-
-    def __init__(self, notes: list[str], kind: NoteKind, subject: str) -> None:
-        self._notes, self._kind, self._subject = notes, kind, subject
-
-    def add(self, name: str) -> None:
-        """Add a name, unless it is already in the note."""
-        list_in_note(self._notes, self._kind, self._subject, [name])
-
-
 def note_left_out(notes: list[str], subject: str) -> None:
     """Add a note that something is left out, once."""
     add_note(notes, NoteKind.LEFT_OUT, subject)
@@ -135,16 +118,6 @@ def listed(names: Iterable[str], most: int = 8) -> str:
     every = list(names)
     rest = f" and {len(every) - most} more" if len(every) > most else ""
     return ", ".join(every[:most]) + rest
-
-
-def note_moving(notes: list[str], names: Iterable[str]) -> None:
-    """Add a note on fields that are left out because they change over time."""
-    note_kinds(notes, "fields that change over time", names)
-
-
-def note_frozen(notes: list[str], names: Iterable[str]) -> None:
-    """Add a note on attributes whose changes are ignored."""
-    note_kinds(notes, "changes over time, kept as in the first frame", names)
 
 
 def note_normals(notes: list[str]) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers, Values
 from meshreel.formats.alembic.archive import Property, damage_error
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
-from meshreel.formats.notes import UNCHANGING, note_kinds, note_moving
+from meshreel.formats.notes import UNCHANGING, note_kinds
 from meshreel.formats.scenes.merging import BLENDED
 from meshreel.formats.scenes.quantities import Quantity, normals_of_corners
 from meshreel.formats.scenes.timing import blend, neighbours
@@ -261,7 +261,7 @@ def read_attributes(
             groups.append(face_groups)
         else:
             (unsupported if param.is_constant else changing).append(param.name)
-    note_moving(notes, changing)
+    note_kinds(notes, "fields that change over time", changing)
     if VELOCITIES in geometry and VELOCITIES not in animated:
         note_kinds(notes, UNCHANGING, ["velocities"])
     note_kinds(notes, "values for a whole mesh", constants)

@@ -18,7 +18,7 @@ from meshreel.formats.frames.frame import Frame, FrameData
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import NORMALS as NORMALS_SUBJECT
-from meshreel.formats.notes import Note, NoteKind, is_about, note_frozen
+from meshreel.formats.notes import Note, NoteKind, is_about, note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.welding import CornerWelder
@@ -248,7 +248,7 @@ class _Run:
             self.first.fields[key][1].role == NORMALS for key in changing & {*self.first.fields}
         ):
             notes[:] = [note for note in notes if not is_about(note, NORMALS_SUBJECT)]
-        note_frozen(notes, self._differing)
+        note_kinds(notes, "changes over time, kept as in the first frame", self._differing)
         edges = None if hard is None else hard.edges
         return replace(surface, attributes=tuple(constant), hard_edges=edges)
 

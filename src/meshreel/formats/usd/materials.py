@@ -71,13 +71,13 @@ class StageMaterials:
     ----------
     images : list of Image
         The images read so far, to which materials refer.
+    notes : list of str
     """
 
     def __init__(self, folder: Path | None, notes: list[str]) -> None:
         self.images: list[Image] = []
-        self.plain_notes = notes
         self._folder = None if folder is None else folder.resolve()
-        self._notes = notes
+        self.notes = notes
         self._indices: dict[str, int] = {}
         self._looks: dict[str, Material | None] = {}
 
@@ -128,15 +128,15 @@ class StageMaterials:
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
             if any(output.HasConnectedSource() for output in material.GetOutputs()):
-                note_kinds(self._notes, "appearance of materials without UsdPreviewSurface", [name])
+                note_kinds(self.notes, "appearance of materials without UsdPreviewSurface", [name])
             return None
         if shader.GetShaderId() != "UsdPreviewSurface":
-            note_kinds(self._notes, "appearance of materials other than UsdPreviewSurface", [name])
+            note_kinds(self.notes, "appearance of materials other than UsdPreviewSurface", [name])
             return None
         outputs = map(material.GetOutput, ("displacement", "volume"))
         if any(output and output.HasConnectedSource() for output in outputs):
-            note_kinds(self._notes, "displacement and volumes of materials", [name])
-        return _PreviewSurface(shader, name, self, self._notes).material()
+            note_kinds(self.notes, "displacement and volumes of materials", [name])
+        return _PreviewSurface(shader, name, self).material()
 
 
 def read_materials(
@@ -181,7 +181,7 @@ def read_materials(
         group, is_partition = _group(name, members, default, n_faces)
         groups += [group] if group.labels else []
         if not is_partition:
-            stage.plain_notes.append(
+            stage.notes.append(
                 f"{name} subsets of {prim.GetPath()} overlap or refer to missing faces; "
                 "a face belongs to the last subset that contains it"
             )
@@ -337,13 +337,11 @@ class _PreviewSurface:
     name : str
         Name of the material, for the notes.
     materials : StageMaterials
-        Owner of the images.
-    notes : list of str
-        Gains unsupported properties.
+        Owner of the images, whose notes gain unsupported properties.
     """
 
-    def __init__(self, shader: Any, name: str, materials: StageMaterials, notes: list[str]) -> None:
-        self._shader, self._name, self._notes = shader, name, notes
+    def __init__(self, shader: Any, name: str, materials: StageMaterials) -> None:
+        self._shader, self._name, self._notes = shader, name, materials.notes
         self._sources = {slot: self._source(name) for slot, (name, _) in INPUTS.items()}
         self._textures: dict[str, ScaledTexture] = {}
         for slot, source in self._sources.items():

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers, Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Key
-from meshreel.formats.notes import CAGES, GatheredNote, NoteKind
+from meshreel.formats.notes import CAGES, note_kinds
 from meshreel.formats.scenes.quantities import (
     normals_of_corners,
     note_quantities,
@@ -280,37 +280,6 @@ def _skins_below(root: Any) -> Iterator[tuple[str, Skin]]:
                 yield str(prim.GetPath()), skin
 
 
-class MeshNotes:
-    """Collects notes on the meshes of a file, one sentence per topic.
-
-    Parameters
-    ----------
-    plain : list of str
-        All notes of the file.
-
-    Attributes
-    ----------
-    sampled, final : GatheredNote
-        List meshes whose samples differ from their frames, and those whose last sample is between
-        two frames.
-    cages, holes : GatheredNote
-        List subdivision surfaces and meshes with holes.
-    normals : NormalNotes
-        Covers meshes with normals.
-    """
-
-    def __init__(self, plain: list[str]) -> None:
-        def changed(subject: str) -> GatheredNote:
-            return GatheredNote(plain, NoteKind.CHANGED, subject)
-
-        self.plain = plain
-        self.sampled = changed("frames differ from samples; USD interpolates at each frame")
-        self.final = changed("the last frame shows the final pose, which is earlier")
-        self.cages = GatheredNote(plain, NoteKind.LEFT_OUT, CAGES)
-        self.holes = GatheredNote(plain, NoteKind.LEFT_OUT, "faces that are holes")
-        self.normals = NormalNotes(plain)
-
-
 @dataclass(frozen=True, eq=False)
 class StageMesh:
     """A mesh of a stage.
@@ -325,8 +294,10 @@ class StageMesh:
         The skinning by a skeleton.
     materials : StageMaterials
         Materials of the stage.
-    notes : MeshNotes
-        Gain a sentence for everything that is not read.
+    notes : list of str
+        Gains a sentence for everything that is not read.
+    normal_notes : NormalNotes
+        Collects meshes with normals.
     """
 
     stage: Any
@@ -334,7 +305,8 @@ class StageMesh:
     transforms: Transforms
     skin: Skin | None
     materials: StageMaterials
-    notes: MeshNotes
+    notes: list[str]
+    normal_notes: NormalNotes
 
     @property
     def path(self) -> str:
@@ -377,13 +349,13 @@ class StageMesh:
     def surface(self, code: float, animated: Collection[str] = ()) -> Surface:
         """Return attributes and groups at a time code, without properties that become tracks."""
         with usd_errors(f"USD cannot read the properties of {self.path} at time code {code:g}"):
-            mesh, notes = self._file_mesh(code), self.notes.plain
+            mesh = self._file_mesh(code)
             rows = self._rows(mesh.counts, code)
             looks = read_materials(self.prim, code, len(mesh.counts), self.materials)
             groups = [
                 replace(group, numbers=group.numbers[rows[Domain.FACE]]) for group in looks[0]
             ]
-            attributes = read_attributes(self.prim, code, mesh.n_items, rows, notes, animated)
+            attributes = read_attributes(self.prim, code, mesh.n_items, rows, self.notes, animated)
             self._note_shape(rows[Domain.FACE])
             hard_edges = self._hard_edges(mesh, rows, code, is_track="normals" in animated)
             return Surface(None, attributes, tuple(groups), (), *looks[1:], hard_edges)
@@ -409,7 +381,7 @@ class StageMesh:
         with usd_errors(f"USD cannot read the properties of {self.path}"):
             is_moving = len(set(self._transform_codes)) > 1
             note_quantities(
-                self.path, animated.values(), codes, TOLERANCE, self.notes.plain,
+                self.path, animated.values(), codes, TOLERANCE, self.notes,
                 is_transform_animated=is_moving,
             )  # fmt: skip
             tracks = {
@@ -431,9 +403,7 @@ class StageMesh:
                 return of_mesh
 
             sizes, times = (n_items, self.frame(first).n_items), codes[frames.start : frames.stop]
-            return quantity_tracks(
-                self.path, tracks, times, sizes, read, self.notes.plain, MISMATCHED
-            )
+            return quantity_tracks(self.path, tracks, times, sizes, read, self.notes, MISMATCHED)
 
     @cached_property
     def _shape(self) -> MeshShape:
@@ -512,7 +482,7 @@ class StageMesh:
             hard_edges = edges_from_creases(whole, creases)
             if hard_edges.edges is None:
                 return None
-        self.notes.normals.add(self.path, hard_edges, is_track=is_track)
+        self.normal_notes.add(self.path, hard_edges, is_track=is_track)
         if isinstance(rows[Domain.FACE], slice):
             return hard_edges.edges
         solid, corners = whole.counts[rows[Domain.FACE]], mesh.corners[rows[Domain.CORNER]]
@@ -522,6 +492,7 @@ class StageMesh:
         """Note cages of subdivision surfaces, and holes."""
         path = self.path
         if self._shape.is_subdivided:
-            self.notes.cages.add(path)
+            note_kinds(self.notes, CAGES, [path])
         if not isinstance(solid, slice):
-            self.notes.holes.add(f"{np.count_nonzero(~solid)} of {len(solid)} of {path}")
+            holes = f"{np.count_nonzero(~solid)} of {len(solid)} of {path}"
+            note_kinds(self.notes, "faces that are holes", [holes])

@@ -14,14 +14,20 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
+from meshreel.formats.notes import NoteKind, list_in_note
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
+from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.usd.materials import StageMaterials
-from meshreel.formats.usd.meshes import MeshNotes, StageMesh, find_skins
+from meshreel.formats.usd.meshes import StageMesh, find_skins
 from meshreel.formats.usd.rendered import Transforms, rendered_meshes
 from meshreel.formats.usd.sampling import TOLERANCE, Samples, even_interval, frame_grid, snap
 from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage, usd_errors
 from meshreel.model.validation import validate_fps
+
+RESAMPLED = "frames differ from samples; USD interpolates at each frame"
+FINAL_POSE = "the last frame shows the final pose, which is earlier"
+"""Subjects of notes, which list meshes."""
 
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
@@ -41,9 +47,11 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         rendered = rendered_meshes(stage, options.notes)
         skins, transforms = find_skins(rendered), Transforms()
         materials = StageMaterials(None if options.allow_outside else path.parent, options.notes)
-        notes = MeshNotes(options.notes)
+        notes, normals = options.notes, NormalNotes(options.notes)
         meshes = [
-            StageMesh(stage, prim, transforms, skins.get(str(prim.GetPath())), materials, notes)
+            StageMesh(
+                stage, prim, transforms, skins.get(str(prim.GetPath())), materials, notes, normals
+            )
             for prim in rendered
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
@@ -102,7 +110,8 @@ def _frame_codes(
     def codes_of(mesh: StageMesh) -> Floats:
         codes = mesh.samples.frames(frame_interval, origin)
         if len(codes) != (n_samples := len(mesh.samples.all)):
-            mesh.notes.sampled.add(f"{mesh.path} ({n_samples} samples, {len(codes)} frames)")
+            name = f"{mesh.path} ({n_samples} samples, {len(codes)} frames)"
+            list_in_note(mesh.notes, NoteKind.CHANGED, RESAMPLED, [name])
         if n_samples:
             _note_final(mesh, codes, float(mesh.samples.all[-1]))
         return codes
@@ -113,7 +122,8 @@ def _frame_codes(
 def _note_final(mesh: StageMesh, codes: Floats, last: float) -> None:
     """Note a mesh whose last sample is between two frames, and is shown by the later one."""
     if codes[-1] > last + TOLERANCE:
-        mesh.notes.final.add(f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})")
+        name = f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})"
+        list_in_note(mesh.notes, NoteKind.CHANGED, FINAL_POSE, [name])
 
 
 def _samples(mesh: StageMesh) -> Samples | None:
