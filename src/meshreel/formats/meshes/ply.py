@@ -1,10 +1,11 @@
 """Polygon File Format (PLY): reader for the mesh and attributes of one frame.
 
-Supports ASCII and both binary encodings, any additional elements and properties, polygons and
-triangle strips. Positions keep the declared type: double stays float64, and integers become a
-float type that represents them. Colors, texture coordinates, and every other number of vertices and
-faces under its own name are attributes, as are corner texture coordinates in the face list
-``texcoord``. Normals are read if they change between frames; other lists and elements are ignored.
+Supports ASCII and both binary encodings, any additional elements and properties, and polygons.
+Positions keep the declared type: double stays float64, and integers become a float type that
+represents them. Colors, texture coordinates, and every other number of vertices and faces under its
+own name are attributes, as are corner texture coordinates in the face list ``texcoord``. Normals
+are read if they change between frames; other lists and elements, such as triangle strips, are
+ignored.
 
 trimesh is not used: it splits vertices at texture seams, reorders faces if quads and triangles are
 mixed, cannot read binary lists of varying length, and raises numpy errors on damaged files.
@@ -23,7 +24,7 @@ from meshreel.formats.frames.field_tracks import Field, Key
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.kinds import ALL_TRACKS, FrameFormat
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
-from meshreel.formats.meshes.ply_tables import STRIPS, PlyBody, PlyTable, read_ply_tables
+from meshreel.formats.meshes.ply_tables import PlyBody, PlyTable, read_ply_tables
 from meshreel.formats.meshes.ply_writing import (
     COLOR_NAMES,
     CORNER_UV_NAME,
@@ -36,12 +37,8 @@ from meshreel.formats.meshes.ply_writing import (
 )
 from meshreel.formats.notes import note_kinds, note_normals
 from meshreel.formats.surfaces.polygons import polygon_mesh
-from meshreel.model.geometry.polygons import Integers
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
-
-RESTART = -1
-"""Index value that begins a new strip."""
 
 
 def read_ply(data: bytes) -> Frame:
@@ -55,9 +52,8 @@ def read_ply(data: bytes) -> Frame:
     """
     header = read_ply_header(data)
     tables = read_ply_tables(header, data)
-    vertices, faces = tables["vertex"], tables.get("face")
-    counts, corners = faces.lists(_indices(faces)) if faces else _strips(tables[STRIPS])
-    mesh = polygon_mesh(_vertices(vertices), counts, corners)
+    vertices, faces = tables["vertex"], tables["face"]
+    mesh = polygon_mesh(_vertices(vertices), *faces.lists(_indices(faces)))
     notes: list[str] = []
     note_kinds(notes, "lines of the header", header.skipped)
     attributes, fields = list[Attribute](), dict[Key, tuple[Values, Field]]()
@@ -66,12 +62,11 @@ def read_ply(data: bytes) -> Frame:
         values = np.stack([vertices.numbers(scalars[name]) for name in NORMALS], axis=1)
         _add_field(fields, (Domain.VERTEX, NORMALS_NAME), values, "", NORMALS_ROLE)
     for table, domain in ((vertices, Domain.VERTEX), (faces, Domain.FACE)):
-        for name, kind, values in () if table is None else _columns(table, domain):
+        for name, kind, values in _columns(table, domain):
             _add_field(fields, (domain, name), values, "" if kind is Kind.OTHER else kind)
             wide_enough = (one for one in VALUE_TYPES if np.can_cast(values.dtype, one))
             attributes.append(Attribute(name, kind, domain, values.astype(next(wide_enough))))
-    corner_uv = None if faces is None else _corner_coordinates(faces, mesh.counts)
-    if corner_uv is not None:
+    if (corner_uv := _corner_coordinates(faces, mesh.counts)) is not None:
         attributes.append(corner_uv)
         _add_field(fields, (Domain.CORNER, corner_uv.name), corner_uv.values, corner_uv.kind)
     _note_left_out(tables, notes, has_corner_uv=corner_uv is not None)
@@ -122,42 +117,11 @@ def _vertices(table: PlyTable) -> Vertices:
     return np.stack(values, axis=1).astype(dtype)
 
 
-def _strips(table: PlyTable) -> tuple[Integers, Integers]:
-    triangles = split_strips(*table.lists(_indices(table)))
-    return np.full(len(triangles), 3, np.int64), triangles.ravel()
-
-
 def _indices(table: PlyTable) -> PlyProperty:
     column = table.element.property_named(*INDEX_NAMES)
     if not column.count_code or column.code.startswith("f"):
         raise FormatError(f"property {column.name!r} must be a list of integers")
     return column
-
-
-def split_strips(lengths: Integers, values: Integers) -> Integers:
-    """Split strips into consistently oriented triangles of shape (M, 3).
-
-    Parameters
-    ----------
-    lengths : integer array
-        Length of each list; each list begins a new strip.
-    values : integer array of shape (sum of lengths,)
-        Vertex indices, with `RESTART` between strips.
-    """
-    corners = values.astype(np.int64)
-    places = np.arange(len(corners))
-    is_restart = corners == RESTART
-    lists = np.repeat(np.arange(len(lengths)), lengths)
-    is_first = np.diff(lists, prepend=-1) > 0
-    is_first[1:] |= is_restart[:-1]
-    begin = np.maximum.accumulate(np.where(is_first, places, 0))
-    first = places[: max(0, len(corners) - 2)]
-    # Keep windows of three vertices in one strip, without a restart among them.
-    first = first[(begin[first + 2] <= first) & ~is_restart[first + 2]]
-    is_reversed = (first - begin[first]) % 2
-    return np.stack(
-        [corners[first], corners[first + 1 + is_reversed], corners[first + 2 - is_reversed]], axis=1
-    )
 
 
 def _add_field(
@@ -170,20 +134,19 @@ def _add_field(
 
 
 def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_uv: bool) -> None:
-    shape = ("vertex", "face") if "face" in tables else ("vertex", STRIPS)
     names = {column.name for column in tables["vertex"].element.properties}
     if names & set(NORMALS):
         note_normals(notes)
     known = {*INDEX_NAMES, *([CORNER_UV_NAME] if has_corner_uv else [])}
     lists = [
         f"{name}.{column.name}"
-        for name in shape
+        for name in ("vertex", "face")
         for column in tables[name].element.properties
         if column.count_code and not (name != "vertex" and column.name in known)
     ]
     note_kinds(notes, "lists", lists)
-    others = [name for name, one in tables.items() if one.element.n_rows]
-    note_kinds(notes, "elements", (name for name in others if name not in shape))
+    others = [name for name, table in tables.items() if table.element.n_rows]
+    note_kinds(notes, "elements", (name for name in others if name not in ("vertex", "face")))
 
 
 def _columns(table: PlyTable, domain: Domain) -> Iterator[tuple[str, Kind, Values]]:

@@ -16,9 +16,6 @@ from meshreel.formats.meshes.ply_header import PlyElement, PlyHeader, PlyPropert
 from meshreel.formats.text.token_lines import split_lines
 from meshreel.model.geometry.polygons import Integers, ragged_indices
 
-STRIPS = "tristrips"
-"""Name of the element with triangle strips."""
-
 Offsets = npt.NDArray[np.int64]
 
 
@@ -127,18 +124,15 @@ class PlyTable:
 def read_ply_tables(header: PlyHeader, data: bytes) -> dict[str, PlyTable]:
     """Return the tables of a PLY file by element name.
 
-    An empty face table is dropped if there are triangle strips.
-
     Raises
     ------
     FormatError
         If vertices or faces are not declared, or rows are missing.
     """
     names = [element.name for element in header.elements]
-    if "vertex" not in names or not {"face", STRIPS} & {*names}:
+    if not {"vertex", "face"} <= {*names}:
         raise FormatError(
-            f"has elements {', '.join(names) or '(none)'}; a mesh needs 'vertex', and 'face' or "
-            f"{STRIPS!r}"
+            f"has elements {', '.join(names) or '(none)'}; a mesh needs 'vertex' and 'face'"
         )
     body = _body(header, data)
     tables: dict[str, PlyTable] = {}
@@ -147,8 +141,6 @@ def read_ply_tables(header: PlyHeader, data: bytes) -> dict[str, PlyTable]:
         table = read_table(element, body, start)
         tables.setdefault(element.name, table)
         start = table.end
-    if STRIPS in tables and "face" in tables and tables["face"].element.n_rows == 0:
-        del tables["face"]
     return tables
 
 

@@ -105,7 +105,7 @@ def test_parse_ply_finds_x_y_z_by_name():
         (header().replace(b"vertex 4", b"vertex -4"), "line 5: 'element vertex -4' is not a line"),
         (
             header().replace(b"element face", b"element strips"),
-            "has elements vertex, strips; a mesh needs 'vertex', and 'face' or 'tristrips'",
+            "has elements vertex, strips; a mesh needs 'vertex' and 'face'",
         ),
         (
             header().replace(b"float z", b"float w") + ASCII_VERTICES + b"3 0 1 2\n3 0 1 2\n",
