@@ -1,48 +1,24 @@
-"""Coordinate axes of programs, relative to those of glTF: right-handed, y up, meters."""
+"""Axes of Blender (z up) and of glTF (y up), and the spaces of mesh files."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats
-
 Number = TypeVar("Number", np.float32, np.float64)
 
 
-@dataclass(frozen=True)
-class Axes:
-    """Coordinate axes and units of a program, relative to glTF.
+def to_blender(vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
+    """Return vectors of shape (..., 3), from glTF's axes to Blender's."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([x, -z, y], axis=-1)
 
-    Attributes
-    ----------
-    order : tuple of int
-        The glTF axis of each program axis.
-    signs : tuple of int
-        1, or -1 if the program axis points in the opposite direction.
-    scale : float, default 1
-        Program units per glTF unit.
-    """
 
-    order: tuple[int, int, int]
-    signs: tuple[int, int, int]
-    scale: float = 1.0
-
-    def convert(self, vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
-        """Return vectors of shape (..., 3), from glTF to program axes; lengths do not change."""
-        return vectors[..., list(self.order)] * np.asarray(self.signs, vectors.dtype)
-
-    def convert_back(self, vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
-        """Return vectors of shape (..., 3), from program to glTF axes: the inverse of `convert`."""
-        converted = np.empty_like(vectors)
-        converted[..., list(self.order)] = vectors * np.asarray(self.signs, vectors.dtype)
-        return converted
-
-    def convert_box(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Return the corners of a box, from glTF to program axes; lengths do not change."""
-        first, second = self.convert(low), self.convert(high)
-        return np.minimum(first, second), np.maximum(first, second)
+def from_blender(vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
+    """Return vectors of shape (..., 3), from Blender's axes to glTF's."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([x, z, -y], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -51,17 +27,18 @@ class MeshSpace:
 
     Attributes
     ----------
+    scale : float, default 1
+        Units of the file per glTF unit.
     rotation : tuple of float, optional
-        The quaternion x y z w of the node, which rotates the vertices to glTF axes, if any.
+        The quaternion x y z w of the node, which rotates vertices in Blender's axes to those of
+        glTF; None if they are in glTF's axes.
     """
 
-    axes: Axes
+    scale: float = 1.0
     rotation: tuple[float, float, float, float] | None = None
 
 
-BLENDER = Axes((0, 2, 1), (1, -1, 1))
-
-GLTF_SPACE = MeshSpace(Axes((0, 1, 2), (1, 1, 1)))
-BLENDER_FBX_SPACE = MeshSpace(replace(BLENDER, scale=0.01), (-(0.5**0.5), 0.0, 0.0, 0.5**0.5))
+GLTF_SPACE = MeshSpace()
+BLENDER_FBX_SPACE = MeshSpace(0.01, (-(0.5**0.5), 0.0, 0.0, 0.5**0.5))
 """The space of FBX files from Blender: centimeters and z up, corrected by rotation and scale of the
 node."""

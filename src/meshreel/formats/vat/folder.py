@@ -204,7 +204,7 @@ def _motion(
             f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
             "where float32 is too coarse; keep the node when you import it"
         )
-    return Motion(frames, mesh.faces, fps, placement, space.axes.scale)
+    return Motion(frames, mesh.faces, fps, placement, space.scale)
 
 
 def _smallest_texture(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.arrays import Floats, Singles
-from meshreel.formats.vat.axes import BLENDER
+from meshreel.formats.vat.axes import from_blender, to_blender
 from meshreel.formats.vat.grid import TexelGrid
 from meshreel.formats.vat.motion import Motion
 
@@ -50,28 +50,29 @@ class Remap:
     @classmethod
     def of(cls, motion: Motion) -> "Remap":
         """Return the remap between the smallest and largest offset per axis, in float32."""
-        low, high = BLENDER.convert_box(*motion.offset_box())
+        corners = [to_blender(corner) for corner in motion.offset_box()]
+        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
         return cls(_float32_below(low), -_float32_below(-high))
 
     def values(self, offsets: Floats) -> Floats:
         """Return the texel values of offsets of shape (V, 3)."""
         low, high = self.low.astype(np.float64), self.high.astype(np.float64)
         span = np.where(high > low, high - low, 1.0)
-        return np.clip((BLENDER.convert(offsets) - low) / span, 0.0, 1.0)
+        return np.clip((to_blender(offsets) - low) / span, 0.0, 1.0)
 
     def offsets(self, values: Floats) -> Singles:
         """Return the offsets that a shader computes from samples, of shape (V, 3), in float32."""
-        return BLENDER.convert_back(self.low + values.astype(np.float32) * (self.high - self.low))
+        return from_blender(self.low + values.astype(np.float32) * (self.high - self.low))
 
 
 def normal_values(normals: Floats) -> Floats:
     """Return unit normals scaled to 0 to 1, for every texel type."""
-    return np.clip((BLENDER.convert(normals) + 1) / 2, 0.0, 1.0)
+    return np.clip((to_blender(normals) + 1) / 2, 0.0, 1.0)
 
 
 def normals_of(values: Floats) -> Floats:
     """Return the normals that a shader computes from samples, of any length."""
-    return BLENDER.convert_back(2 * values - 1)
+    return from_blender(2 * values - 1)
 
 
 def remap_document(motion: Motion, grid: TexelGrid, remap: Remap, name: str) -> Any:

@@ -13,7 +13,7 @@ from meshreel.formats.gltf.mesh_writer import split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh, NormalTargets
 from meshreel.formats.gltf.write import NodeTree, assemble_document
 from meshreel.formats.scenes.parts import split_parts
-from meshreel.formats.vat.axes import MeshSpace
+from meshreel.formats.vat.axes import MeshSpace, to_blender
 from meshreel.formats.vat.motion import Motion
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
@@ -74,8 +74,10 @@ class RestMesh:
                 "vertex"
             )
         surface = self._with_texel_uvs(uvs)
-        normals = space.axes.convert(next(motion.normals()).astype(np.float32))
-        rest = (space.axes.convert(motion.rest) * space.axes.scale).astype(np.float32)
+        normals, rest = next(motion.normals()).astype(np.float32), motion.rest
+        if space.rotation is not None:
+            normals, rest = to_blender(normals), to_blender(rest)
+        rest = (rest * space.scale).astype(np.float32)
         buffer = BufferWriter()
         materials = Materials(surface, buffer, notes)
         [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
@@ -88,7 +90,7 @@ class RestMesh:
         tree = NodeTree()
         node = tree.add(name, 0, motion.placement)
         if space.rotation is not None:
-            transform = {"rotation": list(space.rotation), "scale": [1 / space.axes.scale] * 3}
+            transform = {"rotation": list(space.rotation), "scale": [1 / space.scale] * 3}
             tree.nodes[node] |= transform
         meshes = [write_mesh(name, split, morph_mesh, buffer, materials)]
         document = assemble_document(name, tree, meshes, materials, buffer)
