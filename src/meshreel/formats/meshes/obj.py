@@ -91,13 +91,13 @@ def read_obj(data: bytes) -> Frame:
     normals = None
     with suppress(FormatError):
         normals = _normals(lines, mesh)
-    attributes = [one for one in (_texture_coordinates(lines), _colors(lines)) if one is not None]
+    attributes = [*filter(None, (_texture_coordinates(lines), _colors(lines)))]
     parts = _parts(lines, mesh)
     groups = [_groups(lines, name) for name in STATEMENTS]
     surface = Surface(
         None,
         tuple(attributes),
-        tuple(one for one in groups if one.labels and not _is_redundant(one, parts)),
+        tuple(group for group in groups if group.labels and not _is_redundant(group, parts)),
         parts,
     )
     fields, notes = fields_of(attributes), list[str]()
@@ -115,7 +115,7 @@ def read_obj(data: bytes) -> Frame:
 def _mesh(lines: _Lines) -> PolygonMesh:
     every, face_lines, rows = lines.all, lines.face_lines, lines.of_word(b"v")
     indices = every.integers(lines.corners, stop_at_slash=True)
-    vertices = _vertices(every, rows)
+    vertices = every.positions(rows, 1)
     return polygon_mesh(
         vertices,
         lines.counts,
@@ -124,16 +124,6 @@ def _mesh(lines: _Lines) -> PolygonMesh:
         given=lambda corner: indices[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )
-
-
-def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-    short = lines.counts[vertex_lines] < 4
-    if short.any():
-        line = vertex_lines[np.argmax(short)]
-        raise FormatError(
-            f"{lines.place(line)}: a vertex needs x, y and z; got {lines.counts[line] - 1} numbers"
-        )
-    return lines.floats(lines.first[vertex_lines][:, None] + np.arange(1, 4))
 
 
 def _hard_edges(
@@ -269,7 +259,7 @@ def obj_positions_reader(first: bytes, frame: Frame) -> Callable[[bytes], Vertic
         lines = split_lines(found[0])
         with suppress(FormatError):  # parsing the whole file reports the line
             if lines.n_lines == n_verts and (lines.counts == 1 + N_POSITION).all():
-                return _vertices(lines, np.arange(n_verts))
+                return lines.positions(np.arange(n_verts), 1)
         return None
 
     return positions

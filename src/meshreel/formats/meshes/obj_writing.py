@@ -7,7 +7,7 @@ each frame if smoothing groups cannot express them.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,25 +51,6 @@ UNSUPPORTED = "tracks other than vertex colors, normals and UV coordinates"
 TOO_MANY = "more than one color, normal or UV track"
 
 
-@dataclass(frozen=True)
-class ObjTrack:
-    """How a track is stored in an OBJ file: float32, colors in 0..1.
-
-    Attributes
-    ----------
-    name : str
-        Name of the track.
-    """
-
-    name: str
-    domain: Domain
-
-    def encoded(self, values: Values) -> Values:
-        """Convert the values of a frame, of shape (N, C), to those of the file."""
-        scaled = values / 255 if values.dtype == np.uint8 else values
-        return scaled.astype(np.float32)
-
-
 def obj_encoder(
     faces: Faces,
     surface: Surface = PLAIN,
@@ -90,10 +71,13 @@ def obj_encoder(
         shape (N, C).
     """
     note_list = notes if notes is not None else []
-    uv, colors, groups = _texture_coordinates(surface), _colors(surface), _groups(surface)
+    uv = first_attribute(surface, Kind.UV, {Domain.VERTEX, Domain.CORNER}, {2}, "f")
+    colors = first_attribute(surface, Kind.COLOR, {Domain.VERTEX}, {3, 4}, "iuf")
+    groups = _groups(surface)
     note_unwritten(surface, (uv, colors, *groups), ".obj", notes, parts=True, hard_edges=True)
     written_tracks = select_tracks(tracks or {}, uv, colors, note_list)
-    rows, shading = _Rows.of(surface, faces, uv, written_tracks), None
+    domains = {kind: (tracks or {})[name].domain for kind, name in written_tracks.items()}
+    rows, shading = _Rows.of(surface, faces, uv, domains), None
     if surface.hard_edges is not None and TrackKind.NORMAL not in written_tracks:
         smoothing = _smoothing_groups(surface, faces)
         if smoothing is not None:
@@ -110,9 +94,7 @@ def obj_encoder(
 
     def encode(vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
         frame_values = values or {}
-        track_values = {
-            kind: one.encoded(frame_values[one.name]) for kind, one in written_tracks.items()
-        }
+        track_values = {kind: _encoded(frame_values[name]) for kind, name in written_tracks.items()}
         suffixes = (
             _color_rows(track_values[TrackKind.COLOR])
             if TrackKind.COLOR in track_values
@@ -125,14 +107,19 @@ def obj_encoder(
         if shading is not None:
             head += _lines("vn", shading.of_frames(vertices[np.newaxis])[0].astype(np.float32))
         pieces = []
-        for one in objects:
-            colors_of_part = None if suffixes is None else suffixes[one.verts]
-            positions = vertex_rows(vertices[one.verts], prefix="v ", suffixes=colors_of_part)
-            pieces += [one.head, positions, head.encode(), one.faces]
+        for part in objects:
+            colors_of_part = None if suffixes is None else suffixes[part.verts]
+            positions = vertex_rows(vertices[part.verts], prefix="v ", suffixes=colors_of_part)
+            pieces += [part.head, positions, head.encode(), part.faces]
             head = ""
         return b"".join(pieces)
 
     return encode
+
+
+def _encoded(values: Values) -> Values:
+    """Return the values of a track in a frame as the file stores them: colors in 0..1."""
+    return (values / 255 if values.dtype == np.uint8 else values).astype(np.float32)
 
 
 def _lines(word: str, values: Values) -> str:
@@ -164,12 +151,12 @@ def _objects(
 def _face_text(faces: slice, face_lines: list[str], groups: list[FaceGroups]) -> bytes:
     """Lines of the given faces, with a statement wherever the group changes."""
     lines = face_lines[faces]
-    for one in groups:
+    for group in groups:
         before = -2 if faces.start else -1  # a group of the object above would continue: restate it
-        changed = np.flatnonzero(np.diff(one.numbers[faces], prepend=before))
-        for face, number in zip(changed, one.numbers[faces][changed], strict=True):
-            label = one.labels[number] if number >= 0 else ""
-            lines[face] = _statement(one.name, label) + lines[face]
+        changed = np.flatnonzero(np.diff(group.numbers[faces], prepend=before))
+        for face, number in zip(changed, group.numbers[faces][changed], strict=True):
+            label = group.labels[number] if number >= 0 else ""
+            lines[face] = _statement(group.name, label) + lines[face]
     return "".join(lines).encode()
 
 
@@ -215,9 +202,9 @@ class _Rows:
         surface: Surface,
         faces: Faces,
         uv: Attribute | None,
-        written_tracks: Mapping[TrackKind, ObjTrack],
+        track_domains: Mapping[TrackKind, Domain],
     ) -> "_Rows":
-        """Return the indices for a surface and its tracks."""
+        """Return the indices for a surface and tracks of these domains."""
         corners = join_fans(surface.sizes(len(faces)), faces)
         every = np.arange(len(corners))
 
@@ -228,10 +215,10 @@ class _Rows:
         if uv is not None:
             rows = np.arange(len(uv.values)) if uv.indices is None else uv.indices
             texture = (rows[corners] if uv.domain is Domain.VERTEX else rows) + 1
-        if TrackKind.UV in written_tracks:
-            texture = rows_of(written_tracks[TrackKind.UV].domain)
-        normals = written_tracks.get(TrackKind.NORMAL)
-        return cls(texture, None if normals is None else rows_of(normals.domain))
+        if TrackKind.UV in track_domains:
+            texture = rows_of(track_domains[TrackKind.UV])
+        normals = track_domains.get(TrackKind.NORMAL)
+        return cls(texture, None if normals is None else rows_of(normals))
 
 
 def _face_lines(faces: Faces, surface: Surface, rows: _Rows) -> list[str]:
@@ -246,21 +233,20 @@ def _face_lines(faces: Faces, surface: Surface, rows: _Rows) -> list[str]:
     return [f"f {row}\n" for row in face_rows(counts, words)]
 
 
-def _texture_coordinates(surface: Surface) -> Attribute | None:
-    """First UV attribute that an OBJ file can store."""
-    for one in surface.of_kind(Kind.UV):
-        is_pair = one.values.dtype.kind == "f" and one.values.shape[1] == 2
-        if is_pair and one.domain is not Domain.FACE:
-            return one
-    return None
-
-
-def _colors(surface: Surface) -> Attribute | None:
-    """First color attribute that an OBJ file can store; alpha is dropped."""
-    for one in surface.of_kind(Kind.COLOR):
-        if one.domain is Domain.VERTEX and one.values.shape[1] in (3, 4):
-            return one
-    return None
+def first_attribute(
+    surface: Surface, kind: Kind, domains: Container[Domain], widths: Container[int], types: str
+) -> Attribute | None:
+    """Return the first attribute of a kind, domain, number of components and kind of NumPy type."""
+    return next(
+        (
+            attribute
+            for attribute in surface.of_kind(kind)
+            if attribute.domain in domains
+            and attribute.values.shape[1] in widths
+            and attribute.values.dtype.kind in types
+        ),
+        None,
+    )
 
 
 def _color_rows(colors: Values) -> list[str]:
@@ -272,9 +258,9 @@ def _color_rows(colors: Values) -> list[str]:
 
 def _groups(surface: Surface) -> list[FaceGroups]:
     """Groups that have an OBJ statement; parts use the object statement."""
-    found = {one.name: one for one in reversed(surface.groups)}
+    by_name = {group.name: group for group in reversed(surface.groups)}
     names = [name for name in STATEMENTS if name != "object" or not surface.parts]
-    return [found[name] for name in names if name in found]
+    return [by_name[name] for name in names if name in by_name]
 
 
 def select_tracks(
@@ -282,8 +268,8 @@ def select_tracks(
     uv: Attribute | None,
     colors: Attribute | None,
     notes: list[str],
-) -> dict[TrackKind, ObjTrack]:
-    """Return the tracks that an OBJ file can store, at most one of each kind.
+) -> dict[TrackKind, str]:
+    """Return the names of the tracks that an OBJ file can store, at most one of each kind.
 
     Parameters
     ----------
@@ -294,8 +280,8 @@ def select_tracks(
         Receives sentences on tracks that are left out, renamed, converted, or lose their unit.
     """
     attributes = {TrackKind.UV: uv, TrackKind.COLOR: colors}
-    used = {kind for kind, one in attributes.items() if one is not None}
-    found: dict[TrackKind, ObjTrack] = {}
+    used = {kind for kind, attribute in attributes.items() if attribute is not None}
+    written: dict[TrackKind, str] = {}
     missing: dict[str, list[str]] = {}
     for name, track in tracks.items():
         if not _is_supported(track):
@@ -304,7 +290,7 @@ def select_tracks(
             missing.setdefault(TOO_MANY, []).append(name)
         else:
             used.add(track.kind)
-            found[track.kind] = ObjTrack(name, track.domain)
+            written[track.kind] = name
             note_track_name(name, READ_AS[track.kind], ".obj", notes)
             note_track_type(name, track.dtype, np.dtype(np.float32), notes)
             if track.kind is TrackKind.COLOR and track.shape[2] > len("rgb"):
@@ -312,9 +298,9 @@ def select_tracks(
                 add_note(notes, NoteKind.UNWRITTEN, name, text)
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".obj", notes, reason)
-    units = {one.name: tracks[one.name].unit for one in found.values()}
+    units = {name: tracks[name].unit for name in written.values()}
     note_unwritten_units(units, ".obj", notes)
-    return found
+    return written
 
 
 def _is_supported(track: TrackSource) -> bool:

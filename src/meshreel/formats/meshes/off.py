@@ -20,6 +20,7 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.kinds import FrameFormat
+from meshreel.formats.meshes.obj_writing import first_attribute
 from meshreel.formats.notes import note_left_out, note_normals, note_unwritten
 from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
@@ -28,6 +29,9 @@ from meshreel.model.geometry.polygons import join_fans, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
+
+NO_BLANK = re.compile(rb"^([ \t]*(?:ST)?C?N?OFF)(?=\d)", re.MULTILINE)
+"""A keyword without a blank before the number of vertices."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ def read_off(data: bytes) -> Frame:
     FormatError
         If a line is invalid, which the error names, or the number of lines differs from the header.
     """
-    lines = split_lines(data)
+    lines = split_lines(NO_BLANK.sub(rb"\1 ", data, count=1))
     header = read_off_header(lines)
     n_lines = lines.n_lines - header.begin
     if header.n_verts + header.n_faces != n_lines:
@@ -70,7 +74,7 @@ def read_off(data: bytes) -> Frame:
     counts = corner_counts(lines, faces)
     corners = lines.integers(ragged_indices(lines.first[faces] + 1, counts))
     mesh = polygon_mesh(
-        _vertices(lines, verts), counts, corners, place=lambda face: lines.place(faces[face])
+        lines.positions(verts), counts, corners, place=lambda face: lines.place(faces[face])
     )
     attributes, notes = list[Attribute | None](), list[str]()
     n_texture = 2 if header.keyword.startswith("ST") else 0
@@ -85,7 +89,7 @@ def read_off(data: bytes) -> Frame:
         note_normals(notes)
     if face_colors is None and (lines.counts[faces] > counts + 1).any():
         note_left_out(notes, "face colors, which not all faces have as three or four numbers")
-    surface = Surface(attributes=tuple(one for one in attributes if one is not None))
+    surface = Surface(attributes=tuple(filter(None, attributes)))
     return Frame(mesh, surface, notes=notes)
 
 
@@ -95,13 +99,10 @@ def read_off_header(lines: TokenLines) -> OffHeader:
         raise FormatError("is empty; expected the word OFF")
     keyword = lines.word(0)
     n_words = 0 if keyword.lstrip("+").isdigit() else 1
-    found = re.fullmatch(r"((?:ST)?C?N?OFF)(\d{0,15})", keyword)
-    if n_words and not found:
+    if n_words and not re.fullmatch(r"(?:ST)?C?N?OFF", keyword):
         raise FormatError(
             f"{lines.place(0)}: expected the word OFF (with C, N or ST before it); got {keyword!r}"
         )
-    if found and found[2]:
-        return _header_without_blank(lines, found[1], int(found[2]))
     line = 1 if lines.counts[0] == n_words else 0
     offset = 0 if line else n_words
     if line == lines.n_lines or lines.counts[line] < offset + 2:
@@ -110,26 +111,6 @@ def read_off_header(lines: TokenLines) -> OffHeader:
     if n_verts < 0 or n_faces < 0:
         raise FormatError(f"{lines.place(line)}: counts must not be negative")
     return OffHeader(keyword if n_words else "OFF", n_verts, n_faces, line + 1)
-
-
-def _header_without_blank(lines: TokenLines, keyword: str, n_verts: int) -> OffHeader:
-    """Parse a header without a blank between keyword and vertex count."""
-    if lines.counts[0] < 2:
-        raise FormatError(f"{lines.place(0)}: expected the number of faces after that of vertices")
-    [n_faces] = lines.integers(np.array([1])).tolist()
-    if n_faces < 0:
-        raise FormatError(f"{lines.place(0)}: counts must not be negative")
-    return OffHeader(keyword, n_verts, n_faces, 1)
-
-
-def _vertices(lines: TokenLines, vertex_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-    short = lines.counts[vertex_lines] < 3
-    if short.any():
-        line = vertex_lines[np.argmax(short)]
-        raise FormatError(
-            f"{lines.place(line)}: a vertex needs x, y and z; got {lines.counts[line]} numbers"
-        )
-    return lines.floats(lines.first[vertex_lines][:, None] + np.arange(3))
 
 
 def corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -160,13 +141,13 @@ def off_encoder(
         Receives a sentence for each thing that an OFF file cannot store.
     """
     colors, face_colors = (
-        _writable_colors(surface, Domain.VERTEX),
-        _writable_colors(surface, Domain.FACE),
+        first_attribute(surface, Kind.COLOR, {domain}, {3, 4}, "uf")
+        for domain in (Domain.VERTEX, Domain.FACE)
     )
-    uv = _writable_uv(surface)
+    uv = first_attribute(surface, Kind.UV, {Domain.VERTEX}, {2}, "f")
     note_unwritten(surface, (colors, uv, face_colors), ".off", notes)
     keyword = f"{'ST' if uv else ''}{'C' if colors else ''}OFF"
-    suffixes = _join_columns([number_rows(one.per_item()) for one in (colors, uv) if one])
+    suffixes = _join_columns([number_rows(each.per_item()) for each in (colors, uv) if each])
     face_lines = _face_lines(faces, surface, face_colors)
     face_text = "".join(face_lines).encode("ascii")
 
@@ -187,24 +168,6 @@ def _face_lines(faces: Faces, surface: Surface, colors: Attribute | None) -> lis
 
 def _join_columns(columns: list[list[str]]) -> list[str] | None:
     return [" ".join(words) for words in zip(*columns, strict=True)] if columns else None
-
-
-def _writable_colors(surface: Surface, domain: Domain) -> Attribute | None:
-    """First color attribute of a domain that an OFF file can store."""
-    for one in surface.of_kind(Kind.COLOR):
-        is_writable = one.values.dtype.kind in "uf" and one.values.shape[1] in (3, 4)
-        if is_writable and one.domain is domain:
-            return one
-    return None
-
-
-def _writable_uv(surface: Surface) -> Attribute | None:
-    """First vertex UV attribute that an OFF file can store."""
-    for one in surface.of_kind(Kind.UV):
-        is_pair = one.values.dtype.kind == "f" and one.values.shape[1] == 2
-        if is_pair and one.domain is Domain.VERTEX:
-            return one
-    return None
 
 
 def _colors(

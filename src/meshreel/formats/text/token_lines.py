@@ -163,6 +163,27 @@ class TokenLines:
         starts, ends = self.starts[tokens.ravel()], self.ends[tokens.ravel()]
         return bool((np.searchsorted(points, starts) < np.searchsorted(points, ends)).any())
 
+    def positions(self, rows: Integers, n_before: int = 0) -> npt.NDArray[np.float64]:
+        """Return the x, y and z of vertices on the given lines, of shape (V, 3).
+
+        Parameters
+        ----------
+        n_before : int, default 0
+            Number of words before x.
+
+        Raises
+        ------
+        FormatError
+            If a line has fewer than three words after these, or as `floats`.
+        """
+        n_numbers = self.counts[rows] - n_before
+        if (is_short := n_numbers < len("xyz")).any():
+            row = int(np.argmax(is_short))
+            raise FormatError(
+                f"{self.place(rows[row])}: a vertex needs x, y and z; got {n_numbers[row]} numbers"
+            )
+        return self.floats(self.first[rows][:, None] + n_before + np.arange(3))
+
     def _floats_one_by_one(self, tokens: Integers) -> npt.NDArray[np.float64]:
         values = np.empty(len(tokens))
         for block, found in _blocks(tokens, values):

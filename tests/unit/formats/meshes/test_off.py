@@ -48,7 +48,7 @@ def test_parse_off_reads_mixed_polygons():
         (b"4OFF\n3 1 0\n" + BODY, "line 1: expected the word OFF"),
         (b"OFF BINARY\n3 1 0\n" + BODY, "line 1: expected the numbers of vertices and faces"),
         (b"OFF\n", "line 1: expected the numbers of vertices and faces"),
-        (b"OFF3\n" + BODY, "line 1: expected the number of faces after that of vertices"),
+        (b"OFF3\n" + BODY, "line 1: expected the numbers of vertices and faces"),
         (b"OFF3 -1 0\n" + BODY, "line 1: counts must not be negative"),
         (b"OFF3 x 0\n" + BODY, "line 1: expected an integer; got 'x'"),
         (b"OFF\n3 -1 0\n" + BODY, "line 2: counts must not be negative"),
