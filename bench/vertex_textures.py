@@ -27,7 +27,7 @@ from measuring import machine_text, print_table, store
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.folder import write_vat
-from meshreel.formats.vat.textures import TexelType, read_texture, texel_type_of
+from meshreel.formats.vat.textures import TexelType, read_texture
 
 COPIES = 100
 """Copies in the crowd."""
@@ -159,7 +159,8 @@ def size_of(folder: Path) -> int:
 def texture_bytes(path: Path) -> int:
     """Video memory of a texture."""
     texels = read_texture(path)
-    return texel_type_of(texels).video_bytes(*texels.shape[:2])
+    [texel_type] = [each for each in TexelType if each.dtype == texels.dtype]
+    return texel_type.video_bytes(*texels.shape[:2])
 
 
 def glb_document(path: Path) -> Document:

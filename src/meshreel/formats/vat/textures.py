@@ -4,7 +4,6 @@ The first row of an array is the top row of the image, as in PNG and OpenEXR.
 """
 
 import errno
-import math
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError
 from meshreel.formats.notes import listed
 from meshreel.runtime.extras import OPEN_EXR, PNG
 
@@ -43,40 +42,14 @@ class TexelType(Enum):
         """Whether texels are integers, which shaders read as 0 to 1."""
         return self.dtype.kind == "u"
 
-    @property
-    def range(self) -> tuple[float, float]:
-        """The smallest and the largest value."""
-        return (0.0, 1.0) if self.is_integer else (-self._max, self._max)
-
     def texels(self, values: npt.NDArray[np.floating]) -> Texels:
-        """Return values of any shape, rounded to texels.
-
-        Raises
-        ------
-        InvalidInputError
-            If a value is not finite or out of range: 0 to 1 for integers, up to 65504 in magnitude
-            for half floats.
-        """
-        values = np.asarray(values)
-        if not np.isfinite(values).all():
-            raise InvalidInputError("texture values must be finite; got infinity or NaN")
-        low, high = self.range
-        smallest, largest = (
-            (float(values.min()), float(values.max())) if values.size else (low, high)
-        )
-        if smallest < low or largest > high:
-            raise InvalidInputError(
-                f"{self.title} stores values from {low:g} to {high:g}; "
-                f"got {smallest:g} to {largest:g}"
-            )
-        if self.is_integer:
-            return np.rint(values.astype(np.float64) * self._max).astype(self.dtype)
-        return values.astype(self.dtype)
+        """Return values from 0 to 1, of any shape, rounded to texels."""
+        scaled = values * self._max
+        return (np.rint(scaled) if self.is_integer else scaled).astype(self.dtype)
 
     def values(self, texels: Texels) -> npt.NDArray[np.float64]:
         """Return the values that a shader samples from texels of this type."""
-        divisor = self._max if self.is_integer else 1.0
-        return texels.astype(np.float64) / divisor
+        return texels.astype(np.float64) / self._max
 
     def video_bytes(self, height: int, width: int) -> int:
         """Return the size of the uncompressed texture on a GPU, in bytes.
@@ -87,27 +60,12 @@ class TexelType(Enum):
 
     @property
     def _max(self) -> float:
-        info = np.iinfo(self.dtype) if self.is_integer else np.finfo(self.dtype)
-        return float(info.max)
+        """The texel of the value 1."""
+        return float(np.iinfo(self.dtype).max) if self.is_integer else 1.0
 
 
-def texel_type_of(texels: Texels) -> TexelType:
-    """Return the type of an array of texels.
-
-    Raises
-    ------
-    InvalidInputError
-        If no texture has this number type.
-    """
-    for texel_type in TexelType:
-        if texel_type.dtype == texels.dtype:
-            return texel_type
-    allowed = ", ".join(str(texel_type.dtype) for texel_type in TexelType)
-    raise InvalidInputError(f"textures store {allowed}; got {texels.dtype}")
-
-
-def write_texture(path: Path, texels: Texels) -> int:
-    """Write a texture, and return the size of the file in bytes.
+def write_texture(path: Path, texels: Texels) -> None:
+    """Write a texture.
 
     Parameters
     ----------
@@ -118,20 +76,13 @@ def write_texture(path: Path, texels: Texels) -> int:
 
     Raises
     ------
-    InvalidInputError
-        If the array has another shape or type.
     FormatError
         If the library is not installed.
     OSError
         If the file cannot be written.
     """
-    texel_type = texel_type_of(texels)
-    if texels.ndim != 3 or texels.shape[2] not in CHANNELS or not math.prod(texels.shape):
-        raise InvalidInputError(
-            f"a texture has shape (height, width, 3 or 4), without a 0; got {texels.shape}"
-        )
     pixels = np.ascontiguousarray(texels)
-    if texel_type.is_integer:
+    if texels.dtype.kind == "u":
         path.write_bytes(PNG.load().png_encode(pixels))
     else:
         library = OPEN_EXR.load()
@@ -141,7 +92,6 @@ def write_texture(path: Path, texels: Texels) -> int:
         except RuntimeError as error:  # also raised for a full disk, with the file name
             reason = str(error).removesuffix(".").rpartition(". ")[2]
             raise OSError(errno.EIO, reason, str(path)) from error
-    return path.stat().st_size
 
 
 def read_texture(path: Path) -> Texels:
