@@ -253,10 +253,7 @@ class _PartWriter:
     ) -> None:
         self._schema, self._sampling, self._notes = schema, sampling, notes
         self._changing = changing
-        has_track = any(track.kind is TrackKind.NORMAL for track in tracks.values())
-        has_edges = part.surface.hard_edges is not None
-        has_edges = has_edges if changing is None else changing.has_hard_edges
-        self._has_normals = has_edges and not has_track
+        self._has_normals = part.writes_edge_normals(tracks, changing)
         self._names: set[str] = set()
         self._is_first = True
         self._params: dict[str | int, Any] = {}
@@ -290,12 +287,11 @@ class _PartWriter:
 
     def begin(self, part: PartMesh) -> None:
         """Begin a segment with the part in it."""
-        self._part, self._is_new, self._shading = part, True, None
+        self._part, self._is_new = part, True
+        self._shading: RowNormals | None = None
         self._corner_order = reversed_corners(part.counts)
         if self._has_normals:
-            n_verts = part.verts.stop - part.verts.start
-            hard_edges = part.surface.hard_edges
-            self._shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
+            self._shading = part.edge_normals()
 
     def add(self, frame: Singles, values: Mapping[str, Values]) -> None:
         """Write the next frame, from positions of shape (V, 3) and track values of all parts."""

@@ -79,43 +79,42 @@ def ply_encoder(
         The function takes positions of shape (V, 3) and a mapping of track names to values of
         shape (N, C).
     """
-    vertex_attributes, face_attributes = (
-        _writable_attributes(surface, Domain.VERTEX),
-        _writable_attributes(surface, Domain.FACE),
+    by_domain = [
+        _writable_attributes(surface, domain)
+        for domain in (Domain.VERTEX, Domain.FACE, Domain.CORNER)
+    ]
+    attributes = [attribute for writable in by_domain for attribute in writable]
+    note_unwritten(surface, attributes, ".ply", notes)
+    columns, face_columns = (
+        [column for attribute in writable for column in _columns(attribute)]
+        for writable in by_domain[:2]
     )
-    corner_attributes = _writable_attributes(surface, Domain.CORNER)
-    note_unwritten(
-        surface, (*vertex_attributes, *face_attributes, *corner_attributes), ".ply", notes
-    )
-    columns = [column for one in vertex_attributes for column in _columns(one)]
-    face_columns = [column for one in face_attributes for column in _columns(one)]
-    lists = [one.per_item() for one in corner_attributes]
-    attributes = (*vertex_attributes, *face_attributes, *corner_attributes)
+    lists = [attribute.per_item() for attribute in by_domain[2]]
     written_tracks = select_tracks(tracks or {}, attributes, notes if notes is not None else [])
-    by_domain = {
-        domain: [one for one in written_tracks if one.domain is domain] for domain in Domain
+    tracks_of = {
+        domain: [track for track in written_tracks if track.domain is domain] for domain in Domain
     }
     face_table = _face_table(faces, surface, face_columns, lists)
 
     def encode(vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
         frame_values = values or {}
         face_header, face_bytes = face_table
-        if by_domain[Domain.FACE] or by_domain[Domain.CORNER]:
-            frame_columns = [
-                pair
-                for one in by_domain[Domain.FACE]
-                for pair in one.columns(frame_values[one.name])
+        vertex_columns, frame_columns = (
+            [
+                column
+                for track in tracks_of[domain]
+                for column in track.columns(frame_values[track.name])
             ]
-            pairs = [frame_values[one.name] for one in by_domain[Domain.CORNER]]
+            for domain in (Domain.VERTEX, Domain.FACE)
+        )
+        if tracks_of[Domain.FACE] or tracks_of[Domain.CORNER]:
+            pairs = [frame_values[track.name] for track in tracks_of[Domain.CORNER]]
             face_header, face_bytes = _face_table(
                 faces, surface, face_columns + frame_columns, lists + pairs
             )
-        track_columns = [
-            pair for one in by_domain[Domain.VERTEX] for pair in one.columns(frame_values[one.name])
-        ]
         is_single = vertices.dtype == np.float32
         positions = vertices.astype("f4" if is_single else "f8", copy=False)
-        fields = [*zip("xyz", positions.T, strict=True), *columns, *track_columns]
+        fields = [*zip("xyz", positions.T, strict=True), *columns, *vertex_columns]
         rows = np.empty(len(vertices), [(name, _code(values)) for name, values in fields])
         for name, values in fields:
             rows[name] = values
@@ -160,29 +159,28 @@ def _interleave(fields: list[Lists]) -> bytes:
 
 def _writable_attributes(surface: Surface, domain: Domain) -> list[Attribute]:
     """Attributes of a domain that a PLY file can store, in reading order."""
-    found: dict[str, Attribute] = {}
+    writable: dict[str, Attribute] = {}
     for kind in (Kind.COLOR, Kind.UV, Kind.OTHER):
-        for one in surface.of_kind(kind):
-            key = one.name if kind is Kind.OTHER else kind
-            if one.domain is domain and key not in found and _is_writable(one):
-                found[key] = one
-    return list(found.values())
+        for attribute in surface.of_kind(kind):
+            if attribute.domain is domain and _is_writable(attribute):
+                writable.setdefault(_attribute_key(attribute), attribute)
+    return list(writable.values())
 
 
-def _is_writable(one: Attribute) -> bool:
-    code, width = _code(one.values), one.values.shape[1]
-    if one.kind is Kind.COLOR:
-        return one.domain is not Domain.CORNER and width in (3, 4) and code != "<i4"
-    if one.kind is Kind.UV:
-        return one.domain is not Domain.FACE and width == 2 and code in ("<f4", "<f8")
-    is_word = re.fullmatch("[!-~]+", one.name) is not None and one.name not in RESERVED
-    return one.domain is not Domain.CORNER and width == 1 and is_word
+def _is_writable(attribute: Attribute) -> bool:
+    code, width = _code(attribute.values), attribute.values.shape[1]
+    if attribute.kind is Kind.COLOR:
+        return attribute.domain is not Domain.CORNER and width in (3, 4) and code != "<i4"
+    if attribute.kind is Kind.UV:
+        return attribute.domain is not Domain.FACE and width == 2 and code in ("<f4", "<f8")
+    is_word = re.fullmatch("[!-~]+", attribute.name) and attribute.name not in RESERVED
+    return attribute.domain is not Domain.CORNER and width == 1 and bool(is_word)
 
 
-def _columns(one: Attribute) -> Iterator[Column]:
+def _columns(attribute: Attribute) -> Iterator[Column]:
     """Property columns of a vertex or face attribute."""
-    names = {Kind.COLOR: COLOR_NAMES, Kind.UV: UV_NAMES[0], Kind.OTHER: (one.name,)}[one.kind]
-    return zip(names, one.per_item().T, strict=False)
+    names = {Kind.COLOR: COLOR_NAMES, Kind.UV: UV_NAMES[0]}.get(attribute.kind, (attribute.name,))
+    return zip(names, attribute.per_item().T, strict=False)
 
 
 def _code(values: npt.NDArray[Any]) -> str:
@@ -228,8 +226,8 @@ def select_tracks(
     notes : list of str
         Receives sentences on tracks that are left out, renamed, converted, or lose their unit.
     """
-    used = {(one.domain, _attribute_key(one)) for one in attributes}
-    found: list[PlyTrack] = []
+    used = {(attribute.domain, _attribute_key(attribute)) for attribute in attributes}
+    written: list[PlyTrack] = []
     missing: dict[str, list[str]] = {}
     for name, track in tracks.items():
         properties, dtype = _properties(name, track), _written_type(track)
@@ -245,17 +243,19 @@ def select_tracks(
             missing.setdefault(TOO_MANY, []).append(name)
             continue
         used.add((track.domain, key))
-        found.append(PlyTrack(name, track.domain, (key,) if is_scalar else properties, dtype))
+        written.append(PlyTrack(name, track.domain, (key,) if is_scalar else properties, dtype))
         note_track_name(name, key, ".ply", notes)
         note_track_type(name, track.dtype, dtype, notes)
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".ply", notes, reason)
-    note_unwritten_units({one.name: tracks[one.name].unit for one in found}, ".ply", notes)
-    return found
+    units = {track.name: tracks[track.name].unit for track in written}
+    note_unwritten_units(units, ".ply", notes)
+    return written
 
 
-def _attribute_key(one: Attribute) -> str:
-    return {Kind.COLOR: "color", Kind.UV: "uv"}.get(one.kind, one.name)
+def _attribute_key(attribute: Attribute) -> str:
+    """Return the name under which an attribute is read back."""
+    return {Kind.COLOR: "color", Kind.UV: "uv"}.get(attribute.kind, attribute.name)
 
 
 def _properties(name: str, track: TrackSource) -> tuple[str, ...] | None:

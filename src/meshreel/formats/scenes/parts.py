@@ -7,9 +7,12 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.formats.frames.shared_data import SharedData
+from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Int32s, Part, Surface
+from meshreel.model.tracks import TrackKind, TrackSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +37,23 @@ class PartMesh:
     corners: npt.NDArray[np.int32]
     surface: Surface
     items: Mapping[Domain, slice]
+
+    def writes_edge_normals(
+        self, tracks: Mapping[str, TrackSource], changing: SharedData | None
+    ) -> bool:
+        """Return whether normals are computed from hard edges: not beside a track of normals.
+
+        With the data of several segments, any of them may have the hard edges.
+        """
+        has_edges = (
+            self.surface.hard_edges is not None if changing is None else changing.has_hard_edges
+        )
+        return has_edges and all(track.kind is not TrackKind.NORMAL for track in tracks.values())
+
+    def edge_normals(self) -> RowNormals:
+        """Return the computation of normals from faces and hard edges."""
+        n_verts = self.verts.stop - self.verts.start
+        return RowNormals(self.counts, self.corners, self.surface.hard_edges, n_verts)
 
 
 def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iterator[PartMesh]:

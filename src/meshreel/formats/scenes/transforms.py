@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles, Values
 from meshreel.errors import InvalidInputError
@@ -11,8 +10,8 @@ from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.sequence import Vertices
 
 
-def transform_points(points: Vertices, matrices: Floats) -> Vertices:
-    """Return points transformed by each matrix, of shape (I * V, 3).
+def transform_points(points: Vertices, matrix: Floats) -> Vertices:
+    """Return points transformed by a matrix, of shape (V, 3).
 
     They are computed in float64 and rounded once to the type of `points`. The result stays float64
     if it is so far from the origin that rounding would move a vertex by more than a millionth of
@@ -21,13 +20,12 @@ def transform_points(points: Vertices, matrices: Floats) -> Vertices:
     Parameters
     ----------
     points : float array of shape (V, 3)
-    matrices : float64 array of shape (4, 4) or (I, 4, 4)
+    matrix : float64 array of shape (4, 4)
     """
-    if np.array_equal(matrices, np.eye(4)):
+    if np.array_equal(matrix, np.eye(4)):
         return points
     with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
-        linear, shift = matrices[..., :3, :3], matrices[..., np.newaxis, 3, :3]
-        world: Vertices = (points.astype(np.float64) @ linear + shift).reshape(-1, 3)
+        world: Vertices = points.astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
         narrowing = Narrowing()
         narrowing.add(world)
         dtype: Any = points.dtype if narrowing.is_harmless else np.float64
@@ -60,11 +58,10 @@ def transform_normals(values: Values, matrix: Floats) -> Values:
     return normals
 
 
-def is_mirroring(matrices: Floats) -> npt.NDArray[np.bool_]:
-    """Return which transforms, of shape (..., 4, 4), reverse orientation."""
+def is_mirroring(matrix: Floats) -> bool:
+    """Return whether a transform, of shape (4, 4), reverses orientation."""
     with np.errstate(all="ignore"):
-        mirrors: npt.NDArray[np.bool_] = np.linalg.det(matrices[..., :3, :3]) < 0
-    return mirrors
+        return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
 class Rounding:

@@ -429,7 +429,7 @@ class StageMesh:
     @cached_property
     def _is_reversed(self) -> bool:
         """Whether corners must be reversed to be counterclockwise in world space."""
-        return self._shape.is_left_handed != bool(is_mirroring(self._matrix(self._start)))
+        return self._shape.is_left_handed != is_mirroring(self._matrix(self._start))
 
     def _file_mesh(self, code: float) -> PolygonMesh:
         """Return all faces at a time code in file order, with points in local space."""

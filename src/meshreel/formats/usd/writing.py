@@ -145,11 +145,8 @@ def _write_binary(
             root = _write_root(stage, paths[0], rounding.shift)
             names = {path.split("/")[2] for path in paths}
             materials = _materials(stage, root, names, segment, folder, is_package=is_package)
-            has_track = any(track.kind is TrackKind.NORMAL for track in segment.tracks.values())
             for part, mesh_path in zip(parts, paths, strict=True):
-                has_edges = part.surface.hard_edges is not None
-                has_edges = has_edges if changing is None else changing.has_hard_edges
-                has_normals = has_edges and not has_track
+                has_normals = part.writes_edge_normals(segment.tracks, changing)
                 meshes.append(MeshWriter(stage, mesh_path, has_normals=has_normals))
         # Floats need a sample at the first and the last frame, since USD interpolates them.
         sampled: Codes = [None] if changing is None else list(dict.fromkeys([own[0], own[-1]]))
@@ -330,8 +327,7 @@ class MeshWriter:
         self._mesh.CreateFaceVertexCountsAttr().Set(_array("int", part.counts), when)
         self._mesh.CreateFaceVertexIndicesAttr().Set(_array("int", part.corners), when)
         if self._normals is not None:
-            n_verts, hard_edges = part.verts.stop - part.verts.start, part.surface.hard_edges
-            self._shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
+            self._shading = part.edge_normals()
             self._normals.SetIndices(_array("int", self._shading.rows.of_corner), when)
         for attribute, name in primvar_names(part.surface):
             self._write_attribute(attribute, name, codes, segment.notes)
