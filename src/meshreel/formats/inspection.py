@@ -1,6 +1,6 @@
 """Inspection of files of any format without loading a sequence."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -24,7 +24,7 @@ from meshreel.model.surface_description import (
     describe_images,
     describe_materials,
 )
-from meshreel.model.tracks import TrackSource, describe_track
+from meshreel.model.tracks import describe_track
 from meshreel.runtime.progress import Progress
 
 
@@ -239,13 +239,9 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         tuple(part.name for part in sequence.surface.parts),
         describe_materials(sequence.surface),
         describe_images(sequence.surface),
-        _described_tracks(sequence.tracks),
+        tuple(f"{name}: {describe_track(track)}" for name, track in sequence.tracks.items()),
         raw_size_bytes=positions_size_bytes(sequence) + sequence.faces.nbytes,
     )
-
-
-def _described_tracks(tracks: Mapping[str, TrackSource]) -> tuple[str, ...]:
-    return tuple(f"{name}: {describe_track(track)}" for name, track in tracks.items())
 
 
 def _bad_mesh_info(mesh: SceneMesh, problem: str) -> MeshInfo:

@@ -11,7 +11,6 @@ given as an index of a color table.
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -34,21 +33,6 @@ NO_BLANK = re.compile(rb"^([ \t]*(?:ST)?C?N?OFF)(?=\d)", re.MULTILINE)
 """A keyword without a blank before the number of vertices."""
 
 
-@dataclass(frozen=True)
-class OffHeader:
-    """Keyword and counts of the header, and the index of the first line after it."""
-
-    keyword: str
-    n_verts: int
-    n_faces: int
-    begin: int
-
-    @property
-    def face_begin(self) -> int:
-        """Index of the line of the first face."""
-        return self.begin + self.n_verts
-
-
 def read_off(data: bytes) -> Frame:
     """Read an OFF file; positions are float64.
 
@@ -61,31 +45,30 @@ def read_off(data: bytes) -> Frame:
         If a line is invalid, which the error names, or the number of lines differs from the header.
     """
     lines = split_lines(NO_BLANK.sub(rb"\1 ", data, count=1))
-    header = read_off_header(lines)
-    n_lines = lines.n_lines - header.begin
-    if header.n_verts + header.n_faces != n_lines:
+    keyword, n_verts, n_faces, begin = _read_header(lines)
+    n_lines = lines.n_lines - begin
+    if n_verts + n_faces != n_lines:
         raise FormatError(
-            f"declares {counted(header.n_verts, 'vertex')} and "
-            f"{counted(header.n_faces, 'face')}, one per line, but "
-            f"{n_lines} lines follow; the file is truncated or damaged"
+            f"declares {counted(n_verts, 'vertex')} and {counted(n_faces, 'face')}, one per line, "
+            f"but {n_lines} lines follow; the file is truncated or damaged"
         )
-    verts = np.arange(header.begin, header.face_begin)
-    faces = np.arange(header.face_begin, lines.n_lines)
-    counts = corner_counts(lines, faces)
+    verts = np.arange(begin, begin + n_verts)
+    faces = np.arange(begin + n_verts, lines.n_lines)
+    counts = _corner_counts(lines, faces)
     corners = lines.integers(ragged_indices(lines.first[faces] + 1, counts))
     mesh = polygon_mesh(
         lines.positions(verts), counts, corners, place=lambda face: lines.place(faces[face])
     )
     attributes, notes = list[Attribute | None](), list[str]()
-    n_texture = 2 if header.keyword.startswith("ST") else 0
-    if "C" in header.keyword:
-        n_before = np.full(len(verts), 6 if "N" in header.keyword else 3)
+    n_texture = 2 if keyword.startswith("ST") else 0
+    if "C" in keyword:
+        n_before = np.full(len(verts), 6 if "N" in keyword else 3)
         attributes.append(_colors(lines, verts, n_before, n_texture, Domain.VERTEX))
     if n_texture:
         attributes.append(_texture_coordinates(lines, verts))
     face_colors = _colors(lines, faces, counts + 1, 0, Domain.FACE)
     attributes.append(face_colors)
-    if "N" in header.keyword:
+    if "N" in keyword:
         note_normals(notes)
     if face_colors is None and (lines.counts[faces] > counts + 1).any():
         note_left_out(notes, "face colors, which not all faces have as three or four numbers")
@@ -93,8 +76,8 @@ def read_off(data: bytes) -> Frame:
     return Frame(mesh, surface, notes=notes)
 
 
-def read_off_header(lines: TokenLines) -> OffHeader:
-    """Parse the header of an OFF file; raises as `read_off`."""
+def _read_header(lines: TokenLines) -> tuple[str, int, int, int]:
+    """Return keyword and counts of the header, and the index of the first line after it."""
     if lines.n_lines == 0:
         raise FormatError("is empty; expected the word OFF")
     keyword = lines.word(0)
@@ -110,10 +93,10 @@ def read_off_header(lines: TokenLines) -> OffHeader:
     n_verts, n_faces = lines.integers(lines.first[line] + offset + np.arange(2)).tolist()
     if n_verts < 0 or n_faces < 0:
         raise FormatError(f"{lines.place(line)}: counts must not be negative")
-    return OffHeader(keyword if n_words else "OFF", n_verts, n_faces, line + 1)
+    return keyword if n_words else "OFF", n_verts, n_faces, line + 1
 
 
-def corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return the corner counts of the faces on the given lines; raises as `read_off`."""
     counts = lines.integers(lines.first[face_lines])
     wrong = (counts < 0) | (counts >= lines.counts[face_lines])

@@ -19,7 +19,6 @@ from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF_SPACE, MeshSpace
 from meshreel.formats.vat.grid import WIDTHS, TexelGrid, fit_grid
 from meshreel.formats.vat.layouts import (
     N_CHANNELS,
-    FileNames,
     Remap,
     normal_values,
     normals_of,
@@ -64,9 +63,9 @@ def vat_files(path: Path, options: WriteOptions) -> list[Path]:
     if options.max_error is not None:
         bound_of(options.max_error)
     _mesh_space(options)
-    names = FileNames.of(path.stem, _types(options)[0].extension)
+    names = _file_names(path.stem, _types(options))
     (PNG if options.textures == "png" else OPEN_EXR).load()
-    return [path / name for name in (names.mesh, names.texture, names.data)]
+    return [path / name for name in names]
 
 
 def write_vat(
@@ -94,11 +93,8 @@ def write_vat(
         If no type meets the error bound, or a texture would exceed the size limit of GPUs.
     """
     types = types or _types(options)
-    space, names, notes = (
-        _mesh_space(options),
-        FileNames.of(stem, types[0].extension),
-        stream.notes,
-    )
+    space, notes = _mesh_space(options), stream.notes
+    mesh_path, path, data_path = (folder / name for name in _file_names(stem, types))
     has_normals = options.normals is not False
     fps = _note_losses(stream)
     sequence = stream.gather()
@@ -113,19 +109,23 @@ def write_vat(
     remap = Remap.of(motion)
     texel_type, image, errors = _smallest_texture(motion, remap, grid, types, bound)
     angle_deg = _write_normals(image, motion, grid, texel_type) if has_normals else None
-    path = folder / names.texture
     write_texture(path, image)
     if not np.array_equal(read_texture(path), image):
         raise InvalidInputError(
             f"{path.name} decodes to other texels, a defect of the library that wrote it; "
             "choose the other kind of textures"
         )
-    mesh.write(folder / names.mesh, motion, grid.texel_uvs(), space, notes)
-    document = remap_document(motion, grid, remap, stream.name or Path(names.mesh).stem)
+    mesh.write(mesh_path, motion, grid.texel_uvs(), space, notes)
+    document = remap_document(motion, grid, remap, stream.name or stem)
     text = json.dumps(document, ensure_ascii=False, indent=4)
-    (folder / names.data).write_text(f"{text}\n", encoding="utf-8")
+    data_path.write_text(f"{text}\n", encoding="utf-8")
     _note_errors(notes, budget, errors, angle_deg, texel_type)
     _note_size(notes, grid, texel_type)
+
+
+def _file_names(stem: str, types: Sequence[TexelType]) -> tuple[str, str, str]:
+    """Return the names of the mesh, the texture and the JSON."""
+    return f"{stem}.glb", f"{stem}_vat{types[0].extension}", f"{stem}-remap_info.json"
 
 
 def _types(options: WriteOptions) -> Sequence[TexelType]:

@@ -20,20 +20,6 @@ N_CHANNELS = 3
 """Channels of offsets and of normals."""
 
 
-@dataclass(frozen=True)
-class FileNames:
-    """Names of the files of a folder."""
-
-    mesh: str
-    texture: str
-    data: str
-
-    @classmethod
-    def of(cls, stem: str, extension: str) -> "FileNames":
-        """Return the file names, for a file extension of textures."""
-        return cls(f"{stem}.glb", f"{stem}_vat{extension}", f"{stem}-remap_info.json")
-
-
 @dataclass(frozen=True, eq=False)
 class Remap:
     """The mapping between offsets and texel values.
