@@ -120,7 +120,7 @@ def main() -> None:
     if arguments.cut:
         parts = [raw[: raw.n_frames // 2], raw[raw.n_frames // 2 :]]
     results = [register(part, bound_of(arguments.tolerance)) for part in parts]
-    registered = meshreel.concatenate([one.sequence for one in results])
+    registered = meshreel.concatenate([result.sequence for result in results])
     stream = meshreel.encode(registered, quality=arguments.quality, order="keep")
     decoded = meshreel.decode(stream)
     cuts = np.isin(np.arange(1, raw.n_frames), registered.starts)
@@ -137,11 +137,11 @@ def main() -> None:
     original, first = [mesh_of(frame) for frame in frames], 0
     print("| frames from the key | along the surface, % | 95 %, % | per frame, % |")
     print("|---|---|---|---|")
-    for one in results:
-        for distance, *lengths in sliding(one, decoded, original, first):
+    for result in results:
+        for distance, *lengths in sliding(result, decoded, original, first):
             cells = " | ".join(f"{100 * length / diagonal:.3f}" for length in lengths)
             print(f"| {distance:.0f} | {cells} |")
-        first += one.sequence.n_frames
+        first += result.sequence.n_frames
 
 
 if __name__ == "__main__":

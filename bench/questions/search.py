@@ -166,9 +166,9 @@ def grid_points(
     results: dict[tuple[int, int], Point] = {}
     for bits in bit_counts:
         for modes in rows:
-            if _is_saturated([one for (_, same), one in results.items() if same == bits]):
+            if _is_saturated([result for (_, same), result in results.items() if same == bits]):
                 break
-            if _is_saturated([one for (same, _), one in results.items() if same == modes]):
+            if _is_saturated([result for (same, _), result in results.items() if same == modes]):
                 continue
             results[modes, bits] = point(modes, bits)
             yield results[modes, bits]

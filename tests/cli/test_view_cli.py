@@ -304,7 +304,6 @@ def test_view_plays_the_complete_blocks_when_the_file_is_truncated(page, tmp_pat
     with viewing(page, tmp_path / "cut.reel") as (_, port):
         facts = get_json(port, "/api/facts")
     assert (facts["is_whole"], facts["name"]) == (False, "cut")
-    assert 0 < len(facts["n_modes"]) < 3
     assert "truncated" in dict(facts["rows"])["end"]
 
 

@@ -78,7 +78,7 @@ class WebServer:
     def ranges(self):
         """Return the requested ranges, as pairs of the first byte and the byte after the last."""
         results = [re.fullmatch(r"bytes=(\d+)-(\d+)", one) for _, _, one in self.requests if one]
-        return [(int(one[1]), int(one[2]) + 1) for one in results]
+        return [(int(result[1]), int(result[2]) + 1) for result in results]
 
     def forget(self):
         self.requests.clear()

@@ -131,7 +131,7 @@ class SourceInfo:
         meshes = [mesh.as_dict() for mesh in self.meshes]
         return {
             "format": self.format, "size_bytes": self.size_bytes, "n_files": self.n_files,
-            "meshes": meshes, "animations": [asdict(one) for one in self.animations],
+            "meshes": meshes, "animations": [asdict(animation) for animation in self.animations],
             "left_out": list(self.left_out), "notes": list(self.notes),
         }  # fmt: skip
 
@@ -204,11 +204,11 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
     if isinstance(sequence, MeshSequence) and sequence.n_segments > 1:
         infos, extent = list(map(_sequence_info, sequence.segments)), sequence.extent
         contents: dict[str, Any] = {
-            name: tuple(dict.fromkeys(text for one in infos for text in getattr(one, name)))
+            name: tuple(dict.fromkeys(text for info in infos for text in getattr(info, name)))
             for name in ("attributes", "parts", "materials", "images", "tracks")
         }
         largest = {
-            name: max(getattr(one, name) for one in infos)
+            name: max(getattr(info, name) for info in infos)
             for name in ("n_verts", "n_faces", "n_polygons")
         }
         return replace(
@@ -217,7 +217,7 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
             n_frames=sequence.n_frames,
             n_segments=sequence.n_segments,
             n_meshes=sequence.n_meshes,
-            raw_size_bytes=sum(one.raw_size_bytes for one in infos),
+            raw_size_bytes=sum(info.raw_size_bytes for info in infos),
             low=tuple(extent.low.tolist()),
             high=tuple(extent.high.tolist()),
             **largest,

@@ -123,7 +123,7 @@ def _check_folder(
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=True)
     extensions = {one.suffix for one in paths} | {".png", ".exr"}
     others = set(path.iterdir()) - set(paths) if path.is_dir() else set()
-    if conflicting := sorted(one.name for one in others if one.suffix.lower() in extensions):
+    if conflicting := sorted(other.name for other in others if other.suffix.lower() in extensions):
         raise InvalidInputError(
             f"{path} contains files that must not be mixed with the output: {listed(conflicting)}; "
             "remove them, or choose another folder"

@@ -320,7 +320,7 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     if (hard := frame.find_hard_edges()) is not None:
         NormalNotes(notes).add("", hard)
         surface = replace(surface, hard_edges=hard.edges)
-    attributes = {(one.domain, one.name) for one in surface.attributes}
+    attributes = {(attribute.domain, attribute.name) for attribute in surface.attributes}
     note_kinds(notes, "fields", (key[1] for key in frame.fields if key not in attributes))
     options.notes.extend(note for note in notes if note not in options.notes)
     if len(mesh.vertices) != n_verts:

@@ -208,7 +208,7 @@ def _resolve(address: str) -> list[str]:
 
 
 def _natural_order(addresses: Iterable[str]) -> list[str]:
-    of_name = {name_of(one): one for one in addresses}
+    of_name = {name_of(address): address for address in addresses}
     return [of_name[path.name] for path in natural_order(map(Path, of_name))]
 
 

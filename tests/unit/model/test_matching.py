@@ -82,7 +82,7 @@ def test_equal_texture_coordinates_are_told_apart_by_their_neighbors(n_values):
     results = match_segments(given)
     assert_same_surfaces(results, given)
     if n_values == 8:
-        assert [one.n_verts for one in results] == [99]
+        assert [result.n_verts for result in results] == [99]
 
 
 def collapsed(sequence):
@@ -202,7 +202,7 @@ def test_segments_of_several_frames_and_other_meshes_are_joined_where_they_match
         counts.append((stage, share.done))
 
     results = match_segments(given, progress)
-    assert [one.n_frames for one in results] == [5, 1, 2]
+    assert [result.n_frames for result in results] == [5, 1, 2]
     assert_same_surfaces(results, given)
     assert counts == [("matching", number) for number in range(1, 7)]
 

@@ -47,9 +47,9 @@ def add_param(parent, kind, name, values, scope_name, sampling):
     param = getattr(AbcGeom, f"O{kind}GeomParam")(
         parent, name, False, scope(scope_name), 1, Abc.Argument(sampling)
     )
-    for one in values:
+    for value in values:
         made = getattr(AbcGeom, f"O{kind}GeomParamSample")()
-        made.setVals(array_of({"Int32": "Int"}.get(kind, kind), one))
+        made.setVals(array_of({"Int32": "Int"}.get(kind, kind), value))
         made.setScope(scope(scope_name))
         param.set(made)
 
@@ -91,12 +91,12 @@ def test_animated_parameters_become_tracks(
         add_param(schema.getArbGeomParams(), kind, "stuff", stored, scope_name, samplings[0.1])
 
     notes = []
-    found = read(file_with(tmp_path / "a.abc", fill), notes=notes)
-    [(name, track)] = found.tracks.items()
+    result = read(file_with(tmp_path / "a.abc", fill), notes=notes)
+    [(name, track)] = result.tracks.items()
     assert (name, track.kind, track.domain) == ("stuff", track_kind, domain)
     expected = values[:, REVERSED] if domain == "corner" else values
     assert track.read(0, N_FRAMES).tobytes() == np.ascontiguousarray(expected).tobytes()
-    assert found.surface.attributes == ()
+    assert result.surface.attributes == ()
     assert notes == []
 
 
@@ -111,10 +111,10 @@ def test_constant_parameters_become_attributes(tmp_path):
             parent, "Float", "speed", values * np.float32([[1], [2], [3]]), "Vertex", samplings[0.1]
         )
 
-    found = load(file_with(tmp_path / "a.abc", fill))
-    assert list(found.tracks) == ["speed"]
-    assert [attribute.name for attribute in found.surface.attributes] == ["heat", "weight"]
-    for attribute in found.surface.attributes:
+    loaded = load(file_with(tmp_path / "a.abc", fill))
+    assert list(loaded.tracks) == ["speed"]
+    assert [attribute.name for attribute in loaded.surface.attributes] == ["heat", "weight"]
+    for attribute in loaded.surface.attributes:
         assert (attribute.kind, attribute.domain) == (Kind.OTHER, Domain.VERTEX)
         np.testing.assert_array_equal(attribute.values, values[0][:, np.newaxis])
 
@@ -139,10 +139,10 @@ def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
     def fill(schema, samplings):
         add_param(schema.getArbGeomParams(), "C3f", "Cd", paint, "Vertex", samplings[0.1])
 
-    found = load(file_with(tmp_path / "a.abc", fill, MOVES[:1]))
-    assert (found.n_frames, found.fps) == (5, 10)
-    assert np.array_equal(found.vertices, np.tile(MOVES[:1], (5, 1, 1)))
-    assert np.array_equal(found.tracks["Cd"].values, paint)
+    loaded = load(file_with(tmp_path / "a.abc", fill, MOVES[:1]))
+    assert (loaded.n_frames, loaded.fps) == (5, 10)
+    assert np.array_equal(loaded.vertices, np.tile(MOVES[:1], (5, 1, 1)))
+    assert np.array_equal(loaded.tracks["Cd"].values, paint)
 
 
 def test_note_names_samples_that_no_frame_has(tmp_path):
@@ -230,12 +230,12 @@ def test_tracks_round_trip(tmp_path, n_frames):
         for name, track in sheet.tracks.items()
     }
     save(sheet.replace(tracks=small), tmp_path / "a.abc", notes=notes)
-    found = load(tmp_path / "a.abc")
-    assert_same_tracks(found.tracks, as_written(small))
+    loaded = load(tmp_path / "a.abc")
+    assert_same_tracks(loaded.tracks, as_written(small))
     assert "track 'flow_vertex' is called 'velocities' in .abc files" in notes
     assert not any("units" in note for note in notes)
     assert "track 'shade_face' is written as float32, not uint8" in notes
-    assert {one.kind for one in found.surface.attributes} == {"uv", "color"}
+    assert {attribute.kind for attribute in loaded.surface.attributes} == {"uv", "color"}
 
 
 def test_save_notes_tracks_beyond_32_bits(tmp_path):
@@ -289,7 +289,7 @@ def test_alembic_library_reads_the_saved_tracks(tmp_path):
     for frame in range(3):
         chosen = Abc.ISampleSelector(frame / sheet.fps)
         got = mesh.getValue(chosen)
-        speeds = np.array([list(one) for one in got.getVelocities()], np.float32)
+        speeds = np.array([list(getVelocity) for getVelocity in got.getVelocities()], np.float32)
         assert np.array_equal(speeds, tracks["velocities"][frame])
         shown = mesh.getNormalsParam().getExpandedValue(chosen).getVals()
         assert np.array_equal(np.array([list(one) for one in shown], np.float32), normals[frame])
@@ -322,9 +322,9 @@ def test_second_parameter_of_a_name_is_renamed(tmp_path):
     speed = Track(RNG.normal(size=(N_FRAMES, 6, 3)).astype("f4"), kind="velocity")
     save(sheet.replace(tracks={**sheet.tracks, "v": speed}), path.with_name("b.abc"))
     notes = []
-    found = load(path.with_name("b.abc"), notes=notes).tracks
-    assert np.array_equal(found["velocities"].values[..., 0], heat)
-    assert np.array_equal(found["velocities_"].values, speed.values)
+    result = load(path.with_name("b.abc"), notes=notes).tracks
+    assert np.array_equal(result["velocities"].values[..., 0], heat)
+    assert np.array_equal(result["velocities_"].values, speed.values)
     assert any(
         "has 'velocities' twice; the second is called 'velocities_'" in note for note in notes
     )

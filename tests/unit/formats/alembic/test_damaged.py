@@ -31,8 +31,8 @@ def whole(tmp_path_factory):
 
 def test_load_reads_the_undamaged_file(tmp_path, whole):
     (tmp_path / "a.abc").write_bytes(whole)
-    found = load(tmp_path / "a.abc", merge=True)
-    assert [one.name for one in found.surface.parts] == ["/first/m", "/again/m"]
+    loaded = load(tmp_path / "a.abc", merge=True)
+    assert [part.name for part in loaded.surface.parts] == ["/first/m", "/again/m"]
 
 
 @pytest.mark.parametrize("keep", [0, 1, 5, 15, 16, 40, 500, -500, -1])

@@ -31,16 +31,16 @@ def polygons(sequence):
 )
 def test_load_derives_frame_rate_and_start_from_even_times(tmp_path, sampling, fps, start_s):
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, sampling)
-    found = load(tmp_path / "a.abc")
-    assert (found.fps, found.start_s) == (fps, start_s)
-    np.testing.assert_array_equal(found.vertices, MOVES)
+    loaded = load(tmp_path / "a.abc")
+    assert (loaded.fps, loaded.start_s) == (fps, start_s)
+    np.testing.assert_array_equal(loaded.vertices, MOVES)
 
 
 def test_load_returns_one_frame_of_a_constant_mesh(tmp_path):
     frames, sampling = [sample.POINTS] * 5, sample.uniform(1 / 24, 1.0)
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", frames, sampling)
-    found = load(tmp_path / "a.abc")
-    assert (found.n_frames, found.fps, found.start_s) == (1, 24.0, 1.0)
+    loaded = load(tmp_path / "a.abc")
+    assert (loaded.n_frames, loaded.fps, loaded.start_s) == (1, 24.0, 1.0)
 
 
 def test_load_keeps_repeated_frames_before_and_after_a_motion(tmp_path):
@@ -52,8 +52,8 @@ def test_load_keeps_repeated_frames_before_and_after_a_motion(tmp_path):
 
 def test_load_reverses_the_clockwise_faces_of_the_file(tmp_path):
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES)
-    found = [one.tolist() for one in polygons(load(tmp_path / "a.abc"))]
-    assert found == [[3, 2, 1, 0], [5, 4, 2, 3]]
+    results = [polygon.tolist() for polygon in polygons(load(tmp_path / "a.abc"))]
+    assert results == [[3, 2, 1, 0], [5, 4, 2, 3]]
 
 
 def test_load_reads_the_cage_of_a_subdivision_surface(tmp_path):
@@ -82,10 +82,10 @@ def test_load_transforms_instances(tmp_path):
     )
     second.addChildInstance(first, "again")
     del top, first, second
-    found = load(tmp_path / "a.abc", merge=True)
-    assert [one.name for one in found.surface.parts] == ["/first/body", "/second/again/body"]
+    loaded = load(tmp_path / "a.abc", merge=True)
+    assert [part.name for part in loaded.surface.parts] == ["/first/body", "/second/again/body"]
     expected = sample.POINTS + np.float32([5, 0, 0])
-    np.testing.assert_array_equal(found.vertices[0], np.concatenate([expected, 2 * expected]))
+    np.testing.assert_array_equal(loaded.vertices[0], np.concatenate([expected, 2 * expected]))
 
 
 def test_load_names_the_frame_in_which_faces_change(tmp_path):
@@ -119,8 +119,8 @@ def test_overlapping_face_sets_become_separate_groups(tmp_path):
         chosen = sample.AbcGeom.OFaceSetSchemaSample(sample.int_array(faces))
         mesh.getSchema().createFaceSet(name).getSchema().set(chosen)
     del mesh
-    found = load(tmp_path / "a.abc").surface.groups
-    assert [(one.name, one.labels, one.numbers.tolist()) for one in found] == [
+    result = load(tmp_path / "a.abc").surface.groups
+    assert [(one.name, one.labels, one.numbers.tolist()) for one in result] == [
         ("material", ("red", "blue"), [0, 1]),
         ("all", ("all",), [0, 0]),
     ]
@@ -129,16 +129,16 @@ def test_overlapping_face_sets_become_separate_groups(tmp_path):
 def test_open_source_detects_that_the_file_changed(tmp_path):
     path = tmp_path / "a.abc"
     sample.add_mesh(sample.archive(path).getTop(), "m", MOVES)
-    found = open_source(path)
-    np.testing.assert_array_equal(found.read(1, 3), MOVES[1:])
+    opened = open_source(path)
+    np.testing.assert_array_equal(opened.read(1, 3), MOVES[1:])
     data = path.read_bytes()
     path.write_bytes(data.replace(MOVES[2].tobytes(), (MOVES[2] + 1).tobytes()))
-    np.testing.assert_array_equal(found.read(0, 2), MOVES[:2])
+    np.testing.assert_array_equal(opened.read(0, 2), MOVES[:2])
     with pytest.raises(InvalidInputError, match=r"a\.abc changed after it was first read"):
-        found.read(2, 3)
+        opened.read(2, 3)
     path.write_bytes(data[:100])
     with pytest.raises(InvalidInputError, match=r"a\.abc changed after it was first read"):
-        found.read(0, 1)
+        opened.read(0, 1)
 
 
 def write_late_transform(path):
@@ -153,7 +153,7 @@ def write_late_transform(path):
 def test_load_keeps_the_final_pose_of_a_transform_between_two_point_samples(tmp_path):
     write_late_transform(tmp_path / "a.abc")
     notes = []
-    found = load(tmp_path / "a.abc", notes=notes)
-    np.testing.assert_allclose(found.vertices[-1], sample.POINTS * 2 + np.float32([6, 0, 0]))
-    assert (found.n_frames, found.fps) == (9, 32)
+    loaded = load(tmp_path / "a.abc", notes=notes)
+    np.testing.assert_allclose(loaded.vertices[-1], sample.POINTS * 2 + np.float32([6, 0, 0]))
+    assert (loaded.n_frames, loaded.fps) == (9, 32)
     assert notes == ["frame times are uneven; read as 32 frames per second"]

@@ -45,37 +45,37 @@ def rename_note(kind, name, written_name):
 
 @pytest.mark.parametrize("name", ["a;b", "a=b", "a\0b", "a\udc80b"])
 def test_reserved_characters_in_names_of_texture_coordinates_are_replaced(tmp_path, name):
-    found, notes = round_trip(tmp_path, [attribute(name, Kind.UV)])
-    assert [one.name for one in found.surface.attributes] == ["a_b"]
+    returned, notes = round_trip(tmp_path, [attribute(name, Kind.UV)])
+    assert [one.name for one in returned.surface.attributes] == ["a_b"]
     assert notes == [rename_note("attribute", name, "a_b")]
-    found, notes = round_trip(tmp_path, tracks={name: track(2, kind="uv")})
-    assert (list(found.tracks), notes) == (["a_b"], [rename_note("track", name, "a_b")])
+    returned, notes = round_trip(tmp_path, tracks={name: track(2, kind="uv")})
+    assert (list(returned.tracks), notes) == (["a_b"], [rename_note("track", name, "a_b")])
 
 
 def test_cleaned_name_of_texture_coordinates_stays_unique(tmp_path):
-    found, notes = round_trip(tmp_path, [attribute("a;b", Kind.UV), attribute("a_b")])
-    assert [one.name for one in found.surface.attributes] == ["a_b_2", "a_b"]
+    returned, notes = round_trip(tmp_path, [attribute("a;b", Kind.UV), attribute("a_b")])
+    assert [one.name for one in returned.surface.attributes] == ["a_b_2", "a_b"]
     assert notes == [rename_note("attribute", "a;b", "a_b_2")]
 
 
 @pytest.mark.parametrize("name", ["a;b", "a=b", "a\x1bb"])
 def test_names_outside_metadata_keep_their_characters(tmp_path, name):
-    found, notes = round_trip(
+    returned, notes = round_trip(
         tmp_path, [attribute(name)], [group("material", name, "c"), group("g", name)],
         [Part(name, 4, 2)], {f"{name} track": track()},
     )  # fmt: skip
-    assert [one.name for one in found.surface.attributes] == [name]
-    assert [one.labels for one in found.surface.groups] == [(name, "c"), (name,)]
-    assert (found.name, list(found.tracks), notes) == (name, [f"{name} track"], [])
+    assert [one.name for one in returned.surface.attributes] == [name]
+    assert [one.labels for one in returned.surface.groups] == [(name, "c"), (name,)]
+    assert (returned.name, list(returned.tracks), notes) == (name, [f"{name} track"], [])
 
 
 @pytest.mark.parametrize("name", ["a/b", "a\0b", "a\udc80b"])
 def test_changed_names_are_noted(tmp_path, name):
-    found, notes = round_trip(
+    returned, notes = round_trip(
         tmp_path, [attribute(name)], [group("material", name, "c"), group(name, "d")]
     )
-    assert [one.name for one in found.surface.attributes] == ["a_b"]
-    assert [(one.name, one.labels) for one in found.surface.groups] == [
+    assert [one.name for one in returned.surface.attributes] == ["a_b"]
+    assert [(one.name, one.labels) for one in returned.surface.groups] == [
         ("material", ("a_b", "c")),
         ("a_b_2", ("d",)),
     ]
@@ -87,27 +87,29 @@ def test_changed_names_are_noted(tmp_path, name):
 
 
 def test_names_that_differ_only_in_slashes_stay_distinct(tmp_path):
-    found, _ = round_trip(
+    returned, _ = round_trip(
         tmp_path,
         [attribute("a/b"), attribute("a_b")],
         [group("a/b", "l"), group("a_b", "m")],
         tracks={"a/b": track(), "a_b": track(), "a;b": track()},
     )
-    assert [one.name for one in found.surface.attributes] == ["a_b", "a_b_2"]
-    assert [one.name for one in found.surface.groups] == ["a_b_3", "a_b_4"]
-    assert set(found.tracks) == {"a/b", "a_b", "a;b"}
+    assert [one.name for one in returned.surface.attributes] == ["a_b", "a_b_2"]
+    assert [one.name for one in returned.surface.groups] == ["a_b_3", "a_b_4"]
+    assert set(returned.tracks) == {"a/b", "a_b", "a;b"}
 
 
 @pytest.mark.parametrize("text", ["a;b", "a=b", "a\0b"])
 def test_changed_units_and_labels_are_noted(tmp_path, text):
-    found, notes = round_trip(tmp_path, groups=[group("g", "a\0b")], tracks={"t": track(unit=text)})
-    assert (found.tracks["t"].unit, found.surface.groups[0].labels) == ("a_b", ("a_b",))
+    returned, notes = round_trip(
+        tmp_path, groups=[group("g", "a\0b")], tracks={"t": track(unit=text)}
+    )
+    assert (returned.tracks["t"].unit, returned.surface.groups[0].labels) == ("a_b", ("a_b",))
     assert notes == [rename_note("label", "a\0b", "a_b"), rename_note("unit", text, "a_b")]
 
 
 def test_changed_part_name_is_noted(tmp_path):
-    found, notes = round_trip(tmp_path, parts=[Part("a\0b", 4, 2)])
-    assert (found.name, notes) == ("a_b", [rename_note("part", "a\0b", "a_b")])
+    returned, notes = round_trip(tmp_path, parts=[Part("a\0b", 4, 2)])
+    assert (returned.name, notes) == ("a_b", [rename_note("part", "a\0b", "a_b")])
 
 
 @pytest.mark.parametrize(

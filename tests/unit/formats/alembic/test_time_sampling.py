@@ -8,13 +8,13 @@ TIMES = np.array([1.0, 2.0, 4.0])
 
 
 def test_uniform_times_are_evenly_spaced():
-    found = TimeSampling(np.array([0.5]), 0.25).times(4)
-    np.testing.assert_array_equal(found, [0.5, 0.75, 1.0, 1.25])
+    result = TimeSampling(np.array([0.5]), 0.25).times(4)
+    np.testing.assert_array_equal(result, [0.5, 0.75, 1.0, 1.25])
 
 
 def test_cyclic_times_repeat():
-    found = TimeSampling(np.array([0.0, 0.1]), 1.0).times(5)
-    np.testing.assert_array_equal(found, [0.0, 0.1, 1.0, 1.1, 2.0])
+    result = TimeSampling(np.array([0.0, 0.1]), 1.0).times(5)
+    np.testing.assert_array_equal(result, [0.0, 0.1, 1.0, 1.1, 2.0])
 
 
 def test_acyclic_times_are_the_first_stored():

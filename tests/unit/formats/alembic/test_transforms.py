@@ -52,8 +52,8 @@ def test_load_applies_nested_transforms_like_the_library(tmp_path):
 
 def test_transform_that_does_not_inherit_ignores_its_parents(tmp_path):
     chain = [([([OPERATIONS["scale"]], True)], None), ([([OPERATIONS["translate"]], False)], None)]
-    found = load(write_below_transforms(tmp_path / "a.abc", chain))
-    np.testing.assert_array_equal(found.vertices[0], sample.POINTS + np.float32([1.5, -2, 3]))
+    loaded = load(write_below_transforms(tmp_path / "a.abc", chain))
+    np.testing.assert_array_equal(loaded.vertices[0], sample.POINTS + np.float32([1.5, -2, 3]))
 
 
 def test_load_has_a_frame_at_every_sample_of_points_and_transforms(tmp_path):
@@ -62,12 +62,12 @@ def test_load_has_a_frame_at_every_sample_of_points_and_transforms(tmp_path):
     chain = [(right, sample.uniform(2.0, 0.0)), (up, sample.acyclic([0.5, 1.0, 3.0]))]
     frames = [sample.POINTS, sample.POINTS + np.float32([0, 8, 0])]
     path = write_below_transforms(tmp_path / "a.abc", chain, frames, sample.uniform(2.0, 1.0))
-    found = load(path)
+    loaded = load(path)
     times = np.array([0, 0.5, 1, 2, 3])
     shift = [np.interp(times, [0, 2], [0, 2]), np.interp(times, [1, 3], [0, 8])]
     shift.append(np.interp(times, [0.5, 1, 3], [0, 1, 2]))
     expected = sample.POINTS + np.stack(shift, axis=1)[:, np.newaxis]
-    np.testing.assert_array_equal(found.vertices, expected.astype(np.float32))
+    np.testing.assert_array_equal(loaded.vertices, expected.astype(np.float32))
 
 
 def test_load_interpolates_rotations_spherically(tmp_path):
@@ -84,9 +84,9 @@ def test_load_interpolates_rotations_spherically(tmp_path):
 
 def test_load_returns_float64_for_a_mesh_moved_far_from_the_origin(tmp_path):
     far = [([("kTranslateOperation", sample.vector(1e7 + 0.25, 0, 0))], True)]
-    found = load(write_below_transforms(tmp_path / "a.abc", [(far, None)]))
-    assert found.vertices.dtype == np.float64
-    np.testing.assert_array_equal(found.vertices[0], sample.POINTS + np.array([1e7 + 0.25, 0, 0]))
+    loaded = load(write_below_transforms(tmp_path / "a.abc", [(far, None)]))
+    assert loaded.vertices.dtype == np.float64
+    np.testing.assert_array_equal(loaded.vertices[0], sample.POINTS + np.array([1e7 + 0.25, 0, 0]))
 
 
 def rotation_z(angle_deg):

@@ -34,12 +34,12 @@ def saved_and_loaded(path, sequence, notes=None, **choice):
 
 def test_positions_and_polygons_round_trip_exactly(tmp_path):
     sequence = animated(name="Ödipus")
-    found = saved_and_loaded(tmp_path / "a.abc", sequence)
-    assert found.vertices.dtype == np.float32
-    np.testing.assert_array_equal(found.vertices, sequence.vertices)
-    np.testing.assert_array_equal(found.faces, FACES)
-    np.testing.assert_array_equal(found.surface.face_sizes, SIZES)
-    assert found.name == "Ödipus"
+    loaded = saved_and_loaded(tmp_path / "a.abc", sequence)
+    assert loaded.vertices.dtype == np.float32
+    np.testing.assert_array_equal(loaded.vertices, sequence.vertices)
+    np.testing.assert_array_equal(loaded.faces, FACES)
+    np.testing.assert_array_equal(loaded.surface.face_sizes, SIZES)
+    assert loaded.name == "Ödipus"
 
 
 @pytest.mark.parametrize("domain", Domain)
@@ -64,8 +64,8 @@ def test_attributes_round_trip_exactly(tmp_path, domain, is_indexed, kind, width
         Attribute(name, kind, domain, values + np.ones(1, dtype) * number, indices)
         for number, name in enumerate(("first", "second"))
     )
-    found = saved_and_loaded(tmp_path / "a.abc", animated(surface=Surface(SIZES, attributes)))
-    for own, back in zip(attributes, found.surface.attributes, strict=True):
+    loaded = saved_and_loaded(tmp_path / "a.abc", animated(surface=Surface(SIZES, attributes)))
+    for own, back in zip(attributes, loaded.surface.attributes, strict=True):
         assert (back.name, back.kind, back.domain) == (own.name, kind, domain)
         assert back.values.dtype == dtype
         np.testing.assert_array_equal(back.per_item(), own.per_item())
@@ -88,8 +88,8 @@ def test_groups_round_trip_exactly(tmp_path):
         FaceGroups("layer", ("a", "b"), np.array([0, 1, -1], np.int32)),
         FaceGroups("group", ("all",), np.zeros(3, np.int32)),
     )
-    found = saved_and_loaded(tmp_path / "a.abc", animated(surface=Surface(SIZES, groups=groups)))
-    for own, back in zip(groups, found.surface.groups, strict=True):
+    loaded = saved_and_loaded(tmp_path / "a.abc", animated(surface=Surface(SIZES, groups=groups)))
+    for own, back in zip(groups, loaded.surface.groups, strict=True):
         assert (back.name, back.labels) == (own.name, own.labels)
         np.testing.assert_array_equal(back.numbers, own.numbers)
 
@@ -101,11 +101,11 @@ def test_parts_round_trip_as_meshes(tmp_path):
     parts = (Part("/root/a", 4, 1), Part("/root/b/c", 3, 1), Part("/root/b/d", 3, 1))
     colors = Attribute("Cd", Kind.COLOR, Domain.FACE, np.eye(3, dtype=np.float32))
     sequence = MeshSequence(vertices, faces, 24, surface=Surface(sizes, (colors,), (), parts))
-    found = saved_and_loaded(tmp_path / "a.abc", sequence, merge=True)
-    assert found.surface.parts == parts
-    np.testing.assert_array_equal(found.vertices, vertices)
-    np.testing.assert_array_equal(found.faces, faces)
-    np.testing.assert_array_equal(found.surface.attributes[0].values, colors.values)
+    loaded = saved_and_loaded(tmp_path / "a.abc", sequence, merge=True)
+    assert loaded.surface.parts == parts
+    np.testing.assert_array_equal(loaded.vertices, vertices)
+    np.testing.assert_array_equal(loaded.faces, faces)
+    np.testing.assert_array_equal(loaded.surface.attributes[0].values, colors.values)
     alone = load(tmp_path / "a.abc", object="c")
     np.testing.assert_array_equal(alone.vertices, vertices[:, 4:7])
 

@@ -81,7 +81,7 @@ def test_creased_mesh_has_normals_only_on_request():
         fit_part(box.vertices, box.faces, MorphOptions(None, 0.001, one))
         for one in (None, True, False)
     ]
-    assert [one.normals is not None for one in results] == [False, True, False]
+    assert [result.normals is not None for result in results] == [False, True, False]
 
 
 @pytest.mark.parametrize(("error_share", "n_targets"), [(1.01, 1), (0.99, 2), (0.2, 3)])

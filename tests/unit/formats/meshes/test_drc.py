@@ -55,16 +55,16 @@ def sorted_corners(positions, uv):
 @pytest.mark.parametrize("options", [{}, {"preserve_order": True}, {"compression_level": 10}])
 def test_seams_are_welded_when_texture_coordinates_differ(tmp_path, options):
     notes = []
-    found = load(split_tube(tmp_path / "a.drc", **options), notes=notes)
+    loaded = load(split_tube(tmp_path / "a.drc", **options), notes=notes)
     points, uv, faces = tube()
-    assert (found.n_verts, found.n_faces) == (COLUMNS * ROWS, len(faces))
-    _, n_faces = np.unique(sides(found.faces), axis=0, return_counts=True)
+    assert (loaded.n_verts, loaded.n_faces) == (COLUMNS * ROWS, len(faces))
+    _, n_faces = np.unique(sides(loaded.faces), axis=0, return_counts=True)
     assert (n_faces == 1).sum() == 2 * COLUMNS  # both ends of the tube
     assert f"welded {len(points)} points that Draco split at seams to 60 vertices" in notes
-    [attribute] = found.surface.attributes
+    [attribute] = loaded.surface.attributes
     assert (attribute.name, attribute.kind, attribute.domain) == ("uv", "uv", "corner")
     np.testing.assert_allclose(
-        sorted_corners(found.vertices[0][found.faces], attribute.per_item().reshape(-1, 3, 2)),
+        sorted_corners(loaded.vertices[0][loaded.faces], attribute.per_item().reshape(-1, 3, 2)),
         sorted_corners(points[faces], uv[faces]),
         rtol=0, atol=0.011,
     )  # fmt: skip
@@ -73,8 +73,8 @@ def test_seams_are_welded_when_texture_coordinates_differ(tmp_path, options):
 def test_positions_are_those_of_draco(tmp_path):
     path = split_tube(tmp_path / "a.drc")
     decoded = DracoPy.decode(path.read_bytes())
-    found = load(path)
-    np.testing.assert_array_equal(found.vertices[0][found.faces], decoded.points[decoded.faces])
+    loaded = load(path)
+    np.testing.assert_array_equal(loaded.vertices[0][loaded.faces], decoded.points[decoded.faces])
     distance = abs(decoded.points[:, None] - tube()[0]).max(axis=2).min(axis=1)
     assert distance.max() < 0.51 * POSITION_STEP
 
@@ -83,22 +83,22 @@ def test_coordinates_that_agree_at_vertices_belong_to_vertices(tmp_path):
     grid = waving_grid(1)
     uv = grid.vertices[0][:, :2].astype(np.float64)
     path = written(tmp_path / "a.drc", grid.vertices[0], grid.faces.astype(np.uint32), tex_coord=uv)
-    found = load(path)
-    [attribute] = found.surface.attributes
-    assert (attribute.domain, found.n_verts) == ("vertex", grid.n_verts)
-    np.testing.assert_allclose(attribute.values, found.vertices[0][:, :2], rtol=0, atol=1e-4)
+    loaded = load(path)
+    [attribute] = loaded.surface.attributes
+    assert (attribute.domain, loaded.n_verts) == ("vertex", grid.n_verts)
+    np.testing.assert_allclose(attribute.values, loaded.vertices[0][:, :2], rtol=0, atol=1e-4)
 
 
 def test_colors_are_read_as_bytes(tmp_path):
     points, _, faces = tube()
     colors = np.random.default_rng(1).integers(0, 256, (len(points), 4)).astype(np.uint8)
     colors[COLUMNS :: COLUMNS + 1] = colors[:: COLUMNS + 1]
-    found = load(written(tmp_path / "a.drc", points, faces, colors=colors))
-    [attribute] = found.surface.attributes
+    loaded = load(written(tmp_path / "a.drc", points, faces, colors=colors))
+    [attribute] = loaded.surface.attributes
     assert (attribute.name, attribute.kind, attribute.domain) == ("color", "color", "vertex")
     assert attribute.values.dtype == np.uint8
     by_place = {tuple(one): row for one, row in zip(points.round(2).tolist(), colors, strict=True)}
-    for place, row in zip(found.vertices[0].round(2).tolist(), attribute.values, strict=True):
+    for place, row in zip(loaded.vertices[0].round(2).tolist(), attribute.values, strict=True):
         np.testing.assert_array_equal(by_place[tuple(one + 0.0 for one in place)], row)
 
 
@@ -107,9 +107,9 @@ def test_normals_that_differ_across_an_edge_make_it_hard(tmp_path):
     normals = np.array([[0, 0, 1]] * 3 + [[0, 1, 0]] * 3, np.float64)
     faces = np.array([[0, 1, 2], [3, 4, 5]], np.uint32)
     notes = []
-    found = load(written(tmp_path / "a.drc", points, faces, normals=normals), notes=notes)
-    assert found.n_verts == 4
-    assert len(found.surface.hard_edges) == 1
+    loaded = load(written(tmp_path / "a.drc", points, faces, normals=normals), notes=notes)
+    assert loaded.n_verts == 4
+    assert len(loaded.surface.hard_edges) == 1
     assert any(note.startswith("kept 1 of 1 edge as hard edges") for note in notes)
 
 
@@ -120,8 +120,8 @@ def test_generic_attributes_are_listed_in_a_note(tmp_path):
     path = written(
         tmp_path / "a.drc", points, faces, generic_attributes={"weights": weights, 7: weights}
     )
-    found = load(path, notes=notes)
-    assert found.surface.attributes == ()
+    loaded = load(path, notes=notes)
+    assert loaded.surface.attributes == ()
     assert "left out: attributes of Draco: weights, generic 7" in notes
 
 
@@ -136,18 +136,18 @@ def test_equal_positions_without_a_common_edge_stay_apart(tmp_path):
     path = written(
         tmp_path / "a.drc", points, faces, preserve_order=True, generic_attributes={1: ids}
     )
-    found = load(path)
-    assert found.n_verts == 9
-    np.testing.assert_array_equal(found.faces, faces)
+    loaded = load(path)
+    assert loaded.n_verts == 9
+    np.testing.assert_array_equal(loaded.faces, faces)
 
 
 def test_frames_with_equal_faces_are_one_sequence_with_tracks(tmp_path):
     for number in range(3):
         split_tube(tmp_path / f"{number}.drc", lift=number, uv_shift=0.1 * number)
-    found = load(tmp_path, fps=10)
-    assert (found.n_frames, found.n_verts) == (3, COLUMNS * ROWS)
-    np.testing.assert_allclose(np.diff(found.vertices[:, :, 2], axis=0), 1, rtol=0, atol=1e-3)
-    track = found.tracks["uv"]
+    loaded = load(tmp_path, fps=10)
+    assert (loaded.n_frames, loaded.n_verts) == (3, COLUMNS * ROWS)
+    np.testing.assert_allclose(np.diff(loaded.vertices[:, :, 2], axis=0), 1, rtol=0, atol=1e-3)
+    track = loaded.tracks["uv"]
     assert (track.domain, track.kind) == ("corner", "uv")
     np.testing.assert_allclose(np.diff(track.values, axis=0), 0.1, rtol=0, atol=1e-5)
 
@@ -159,9 +159,9 @@ def test_frames_with_changing_faces_are_segments(tmp_path):
     for number, frame in enumerate(grid.vertices):
         written(tmp_path / f"{number + 2}.drc", frame, grid.faces.astype(np.uint32))
     notes = []
-    found = load(tmp_path, notes=notes)
-    assert [one.n_frames for one in found.segments] == [2, 2]
-    assert [one.n_verts for one in found.segments] == [60, grid.n_verts]
+    loaded = load(tmp_path, notes=notes)
+    assert [segment.n_frames for segment in loaded.segments] == [2, 2]
+    assert [segment.n_verts for segment in loaded.segments] == [60, grid.n_verts]
 
 
 def test_notes_of_segments_that_differ_in_numbers_are_combined(tmp_path):
@@ -204,17 +204,17 @@ def test_point_clouds_are_rejected(tmp_path):
 
 def test_integer_positions_become_floats(tmp_path):
     points = np.arange(9, dtype=np.uint32).reshape(3, 3)
-    found = load(written(tmp_path / "a.drc", points, np.array([[0, 1, 2]], np.uint32)))
-    np.testing.assert_array_equal(found.vertices[0], points)
-    assert found.vertices.dtype == np.float64  # as for other formats with 32-bit integers
+    loaded = load(written(tmp_path / "a.drc", points, np.array([[0, 1, 2]], np.uint32)))
+    np.testing.assert_array_equal(loaded.vertices[0], points)
+    assert loaded.vertices.dtype == np.float64  # as for other formats with 32-bit integers
 
 
 def test_missing_positions_are_rejected(tmp_path, monkeypatch):
     """DracoPy gives no values of the types that it does not decode."""
     path = split_tube(tmp_path / "a.drc")
     decoded = DracoPy.decode(path.read_bytes())
-    for one in decoded.attributes:
-        one["data"] = one["data"] if one["attribute_type"] else None
+    for attribute in decoded.attributes:
+        attribute["data"] = attribute["data"] if attribute["attribute_type"] else None
     monkeypatch.setattr(DracoPy, "decode", lambda data: decoded)
     with pytest.raises(FormatError, match="has no positions of three numbers"):
         load(path)

@@ -88,9 +88,9 @@ OBJECTS = b"o a\n" + SQUARE + b"f 1 2 3\no b\n" + SQUARE + b"f 5 6 7 8\nf -4 -3 
 
 
 def test_disjoint_objects_are_parts():
-    found = read_obj(OBJECTS).surface
-    assert found.parts == (Part("a", 4, 1), Part("b", 4, 2))
-    assert found.groups == ()
+    result = read_obj(OBJECTS).surface
+    assert result.parts == (Part("a", 4, 1), Part("b", 4, 2))
+    assert result.groups == ()
 
 
 @pytest.mark.parametrize(
@@ -115,9 +115,9 @@ def test_single_object_is_neither_part_nor_group():
 def test_obj_parts_round_trip(tmp_path):
     sequence = two_cubes()
     save(sequence, tmp_path / "f_%d.obj")
-    found = load(tmp_path)
-    assert_same_surface(found.surface, sequence.surface)
-    np.testing.assert_array_equal(found.vertices, sequence.vertices)
+    loaded = load(tmp_path)
+    assert_same_surface(loaded.surface, sequence.surface)
+    np.testing.assert_array_equal(loaded.vertices, sequence.vertices)
 
 
 def test_obj_encoder_restates_groups_for_each_part(tmp_path):
@@ -132,19 +132,19 @@ def test_obj_encoder_restates_groups_for_each_part(tmp_path):
 def test_byte_colors_are_written_as_floats(tmp_path):
     color = attribute(Kind.COLOR, "vertex", 4, np.uint8)
     (path,) = save(rich_cube(1, attributes=[color]), tmp_path / "f.obj")
-    (found,) = load(path).surface.attributes
+    (result,) = load(path).surface.attributes
     expected = (color.values[:, :3] / 255).astype(np.float32)
-    np.testing.assert_array_equal(found.values, expected, strict=True)
+    np.testing.assert_array_equal(result.values, expected, strict=True)
 
 
 def test_vertex_uv_are_read_back_as_corner_uv(tmp_path):
     uv = attribute(Kind.UV, "vertex", 2)
     sequence = rich_cube(1, attributes=[uv])
     (path,) = save(sequence, tmp_path / "f.obj")
-    (found,) = load(path).surface.attributes
+    (result,) = load(path).surface.attributes
     plain = [line for line in path.read_text().splitlines() if line.startswith("f")]
     assert all(len({*corner.split("/")}) == 1 for line in plain for corner in line.split()[1:])
-    np.testing.assert_array_equal(found.values, uv.values, strict=True)
+    np.testing.assert_array_equal(result.values, uv.values, strict=True)
 
 
 def test_obj_encoder_replaces_special_characters_of_names(tmp_path):

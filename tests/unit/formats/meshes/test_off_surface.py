@@ -15,7 +15,8 @@ def triangle(keyword, *columns, face=""):
 
 def attributes(data):
     return [
-        (one.kind, one.domain, one.values.tolist()) for one in read_off(data).surface.attributes
+        (attribute.kind, attribute.domain, attribute.values.tolist())
+        for attribute in read_off(data).surface.attributes
     ]
 
 

@@ -38,8 +38,8 @@ def test_unknown_header_lines_are_skipped_with_a_note(tmp_path):
     path = tmp_path / "a.ply"
     path.write_bytes(ply("\n", lines=(*LINES[:2], "made by hand", *LINES[2:6], "#", *LINES[6:])))
     notes = []
-    found = load(path, notes=notes)
-    assert found.vertices.tobytes() == VERTICES.tobytes()
+    loaded = load(path, notes=notes)
+    assert loaded.vertices.tobytes() == VERTICES.tobytes()
     assert notes == ["left out: lines of the header: line 3 'made by hand', line 8 '#'"]
 
 

@@ -21,8 +21,14 @@ def triangle(vertex_properties, vertex_rows, face_properties=(), face_row=""):
 
 def attributes(data):
     return [
-        (one.name, one.kind, one.domain, one.values.dtype.str[1:], one.values.tolist())
-        for one in read_ply(data).surface.attributes
+        (
+            attribute.name,
+            attribute.kind,
+            attribute.domain,
+            attribute.values.dtype.str[1:],
+            attribute.values.tolist(),
+        )
+        for attribute in read_ply(data).surface.attributes
     ]
 
 
@@ -80,8 +86,8 @@ def test_error_names_the_line_of_a_color_out_of_range():
 def test_indexed_values_are_expanded(tmp_path):
     color = attribute(Kind.COLOR, "vertex", 3, np.uint8, rows=3)
     (path,) = save(rich_cube(1, attributes=[color]), tmp_path / "f.ply")
-    (found,) = load(path).surface.attributes
-    np.testing.assert_array_equal(found.values, color.per_item(), strict=True)
+    (result,) = load(path).surface.attributes
+    np.testing.assert_array_equal(result.values, color.per_item(), strict=True)
 
 
 def test_faces_may_have_more_than_255_corners(tmp_path):

@@ -34,25 +34,25 @@ def files_of(folder, extension):
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_positions_reader_agrees_with_parse(tmp_path, extension):
-    found = FRAME_FORMATS[extension]
+    result = FRAME_FORMATS[extension]
     for first, second in files_of(tmp_path, extension):
-        frame = found.read(first)
-        positions = found.positions_reader(first, frame)(second)
+        frame = result.read(first)
+        positions = result.positions_reader(first, frame)(second)
         if extension == ".obj" and (frame.surface.of_kind(Kind.COLOR) or frame.surface.parts):
             assert positions is None
             continue
-        np.testing.assert_array_equal(positions, found.read(second).mesh.vertices, strict=True)
+        np.testing.assert_array_equal(positions, result.read(second).mesh.vertices, strict=True)
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_positions_reader_never_misreads_damaged_files(tmp_path, extension):
-    found = FRAME_FORMATS[extension]
+    result = FRAME_FORMATS[extension]
     for first, second in files_of(tmp_path, extension):
-        frame = found.read(first)
-        read = found.positions_reader(first, frame)
+        frame = result.read(first)
+        read = result.positions_reader(first, frame)
         for data in damaged_versions(second, 600, n_header=len(second)):
             if (positions := read(data)) is not None:
-                whole = found.read(data)
+                whole = result.read(data)
                 np.testing.assert_array_equal(positions, whole.mesh.vertices, strict=True)
                 assert whole.mesh.difference(frame.mesh) == ""
                 assert differing_names(whole.surface, frame.surface) == []

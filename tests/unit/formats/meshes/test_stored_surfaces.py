@@ -64,10 +64,10 @@ def test_surface_round_trips_in_every_frame(tmp_path, name, dtype):
     paths = save(sequence, tmp_path / f"f_%d.{extension}", notes=notes)
     expected = sequence.vertices if extension == "ply" else sequence.vertices.astype(np.float32)
     for number, path in enumerate(paths):
-        found = load(path)
-        assert_same_surface(found.surface, sequence.surface)
-        np.testing.assert_array_equal(found.vertices[0], expected[number], strict=True)
-        np.testing.assert_array_equal(found.faces, sequence.faces)
+        loaded = load(path)
+        assert_same_surface(loaded.surface, sequence.surface)
+        np.testing.assert_array_equal(loaded.vertices[0], expected[number], strict=True)
+        np.testing.assert_array_equal(loaded.faces, sequence.faces)
     assert_same_surface(load(tmp_path).surface, sequence.surface)
     assert notes == []
 

@@ -59,15 +59,15 @@ BAD = {
 @pytest.mark.parametrize("reason", BAD)
 def test_unreadable_mesh_is_left_out_with_a_note(reason):
     options = ReadOptions()
-    found = readable_meshes([BAD[reason], GOOD], options, may_change=False)
-    assert [mesh.name for mesh in found] == ["/good"]
+    result = readable_meshes([BAD[reason], GOOD], options, may_change=False)
+    assert [mesh.name for mesh in result] == ["/good"]
     assert options.notes[0].startswith("left out: meshes that cannot be read: /bad (")
 
 
 def test_meshes_with_changing_faces_can_be_kept():
     changing = BAD["frame 1 has vertex 1 in face 0"]
-    found = readable_meshes([changing, GOOD], ReadOptions(), may_change=True)
-    assert [mesh.name for mesh in found] == ["/bad", "/good"]
+    result = readable_meshes([changing, GOOD], ReadOptions(), may_change=True)
+    assert [mesh.name for mesh in result] == ["/bad", "/good"]
 
 
 def test_file_without_readable_meshes_is_an_error():
@@ -78,8 +78,8 @@ def test_file_without_readable_meshes_is_an_error():
 def test_surface_of_a_readable_mesh_is_read_once():
     asked = []
     mesh = replace(GOOD, surface=lambda frame: asked.append(frame) or Surface())
-    found = readable_meshes([mesh], ReadOptions(), may_change=False)
-    found[0].surface(0)
+    result = readable_meshes([mesh], ReadOptions(), may_change=False)
+    result[0].surface(0)
     assert asked == [0]
 
 
@@ -106,8 +106,8 @@ def usd_file(tmp_path):
 
 def test_skip_bad_merges_the_readable_meshes(usd_file):
     notes = []
-    found = open_same_faces(usd_file, merge=True, skip_bad=True, notes=notes)
-    assert (found.n_verts, found.n_frames, found.surface.parts) == (3, 1, ())
+    opened = open_same_faces(usd_file, merge=True, skip_bad=True, notes=notes)
+    assert (opened.n_verts, opened.n_frames, opened.surface.parts) == (3, 1, ())
     said = next(note for note in notes if "cannot be read" in note)
     for name in ("/bad (mesh /bad, face 0: uses vertex 7", "/late (frame 1 has", "/far (has"):
         assert name in said
@@ -130,11 +130,11 @@ def test_skip_bad_works_for_gltf(tmp_path):
     text = json.loads((tmp_path / "a.gltf").read_text())
     text["meshes"][0]["primitives"][0]["indices"] = 0  # the accessor of its positions
     (tmp_path / "a.gltf").write_text(json.dumps(text))
-    names, notes = [one.name for one in two_sheets().surface.parts], []
+    names, notes = [part.name for part in two_sheets().surface.parts], []
     with pytest.raises(FormatError):
         load(tmp_path / "a.gltf", merge=True)
-    found = load(tmp_path / "a.gltf", skip_bad=True, notes=notes)
-    assert found.name == names[1].rpartition("/")[2]
+    loaded = load(tmp_path / "a.gltf", skip_bad=True, notes=notes)
+    assert loaded.name == names[1].rpartition("/")[2]
     assert any(names[0] in note for note in notes if "cannot be read" in note)
 
 

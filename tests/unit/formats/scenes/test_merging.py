@@ -20,7 +20,7 @@ def mesh(name, times, **tracks):
         name,
         np.array(times, np.float64),
         lambda index: PolygonMesh(POINTS + index, counts, corners),
-        tracks=lambda frames: {key: TrackPart(one, frames) for key, one in tracks.items()},
+        tracks=lambda frames: {key: TrackPart(track, frames) for key, track in tracks.items()},
     )
 
 

@@ -38,22 +38,22 @@ def opened(meshes, **options):
 
 def test_single_mesh_is_opened_as_a_sequence():
     sequence = quad_sheet()
-    found = opened([scene_mesh(sequence, "/root/sheet")])
-    assert isinstance(found, MeshSequence)
-    assert found.vertices.tobytes() == sequence.vertices.tobytes()
-    assert (found.name, found.fps) == ("sheet", 24.0)
-    assert found.start_s == sequence.start_s
-    np.testing.assert_array_equal(found.faces, sequence.faces)
-    assert_same_surface(found.surface, sequence.surface)
+    result = opened([scene_mesh(sequence, "/root/sheet")])
+    assert isinstance(result, MeshSequence)
+    assert result.vertices.tobytes() == sequence.vertices.tobytes()
+    assert (result.name, result.fps) == ("sheet", 24.0)
+    assert result.start_s == sequence.start_s
+    np.testing.assert_array_equal(result.faces, sequence.faces)
+    assert_same_surface(result.surface, sequence.surface)
 
 
 def test_large_frames_stay_in_the_file():
     sequence = quad_sheet()
-    found = opened([scene_mesh(sequence, "/sheet")], max_loaded_bytes=100)
-    assert not isinstance(found, MeshSequence)
-    assert found.read(2, 5).tobytes() == sequence.vertices[2:5].tobytes()
-    assert_same_surface(found.surface, sequence.surface)
-    np.testing.assert_array_equal(found.extent.low, sequence.extent.low)
+    result = opened([scene_mesh(sequence, "/sheet")], max_loaded_bytes=100)
+    assert not isinstance(result, MeshSequence)
+    assert result.read(2, 5).tobytes() == sequence.vertices[2:5].tobytes()
+    assert_same_surface(result.surface, sequence.surface)
+    np.testing.assert_array_equal(result.extent.low, sequence.extent.low)
 
 
 def in_blocks(mesh, sequence, reads):
@@ -73,10 +73,10 @@ def test_positions_of_several_frames_are_read_at_once(monkeypatch, max_loaded_by
         "meshreel.formats.scenes.scene_source.BLOCK_BYTES", 2 * sequence.vertices[0].nbytes
     )
     mesh = in_blocks(scene_mesh(sequence, "/sheet"), sequence, reads)
-    found = opened([mesh], max_loaded_bytes=max_loaded_bytes)
+    result = opened([mesh], max_loaded_bytes=max_loaded_bytes)
     n_frames = sequence.n_frames
     assert reads == [(start, min(start + 2, n_frames)) for start in range(0, n_frames, 2)]
-    assert found.read(0, n_frames).tobytes() == sequence.vertices.tobytes()
+    assert result.read(0, n_frames).tobytes() == sequence.vertices.tobytes()
 
 
 @pytest.mark.parametrize("is_static", [True, False])
@@ -111,8 +111,8 @@ def test_mesh_is_selected_by_path_or_its_end(wanted):
     meshes = [
         scene_mesh(quad_sheet(shift=k), name) for k, name in enumerate(("/root/a", "/root/b"))
     ]
-    found = opened(meshes, object=wanted)
-    assert found.vertices.tobytes() == quad_sheet(shift=1).vertices.tobytes()
+    result = opened(meshes, object=wanted)
+    assert result.vertices.tobytes() == quad_sheet(shift=1).vertices.tobytes()
 
 
 @pytest.mark.parametrize(("wanted", "message"), [("c", "no mesh named 'c'"), ("x", "2 meshes")])
@@ -124,13 +124,13 @@ def test_error_for_an_unsuitable_name_lists_the_meshes(wanted, message):
 
 def test_merge_option_merges_all_meshes():
     meshes = [scene_mesh(quad_sheet(shift=k), n) for k, n in ((0, "/root/a"), (2, "/root/b"))]
-    found, expected = opened(meshes, merge=True), two_sheets()
-    assert found.vertices.tobytes() == expected.vertices.tobytes()
-    np.testing.assert_array_equal(found.faces, expected.faces)
-    assert found.surface.parts == expected.surface.parts
-    for one, other in zip(found.surface.attributes, expected.surface.attributes, strict=True):
+    result, expected = opened(meshes, merge=True), two_sheets()
+    assert result.vertices.tobytes() == expected.vertices.tobytes()
+    np.testing.assert_array_equal(result.faces, expected.faces)
+    assert result.surface.parts == expected.surface.parts
+    for one, other in zip(result.surface.attributes, expected.surface.attributes, strict=True):
         np.testing.assert_array_equal(one.per_item(), other.per_item())
-    assert found.name == "scene"
+    assert result.name == "scene"
 
 
 def test_split_parts_inverts_merging():
@@ -162,19 +162,19 @@ def test_faces_across_parts_give_one_part():
 def test_static_mesh_can_be_merged_with_a_moving_one():
     still, moving = quad_sheet(1), quad_sheet(4, shift=2)
     meshes = [scene_mesh(still, "/still"), scene_mesh(moving, "/moving")]
-    found = opened(meshes, merge=True)
-    assert found.n_frames == 4
-    np.testing.assert_array_equal(found.vertices[:, :30], np.repeat(still.vertices, 4, axis=0))
+    result = opened(meshes, merge=True)
+    assert result.n_frames == 4
+    np.testing.assert_array_equal(result.vertices[:, :30], np.repeat(still.vertices, 4, axis=0))
 
 
 def test_merging_interpolates_positions_between_frames():
     slow = scene_mesh(quad_sheet(2), "/slow", np.array([0.0, 1.0]))
     fast = scene_mesh(quad_sheet(5), "/fast", np.arange(5) / 4)
-    found = opened([slow, fast], merge=True)
+    result = opened([slow, fast], merge=True)
     vertices = quad_sheet(2).vertices.astype(np.float64)
     expected = 0.75 * vertices[0] + 0.25 * vertices[1]
-    np.testing.assert_allclose(found.vertices[1, :30], expected, atol=1e-6)
-    assert found.fps == 4.0
+    np.testing.assert_allclose(result.vertices[1, :30], expected, atol=1e-6)
+    assert result.fps == 4.0
 
 
 def test_merging_notes_attributes_that_some_meshes_lack():
@@ -182,12 +182,12 @@ def test_merging_notes_attributes_that_some_meshes_lack():
     bare = bare.replace(surface=Surface(bare.surface.face_sizes))
     notes = []
     meshes = [scene_mesh(quad_sheet(), "/full"), scene_mesh(bare, "/bare")]
-    found = opened(meshes, merge=True, notes=notes)
+    result = opened(meshes, merge=True, notes=notes)
     assert any("uv 'st' is 0 in meshes" in note for note in notes)
-    uv = found.surface.attributes[0].per_item()
+    uv = result.surface.attributes[0].per_item()
     assert not uv[len(uv) // 2 :].any()
-    assert found.surface.groups[0].numbers[-1] == -1
-    assert found.surface.parts == (Part("/full", 30, 21), Part("/bare", 30, 21))
+    assert result.surface.groups[0].numbers[-1] == -1
+    assert result.surface.parts == (Part("/full", 30, 21), Part("/bare", 30, 21))
 
 
 @pytest.mark.parametrize("domain", [Domain.VERTEX, Domain.FACE])
@@ -200,8 +200,8 @@ def test_merging_unifies_domains_of_an_attribute(domain):
     )
     other, notes = sheet.replace(surface=surface), []
     meshes = [scene_mesh(sheet, "/seams"), scene_mesh(other, "/whole")]
-    found = opened(meshes, merge=True, notes=notes)
-    (uv,) = found.surface.of_kind(Kind.UV)
+    result = opened(meshes, merge=True, notes=notes)
+    (uv,) = result.surface.of_kind(Kind.UV)
     frame = meshes[1].frame(0)
     item_of = frame.corners
     if domain is Domain.FACE:
@@ -219,13 +219,13 @@ def test_merging_renames_different_materials_of_one_name():
     for name, own in (("/a", materials), ("/b", other)):
         surface = replace(quad_sheet().surface, materials=own, images=images)
         sheets.append(scene_mesh(quad_sheet().replace(surface=surface), name))
-    found = opened(sheets, merge=True, notes=[]).surface
-    assert [one.name for one in found.materials] == ["red", "gr\u00fcn", "red_2"]
-    assert found.images == images
-    assert found.groups[0].labels == ("red", "gr\u00fcn", "red_2")
+    result = opened(sheets, merge=True, notes=[]).surface
+    assert [material.name for material in result.materials] == ["red", "gr\u00fcn", "red_2"]
+    assert result.images == images
+    assert result.groups[0].labels == ("red", "gr\u00fcn", "red_2")
     n_faces = len(quad_sheet().surface.face_sizes)
     expected = np.array([2, 1])[quad_sheet().surface.groups[0].numbers]
-    np.testing.assert_array_equal(found.groups[0].numbers[n_faces:], expected)
+    np.testing.assert_array_equal(result.groups[0].numbers[n_faces:], expected)
 
 
 def test_error_for_changing_faces_names_the_frame():
@@ -275,8 +275,8 @@ def test_errors_name_the_file():
 
 @pytest.mark.parametrize("wanted", ["/Bone", "Bone", "/Bone/Skin", "/", "/Bone/"])
 def test_name_of_a_parent_selects_its_only_mesh(wanted):
-    found = opened([scene_mesh(quad_sheet(), "/Bone/Skin/Shape")], object=wanted)
-    assert found.name == "Shape"
+    result = opened([scene_mesh(quad_sheet(), "/Bone/Skin/Shape")], object=wanted)
+    assert result.name == "Shape"
 
 
 def test_name_of_a_parent_ignores_meshes_elsewhere():

@@ -44,25 +44,25 @@ def saved_and_loaded(path, sequence, notes=None, **choice):
 def test_open_source_reads_any_frames_when_positions_stay_in_the_file(path):
     sequence = animated(7)
     save(sequence, path)
-    found = open_source(path, max_loaded_bytes=0)
-    assert not isinstance(found, MeshSequence)
+    opened = open_source(path, max_loaded_bytes=0)
+    assert not isinstance(opened, MeshSequence)
     for start, stop in ((6, 7), (0, 2), (3, 7), (0, 7)):
-        np.testing.assert_array_equal(found.read(start, stop), sequence.vertices[start:stop])
+        np.testing.assert_array_equal(opened.read(start, stop), sequence.vertices[start:stop])
 
 
 @pytest.mark.parametrize("fps", [1.0, 12.5, 23.976, 24.0, 29.97, 30000 / 1001, 60.0])
 @pytest.mark.parametrize("first", [0, 1, 1001, -24])
 def test_load_returns_rate_and_start_when_frames_are_at_any_time(path, fps, first):
-    found = saved_and_loaded(path, animated(fps=fps, start_s=first / fps))
-    assert (found.fps, found.start_s) == (fps, pytest.approx(first / fps, rel=1e-15))
+    loaded = saved_and_loaded(path, animated(fps=fps, start_s=first / fps))
+    assert (loaded.fps, loaded.start_s) == (fps, pytest.approx(first / fps, rel=1e-15))
 
 
 @pytest.mark.parametrize(("fps", "start_s"), [(0.0, 0.0), (24.0, 0.5), (24.0, 2.5), (30.0, 0.0)])
 def test_load_returns_rate_and_start_when_there_is_one_frame(path, fps, start_s):
     sequence, notes = animated(1, fps=fps, start_s=start_s), []
-    found = saved_and_loaded(path, sequence, notes)
-    assert (found.n_frames, found.fps, found.start_s, notes) == (1, fps, start_s, [])
-    np.testing.assert_array_equal(found.vertices, sequence.vertices)
+    loaded = saved_and_loaded(path, sequence, notes)
+    assert (loaded.n_frames, loaded.fps, loaded.start_s, notes) == (1, fps, start_s, [])
+    np.testing.assert_array_equal(loaded.vertices, sequence.vertices)
 
 
 def test_save_assumes_24_frames_per_second_when_there_is_no_rate(path):
@@ -76,9 +76,9 @@ def test_save_notes_rounding_when_positions_are_float64(program_and_path, scale,
     program, path = program_and_path
     sequence, notes = animated(), []
     vertices = sequence.vertices.astype(np.float64) * scale
-    found = saved_and_loaded(path, MeshSequence(vertices, FACES, 24.0), notes)
-    np.testing.assert_array_equal(found.vertices, vertices.astype(np.float32))
-    error = np.abs(found.vertices - vertices).max()
+    loaded = saved_and_loaded(path, MeshSequence(vertices, FACES, 24.0), notes)
+    np.testing.assert_array_equal(loaded.vertices, vertices.astype(np.float32))
+    error = np.abs(loaded.vertices - vertices).max()
     note = f"{program} stores positions as float32: coordinates change by up to {error:.2g}"
     assert notes == [note] * n_notes
 
@@ -86,16 +86,16 @@ def test_save_notes_rounding_when_positions_are_float64(program_and_path, scale,
 def test_save_keeps_a_millionth_when_float64_positions_are_far_from_the_origin(program_and_path):
     program, path = program_and_path
     sequence, notes = animated(dtype=np.float64, offset=[3e8, -4e8, 0.5]), []
-    found = saved_and_loaded(path, sequence, notes)
-    assert found.vertices.dtype == np.float64
-    assert np.abs(found.vertices - sequence.vertices).max() < 3e-7
+    loaded = saved_and_loaded(path, sequence, notes)
+    assert loaded.vertices.dtype == np.float64
+    assert np.abs(loaded.vertices - sequence.vertices).max() < 3e-7
     assert notes[0].startswith(f"{program} stores positions as float32, relative to the center of")
 
 
 def test_save_is_exact_when_float32_positions_are_far_from_the_origin(path):
     sequence, notes = animated(offset=1e6), []
-    found = saved_and_loaded(path, sequence, notes)
-    np.testing.assert_array_equal(found.vertices, sequence.vertices)
+    loaded = saved_and_loaded(path, sequence, notes)
+    np.testing.assert_array_equal(loaded.vertices, sequence.vertices)
     assert notes == []
 
 
@@ -115,6 +115,6 @@ def test_load_returns_tracks_of_every_domain_when_there_are_several_parts(path):
         f"of {domain}": Track(rng.random((sheet.n_frames, size)), domain)
         for domain, size in sizes.items()
     }
-    found = saved_and_loaded(path, sheet.replace(tracks=tracks), merge=True)
-    assert len(found.surface.parts) == 2
-    assert_same_tracks(found.tracks, tracks)
+    loaded = saved_and_loaded(path, sheet.replace(tracks=tracks), merge=True)
+    assert len(loaded.surface.parts) == 2
+    assert_same_tracks(loaded.tracks, tracks)

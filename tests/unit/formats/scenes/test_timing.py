@@ -9,26 +9,26 @@ RATES = [12.5, 23.976, 24, 25, 29.97, 30000 / 1001, 30, 48, 59.94, 60, 1000]
 @pytest.mark.parametrize("fps", RATES)
 @pytest.mark.parametrize("start_s", [0.0, 1.5, 1001 / 24, -2.0])
 def test_float64_times_give_the_exact_frame_rate(fps, start_s):
-    found = frame_times(start_s + np.arange(40) / fps)
-    assert (found.fps, found.start_s, found.is_even) == (fps, start_s, True)
+    result = frame_times(start_s + np.arange(40) / fps)
+    assert (result.fps, result.start_s, result.is_even) == (fps, start_s, True)
 
 
 @pytest.mark.parametrize("fps", RATES)
 def test_float32_times_give_a_common_frame_rate(fps):
-    found = frame_times((1.5 + np.arange(40) / fps).astype(np.float32))
+    result = frame_times((1.5 + np.arange(40) / fps).astype(np.float32))
     # float32 cannot distinguish 29.97 from 30000/1001.
-    assert found.fps == pytest.approx(fps, rel=2e-6)
-    assert found.is_even
+    assert result.fps == pytest.approx(fps, rel=2e-6)
+    assert result.is_even
 
 
 def test_single_frame_has_no_frame_rate():
-    found = frame_times(np.array([4.25]))
-    assert (found.fps, found.start_s, found.is_even) == (0.0, 4.25, True)
+    result = frame_times(np.array([4.25]))
+    assert (result.fps, result.start_s, result.is_even) == (0.0, 4.25, True)
 
 
 def test_uneven_times_give_the_mean_frame_rate():
-    found = frame_times(np.array([0.0, 0.1, 0.5, 1.0]))
-    assert (found.fps, found.is_even) == (3.0, False)
+    result = frame_times(np.array([0.0, 0.1, 0.5, 1.0]))
+    assert (result.fps, result.is_even) == (3.0, False)
 
 
 @pytest.mark.parametrize(

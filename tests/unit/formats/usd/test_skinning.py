@@ -110,53 +110,53 @@ def bulged(weight):
 
 def test_load_skins_at_every_frame_between_keys(skinned_file):
     notes = []
-    found = load(skinned_file(JOINTS), notes=notes)
-    assert (found.fps, found.start_s, found.vertices.dtype) == (24.0, 1 / 24, np.float32)
-    np.testing.assert_array_equal(found.vertices, [posed(s) for s in (0, 0.25, 0.5, 0.75, 1)])
+    loaded = load(skinned_file(JOINTS), notes=notes)
+    assert (loaded.fps, loaded.start_s, loaded.vertices.dtype) == (24.0, 1 / 24, np.float32)
+    np.testing.assert_array_equal(loaded.vertices, [posed(s) for s in (0, 0.25, 0.5, 0.75, 1)])
     assert any("2 samples" in note and "5 frames" in note for note in notes)
 
 
 def test_load_applies_blend_shapes_before_skinning(skinned_file):
-    found = load(skinned_file(JOINTS + SHAPES))
+    loaded = load(skinned_file(JOINTS + SHAPES))
     expected = [posed(s) + bulged(s) for s in (0, 0.25, 0.5, 0.75, 1)]
-    np.testing.assert_array_equal(found.vertices, expected)
+    np.testing.assert_array_equal(loaded.vertices, expected)
 
 
 def test_load_applies_blend_shapes_without_joint_weights(skinned_file):
-    found = load(skinned_file(SHAPES))
+    loaded = load(skinned_file(SHAPES))
     expected = [REST + np.array([0, 0, 10]) + bulged(s) for s in (0, 0.25, 0.5, 0.75, 1)]
-    np.testing.assert_array_equal(found.vertices, expected)
+    np.testing.assert_array_equal(loaded.vertices, expected)
 
 
 def test_load_skins_rigidly_with_constant_weights(skinned_file):
-    found = load(skinned_file(RIGID % 1))
-    np.testing.assert_array_equal(found.vertices[-1], REST + np.array([4, 0, 10]))
+    loaded = load(skinned_file(RIGID % 1))
+    np.testing.assert_array_equal(loaded.vertices[-1], REST + np.array([4, 0, 10]))
 
 
 def test_load_samples_skinning_at_the_requested_rate(skinned_file):
-    found = load(skinned_file(JOINTS), fps=48)
-    assert (found.fps, found.start_s) == (48, 1 / 24)
-    np.testing.assert_array_equal(found.vertices, [posed(s / 8) for s in range(9)])
+    loaded = load(skinned_file(JOINTS), fps=48)
+    assert (loaded.fps, loaded.start_s) == (48, 1 / 24)
+    np.testing.assert_array_equal(loaded.vertices, [posed(s / 8) for s in range(9)])
 
 
 def test_load_samples_all_meshes_alike_if_one_is_skinned(skinned_file):
-    found = load(skinned_file(JOINTS, more=PROP), fps=12, merge=True)
-    assert (found.n_frames, found.fps) == (3, 12)
-    np.testing.assert_array_equal(found.vertices[:, :4], [posed(s) for s in (0, 0.5, 1)])
-    np.testing.assert_array_equal(found.vertices[:, 4, 0], [0, 2, 4])
+    loaded = load(skinned_file(JOINTS, more=PROP), fps=12, merge=True)
+    assert (loaded.n_frames, loaded.fps) == (3, 12)
+    np.testing.assert_array_equal(loaded.vertices[:, :4], [posed(s) for s in (0, 0.5, 1)])
+    np.testing.assert_array_equal(loaded.vertices[:, 4, 0], [0, 2, 4])
 
 
 def test_load_uses_the_frame_rate_of_the_stage_for_finer_time_codes(skinned_file):
     header = "framesPerSecond = 12"
-    found = load(skinned_file(JOINTS, header=header))
-    assert (found.fps, found.n_frames) == (12.0, 3)
+    loaded = load(skinned_file(JOINTS, header=header))
+    assert (loaded.fps, loaded.n_frames) == (12.0, 3)
 
 
 def test_load_uses_the_rest_pose_of_a_skeleton_without_animation(skinned_file):
     path = skinned_file(JOINTS)
     path.write_text(path.read_text().replace("rel skel:animationSource", "rel other"))
-    found = load(path)
-    np.testing.assert_array_equal(found.vertices, posed(0)[None])
+    loaded = load(path)
+    np.testing.assert_array_equal(loaded.vertices, posed(0)[None])
 
 
 def test_load_skins_every_instance_of_a_skinned_model(skinned_file, tmp_path):
@@ -172,10 +172,10 @@ def test_load_skins_every_instance_of_a_skinned_model(skinned_file, tmp_path):
     ]
     (tmp_path / "x.usda").write_text("#usda 1.0\n" + "\n".join(copies))
     for k in range(2):
-        found = load(tmp_path / "x.usda", object=f"/copy{k}/m")
+        loaded = load(tmp_path / "x.usda", object=f"/copy{k}/m")
         expected = [posed(s) + bulged(s) + np.array([k, 0, 0]) for s in (0, 0.25, 0.5, 0.75, 1)]
-        np.testing.assert_array_equal(found.vertices, expected)
-        assert found.start_s == (1 + 10 * k) / 24
+        np.testing.assert_array_equal(loaded.vertices, expected)
+        assert loaded.start_s == (1 + 10 * k) / 24
 
 
 @pytest.mark.parametrize(

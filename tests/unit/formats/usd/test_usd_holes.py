@@ -36,10 +36,10 @@ strip = partial(mesh, points=STRIP, faces="")
 @pytest.mark.parametrize("holes", ["[1]", "[1, 1]", "[1, -1, 3, 99]"])
 def test_load_removes_faces_that_are_holes(stage_file, holes):
     notes = []
-    found = load(stage_file(strip(f"int[] holeIndices = {holes}")), notes=notes)
-    np.testing.assert_array_equal(found.surface.face_sizes, [4, 3])
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3], [1, 5, 2]])
-    assert found.n_verts == 6
+    loaded = load(stage_file(strip(f"int[] holeIndices = {holes}")), notes=notes)
+    np.testing.assert_array_equal(loaded.surface.face_sizes, [4, 3])
+    np.testing.assert_array_equal(loaded.faces, [[0, 1, 2], [0, 2, 3], [1, 5, 2]])
+    assert loaded.n_verts == 6
     assert "left out: faces that are holes: 1 of 3 of /m" in notes
 
 
@@ -47,14 +47,14 @@ def test_load_removes_faces_that_are_holes(stage_file, holes):
 def test_load_removes_attributes_of_holes(stage_file, is_reversed):
     orientation = "leftHanded" if is_reversed else "rightHanded"
     lines = f'{PROPERTIES}\nuniform token orientation = "{orientation}"'
-    found = load(stage_file(strip(f"{lines}\nint[] holeIndices = [1]"))).surface
-    values = {one.name: one.per_item() for one in found.attributes}
+    result = load(stage_file(strip(f"{lines}\nint[] holeIndices = [1]"))).surface
+    values = {attribute.name: attribute.per_item() for attribute in result.attributes}
     heat = [0, 3, 2, 1, 7, 9, 8] if is_reversed else [0, 1, 2, 3, 7, 8, 9]
     np.testing.assert_array_equal(values["tag"][:, 0], [10, 12])
     np.testing.assert_array_equal(values["heat"][:, 0], heat)
     np.testing.assert_array_equal(values["st"][:, 0], np.isin(heat, [1, 3, 7, 8, 9]))
     np.testing.assert_array_equal(values["mass"][:, 0], np.arange(6))
-    assert [groups.labels[number] for groups in found.groups for number in groups.numbers] == [
+    assert [groups.labels[number] for groups in result.groups for number in groups.numbers] == [
         "left",
         "right",
     ]

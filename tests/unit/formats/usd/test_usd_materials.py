@@ -23,7 +23,8 @@ EXTENSIONS = ["usd", "usda", "usdc", "usdz"]
 def as_usd(material):
     """Return a material of the samples with the properties that USD can store."""
     textures = {
-        slot: replace(one, magnified=None, shrunk=None) for slot, one in material.textures.items()
+        slot: replace(texture, magnified=None, shrunk=None)
+        for slot, texture in material.textures.items()
     }
     if material.alpha_mode is AlphaMode.OPAQUE and "base_color" in textures:
         textures["base_color"] = replace(textures["base_color"], channels="rgb")
@@ -33,7 +34,9 @@ def as_usd(material):
 def assert_same_look(found, expected):
     """Images are equal, and materials are equal except for rounding to float32."""
     assert found.images == expected.images
-    assert [one.name for one in found.materials] == [one.name for one in expected.materials]
+    assert [material.name for material in found.materials] == [
+        material.name for material in expected.materials
+    ]
     for one, other in zip(found.materials, map(as_usd, expected.materials), strict=True):
         assert rounded(one) == rounded(other)
 
@@ -45,7 +48,7 @@ def rounded(value):
     if isinstance(value, tuple):
         return tuple(map(rounded, value))
     if isinstance(value, Material | Texture):
-        return type(value), {name: rounded(one) for name, one in vars(value).items()}
+        return type(value), {name: rounded(var) for name, var in vars(value).items()}
     return value
 
 
@@ -54,8 +57,8 @@ def rounded(value):
 def test_materials_round_trip(tmp_path, make, extension):
     sequence, notes = make(), []
     save(sequence, tmp_path / f"x.{extension}", notes=notes)
-    found = load(tmp_path / f"x.{extension}", merge=True)
-    assert_same_look(found.surface, sequence.surface)
+    loaded = load(tmp_path / f"x.{extension}", merge=True)
+    assert_same_look(loaded.surface, sequence.surface)
     left_out = [note for note in notes if note.startswith("left out")]
     assert left_out == [
         "left out: single-sidedness of materials on meshes with double-sided ones: gr\u00fcn",
@@ -130,7 +133,9 @@ def test_images_get_valid_unique_file_names(tmp_path):
     surface = replace(sheet.surface, images=images)
     paths = save(sheet.replace(surface=surface), tmp_path / "x.usda")
     assert [path.name for path in paths[1:]] == ["a_b_c.png", "a_B_C_2.png"]
-    assert [one.data for one in load(paths[0]).surface.images] == [one.data for one in images]
+    assert [image.data for image in load(paths[0]).surface.images] == [
+        image.data for image in images
+    ]
 
 
 def test_shading_network_is_what_viewers_expect(tmp_path):
@@ -147,7 +152,7 @@ def test_shading_network_is_what_viewers_expect(tmp_path):
     )
     assert (color.GetName(), opacity.GetName()) == ("outputs:rgb", "outputs:a")
     texture = UsdShade.Shader(color.GetPrim())
-    values = {one.GetBaseName(): one.Get() for one in texture.GetInputs()}
+    values = {GetInput.GetBaseName(): GetInput.Get() for GetInput in texture.GetInputs()}
     assert values["file"].path == "./x_textures/shade.png"
     assert values["sourceColorSpace"] == "sRGB"
     assert (values["wrapS"], values["wrapT"]) == ("clamp", "mirror")
@@ -160,7 +165,9 @@ def test_transformed_uvs_of_usd_match_those_of_gltf(tmp_path):
     save(dressed_sheet(), tmp_path / "x.usda")
     stage = Usd.Stage.Open(str(tmp_path / "x.usda"))
     (prim,) = [one for one in stage.Traverse() if one.GetName() == "base_color_texture_transform"]
-    inputs = {one.GetBaseName(): one.Get() for one in UsdShade.Shader(prim).GetInputs()}
+    inputs = {
+        GetInput.GetBaseName(): GetInput.Get() for GetInput in UsdShade.Shader(prim).GetInputs()
+    }
     angle = np.radians(inputs["rotation"])
     texture = look()[0][1].base_color_texture
     for u, v in ((0.25, 0.75), (0.0, 0.0), (1.0, 0.5)):
@@ -181,8 +188,8 @@ def test_packages_leave_out_unsupported_image_types(tmp_path, extension):
     tga = Image("old", "image/x-tga", b"\x00\x00\x02")
     changed = sheet.replace(surface=replace(sheet.surface, images=(tga, jpeg())))
     save(changed, tmp_path / f"x.{extension}", notes=notes)
-    found = load(tmp_path / f"x.{extension}").surface
-    assert (tga in found.images) == (extension == "usda")
+    result = load(tmp_path / f"x.{extension}").surface
+    assert (tga in result.images) == (extension == "usda")
     note = "left out: textures that USD cannot store (packages do not support image/x-tga): red"
     assert (note in notes) == (extension == "usdz")
     if extension == "usdz":
@@ -257,7 +264,7 @@ def read(tmp_path):
 
 def test_missing_inputs_have_the_defaults_of_the_standard(read):
     surface, notes = read()
-    assert [rounded(one) for one in surface.materials] == [
+    assert [rounded(material) for material in surface.materials] == [
         rounded(Material("skin", (0.18, 0.18, 0.18, 1.0), 0.0, 0.5))
     ]
     assert notes == []
@@ -287,9 +294,9 @@ def test_material_is_double_sided_like_its_mesh(read):
 )
 def test_alpha_mode_follows_from_opacity(read, opacity, mode):
     surface, notes = read(f"{COLOR}\n{opacity}")
-    (found,) = surface.materials
-    assert found.alpha_mode is mode
-    assert found.base_color_texture.channels == ("rgba" if "connect" in opacity else "rgb")
+    (result,) = surface.materials
+    assert result.alpha_mode is mode
+    assert result.base_color_texture.channels == ("rgba" if "connect" in opacity else "rgb")
     assert notes == []
 
 
@@ -328,8 +335,8 @@ def test_alpha_mode_follows_from_opacity(read, opacity, mode):
     ],
 )
 def test_unsupported_material_properties_are_noted(read, surface, options, note):
-    found, notes = read(surface, **options)
-    assert len(found.materials) == 1
+    result, notes = read(surface, **options)
+    assert len(result.materials) == 1
     assert len(notes) == 1
     assert notes[0].startswith("left out: ")
     assert note in notes[0]
@@ -380,16 +387,16 @@ def test_materials_round_trip_from_glb_through_stream_and_package(tmp_path):
     save(meshreel.decode(meshreel.encode(original)), tmp_path / "b.usdz")
     packed = load(tmp_path / "b.usdz")
     save(meshreel.decode(meshreel.encode(packed)), tmp_path / "c.glb")
-    found, expected = load(tmp_path / "c.glb").surface, original.surface
-    assert {one.data for one in found.images} == {one.data for one in expected.images}
-    by_name = {one.name: one for one in found.materials}
-    for one in expected.materials:
-        other = by_name[one.name]
+    result, expected = load(tmp_path / "c.glb").surface, original.surface
+    assert {image.data for image in result.images} == {image.data for image in expected.images}
+    by_name = {material.name: material for material in result.materials}
+    for material in expected.materials:
+        other = by_name[material.name]
         numbers = ("base_color", "metallic", "roughness", "emissive", "normal_scale")
         for name in (*numbers, "occlusion_strength", "alpha_cutoff"):
-            np.testing.assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-6)
-        assert other.alpha_mode is one.alpha_mode
-        assert other.textures.keys() == one.textures.keys()
-        for slot, texture in one.textures.items():
-            data = found.images[other.textures[slot].image].data
+            np.testing.assert_allclose(getattr(other, name), getattr(material, name), rtol=1e-6)
+        assert other.alpha_mode is material.alpha_mode
+        assert other.textures.keys() == material.textures.keys()
+        for slot, texture in material.textures.items():
+            data = result.images[other.textures[slot].image].data
             assert data == expected.images[texture.image].data

@@ -53,14 +53,14 @@ ARCS = {
 @pytest.fixture
 def folder(tmp_path):
     """A folder with a layer, a link out of it, and the same layer in its parent."""
-    found = tmp_path / "in"
-    (found / "sub").mkdir(parents=True)
-    for path in (tmp_path / "out.usda", found / "in.usda", found / "sub" / "deep.usda"):
+    result = tmp_path / "in"
+    (result / "sub").mkdir(parents=True)
+    for path in (tmp_path / "out.usda", result / "in.usda", result / "sub" / "deep.usda"):
         path.write_text(MESH)
     for number in (1, 2):
         (tmp_path / f"out.{number}.usda").write_text(MESH)
-    (found / "link.usda").symlink_to(tmp_path / "out.usda")
-    return found
+    (result / "link.usda").symlink_to(tmp_path / "out.usda")
+    return result
 
 
 def file_with_reference(folder, arc, asset):

@@ -19,15 +19,15 @@ TRANSLATED = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
 
 def test_load_reads_points_at_their_samples(stage_file):
     header = "timeCodesPerSecond = 30"
-    found = load(stage_file(mesh(points=MOVING % (1001, 1002, 1003)), header))
+    loaded = load(stage_file(mesh(points=MOVING % (1001, 1002, 1003)), header))
     expected = (
         SQUARE + np.array([0, 0, 1], np.float32) * np.arange(3, dtype=np.float32)[:, None, None]
     )
-    assert found.vertices.dtype == np.float32
-    np.testing.assert_array_equal(found.vertices, expected)
-    np.testing.assert_array_equal(found.surface.face_sizes, [4])
-    np.testing.assert_array_equal(found.faces, [[0, 1, 2], [0, 2, 3]])
-    assert (found.fps, found.start_s, found.name) == (30.0, 1001 / 30, "m")
+    assert loaded.vertices.dtype == np.float32
+    np.testing.assert_array_equal(loaded.vertices, expected)
+    np.testing.assert_array_equal(loaded.surface.face_sizes, [4])
+    np.testing.assert_array_equal(loaded.faces, [[0, 1, 2], [0, 2, 3]])
+    assert (loaded.fps, loaded.start_s, loaded.name) == (30.0, 1001 / 30, "m")
 
 
 @pytest.mark.parametrize(
@@ -43,8 +43,8 @@ def test_load_reads_points_at_their_samples(stage_file):
     ],
 )
 def test_load_derives_the_frame_rate_from_even_samples(stage_file, codes, header, fps, start_s):
-    found = load(stage_file(mesh(points=MOVING % codes), header))
-    assert (found.fps, found.start_s, found.n_frames) == (fps, start_s, 3)
+    loaded = load(stage_file(mesh(points=MOVING % codes), header))
+    assert (loaded.fps, loaded.start_s, loaded.n_frames) == (fps, start_s, 3)
 
 
 @pytest.mark.parametrize(
@@ -86,14 +86,14 @@ def test_load_rejects_invalid_rates_of_referenced_layers(stage_file, header, bod
 
 def test_load_fills_frames_between_sparse_samples(stage_file):
     notes = []
-    found = load(stage_file(mesh(points=MOVING % (1, 2, 4))), notes=notes)
-    np.testing.assert_array_equal(found.vertices[:, 0, 2], [0, 1, 1.5, 2])
+    loaded = load(stage_file(mesh(points=MOVING % (1, 2, 4))), notes=notes)
+    np.testing.assert_array_equal(loaded.vertices[:, 0, 2], [0, 1, 1.5, 2])
     assert any("3 samples" in note and "4 frames" in note for note in notes)
 
 
 def test_load_returns_one_frame_without_a_rate_for_a_static_mesh(stage_file):
-    found = load(stage_file(mesh(), "timeCodesPerSecond = 30"))
-    assert (found.n_frames, found.fps, found.start_s) == (1, 0.0, 0.0)
+    loaded = load(stage_file(mesh(), "timeCodesPerSecond = 30"))
+    assert (loaded.n_frames, loaded.fps, loaded.start_s) == (1, 0.0, 0.0)
 
 
 def test_load_bakes_animated_transforms_of_ancestors(stage_file):
@@ -106,12 +106,12 @@ def test_load_bakes_animated_transforms_of_ancestors(stage_file):
             {mesh()}
         }}
     }}"""
-    found = load(stage_file(body))
+    loaded = load(stage_file(body))
     rotated = np.stack([-SQUARE[:, 1], SQUARE[:, 0], SQUARE[:, 2]], axis=1).astype(np.float64)
     expected = [rotated + np.array([shift, 0, 0]) for shift in (0.0, 0.1, 0.2)]
-    assert found.vertices.dtype == np.float32
-    np.testing.assert_allclose(found.vertices, expected, rtol=0, atol=1e-7)
-    assert (found.fps, found.start_s) == (24.0, 1 / 24)
+    assert loaded.vertices.dtype == np.float32
+    np.testing.assert_allclose(loaded.vertices, expected, rtol=0, atol=1e-7)
+    assert (loaded.fps, loaded.start_s) == (24.0, 1 / 24)
 
 
 ROTATING = """double xformOp:rotateZ.timeSamples = { 0: 0, 6: 90 }
@@ -131,19 +131,19 @@ ROTATING = """double xformOp:rotateZ.timeSamples = { 0: 0, 6: 90 }
 )
 def test_load_interpolates_rotations_between_keys(stage_file, header, fps, n_frames, rate):
     path = stage_file(f'def Xform "a" {{ {ROTATING}\n{mesh()} }}', header)
-    found = load(path, fps=fps)
+    loaded = load(path, fps=fps)
     angles = np.radians(np.linspace(0, 90, n_frames))
     corner = np.stack([np.cos(angles), np.sin(angles), np.zeros(n_frames)], axis=1)
-    assert (found.n_frames, found.fps) == (n_frames, rate)
-    np.testing.assert_allclose(found.vertices[:, 1], corner, rtol=0, atol=1e-7)
+    assert (loaded.n_frames, loaded.fps) == (n_frames, rate)
+    np.testing.assert_allclose(loaded.vertices[:, 1], corner, rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("fps", [None, 50])
 def test_load_keeps_the_frames_of_a_cache_below_an_animated_transform(stage_file, fps):
     path = stage_file(mesh(points=MOVING % (0, 3, 6), more=ROTATING))
-    found = load(path, fps=fps)
-    assert (found.n_frames, found.fps) == (3, fps or 8.0)
-    np.testing.assert_allclose(found.vertices[1, 1], [0.5**0.5, 0.5**0.5, 1], rtol=0, atol=1e-7)
+    loaded = load(path, fps=fps)
+    assert (loaded.n_frames, loaded.fps) == (3, fps or 8.0)
+    np.testing.assert_allclose(loaded.vertices[1, 1], [0.5**0.5, 0.5**0.5, 1], rtol=0, atol=1e-7)
 
 
 def test_load_respects_a_reset_of_the_transform_stack(stage_file):
@@ -155,15 +155,15 @@ def test_load_respects_a_reset_of_the_transform_stack(stage_file):
             {mesh()}
         }}
     }}"""
-    found = load(stage_file(body))
-    np.testing.assert_array_equal(found.vertices, SQUARE[None])
+    loaded = load(stage_file(body))
+    np.testing.assert_array_equal(loaded.vertices, SQUARE[None])
 
 
 def test_load_returns_float64_for_a_mesh_moved_far_from_the_origin(stage_file):
     body = mesh(more=f"double3 xformOp:translate = (4512345.25, 0.5, 0)\n{TRANSLATED}")
-    found = load(stage_file(body))
-    assert found.vertices.dtype == np.float64
-    np.testing.assert_array_equal(found.vertices[0], SQUARE + np.array([4512345.25, 0.5, 0]))
+    loaded = load(stage_file(body))
+    assert loaded.vertices.dtype == np.float64
+    np.testing.assert_array_equal(loaded.vertices[0], SQUARE + np.array([4512345.25, 0.5, 0]))
 
 
 @pytest.mark.parametrize(
@@ -185,10 +185,10 @@ def test_load_reverses_clockwise_faces(stage_file, more, is_reversed):
     uv = """texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (
         interpolation = "faceVarying"
     )"""
-    found = load(stage_file(mesh(more=f"{more}\n{uv}")))
+    loaded = load(stage_file(mesh(more=f"{more}\n{uv}")))
     order = [0, 3, 2, 1] if is_reversed else [0, 1, 2, 3]
-    np.testing.assert_array_equal(found.faces, [order[:3], [order[0], *order[2:]]])
-    np.testing.assert_array_equal(found.surface.attributes[0].per_item(), SQUARE[order, :2])
+    np.testing.assert_array_equal(loaded.faces, [order[:3], [order[0], *order[2:]]])
+    np.testing.assert_array_equal(loaded.surface.attributes[0].per_item(), SQUARE[order, :2])
 
 
 def test_load_selects_and_merges_several_meshes(stage_file):
@@ -219,11 +219,11 @@ def test_load_reads_instances_of_prims(stage_file):
 def test_load_applies_layer_offset_and_scale(stage_file):
     stage_file(mesh(points=MOVING % (1, 2, 3)), 'defaultPrim = "m"', name="layer.usda")
     body = 'def "x" (references = @layer.usda@ (offset = 0.1; scale = 2)) { }'
-    found = load(stage_file(body, "timeCodesPerSecond = 24"))
-    assert found.n_frames == 3
-    assert found.fps == 12
-    assert found.start_s == pytest.approx(2.1 / 24, abs=1e-12)
-    np.testing.assert_array_equal(found.vertices[:, 0, 2], [0, 1, 2])
+    loaded = load(stage_file(body, "timeCodesPerSecond = 24"))
+    assert loaded.n_frames == 3
+    assert loaded.fps == 12
+    assert loaded.start_s == pytest.approx(2.1 / 24, abs=1e-12)
+    np.testing.assert_array_equal(loaded.vertices[:, 0, 2], [0, 1, 2])
 
 
 def test_load_reads_value_clips(stage_file):
@@ -237,8 +237,8 @@ def test_load_reads_value_clips(stage_file):
         double2[] active = [(0, 0), (3, 1)]
         double2[] times = [(0, 0), (2, 2), (3, 0), (5, 2)]
     } }"""
-    found = load(stage_file(mesh(points="").replace('"m"', f'"m" ({clips})')))
-    np.testing.assert_array_equal(found.vertices[:, 0, 2], [0, 1, 2, 0, 1, 2])
+    loaded = load(stage_file(mesh(points="").replace('"m"', f'"m" ({clips})')))
+    np.testing.assert_array_equal(loaded.vertices[:, 0, 2], [0, 1, 2, 0, 1, 2])
 
 
 def test_load_leaves_out_meshes_that_are_not_rendered(stage_file):
@@ -322,8 +322,8 @@ def test_load_reads_splines_of_transforms(stage_file):
         pytest.skip("this usd-core has no splines")
     more = """double xformOp:translateX.spline = { 1: 0; post held, 5: 4; post held, }
     uniform token[] xformOpOrder = ["xformOp:translateX"]"""
-    found = load(stage_file(mesh(more=more.replace("post held", "post linear"))))
-    np.testing.assert_array_equal(found.vertices[:, 0, 0], [0, 1, 2, 3, 4])
+    loaded = load(stage_file(mesh(more=more.replace("post held", "post linear"))))
+    np.testing.assert_array_equal(loaded.vertices[:, 0, 0], [0, 1, 2, 3, 4])
 
 
 @pytest.mark.parametrize(
@@ -376,10 +376,10 @@ double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), %g: (6, 0, 0) }
 def test_load_keeps_the_final_pose_between_two_frames(stage_file, last, fps):
     notes = []
     path = stage_file(MOVED % (last, TRANSLATED, mesh()), "timeCodesPerSecond = 24")
-    found = load(path, fps=fps, notes=notes)
-    assert (found.n_frames, found.fps) == (9, fps or 24)
-    assert found.vertices[-1, 0].tolist() == [6, 0, 0]
-    np.testing.assert_allclose(np.diff(found.vertices[:8, 0, 0]), 0.8, rtol=1e-5)
+    loaded = load(path, fps=fps, notes=notes)
+    assert (loaded.n_frames, loaded.fps) == (9, fps or 24)
+    assert loaded.vertices[-1, 0].tolist() == [6, 0, 0]
+    np.testing.assert_allclose(np.diff(loaded.vertices[:8, 0, 0]), 0.8, rtol=1e-5)
     shown = 8 if fps is None else 6.4
     final = f"/x/m (time code {last:g}, shown at {shown:g})"
     assert f"the last frame shows the final pose, which is earlier: {final}" in notes

@@ -16,13 +16,13 @@ from meshreel.formats.usd.sampling import (
 
 def frames(stored, keys, frame_interval=1.0, origin=None):
     """Return the frames of a mesh with these samples; the default origin is the first sample."""
-    found = Samples(np.array(stored, np.float64), np.array(keys, np.float64))
-    return found.frames(frame_interval, found.all[0] if origin is None else origin)
+    result = Samples(np.array(stored, np.float64), np.array(keys, np.float64))
+    return result.frames(frame_interval, result.all[0] if origin is None else origin)
 
 
 def test_distinct_codes_are_sorted_without_duplicates():
-    found = distinct_codes([3.0, 1.0, 2.0, 2.0 + 1e-9, 1.0])
-    np.testing.assert_array_equal(found, [1, 2, 3])
+    result = distinct_codes([3.0, 1.0, 2.0, 2.0 + 1e-9, 1.0])
+    np.testing.assert_array_equal(result, [1, 2, 3])
 
 
 @pytest.mark.parametrize("code", [np.inf, np.nan, -1e10])
@@ -66,15 +66,15 @@ def test_even_codes_return_irregular_samples_unchanged(samples):
 
 
 def test_sampled_codes_are_all_frames_between_sparse_keys():
-    found = sampled_codes(np.array([1.0, 5]), 1.0, 1.0)
-    np.testing.assert_array_equal(found, [1, 2, 3, 4, 5])
-    found = sampled_codes(np.array([0.0, 7, 10]), 2.5, 0.0)
-    np.testing.assert_array_equal(found, [0, 2.5, 5, 7.5, 10])
+    result = sampled_codes(np.array([1.0, 5]), 1.0, 1.0)
+    np.testing.assert_array_equal(result, [1, 2, 3, 4, 5])
+    result = sampled_codes(np.array([0.0, 7, 10]), 2.5, 0.0)
+    np.testing.assert_array_equal(result, [0, 2.5, 5, 7.5, 10])
 
 
 def test_sampled_codes_are_aligned_to_the_origin():
-    found = sampled_codes(np.array([6.0, 12]), 2.5, 0.0)
-    np.testing.assert_array_equal(found, [5, 7.5, 10, 12.5])
+    result = sampled_codes(np.array([6.0, 12]), 2.5, 0.0)
+    np.testing.assert_array_equal(result, [5, 7.5, 10, 12.5])
 
 
 @pytest.mark.parametrize("samples", [[3], [1, 2, 3], [0, 0.5, 1]])
@@ -110,9 +110,9 @@ def test_frame_grid_has_one_frame_after_a_last_sample_between_frames(last):
 
 
 def test_frame_grid_is_exact_for_fractional_intervals():
-    found = frame_grid(1001.0, 1101.0, 24 / 30)
-    assert len(found) == 126
-    np.testing.assert_array_equal(found[::5], np.arange(1001, 1102, 4))
+    result = frame_grid(1001.0, 1101.0, 24 / 30)
+    assert len(result) == 126
+    np.testing.assert_array_equal(result[::5], np.arange(1001, 1102, 4))
 
 
 @pytest.mark.parametrize("last", [1e18, 1e308])

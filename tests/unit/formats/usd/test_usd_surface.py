@@ -48,10 +48,15 @@ def test_attributes_have_the_domain_of_the_interpolation(
     surface_of, interpolation, domain, n_items
 ):
     values = [(i / 8, i / 16) for i in range(n_items)]
-    (found,) = surface_of(primvar("texCoord2f[] primvars:st", values, interpolation)).attributes
-    assert (found.name, found.kind, found.domain, found.indices) == ("st", Kind.UV, domain, None)
-    assert found.values.dtype == np.float32
-    np.testing.assert_array_equal(found.values, values)
+    (result,) = surface_of(primvar("texCoord2f[] primvars:st", values, interpolation)).attributes
+    assert (result.name, result.kind, result.domain, result.indices) == (
+        "st",
+        Kind.UV,
+        domain,
+        None,
+    )
+    assert result.values.dtype == np.float32
+    np.testing.assert_array_equal(result.values, values)
 
 
 def test_attributes_keep_their_indices(surface_of):
@@ -61,23 +66,23 @@ def test_attributes_keep_their_indices(surface_of):
         "faceVarying",
         "int[] primvars:st:indices = [0, 1, 0, 1, 1, 1, 0, 0]",
     )
-    (found,) = surface_of(body).attributes
-    np.testing.assert_array_equal(found.values, [[0, 0], [1, 1]])
-    np.testing.assert_array_equal(found.indices, [0, 1, 0, 1, 1, 1, 0, 0])
+    (result,) = surface_of(body).attributes
+    np.testing.assert_array_equal(result.values, [[0, 0], [1, 1]])
+    np.testing.assert_array_equal(result.indices, [0, 1, 0, 1, 1, 1, 0, 0])
 
 
 def test_constant_color_becomes_an_indexed_attribute(surface_of):
-    (found,) = surface_of("color3f[] primvars:displayColor = [(0.5, 0.25, 1)]").attributes
-    assert (found.name, found.kind, found.domain) == ("displayColor", Kind.COLOR, Domain.VERTEX)
-    np.testing.assert_array_equal(found.values, [[0.5, 0.25, 1]])
-    np.testing.assert_array_equal(found.indices, np.zeros(6))
+    (result,) = surface_of("color3f[] primvars:displayColor = [(0.5, 0.25, 1)]").attributes
+    assert (result.name, result.kind, result.domain) == ("displayColor", Kind.COLOR, Domain.VERTEX)
+    np.testing.assert_array_equal(result.values, [[0.5, 0.25, 1]])
+    np.testing.assert_array_equal(result.indices, np.zeros(6))
 
 
 def test_opacity_is_joined_to_a_color_with_the_same_items(surface_of):
     body = primvar("color3f[] primvars:displayColor", [(1, 0, 0), (0, 1, 0)], "uniform")
     opacity = primvar("float[] primvars:displayOpacity", [0.25, 0.75], "uniform")
-    (found,) = surface_of(body + opacity).attributes
-    np.testing.assert_array_equal(found.values, [[1, 0, 0, 0.25], [0, 1, 0, 0.75]])
+    (result,) = surface_of(body + opacity).attributes
+    np.testing.assert_array_equal(result.values, [[1, 0, 0, 0.25], [0, 1, 0, 0.75]])
 
 
 def test_opacity_with_other_items_stays_separate(surface_of):
@@ -107,9 +112,9 @@ def test_opacity_with_other_items_stays_separate(surface_of):
 def test_attributes_have_the_number_type_of_the_primvar(
     surface_of, declared, value, kind, dtype, width
 ):
-    (found,) = surface_of(primvar(declared, str([value] * 6), "vertex")).attributes
-    assert (found.kind, found.values.dtype, found.values.shape) == (kind, dtype, (6, width))
-    np.testing.assert_array_equal(found.values, np.tile(np.ravel(value), (6, 1)))
+    (result,) = surface_of(primvar(declared, str([value] * 6), "vertex")).attributes
+    assert (result.kind, result.values.dtype, result.values.shape) == (kind, dtype, (6, width))
+    np.testing.assert_array_equal(result.values, np.tile(np.ravel(value), (6, 1)))
 
 
 def test_attributes_start_with_texture_coordinates(surface_of):
@@ -119,8 +124,8 @@ def test_attributes_start_with_texture_coordinates(surface_of):
         + primvar("texCoord2f[] primvars:st", [(0, 0)] * 6, "vertex")
     )
     body += primvar("texCoord2f[] primvars:map2", [(0, 0)] * 6, "vertex")
-    found = [one.name for one in surface_of(body).attributes]
-    assert found == ["st", "map2", "displayColor", "a"]
+    results = [attribute.name for attribute in surface_of(body).attributes]
+    assert results == ["st", "map2", "displayColor", "a"]
 
 
 def test_colors_are_inherited_from_ancestors(surface_of, tmp_path):
@@ -129,8 +134,8 @@ def test_colors_are_inherited_from_ancestors(surface_of, tmp_path):
     path.write_text(
         '#usda 1.0\ndef Xform "x" {\ncolor3f[] primvars:displayColor = [(0, 0, 1)]\n' + text + "}"
     )
-    (found,) = load(path).surface.attributes
-    np.testing.assert_array_equal(found.values, [[0, 0, 1]])
+    (result,) = load(path).surface.attributes
+    np.testing.assert_array_equal(result.values, [[0, 0, 1]])
 
 
 @pytest.mark.parametrize(
@@ -177,16 +182,16 @@ def subset(name, faces, family, material=""):
 
 def test_material_subsets_become_material_groups(surface_of):
     body = subset("one", [1], "materialBind", "red") + subset("two", [0], "materialBind", "b")
-    (found,) = surface_of(body, above=MATERIALS).groups
-    assert (found.name, found.labels) == ("material", ("red", "blåt"))
-    np.testing.assert_array_equal(found.numbers, [1, 0])
+    (result,) = surface_of(body, above=MATERIALS).groups
+    assert (result.name, result.labels) == ("material", ("red", "blåt"))
+    np.testing.assert_array_equal(result.numbers, [1, 0])
 
 
 def test_faces_without_subset_have_the_material_of_the_mesh(surface_of):
     body = subset("one", [1], "materialBind", "red") + "rel material:binding = </b>"
-    (found,) = surface_of(body, above=MATERIALS, api=BOUND).groups
-    assert found.labels == ("red", "blåt")
-    np.testing.assert_array_equal(found.numbers, [1, 0])
+    (result,) = surface_of(body, above=MATERIALS, api=BOUND).groups
+    assert result.labels == ("red", "blåt")
+    np.testing.assert_array_equal(result.numbers, [1, 0])
 
 
 def test_subsets_without_material_are_labeled_by_name(surface_of):
@@ -201,6 +206,6 @@ def test_subsets_without_material_are_labeled_by_name(surface_of):
 def test_overlapping_or_invalid_subsets_are_noted(surface_of):
     notes = []
     body = subset("one", [0, 1], "side") + subset("two", [1, 2, -1], "side")
-    (found,) = surface_of(body, notes=notes).groups
-    np.testing.assert_array_equal(found.numbers, [0, 1])
+    (result,) = surface_of(body, notes=notes).groups
+    np.testing.assert_array_equal(result.numbers, [0, 1])
     assert any("side subsets of /m overlap" in note for note in notes)

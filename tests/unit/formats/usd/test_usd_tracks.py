@@ -43,8 +43,8 @@ def add_primvar(mesh, name, kind, values, interpolation, codes=None):
     declared = Sdf.ValueTypeNames.Find(f"{kind}[]")
     primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, declared, interpolation)
     array = getattr(Vt, declared.type.pythonClass.__name__)
-    for code, one in zip(codes or range(1, len(values) + 1), values, strict=True):
-        primvar.Set(array.FromNumpy(np.ascontiguousarray(one)), code)
+    for code, value in zip(codes or range(1, len(values) + 1), values, strict=True):
+        primvar.Set(array.FromNumpy(np.ascontiguousarray(value)), code)
     return primvar
 
 
@@ -77,13 +77,13 @@ def test_animated_primvars_become_tracks(
     add_primvar(mesh, name, kind, values[..., 0] if width == 1 else values, interpolation)
     stage.Save()
     notes = []
-    found = read(tmp_path / "a.usdc", notes=notes)
-    [(found_name, track)] = found.tracks.items()
+    result = read(tmp_path / "a.usdc", notes=notes)
+    [(found_name, track)] = result.tracks.items()
     assert (found_name, track.kind, track.domain) == (name, track_kind, DOMAINS[interpolation])
     assert track.dtype == np.dtype(dtype)
     assert track.read(0, 4).tobytes() == values.tobytes()
     assert track.read(2, 3).tobytes() == values[2:3].tobytes()
-    assert found.surface.attributes == ()
+    assert result.surface.attributes == ()
     assert [note for note in notes if "left out" in note] == []
 
 
@@ -93,9 +93,9 @@ def test_constant_primvars_become_attributes(tmp_path):
     add_primvar(mesh, "st", "texCoord2f", uv, "faceVarying")
     add_primvar(mesh, "heat", "float", RNG.random((1, 6)).astype(np.float32), "vertex")
     stage.Save()
-    found = load(tmp_path / "a.usdc")
-    assert found.tracks == {}
-    assert [one.name for one in found.surface.attributes] == ["st", "heat"]
+    loaded = load(tmp_path / "a.usdc")
+    assert loaded.tracks == {}
+    assert [attribute.name for attribute in loaded.surface.attributes] == ["st", "heat"]
 
 
 def test_indices_of_animated_primvars_are_applied(tmp_path):
@@ -106,7 +106,7 @@ def test_indices_of_animated_primvars_are_applied(tmp_path):
     for code, indices in enumerate(rows):
         primvar.SetIndices(Vt.IntArray(indices), code + 1)
     stage.Save()
-    expected = np.stack([one[row] for one, row in zip(values, rows, strict=True)])
+    expected = np.stack([value[row] for value, row in zip(values, rows, strict=True)])
     assert np.array_equal(load(tmp_path / "a.usdc").tracks["paint"].values, expected)
 
 
@@ -115,8 +115,8 @@ def test_animated_constant_color_is_repeated_per_vertex(tmp_path):
     values = RNG.random((4, 1, 3)).astype(np.float32)
     add_primvar(mesh, "displayColor", "color3f", values, "constant")
     stage.Save()
-    found = load(tmp_path / "a.usdc").tracks["displayColor"]
-    assert np.array_equal(found.values, np.repeat(values, 6, axis=1))
+    result = load(tmp_path / "a.usdc").tracks["displayColor"]
+    assert np.array_equal(result.values, np.repeat(values, 6, axis=1))
 
 
 def test_animated_opacity_becomes_the_fourth_color_component(tmp_path):
@@ -135,9 +135,9 @@ def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
     values = RNG.random((5, 6, 3)).astype(np.float32)
     add_primvar(mesh, "displayColor", "color3f", values, "vertex")
     stage.Save()
-    found = load(tmp_path / "a.usdc")
-    assert (found.n_frames, found.fps, found.start_s) == (5, 10, 0.1)
-    assert np.array_equal(found.tracks["displayColor"].values, values)
+    loaded = load(tmp_path / "a.usdc")
+    assert (loaded.n_frames, loaded.fps, loaded.start_s) == (5, 10, 0.1)
+    assert np.array_equal(loaded.tracks["displayColor"].values, values)
 
 
 def test_samples_without_a_frame_are_noted(tmp_path):
@@ -201,10 +201,10 @@ def test_corner_tracks_follow_reversed_left_handed_faces(tmp_path):
     corners[1:] += 10 * np.arange(1, 4)[:, None]
     add_primvar(mesh, "corner", "int", corners, "faceVarying")
     stage.Save()
-    found = load(tmp_path / "a.usdc")
-    quads = found.tracks["corner"].values[0, :, 0].reshape(2, 4)
+    loaded = load(tmp_path / "a.usdc")
+    quads = loaded.tracks["corner"].values[0, :, 0].reshape(2, 4)
     assert quads.tolist() == [[0, 3, 4, 1], [1, 4, 5, 2]]
-    assert np.array_equal(found.faces[0], quads[0, :3])
+    assert np.array_equal(loaded.faces[0], quads[0, :3])
 
 
 def test_tracks_leave_out_holes(tmp_path):
@@ -236,11 +236,11 @@ def with_usd_types(sheet):
 def test_tracks_round_trip_exactly(tmp_path, extension, n_frames):
     sheet, notes = with_usd_types(tracked_sheet(n_frames)), []
     save(sheet, tmp_path / f"x.{extension}", notes=notes)
-    found = load(tmp_path / f"x.{extension}")
-    assert np.array_equal(found.vertices, sheet.vertices.astype(np.float32))
-    assert_same_tracks(found.tracks, sheet.tracks)
+    loaded = load(tmp_path / f"x.{extension}")
+    assert np.array_equal(loaded.vertices, sheet.vertices.astype(np.float32))
+    assert_same_tracks(loaded.tracks, sheet.tracks)
     assert not any("track" in note for note in notes)
-    assert {one.name for one in found.surface.attributes} == {"st", "displayColor"}
+    assert {attribute.name for attribute in loaded.surface.attributes} == {"st", "displayColor"}
 
 
 def test_saved_tracks_are_normals_velocities_and_primvars_in_usd(tmp_path):
@@ -303,5 +303,7 @@ def test_conversions_of_number_types_are_noted(tmp_path, values, kind, written_a
     )
     assert f"track 'x' is written as {written_as}, a type that USD lacks" in notes
     scale = 255 if values.dtype == np.uint8 else 1
-    found = load(tmp_path / "x.usdc").tracks["x"].values
-    np.testing.assert_allclose(found, np.atleast_3d(values).reshape(found.shape) / scale, rtol=1e-6)
+    result = load(tmp_path / "x.usdc").tracks["x"].values
+    np.testing.assert_allclose(
+        result, np.atleast_3d(values).reshape(result.shape) / scale, rtol=1e-6
+    )

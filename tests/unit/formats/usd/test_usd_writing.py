@@ -80,21 +80,21 @@ def assert_same_attributes(found, expected):
 def test_sequence_round_trips(tmp_path, extension):
     expected, notes = sheets(start_s=1001 / 24), []
     meshreel.save(expected, tmp_path / f"x.{extension}", notes=notes)
-    found = meshreel.load(tmp_path / f"x.{extension}", merge=True)
+    loaded = meshreel.load(tmp_path / f"x.{extension}", merge=True)
     assert notes == []
     assert [path.name for path in tmp_path.iterdir()] == [f"x.{extension}"]
-    assert found.dtype == np.float32
-    np.testing.assert_array_equal(found.vertices, expected.vertices)
-    np.testing.assert_array_equal(found.faces, expected.faces)
-    np.testing.assert_array_equal(found.surface.face_sizes, expected.surface.face_sizes)
-    assert found.surface.parts == expected.surface.parts
-    assert (found.fps, found.start_s) == (24.0, 1001 / 24)
+    assert loaded.dtype == np.float32
+    np.testing.assert_array_equal(loaded.vertices, expected.vertices)
+    np.testing.assert_array_equal(loaded.faces, expected.faces)
+    np.testing.assert_array_equal(loaded.surface.face_sizes, expected.surface.face_sizes)
+    assert loaded.surface.parts == expected.surface.parts
+    assert (loaded.fps, loaded.start_s) == (24.0, 1001 / 24)
     names = ["st", "uv_2", "displayColor", "paint", "heat", "tag", "bits", "wide"]
-    by_name = {one.name: one for one in found.surface.attributes}
+    by_name = {attribute.name: attribute for attribute in loaded.surface.attributes}
     reordered = Surface(None, tuple(by_name[name] for name in names))
-    assert len(found.surface.attributes) == len(names)
+    assert len(loaded.surface.attributes) == len(names)
     assert_same_attributes(reordered, expected.surface)
-    for one, other in zip(found.surface.groups, expected.surface.groups, strict=True):
+    for one, other in zip(loaded.surface.groups, expected.surface.groups, strict=True):
         assert (one.name, one.labels) == (other.name, other.labels)
         np.testing.assert_array_equal(one.numbers, other.numbers)
 
@@ -109,8 +109,8 @@ def test_frame_rate_and_start_round_trip(tmp_path, fps, first):
     assert codes == [first, first + 1, first + 2]
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (first, first + 2)
     assert (stage.GetTimeCodesPerSecond(), stage.GetFramesPerSecond()) == (fps, fps)
-    found = load(tmp_path / "x.usdc")
-    assert (found.fps, found.start_s) == (fps, first / fps)
+    loaded = load(tmp_path / "x.usdc")
+    assert (loaded.fps, loaded.start_s) == (fps, first / fps)
 
 
 def test_save_converts_byte_colors_to_floats(tmp_path):
@@ -122,9 +122,9 @@ def test_save_converts_byte_colors_to_floats(tmp_path):
         tmp_path / "x.usda",
         notes=notes,
     )
-    (found,) = load(tmp_path / "x.usda").surface.attributes
-    assert (found.name, found.values.dtype) == ("displayColor", np.float32)
-    np.testing.assert_array_equal(found.values, rgb.astype(np.float32) / np.float32(255))
+    (result,) = load(tmp_path / "x.usda").surface.attributes
+    assert (result.name, result.values.dtype) == ("displayColor", np.float32)
+    np.testing.assert_array_equal(result.values, rgb.astype(np.float32) / np.float32(255))
     assert notes == ["colors are written as float32, not bytes, since USD has no byte colors"]
 
 
@@ -137,9 +137,9 @@ def test_save_binds_a_single_material_to_the_mesh(tmp_path):
     )
     stage = Usd.Stage.Open(str(tmp_path / "x.usda"))
     assert not [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Subset)]
-    (found,) = load(tmp_path / "x.usda").surface.groups
-    assert (found.name, found.labels) == ("material", ("skin",))
-    np.testing.assert_array_equal(found.numbers, [0, 0, 0])
+    (result,) = load(tmp_path / "x.usda").surface.groups
+    assert (result.name, result.labels) == ("material", ("skin",))
+    np.testing.assert_array_equal(result.numbers, [0, 0, 0])
 
 
 def test_saved_stage_declares_axes_units_and_extents(tmp_path):
@@ -187,8 +187,8 @@ def test_save_writes_long_sequences_in_pieces(tmp_path, monkeypatch):
     expected = sheets(40)
     for extension in EXTENSIONS:
         save(expected, tmp_path / f"x.{extension}")
-        found = load(tmp_path / f"x.{extension}", merge=True)
-        np.testing.assert_array_equal(found.vertices, expected.vertices)
+        loaded = load(tmp_path / f"x.{extension}", merge=True)
+        np.testing.assert_array_equal(loaded.vertices, expected.vertices)
 
 
 def test_save_leaves_out_parts_without_faces(tmp_path):
