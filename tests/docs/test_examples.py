@@ -76,7 +76,7 @@ def test_a_character_becomes_a_file_and_pages(tmp_path):
     assert meshreel.compare(fish, tmp_path / "fish.reel").max_error_percent < 0.05
     assert meshreel.load(tmp_path / "fish.reel").surface.attributes[0].kind == meshreel.Kind.COLOR
     page, stream = ((tmp_path / name).stat().st_size for name in ("fish.html", "fish.reel"))
-    assert page - stream * 4 / 3 > 150_000  # the player, besides the stream in base64
+    assert page - stream * 4 / 3 > 190_000  # the player, besides the stream in base64
     assert 'src="fish.reel"' in (tmp_path / "index.html").read_text()
 
 
