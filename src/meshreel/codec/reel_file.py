@@ -386,16 +386,6 @@ class ReelFile:
             for run in range(start, stop, n_together):
                 yield run, self.read(run, min(run + n_together, stop))
 
-    def n_modes_of(self, number: int) -> int:
-        """Read the number of modes of a block, without decoding it.
-
-        Raises
-        ------
-        CorruptStreamError
-            If the block is damaged.
-        """
-        return self._opened.file.group(number).n_modes
-
     @cached_property
     def _separated(self) -> bytes | None:
         """A stream of this segment, if the file has several."""

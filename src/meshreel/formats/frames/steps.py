@@ -273,8 +273,7 @@ class StepFrames:
         def read(index: int, key: Key) -> Values:
             step = self._read(frames[index])
             array = next(array for array in step.arrays if array.key == key)
-            values = array.read().reshape(step.sizes[array.domain], -1)
-            return values[step.surface.source_rows[array.domain]]
+            return step.values(array)
 
         step = self._read(frames.start)
         n_verts = step.surface.n_verts(step.n_points)

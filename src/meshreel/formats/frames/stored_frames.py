@@ -1,7 +1,7 @@
 """Sequences and tracks that stay in their files until they are read; surveys of their frames."""
 
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -170,12 +170,6 @@ class FrameSurvey:
         if self._narrowing is not None:
             for frame in vertices:
                 self._narrowing.add(frame)
-
-    def watch(self, frames: Iterable[Vertices]) -> Iterator[Vertices]:
-        """Yield the given frames, of shape (V, 3), adding each."""
-        for frame in frames:
-            self.add(frame[np.newaxis])
-            yield frame
 
     @property
     def dtype(self) -> np.dtype[np.floating]:
