@@ -1,7 +1,7 @@
 /* Normals of a moving surface, and rotations that correct them.
 
-   docs/format.md, "Tracks". All is IEEE double, with nothing fused and `sqrt` the only function, so
-   that every machine computes the same bits. */
+   docs/format.md, "Tracks". Every machine must compute the same bits: use IEEE double only, call no
+   math function but `sqrt`, and never contract a product and a sum into a fused multiply-add. */
 
 #include "base.h"
 
