@@ -33,9 +33,9 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding import basis_coding
 from meshreel.codec.reel.normative.blocks import write_basis
-from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
+from meshreel.kernel.basis import time_order
 from meshreel.kernel.fields import decode_fields
 from meshreel.metrics.position_errors import position_errors
 from meshreel.paper import pipeline

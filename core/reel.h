@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 17 /* changes whenever a function or struct below changes */
+#define REEL_ABI 18 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -268,6 +268,18 @@ REEL_API int64_t reel_fields_decode(void *memory, size_t memory_size, const uint
                                     const int32_t *columns, const int64_t *pass_starts,
                                     int64_t n_passes, const int64_t *near_starts,
                                     const int32_t *near, int32_t *values);
+
+/* The coding order of a vector from reel_basis_encode, or with has_cosines from
+   reel_cosines_encode, as reel_fields_encode takes it: for n = n_columns n_frames, `columns` has
+   space for n numbers, `near_starts` for n + 1, `near` for REEL_MAX_NEAR_TIMES n. Returns the
+   number of passes. */
+#define REEL_MAX_TIME_PASSES 4
+#define REEL_MAX_NEAR_TIMES 6
+REEL_API size_t reel_time_order_memory(int64_t n_frames);
+REEL_API int64_t reel_time_order(void *memory, size_t memory_size, int64_t n_columns,
+                                 int64_t n_frames, int64_t has_cosines, const uint8_t *rests,
+                                 int32_t *columns, int64_t *pass_starts, int64_t *near_starts,
+                                 int32_t *near);
 
 /* Connectivity: `n_faces` triangles with vertices 0..n_verts-1, both counts at most 2^26. The
    encoder returns the faces as the decoder will restore them, in internal order and numbers, and

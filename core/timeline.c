@@ -224,6 +224,94 @@ static void decode_column(const int32_t *integers, const timeline *times, time_f
     }
 }
 
+/* The coding order of the integers of a vector: context neighbors at other times of a column, and
+   at the same time in the columns before. docs/format.md, "Passes by times". */
+#define NEAR_TIMES 4
+#define COLUMNS_BEFORE 2
+
+typedef struct {
+    int64_t n_frames, n_added;
+    int32_t *columns, *near;
+    int64_t *near_starts;
+} time_order;
+
+/* Add a time of a column; `near` are other times, -1 for none. */
+static void add_time(time_order *order, int64_t column, int64_t time, const int64_t *near) {
+    int64_t position = order->n_added++, count = order->near_starts[position];
+    order->columns[position] = (int32_t)(column * order->n_frames + time);
+    for (int k = 0; k < NEAR_TIMES; k++) {
+        if (near[k] >= 0) {
+            order->near[count++] = (int32_t)(column * order->n_frames + near[k]);
+        }
+    }
+    for (int64_t before = column - COLUMNS_BEFORE; before < column; before++) {
+        if (before >= 0) {
+            order->near[count++] = (int32_t)(before * order->n_frames + time);
+        }
+    }
+    order->near_starts[position + 1] = count;
+}
+
+/* Add a level of the moving times of a column. */
+static void add_level(time_order *order, int64_t column, int level, const timeline *times) {
+    level_times at = times_of_level(level);
+    int64_t known = level ? at.d : at.d / 2;
+    for (int64_t i = at.first; i < times->n_moving; i += at.step) {
+        const int64_t others[] = {i - known, i + known, i - 2 * known, i - 4 * known};
+        int64_t near[NEAR_TIMES];
+        for (int k = 0; k < NEAR_TIMES; k++) { /* those adjacent to the first level follow it */
+            bool is_known = (level || k >= 2) && others[k] >= 0 && others[k] < times->n_moving;
+            near[k] = is_known ? times->moving[others[k]] : -1;
+        }
+        add_time(order, column, times->moving[i], near);
+    }
+}
+
+static void add_resting(time_order *order, int64_t column, const uint8_t *rests) {
+    for (int64_t time = 1; time < order->n_frames; time++) {
+        const int64_t near[] = {rests[time - 1] ? time - 1 : -1,
+                                time > 1 && rests[time - 2] ? time - 2 : -1, -1, -1};
+        if (rests[time]) {
+            add_time(order, column, time, near);
+        }
+    }
+}
+
+static void add_frequencies(time_order *order, int64_t column) {
+    for (int64_t k = 0; k < order->n_frames; k++) {
+        add_time(order, column, k, (const int64_t[]){k - 1, k - 2, k - 3, k - 4});
+    }
+}
+
+size_t reel_time_order_memory(int64_t n_frames) { return timeline_bytes(n_frames); }
+
+int64_t reel_time_order(void *memory, size_t memory_size, int64_t n_columns, int64_t n_frames,
+                        int64_t has_cosines, const uint8_t *rests, int32_t *columns,
+                        int64_t *pass_starts, int64_t *near_starts, int32_t *near) {
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    time_order order = {n_frames, 0, columns, near, near_starts};
+    timeline times;
+    int64_t failed = find_timeline(&arena, n_frames, rests, 0, &times);
+    if (failed) {
+        return failed;
+    }
+    int n_passes = has_cosines ? 1 : rests ? N_LEVELS + 1 : N_LEVELS;
+    pass_starts[0] = near_starts[0] = 0;
+    for (int pass = 0; pass < n_passes; pass++) {
+        for (int64_t column = 0; column < n_columns; column++) {
+            if (has_cosines) {
+                add_frequencies(&order, column);
+            } else if (pass < N_LEVELS) {
+                add_level(&order, column, pass, &times);
+            } else {
+                add_resting(&order, column, rests);
+            }
+        }
+        pass_starts[pass + 1] = order.n_added;
+    }
+    return n_passes;
+}
+
 size_t reel_basis_memory(int64_t n_columns, int64_t n_frames) {
     return reel_array_bytes((size_t)n_columns * (size_t)n_frames, sizeof(double)) +
            timeline_bytes(n_frames) + reel_array_bytes((size_t)n_frames, sizeof(int32_t));

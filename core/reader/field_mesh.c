@@ -119,113 +119,21 @@ int reel_copy_hierarchy(reel_call *call, reel_pool *pool, const reel_field_mesh 
     return MESHREEL_OK;
 }
 
-/* ---- times ---- */
-
-#define N_LEVELS 3
-#define MAX_PASSES 4
-#define MAX_NEAR 6
-#define COLUMNS_BEFORE 2
-
-/* Per level: its first time, the distance of its times, and the distance of their known
-   neighbors. */
-static const int64_t first_times[N_LEVELS] = {0, 2, 1}, time_strides[N_LEVELS] = {4, 4, 2},
-                     known_distances[N_LEVELS] = {2, 2, 1};
-
-/* Add a time of a column with its context neighbors: `near` in the same column (-1: none), and the
-   same time in the columns before. */
-static void add_time(reel_coding_order *order, int64_t n_frames, int64_t column, int64_t time,
-                     const int64_t *near, int n_near) {
-    int64_t position = order->pass_starts[order->n_passes]++, count = order->near_starts[position];
-    order->columns[position] = (int32_t)(column * n_frames + time);
-    for (int k = 0; k < n_near; k++) {
-        if (near[k] >= 0) {
-            order->near[count++] = (int32_t)(column * n_frames + near[k]);
-        }
-    }
-    for (int64_t before = column - COLUMNS_BEFORE; before < column; before++) {
-        if (before >= 0) {
-            order->near[count++] = (int32_t)(before * n_frames + time);
-        }
-    }
-    order->near_starts[position + 1] = count;
-}
-
-static void begin_pass(reel_coding_order *order) {
-    order->pass_starts[order->n_passes + 1] = order->pass_starts[order->n_passes];
-    order->n_passes++;
-}
-
-/* Add a level of the moving times, for all columns. */
-static void add_level(reel_coding_order *order, int level, int64_t n_columns, int64_t n_frames,
-                      const int32_t *moving, int64_t n_moving) {
-    int64_t known = known_distances[level];
-    for (int64_t column = 0; column < n_columns; column++) {
-        for (int64_t i = first_times[level]; i < n_moving; i += time_strides[level]) {
-            const int64_t positions[] = {i - known, i + known, i - 2 * known, i - 4 * known};
-            int64_t near[4];
-            for (int k = 0; k < 4; k++) { /* the first level has no neighbors on both sides */
-                bool is_known = (level || k >= 2) && positions[k] >= 0 && positions[k] < n_moving;
-                near[k] = is_known ? moving[positions[k]] : -1;
-            }
-            add_time(order, n_frames, column, moving[i], near, 4);
-        }
-    }
-}
-
-static void add_resting(reel_coding_order *order, int64_t n_columns, int64_t n_frames,
-                        const uint8_t *rests) {
-    for (int64_t column = 0; column < n_columns; column++) {
-        for (int64_t time = 1; time < n_frames; time++) {
-            const int64_t near[] = {rests[time - 1] ? time - 1 : -1,
-                                    time > 1 && rests[time - 2] ? time - 2 : -1};
-            if (rests[time]) {
-                add_time(order, n_frames, column, time, near, 2);
-            }
-        }
-    }
-}
-
-/* Add all frequencies as one pass; lower ones are context neighbors. */
-static void add_frequencies(reel_coding_order *order, int64_t n_columns, int64_t n_frames) {
-    for (int64_t column = 0; column < n_columns; column++) {
-        for (int64_t k = 0; k < n_frames; k++) {
-            const int64_t near[] = {k - 1, k - 2, k - 3, k - 4};
-            add_time(order, n_frames, column, k, near, 4);
-        }
-    }
-}
-
 int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, bool has_cosines,
                          const uint8_t *rests, reel_coding_order *result) {
     uint64_t n = (uint64_t)(n_columns * n_frames);
+    size_t memory_size = reel_time_order_memory(n_frames);
+    void *memory = reel_scratch(call, memory_size, 1);
+    result->n_columns = (int64_t)n;
     result->columns = reel_scratch(call, n, sizeof *result->columns);
     result->near_starts = reel_scratch(call, n + 1, sizeof *result->near_starts);
-    result->pass_starts = reel_scratch(call, MAX_PASSES + 1, sizeof *result->pass_starts);
-    result->near = reel_scratch(call, n * MAX_NEAR, sizeof *result->near);
-    int32_t *moving = reel_scratch(call, (uint64_t)n_frames, sizeof *moving);
-    REEL_NEED(result->columns && result->near_starts && result->pass_starts);
-    REEL_NEED(result->near && moving);
-    int64_t n_moving = 0;
-    for (int64_t time = 0; time < n_frames; time++) {
-        if (!rests || !rests[time]) {
-            moving[n_moving++] = (int32_t)time;
-        }
-    }
-    result->n_columns = (int64_t)n;
-    result->n_passes = 0;
-    result->pass_starts[0] = result->near_starts[0] = 0;
-    if (has_cosines) {
-        begin_pass(result);
-        add_frequencies(result, n_columns, n_frames);
-        return MESHREEL_OK;
-    }
-    for (int level = 0; level < N_LEVELS; level++) {
-        begin_pass(result);
-        add_level(result, level, n_columns, n_frames, moving, n_moving);
-    }
-    if (rests) {
-        begin_pass(result);
-        add_resting(result, n_columns, n_frames, rests);
-    }
-    return MESHREEL_OK;
+    result->pass_starts =
+        reel_scratch(call, REEL_MAX_TIME_PASSES + 1, sizeof *result->pass_starts);
+    result->near = reel_scratch(call, n * REEL_MAX_NEAR_TIMES, sizeof *result->near);
+    REEL_NEED(memory && result->columns && result->near_starts);
+    REEL_NEED(result->pass_starts && result->near);
+    result->n_passes =
+        reel_time_order(memory, memory_size, n_columns, n_frames, has_cosines, rests,
+                        result->columns, result->pass_starts, result->near_starts, result->near);
+    return reel_fail_core(call, result->n_passes, 0, "the first time of a block rests");
 }

@@ -14,7 +14,7 @@ def as_order(*passes):
     for row, neighbors in zip(padded, near, strict=True):
         row[: len(neighbors)] = neighbors
     starts = np.cumsum([0, *(len(part) for part, _ in passes)], dtype=np.int64)
-    return coding_order(padded, starts, np.array(columns, np.int64))
+    return coding_order(padded, starts)._replace(columns=np.array(columns, np.int32))
 
 
 def passes_of(order):

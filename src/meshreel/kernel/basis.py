@@ -4,11 +4,13 @@ A track has C columns: positions have x, y and z.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.kernel.fields import CodingOrder
 from meshreel.kernel.library import Argument, call, int32s
 
 MAX_REST_BITS = 8
@@ -16,6 +18,12 @@ MAX_REST_BITS = 8
 
 MAX_COSINES = 1024
 """REEL_MAX_COSINES of `core/reel.h`: maximum number of frames of a block with cosines."""
+
+MAX_TIME_PASSES, MAX_NEAR_TIMES = 4, 6
+"""REEL_MAX_TIME_PASSES and REEL_MAX_NEAR_TIMES of `core/reel.h`."""
+
+COARSEST = 4
+"""Frames between the times coded first, as in `core/timeline.c`."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,34 @@ class BasisCoding:
 
 
 BY_TIMES = BasisCoding()
+
+
+@lru_cache(maxsize=8)
+def time_order(
+    n_columns: int, n_frames: int, rests: Rests = NO_REST, *, has_cosines: bool = False
+) -> CodingOrder:
+    """Return the coding order of the integers of a basis vector of shape (C, T)."""
+    n_integers = n_columns * n_frames
+    columns, near_starts = np.empty(n_integers, np.int32), np.empty(n_integers + 1, np.int64)
+    pass_starts = np.empty(MAX_TIME_PASSES + 1, np.int64)
+    near = np.empty(MAX_NEAR_TIMES * n_integers, np.int32)
+    n_passes = call(
+        "reel_time_order",
+        n_columns,
+        n_frames,
+        int(has_cosines),
+        rests.flags(n_frames),
+        columns,
+        pass_starts,
+        near_starts,
+        near,
+        what="times",
+        memory_of=("reel_time_order_memory", n_frames),
+    )
+    near = near[: near_starts[-1]].copy()
+    return CodingOrder(
+        n_integers, columns, pass_starts[: n_passes + 1], n_passes, near_starts, near
+    )
 
 
 def lengths_of(values: Floats, n_modes: int, finer: float) -> Floats:

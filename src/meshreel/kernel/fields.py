@@ -45,12 +45,8 @@ class CodingOrder(NamedTuple):
         return "reel_fields_memory", self.n_columns, self.n_passes, len(self.near)
 
 
-def coding_order(
-    near: npt.NDArray[np.integer],
-    pass_starts: Integers,
-    columns: npt.NDArray[np.integer] | None = None,
-) -> CodingOrder:
-    """Return the coding order of columns, for `encode_fields` and `decode_fields`.
+def coding_order(near: npt.NDArray[np.integer], pass_starts: Integers) -> CodingOrder:
+    """Return the coding order of columns in numerical order, for `encode_fields`.
 
     Parameters
     ----------
@@ -58,17 +54,14 @@ def coding_order(
         Context neighbors of each coded column, at most `MAX_NEAR`, padded with -1; all are coded
         before it, in its pass or an earlier one.
     pass_starts : int64 array
-        The place of the first column of each pass, and the number of columns.
-    columns : integer array of shape (n_columns,), optional
-        Columns in coding order, each once. Default: in numerical order.
+        The first column of each pass, and the number of columns.
     """
     is_neighbor = near >= 0
     near_starts = np.zeros(len(near) + 1, np.int64)
     np.cumsum(is_neighbor.sum(axis=1), out=near_starts[1:])
-    in_order = np.arange(len(near)) if columns is None else columns
     return CodingOrder(
         len(near),
-        in_order.astype(np.int32),
+        np.arange(len(near), dtype=np.int32),
         pass_starts,
         len(pass_starts) - 1,
         near_starts,

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 
-ABI = 17
+ABI = 18
 """REEL_ABI of the `core/reel.h` that this package expects."""
 
 PATH_VARIABLE = "MESHREEL_CORE"

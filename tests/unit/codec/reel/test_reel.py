@@ -13,10 +13,10 @@ from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import decode_basis
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.reel.normative.timeline import time_order
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
 from meshreel.kernel import fields as field_coder
+from meshreel.kernel.basis import time_order
 from meshreel.kernel.predict import decode_values
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks

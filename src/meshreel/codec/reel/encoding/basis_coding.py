@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER, BlockFrames
-from meshreel.codec.reel.normative.timeline import COARSEST
 from meshreel.kernel.basis import (
     BY_TIMES,
+    COARSEST,
     MAX_COSINES,
     MAX_REST_BITS,
     NO_REST,

@@ -13,8 +13,7 @@ from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
 from meshreel.codec.reel.normative.grid import write_step
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.codec.reel.normative.timeline import time_order
-from meshreel.kernel.basis import NO_REST, Rests
+from meshreel.kernel.basis import NO_REST, Rests, time_order
 from meshreel.kernel.exact import encode_exact
 from meshreel.kernel.fields import encode_fields
 from meshreel.kernel.integers import encode_integers

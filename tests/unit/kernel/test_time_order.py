@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.reel.normative.timeline import time_order
-from meshreel.kernel.basis import Rests
+from meshreel.kernel.basis import Rests, time_order
 from samples.passes import passes_of
 
 every_width = pytest.mark.parametrize("n_columns", [1, 2, 3, 6])
