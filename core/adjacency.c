@@ -115,3 +115,35 @@ int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t *faces, i
     }
     return reel_build_adjacency(&builder, (int32_t)n_verts, (int32_t)pairs, starts, near);
 }
+
+/* Add a face unless its corners are all equal; returns the end of the faces. */
+static int32_t *add_face(int32_t *end, int32_t a, int32_t b, int32_t c) {
+    end[0] = a;
+    end[1] = b;
+    end[2] = c;
+    return a != b || b != c ? end + 3 : end;
+}
+
+static int64_t side_after(int64_t side) { return side % 3 == 2 ? side - 2 : side + 1; }
+
+int64_t reel_item_faces(const int32_t *triangles, const int32_t *twins, const int32_t *items,
+                        int64_t n_triangles, int32_t *faces) {
+    int32_t *end = faces;
+    for (int64_t side = 0; side < 3 * n_triangles; side++) {
+        int64_t twin = twins[side], after = side_after(side), twin_after = side_after(twin);
+        if (side % 3 == 0) {
+            end = add_face(end, items[side], items[side + 1], items[side + 2]);
+        }
+        if (twin <= side) {
+            continue;
+        }
+        bool is_opposite = triangles[side] == triangles[twin_after];
+        int32_t first = items[is_opposite ? twin_after : twin];
+        int32_t second = items[is_opposite ? twin : twin_after];
+        end = add_face(end, items[side], first, first);
+        if (items[after] != items[side] || second != first) {
+            end = add_face(end, items[after], second, second);
+        }
+    }
+    return (end - faces) / 3;
+}

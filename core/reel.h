@@ -61,6 +61,12 @@ REEL_API size_t reel_adjacency_memory(int64_t n_verts, int64_t n_faces);
 REEL_API int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t *faces,
                                 int64_t n_faces, int64_t n_verts, int32_t *starts, int32_t *near);
 
+/* Faces of the graph of items at the corners of triangles, items[3 i + k] at corner k of triangle
+   i: items are adjacent in a triangle, and across an edge at the same vertex. `twins` as from
+   reel_twins; `faces` has space for 4 n_triangles. Returns their number. */
+REEL_API int64_t reel_item_faces(const int32_t *triangles, const int32_t *twins,
+                                 const int32_t *items, int64_t n_triangles, int32_t *faces);
+
 /* The hierarchy of a graph from `reel_adjacency`; `n_near` is starts[n_verts].
 
    `order` receives all vertices level by level, coarsest resolution first. This is the coding
@@ -271,8 +277,8 @@ REEL_API int64_t reel_fields_decode(void *memory, size_t memory_size, const uint
 
 /* The coding order of a vector from reel_basis_encode, or with has_cosines from
    reel_cosines_encode, as reel_fields_encode takes it: for n = n_columns n_frames, `columns` has
-   space for n numbers, `near_starts` for n + 1, `near` for REEL_MAX_NEAR_TIMES n. Returns the
-   number of passes. */
+   space for n numbers, `near_starts` for n + 1, `near` for REEL_MAX_NEAR_TIMES n, `pass_starts` for
+   REEL_MAX_TIME_PASSES + 1. Returns the number of passes. */
 #define REEL_MAX_TIME_PASSES 4
 #define REEL_MAX_NEAR_TIMES 6
 REEL_API size_t reel_time_order_memory(int64_t n_frames);

@@ -132,70 +132,18 @@ static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows
     return MESHREEL_OK;
 }
 
-/* ---- graphs ---- */
-
-/* Edges between items, as degenerate faces whose last corner is repeated. */
-typedef struct {
-    int32_t *faces;
-    uint64_t count;
-} edge_list;
-
-static void add_edge(edge_list *all, int32_t first_item, int32_t second_item) {
-    int32_t *face = all->faces + 3 * all->count++;
-    face[0] = first_item;
-    face[1] = face[2] = second_item;
-}
-
-static uint64_t side_after(uint64_t side) { return side % 3 == 2 ? side - 2 : side + 1; }
-
-/* Connect the corners at both ends of an edge with those of its twin; with rows, those rows that
-   differ. */
-static void join_corners(edge_list *all, const uint32_t *triangles, const fans *of, uint64_t side,
-                         uint64_t twin, const int32_t *rows) {
-    bool is_opposite = triangles[side] == triangles[side_after(twin)];
-    uint64_t first = is_opposite ? side_after(twin) : twin;
-    uint64_t second = is_opposite ? twin : side_after(twin);
-    int32_t ends[2][2] = {{of->corners[side], of->corners[first]},
-                          {of->corners[side_after(side)], of->corners[second]}};
-    for (int k = 0; k < 2; k++) {
-        int32_t first_item = rows ? rows[ends[k][0]] : ends[k][0];
-        int32_t second_item = rows ? rows[ends[k][1]] : ends[k][1];
-        if (!rows || first_item != second_item) {
-            add_edge(all, first_item, second_item);
-        }
-    }
-}
-
-/* Build the graph of faces, of corners, or of rows of corners. */
+/* Find the graph of the items at the corners of triangles. */
 static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                      const reel_mesh_data *mesh, const fans *of, uint32_t domain,
-                      const int32_t *rows, uint64_t n_items, reel_graph *graph) {
-    uint64_t n_faces = outline->n_faces;
-    edge_list all = {reel_scratch(call, 3 * 6 * n_faces, sizeof *all.faces), 0};
-    int32_t *twins;
-    REEL_NEED(all.faces);
-    REEL_TRY(reel_find_twins(call, &call->scratch, (const int32_t *)mesh->triangles, n_faces,
-                             outline->n_verts, &twins));
-    for (uint64_t side = 0; side < 3 * n_faces; side++) {
-        uint64_t twin = (uint64_t)twins[side];
-        if (domain == MESHREEL_CORNERS && !rows) {
-            add_edge(&all, of->corners[side], of->corners[side_after(side)]);
-        } else if (rows && side % 3 == 0) {
-            int32_t *face = all.faces + 3 * all.count++;
-            for (int k = 0; k < 3; k++) {
-                face[k] = rows[of->corners[side + (uint64_t)k]];
-            }
-        }
-        if (twin <= side) {
-            continue;
-        }
-        if (domain == MESHREEL_FACES) {
-            add_edge(&all, of->polygons[side / 3], of->polygons[twin / 3]);
-        } else {
-            join_corners(&all, mesh->triangles, of, side, twin, rows);
-        }
-    }
-    return reel_find_neighbors(call, pool, all.faces, all.count, (uint32_t)n_items, graph);
+                      const reel_mesh_data *mesh, const int32_t *items, uint64_t n_items,
+                      reel_graph *graph) {
+    const int32_t *triangles = (const int32_t *)mesh->triangles;
+    uint64_t n_triangles = outline->n_faces;
+    int32_t *faces = reel_scratch(call, 3 * 4 * n_triangles, sizeof *faces), *twins;
+    REEL_NEED(faces);
+    REEL_TRY(reel_find_twins(call, &call->scratch, triangles, n_triangles, outline->n_verts,
+                             &twins));
+    int64_t n_faces = reel_item_faces(triangles, twins, items, (int64_t)n_triangles, faces);
+    return reel_find_neighbors(call, pool, faces, (uint64_t)n_faces, (uint32_t)n_items, graph);
 }
 
 int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outline,
@@ -232,6 +180,12 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
         items->value_of = rows.of_corners;
         n_items = rows.n_rows;
     }
-    return find_graph(call, pool, outline, mesh, &of, domain, rows.of_corners, n_items,
-                      &items->graph);
+    for (uint64_t i = 0; i < 3 * outline->n_faces; i++) {
+        if (domain == MESHREEL_FACES) {
+            of.corners[i] = of.polygons[i / 3];
+        } else if (rows.of_corners) {
+            of.corners[i] = rows.of_corners[of.corners[i]];
+        }
+    }
+    return find_graph(call, pool, outline, mesh, of.corners, n_items, &items->graph);
 }

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.kernel.library import call, int32s
+from meshreel.kernel.order import opposite_sides
 from meshreel.runtime.threads import in_background, n_cores
 
 Integers = npt.NDArray[np.int32]
@@ -116,6 +117,26 @@ def neighbors(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbors:
         memory_of=("reel_adjacency_memory", n_verts, len(faces)),
     )
     return Neighbors(starts, near[:n_near].copy())
+
+
+def item_faces(
+    faces: npt.NDArray[np.integer], n_verts: int, items: npt.NDArray[np.integer]
+) -> Integers:
+    """Return the faces of a graph of items at the corners of a mesh, for `neighbors`.
+
+    Items are adjacent within a face, and across an edge at the same vertex.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+    n_verts : int
+    items : integer array of shape (M, 3)
+        The item at each corner of a face.
+    """
+    twins = opposite_sides(faces, n_verts)
+    found = np.empty((4 * len(faces), 3), np.int32)
+    arguments = int32s(faces), twins, int32s(items), len(faces), found
+    return found[: call("reel_item_faces", *arguments, what="faces")].copy()
 
 
 def hierarchy(graph: Neighbors, stencil_size: int) -> Hierarchy:

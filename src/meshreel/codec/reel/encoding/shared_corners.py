@@ -13,7 +13,7 @@ from meshreel.codec.corner_rows import (
     numbered_rows,
     write_corner_rows,
 )
-from meshreel.codec.reel.normative.graphs import ItemGraph, row_graph
+from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.rows import distinct_rows
 from meshreel.codec.tracks import Sharing
@@ -129,7 +129,7 @@ def _by_rows(
         corners,
         is_unused,
         Sharing.ROWS,
-        row_graph(rows, mesh.output_faces, mesh.surface, mesh.n_verts),
+        item_graph(Domain.CORNER, mesh.output_faces, mesh.surface, mesh.n_verts, rows),
         None,
         write_corner_rows(rows, mesh.output_order[vertices], mesh.n_verts),
         _vertices_of_rows(rows, vertices, mesh.output_order),
