@@ -3,6 +3,7 @@
 A track has C columns: positions have x, y and z.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -75,6 +76,9 @@ class BasisCoding:
 
 
 BY_TIMES = BasisCoding()
+
+QuantizedBasis = tuple[npt.NDArray[np.int32], Floats]
+"""Integers of the stream, and the vectors that they decode to."""
 
 
 @lru_cache(maxsize=8)
@@ -164,13 +168,13 @@ def basis_vectors(
     return basis
 
 
-def quantized_basis(
+def quantized_bases(
     targets: Floats,
     rate_weight: float,
-    coding: BasisCoding = BY_TIMES,
+    codings: Sequence[BasisCoding],
     lengths: Floats | None = None,
-) -> tuple[npt.NDArray[np.int32], Floats]:
-    """Quantize basis vectors; return the integers of the stream and what they decode to.
+) -> list[QuantizedBasis]:
+    """Quantize basis vectors in several codings; return their integers and what they decode to.
 
     Parameters
     ----------
@@ -178,12 +182,13 @@ def quantized_basis(
         The basis vectors, in quantization steps.
     rate_weight : float
         Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
-    coding : BasisCoding
+    codings : sequence of BasisCoding
     lengths : float64 array of shape (n,), optional
         As in `basis_vectors`.
 
     Returns
     -------
+    list of (integers, vectors), one for each coding:
     integers : int32 array of shape (K, C, T)
     vectors : float64 array of shape (C, T, K)
         As `basis_vectors` decodes them.
@@ -195,22 +200,32 @@ def quantized_basis(
         frames.
     """
     n_modes, n_columns, n_frames = shape = targets.shape
-    integers, vectors = np.empty(shape, np.int32), np.empty((n_columns, n_frames, n_modes))
-    encode, decode = "reel_basis_encode", "reel_basis"
-    if coding.has_cosines:
-        encode, decode = "reel_cosines_encode", "reel_cosine_basis"
+    targets = np.ascontiguousarray(targets)
     divisors = np.zeros(0) if lengths is None else lengths
-    options = _options_of_times(coding, n_frames)
-    what = "basis vectors"
-    call(
-        encode, np.ascontiguousarray(targets), *shape, *options, float(rate_weight),
-        integers, what=what, memory_of=(f"{encode}_memory", n_frames),
-    )  # fmt: skip
-    call(
-        decode, integers, *shape, *options, divisors, len(divisors), vectors,
-        what=what, memory_of=(f"{decode}_memory", n_columns, n_frames),
-    )  # fmt: skip
-    return integers, vectors
+    what, results = "basis vectors", []
+    all_options = [_options_of_times(coding, n_frames) for coding in codings]
+    for coding, options in zip(codings, all_options, strict=True):
+        integers, vectors = np.empty(shape, np.int32), np.empty((n_columns, n_frames, n_modes))
+        encode, decode = "reel_basis_encode", "reel_basis"
+        if coding.has_cosines:
+            encode, decode = "reel_cosines_encode", "reel_cosine_basis"
+        call(
+            encode, targets, *shape, *options, float(rate_weight), integers,
+            what=what, memory_of=(f"{encode}_memory", n_frames),
+        )  # fmt: skip
+        call(
+            decode, integers, *shape, *options, divisors, len(divisors), vectors,
+            what=what, memory_of=(f"{decode}_memory", n_columns, n_frames),
+        )  # fmt: skip
+        results.append((integers, vectors))
+    return results
+
+
+def quantized_basis(
+    targets: Floats, rate_weight: float, coding: BasisCoding = BY_TIMES
+) -> QuantizedBasis:
+    """Return the basis vectors of `quantized_bases` in one coding."""
+    return quantized_bases(targets, rate_weight, [coding])[0]
 
 
 def encode_basis(

@@ -144,7 +144,7 @@ class JointFrames:
         in_chunks(pack, n_verts, VERTICES_AT_ONCE)
         return packed
 
-    @property
+    @cached_property
     def _precision(self) -> int:
         return SINGLE if self.is_single else DOUBLE
 

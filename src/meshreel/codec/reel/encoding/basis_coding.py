@@ -23,9 +23,10 @@ from meshreel.kernel.basis import (
     MAX_REST_BITS,
     NO_REST,
     BasisCoding,
+    QuantizedBasis,
     Rests,
     encode_basis,
-    quantized_basis,
+    quantized_bases,
 )
 
 Floats = npt.NDArray[np.float64]
@@ -94,25 +95,26 @@ def cheapest_coding(
     n_modes, _, n_frames = targets.shape
     first = max(0, (n_modes - SAMPLED_MODES) // 2)
     some = targets[first : first + SAMPLED_MODES]
-    plain = _cost(some, rate_weight, BY_TIMES)
     largest = math.sqrt(n_frames) * float(np.abs(targets).max(initial=0.0))  # possible coefficient
+    least_gains = {BY_TIMES: 0.0}
     if may_be_cosines and n_frames <= MAX_COSINES and largest < LARGEST_INTEGER:
-        cosines = BasisCoding(has_cosines=True)
-        if _cost(some, rate_weight, cosines) < (1.0 - MIN_COSINE_GAIN) * plain:
-            return cosines
+        least_gains[BasisCoding(has_cosines=True)] = MIN_COSINE_GAIN
     if n_frames >= MIN_ADAPTIVE_FRAMES:
-        adaptive = BasisCoding(is_adaptive=True)
-        if _cost(some, rate_weight, adaptive) < (1.0 - MIN_ADAPTIVE_GAIN) * plain:
-            return adaptive
+        least_gains[BasisCoding(is_adaptive=True)] = MIN_ADAPTIVE_GAIN
+    trials = quantized_bases(some, rate_weight, list(least_gains), np.ones(len(some)))
+    plain = _cost(some, rate_weight, BY_TIMES, trials[0])
+    for coding, trial in list(zip(least_gains, trials, strict=True))[1:]:
+        if _cost(some, rate_weight, coding, trial) < (1.0 - least_gains[coding]) * plain:
+            return coding
     return BY_TIMES
 
 
-def _cost(targets: Floats, rate_weight: float, coding: BasisCoding) -> float:
+def _cost(targets: Floats, rate_weight: float, coding: BasisCoding, trial: QuantizedBasis) -> float:
     """Return estimated bits of basis vectors, and the weighted bits that would remove their error.
 
     Bits are estimated separately for each level of times.
     """
-    coded, decoded = quantized_basis(targets, rate_weight, coding, np.ones(len(targets)))
+    coded, decoded = trial
     levels = [slice(0, None, COARSEST), slice(2, None, COARSEST), slice(1, None, 2)]
     if coding.has_cosines:
         levels = [slice(None)]
