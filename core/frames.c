@@ -61,7 +61,7 @@ size_t reel_packed_bytes(int64_t n_modes, int64_t n_verts, int64_t precision) {
 
 int64_t reel_pack(const double *fields, int64_t mode_stride, int64_t vertex_stride, double step,
                   int64_t precision, const int32_t *order, int64_t n_modes, int64_t n_verts,
-                  int64_t first, int64_t last, void *packed) {
+                  void *packed, int64_t first, int64_t last) {
     bool is_single = precision == REEL_SUMS_4;
     if ((!is_single && precision != REEL_SUMS_8) || first < 0 || first % TILE || last > n_verts) {
         return reel_failure(REEL_INVALID, 0);

@@ -208,7 +208,7 @@ enum reel_precision { REEL_SUMS_4 = 4, REEL_SUMS_8 = 8 };
 REEL_API size_t reel_packed_bytes(int64_t n_modes, int64_t n_verts, int64_t precision);
 REEL_API int64_t reel_pack(const double *fields, int64_t mode_stride, int64_t vertex_stride,
                            double step, int64_t precision, const int32_t *order, int64_t n_modes,
-                           int64_t n_verts, int64_t first, int64_t last, void *packed);
+                           int64_t n_verts, void *packed, int64_t first, int64_t last);
 
 /* Reconstruct frames frames[0 .. n_requested - 1] of a block from packed fields. Products of fields
    and basis vectors are summed in IEEE single or double, as `precision` was when packing.

@@ -439,8 +439,8 @@ static void pack_task(void *shared, uint32_t i) {
     int64_t n_items = state->items.graph.n_items, n_modes = (int64_t)state->current.n_modes;
     int64_t first = i * job->task_size, last = first + job->task_size;
     reel_pack(reel_loaded_fields(state), 1, n_modes, (double)state->current.group.step,
-              (int64_t)state->current.group.precision, job->rows, n_modes, n_items, first,
-              last < n_items ? last : n_items, job->packed);
+              (int64_t)state->current.group.precision, job->rows, n_modes, n_items,
+              job->packed, first, last < n_items ? last : n_items);
 }
 
 void reel_find_field_rows(const reel_track_state *state, int32_t *rows) {

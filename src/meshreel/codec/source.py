@@ -1,5 +1,6 @@
 """Input of an encoder: a mesh in internal order, and frames divided into blocks."""
 
+import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -320,3 +321,8 @@ class Source:
             fps=sequence.fps,
             name=sequence.name,
         )
+
+
+def error_bound_sections(bound: float | None) -> list[tuple[Section, bytes]]:
+    """Return the section that states a guaranteed bound in diagonals; none without a bound."""
+    return [] if bound is None else [(Section.ERROR_BOUND, struct.pack("<d", 100.0 * bound))]

@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.library import Argument, call, int32s, memory
-from meshreel.runtime.threads import in_chunks
+from meshreel.kernel.library import Argument, call, call_in_chunks, int32s, memory
 
 Integers = npt.NDArray[np.integer]
 
@@ -121,27 +120,24 @@ class JointFrames:
     def _packed(self) -> npt.NDArray[np.uint8]:
         """The fields in the core's layout."""
         values = np.asarray(self.values, np.float64)
-        n_verts, n_modes = values.shape
+        (n_verts, n_modes), (vertex_stride, mode_stride) = values.shape, values.strides
         packed = memory("reel_packed_bytes", n_modes, n_verts, self._precision)
         order = None if self.order is None else int32s(self.order)
-
-        def pack(piece: slice) -> None:
-            call(
-                "reel_pack",
-                ctypes.c_void_p(values.ctypes.data),
-                *(stride // values.itemsize for stride in reversed(values.strides)),
-                float(self.step),
-                self._precision,
-                order,
-                n_modes,
-                n_verts,
-                piece.start,
-                piece.stop,
-                packed,
-                what="fields",
-            )
-
-        in_chunks(pack, n_verts, VERTICES_AT_ONCE)
+        call_in_chunks(
+            "reel_pack",
+            ctypes.c_void_p(values.ctypes.data),
+            mode_stride // values.itemsize,
+            vertex_stride // values.itemsize,
+            float(self.step),
+            self._precision,
+            order,
+            n_modes,
+            n_verts,
+            packed,
+            length=n_verts,
+            size=VERTICES_AT_ONCE,
+            what="fields",
+        )
         return packed
 
     @cached_property

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.runtime.threads import in_chunks
 
 ABI = 18
 """REEL_ABI of the `core/reel.h` that this package expects."""
@@ -93,6 +94,18 @@ def call(
             f"the {what} cannot be encoded: number {position} exceeds the limits of the format"
         )
     raise MemoryError(f"{function} got less memory than it requires ({position})")
+
+
+def call_in_chunks(function: str, *arguments: Argument, length: int, size: int, what: str) -> None:
+    """Call a function of the core for `chunks` of a length, on all cores; raises as `call`.
+
+    The bounds of each chunk are passed after `arguments`.
+    """
+
+    def run(piece: slice) -> None:
+        call(function, *arguments, piece.start, piece.stop, what=what)
+
+    in_chunks(run, length, size)
 
 
 def encoded(

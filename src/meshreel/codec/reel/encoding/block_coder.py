@@ -1,6 +1,5 @@
 """Encoder of blocks of the method `reel`."""
 
-import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -24,7 +23,7 @@ from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
 from meshreel.codec.reel.normative.mesh import Connectivity, FieldMesh, shared_field_mesh
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import CodedMesh, Piece
+from meshreel.codec.source import CodedMesh, Piece, error_bound_sections
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.fields import decode_fields, encode_fields
 from meshreel.kernel.predict import decode_values
@@ -329,8 +328,3 @@ def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
     if coder.bound is not None:
         check_error_bound(coder.bound, frames.rounding, vertices.dtype)
     return frames
-
-
-def error_bound_sections(bound: float | None) -> list[tuple[Section, bytes]]:
-    """Return the section that states a guaranteed bound in diagonals; none without a bound."""
-    return [] if bound is None else [(Section.ERROR_BOUND, struct.pack("<d", 100.0 * bound))]

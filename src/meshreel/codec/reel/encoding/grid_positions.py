@@ -14,14 +14,14 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.reel.encoding.block_coder import error_bound_sections, largest_rounding
+from meshreel.codec.reel.encoding.block_coder import largest_rounding
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_frame, write_grid_positions
 from meshreel.codec.reel.normative.grid import MAX_COORDINATE, NO_GRID, Coordinates, PositionGrid
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import CodedMesh, Source
+from meshreel.codec.source import CodedMesh, Source, error_bound_sections
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.targets import TargetKind
 from meshreel.kernel.surface_integers import MAX_VALUE

@@ -31,7 +31,7 @@ from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import Source
+from meshreel.codec.source import Source, error_bound_sections
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, Keyword, SolverError
 from meshreel.metrics.rate import rate_bpvf
@@ -250,24 +250,22 @@ class RateSearch:
 
     def _encoded(self, step: float, bound: float | None) -> bytes:
         self._report(0)
-        coder = self._coder.with_step(step, bound)
-        leading = coder.leading_sections()
         blocks: Iterator[tuple[int, Sections]]
         if self._best is not None and self._best[0] == step:
             blocks = iter(self._best[1])
             self._best = None  # sections can be iterated once
         elif self._engine is not None and not self._errors:
-            blocks = self._coded_by_workers(coder, self._engine)
+            blocks = self._coded_by_workers(self._coder.with_step(step, bound), self._engine)
         else:
-            blocks = self._coded(coder)
+            blocks = self._coded(step, bound)
             if self._is_cut:  # analyze a block while the previous one is entropy coded
                 blocks = prefetch(blocks)
         coded = [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
-        return self._source.stream(leading, coded)
+        return self._source.stream(error_bound_sections(bound), coded)
 
-    def _coded(self, coder: FieldBlockCoder) -> Iterator[tuple[int, Sections]]:
+    def _coded(self, step: float, bound: float | None) -> Iterator[tuple[int, Sections]]:
         """Yield frames and sections of each block."""
-        read, blocks = self._blocks(), KeyedBlocks(coder)
+        read, blocks = self._blocks(), KeyedBlocks(self._coder.with_step(step, bound))
         for frames in read:
             yield frames.block.n_frames, blocks.code(frames).sections
 
