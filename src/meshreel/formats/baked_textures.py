@@ -37,7 +37,6 @@ class TextureFrames:
     ----------
     paths : tuple of Path
         A video, or an image of each frame.
-    n_frames : int
     size : tuple of 2 ints
         Width and height of the first image.
     """
@@ -81,7 +80,6 @@ class TextureJob:
 
     Parameters
     ----------
-    textures : TextureFrames
     output : Path
         A video (.mp4), or a pattern of images (``%04d.png``).
     overwrite : bool

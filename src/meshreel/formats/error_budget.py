@@ -69,7 +69,6 @@ def share_budget(
     diagonal : float
         Diagonal of the bounding box of the written frames, in model units. If the stream
         guarantees an error, the smaller of this and the diagonal of the original counts.
-    origin : Origin, optional
     is_total : bool
         Whether the bound is for the error against the original, or only for the error added.
     consumer : str, default "morph targets"

@@ -115,7 +115,6 @@ class SequenceFormat:
         Writes the file of a format whose faces may change; replaces `write`.
     other_files : function of a path, optional
         Returns the existing files that continue a file, for formats that split a sequence.
-    reads_without_extra : bool, default False
     names_files : bool, default False
         Whether its files refer to other files.
     """

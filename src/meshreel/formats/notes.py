@@ -44,7 +44,6 @@ class Note(Message):
 
     Parameters
     ----------
-    kind : NoteKind
     subject : str
         What the note is about, such as "curves", "frame rate" or the name of a track.
     names : sequence of str
@@ -239,7 +238,6 @@ def note_unwritten_tracks(
 
     Parameters
     ----------
-    names : iterable of str
     extension : str
         Of the file, with the dot.
     which : str

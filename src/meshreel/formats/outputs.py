@@ -91,7 +91,6 @@ def numbering(output: AnyPath, wanted: range, start_number: int | None) -> int |
 
     Parameters
     ----------
-    output : str or Path
     wanted : range
         Frame numbers.
     """

@@ -184,7 +184,6 @@ class StoredSegment:
 
     Parameters
     ----------
-    whole : ReelFile
     number : int
         Number of the segment.
     path : Path

@@ -85,7 +85,6 @@ class Output:
 
     Attributes
     ----------
-    requested : str or path
     local : str or path
         The same for a local output; a path in a temporary folder for a remote one.
     """
@@ -114,7 +113,6 @@ def uploaded(output: AnyPath, *, overwrite: bool) -> Iterator[Output]:
 
     Parameters
     ----------
-    output : str or path
     overwrite : bool
         Whether existing files may be replaced.
 

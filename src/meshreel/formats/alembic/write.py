@@ -230,12 +230,10 @@ class _PartWriter:
 
     Parameters
     ----------
-    schema : OPolyMeshSchema
     part : PartMesh
         The part in the first segment.
     sampling : int
         Index of the time sampling of its positions.
-    tracks : mapping of str to TrackSource
     notes : list of str
         Gains a sentence for everything that the file cannot store exactly.
     changing : SharedData, optional

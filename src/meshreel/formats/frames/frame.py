@@ -32,7 +32,6 @@ class Frame:
 
     Parameters
     ----------
-    mesh : PolygonMesh
     surface : Surface
         Attributes, groups and parts, without face sizes and hard edges.
     fields : mapping

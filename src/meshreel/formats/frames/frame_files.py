@@ -134,12 +134,10 @@ class _Run:
 
     Parameters
     ----------
-    files : FrameFiles
     start : int
         Number of the first frame.
     data : bytes
         Its file.
-    first : Frame
     max_bytes : int, optional
         Size of contents above which two or more frames stay in their files.
 

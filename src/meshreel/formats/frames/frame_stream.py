@@ -39,7 +39,6 @@ class FrameStream:
     numbers : range
         Frames of the segment.
     faces : int32 array of shape (M, 3)
-    surface : Surface
     tracks : mapping of str to TrackSource
         Those that the format supports.
     fps, name, start_s
@@ -134,7 +133,6 @@ class SegmentedStream:
 
     Parameters
     ----------
-    sequence : MeshSequence or ReelFile
     wanted : range, optional
         Consecutive frame numbers; the start time is adjusted. Default: all.
     progress : Progress, default silent
@@ -146,7 +144,6 @@ class SegmentedStream:
 
     Attributes
     ----------
-    n_frames, n_segments : int
     starts : tuple of int
         First frame of each segment, and the number of all frames.
     fps, name, start_s

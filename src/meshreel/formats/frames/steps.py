@@ -48,7 +48,6 @@ class DataArray:
     ----------
     domain : Domain
         Vertices for points, faces for cells.
-    name : str
     read : function
         Returns the values, of shape (N,) or (N, C).
     identify : function
@@ -112,12 +111,10 @@ class Step:
 
     Parameters
     ----------
-    n_points, n_cells : int
     surface : CellSurface
         Of its cells.
     read_points : function
         Reads the points.
-    arrays : sequence of DataArray
     left_out : tuple of str
         Descriptions of what else the file contains, for notes.
     """
@@ -297,8 +294,6 @@ class Piece:
     Parameters
     ----------
     points : float array of shape (N, 3)
-    cells : Cells
-    arrays : tuple of DataArray
     """
 
     points: Vertices

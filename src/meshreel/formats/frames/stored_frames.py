@@ -46,12 +46,10 @@ class StoredFrames:
         Bounding box of all frames, in `dtype`.
     read_range : function of a start and a stop
         Reads the positions of frames start..stop - 1, of shape (stop - start, V, 3).
-    start_s : float, default 0
     files : tuple of Path
         Files with the positions.
     is_portable : bool, default False
         Whether `read_range` can be pickled and used in another process.
-    tracks : mapping of str to TrackSource, optional
 
     Raises
     ------

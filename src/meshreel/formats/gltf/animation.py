@@ -53,13 +53,8 @@ MAX_PATH = 4096
 class Nodes:
     """The nodes of a file.
 
-    Parameters
-    ----------
-    document : Document
-
     Attributes
     ----------
-    objects : tuple of JsonObject
     parents : list of int
         Parent of each node; -1 for a root.
     ordered : list of int
@@ -135,7 +130,6 @@ class Nodes:
 
         Parameters
         ----------
-        node : int
         default_name : str
             Name of the node if it has none.
 
@@ -290,13 +284,10 @@ class Channel:
 
     Attributes
     ----------
-    node : int
     path : str
         One of `PATHS`.
-    sampler : JsonObject
     input : str
         The accessor of the key times, as written.
-    interpolation : str
     json : JsonObject
         The channel in the file.
     """
@@ -344,7 +335,6 @@ class Clips:
 
     Parameters
     ----------
-    document : Document
     moving : dict of collections of int
         By path, the nodes whose animation moves a mesh that is read.
 
@@ -547,7 +537,6 @@ class Motion:
 
     Parameters
     ----------
-    nodes : Nodes
     curves : Curves
         Empty if nothing is animated.
     """

@@ -108,7 +108,6 @@ class BufferWriter:
     ----------
     pieces : list of bytes
         Consecutive pieces of the buffer.
-    size_bytes : int
     views, accessors : list of dict
         Entries of the JSON.
     """
@@ -190,10 +189,8 @@ def write_container(path: Path, document: Json, buffer: BufferWriter, advice: st
 
     Parameters
     ----------
-    path : Path
     document : dict
         The JSON, without the buffer.
-    buffer : BufferWriter
     advice : str
         Advice for the user if the file is too large.
 

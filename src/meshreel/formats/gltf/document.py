@@ -193,7 +193,6 @@ class JsonObject:
 
         Parameters
         ----------
-        key : str
         item_name : str
             Name of an item in messages, such as "primitive".
         """
@@ -265,13 +264,11 @@ class Document:
 
     Parameters
     ----------
-    path : Path
     allow_outside : bool, default False
         Whether it may refer to files outside of its folder.
 
     Attributes
     ----------
-    root : JsonObject
     lists : dict of tuples of JsonObject
         By name, as in `LISTS`.
 
@@ -305,7 +302,6 @@ class Document:
 
         Parameters
         ----------
-        parent : JsonObject
         key : str
             Key of the accessor index.
         *kinds : str
@@ -403,7 +399,6 @@ class Document:
 
         Parameters
         ----------
-        json : JsonObject
         size : int, optional
             Number of bytes to read; by default all.
 

@@ -238,7 +238,6 @@ def read_geometry(
     ----------
     mesh : JsonObject
         A mesh with at least one triangle primitive.
-    document : Document
     labels : sequence of str
         Names of the materials of the file; empty for those that form no group.
     notes : list of str

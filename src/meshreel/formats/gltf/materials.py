@@ -93,7 +93,6 @@ class MaterialReader:
 
     Parameters
     ----------
-    document : Document
     notes : list of str
         Gains a sentence for each material or image that is left out as invalid or missing.
     """
@@ -357,7 +356,6 @@ class Materials:
 
     Parameters
     ----------
-    surface : Surface
     buffer : BufferWriter
         Gains the images.
     notes : list of str

@@ -57,7 +57,6 @@ class SplitVertices:
         Row of its normal in `NormalRows`; the original vertex if no edge is hard.
     attributes : dict of str to array of shape (N, C)
         By glTF attribute name.
-    primitives : tuple of Primitive
     """
 
     sources: Integers
@@ -77,7 +76,6 @@ def split_at_seams(
 
     Parameters
     ----------
-    part : PartMesh
     rows_of_corners : integer array of shape (C,), optional
         Row of the normal of each corner, if vertices have several. Default: the vertex.
     """
@@ -191,7 +189,6 @@ def write_mesh(
 
     Parameters
     ----------
-    name : str
     split : SplitVertices
         Vertices that faces use, split at seams.
     morph_mesh : MorphMesh

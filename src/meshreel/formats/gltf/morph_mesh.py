@@ -96,7 +96,6 @@ def fit_normals(
         Faces as indices into these vertices.
     displacements : float32 array of shape (T, 3 V)
         The displacements to which `morphs` was fitted, to measure its errors again.
-    morphs : Morphs
     length_error : float, default 0
         Acceptable root mean square error of unit normals; 0 to use all targets.
     """
@@ -244,7 +243,6 @@ class ShadingMesh:
     vertices : int64 array of shape (R,)
         Original vertex of each vertex.
     faces : int32 array of shape (M, 3)
-    has_hard_edges : bool
     """
 
     vertices: npt.NDArray[np.int64]
@@ -258,11 +256,8 @@ class MorphMesh:
 
     Attributes
     ----------
-    placement : Placement
     base : int16 or float32 array of shape (V, 3)
         Integers if there are targets.
-    morphs : Morphs, optional
-    normals : NormalTargets, optional
     errors : float array of shape (T,)
         Largest error of a vertex in each frame, in model units.
     """
@@ -283,7 +278,6 @@ def fit_part(
     ----------
     frames : float array of shape (T, V, 3)
     faces : int32 array of shape (M, 3)
-    options : MorphOptions
     shading : ShadingMesh, optional
         For a mesh with hard edges, which always gets normals. Default: one normal per vertex.
     """

@@ -94,7 +94,6 @@ def best_weights(targets: IntegerTargets, frames: Singles) -> Singles:
 
     Parameters
     ----------
-    targets : IntegerTargets
     frames : float32 array of shape (T, N)
         The displacements to approximate.
     """
@@ -249,7 +248,6 @@ class Morphs:
 
     Attributes
     ----------
-    targets : IntegerTargets
     weights : float32 array of shape (T, K)
     errors : float32 array of shape (T,)
         Largest error of a vertex in each frame.

@@ -394,10 +394,8 @@ class PosedMesh:
 
     Parameters
     ----------
-    mesh : ShownMesh
     weights : float64 array of shape (M,)
         Default weights of the morph targets.
-    motion : Motion
     times_s : float64 array of shape (T,)
         Times at which curves are evaluated for the frames.
     read : function
@@ -475,7 +473,6 @@ class Switching:
         -1 for a mesh that no frame shows.
     first : int
         The first frame that shows a group; later frames, up to the last of `group_of_frame`, do.
-    group_of_frame : list of int
     """
 
     group_of_mesh: list[int]

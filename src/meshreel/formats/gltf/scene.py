@@ -56,8 +56,6 @@ class ShownMesh:
 
     Attributes
     ----------
-    node : int
-    mesh : JsonObject
     skin : Skin, optional
         Joints that move the mesh instead of the node.
     instances : float64 array of shape (I, 4, 4), optional
@@ -83,8 +81,6 @@ def shown_meshes(document: Document, nodes: Nodes, notes: list[str]) -> list[Sho
 
     Parameters
     ----------
-    document : Document
-    nodes : Nodes
     notes : list of str
         Gains a sentence if the scene lists nodes that are not roots.
     """

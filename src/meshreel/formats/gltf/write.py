@@ -217,20 +217,17 @@ class SceneWriter:
         Of the sequence.
     times_s : sequence of float
         Times of the frames of all segments, not negative.
-    options : MorphOptions
     notes : list of str
         Gains a sentence for every material property that glTF cannot store.
 
     Attributes
     ----------
-    buffer : BufferWriter
     morph_meshes : list of MorphMesh
         Meshes of the parts that have faces.
     errors : list of float arrays of shape (T,)
         Largest error of a vertex in each frame of each segment, in model units.
     n_isolated : int
         Number of vertices that no face uses, which are left out.
-    has_hard_edges : bool
     """
 
     def __init__(
@@ -378,12 +375,8 @@ def assemble_document(
     ----------
     name : str
         Of the scene.
-    tree : NodeTree
-    meshes : list of dict
     materials : Materials
         Notes the materials that are not used.
-    buffer : BufferWriter
-    animations : sequence of dict
     required : iterable of str
         Extensions besides those of the materials.
     """
@@ -414,7 +407,6 @@ class NodeTree:
     ----------
     nodes : list of dict
         Entries of the JSON.
-    roots : list of int
     """
 
     def __init__(self) -> None:
@@ -430,7 +422,6 @@ class NodeTree:
         ----------
         name : str
             Name, or path of nodes if it starts with a slash.
-        mesh : int
         placement : Placement
             Placement of the mesh in the world, independent of its parents.
         """

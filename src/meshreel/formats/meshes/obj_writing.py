@@ -273,7 +273,6 @@ def select_tracks(
 
     Parameters
     ----------
-    tracks : mapping of str to TrackSource
     uv, colors : Attribute or None
         Attributes that it stores.
     notes : list of str

@@ -90,8 +90,6 @@ class PlyTable:
 
     Parameters
     ----------
-    element : PlyElement
-    body : PlyBody
     offsets : dict of str to int64 array of shape (number of rows,)
         Byte offset of each property in each row; for a list, that of its length.
     start, end : int

@@ -220,7 +220,6 @@ def select_tracks(
 
     Parameters
     ----------
-    tracks : mapping of str to TrackSource
     attributes : iterable of Attribute
         Attributes that it stores; their property names are reserved.
     notes : list of str

@@ -30,7 +30,6 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sc
 
     Parameters
     ----------
-    meshes : sequence of SceneMesh
     name : str
         Name of the merged mesh.
     notes : list of str
@@ -101,7 +100,6 @@ def merge_tracks(
 
     Parameters
     ----------
-    meshes : sequence of SceneMesh
     places : sequence of sequences of Neighbours
         For each merged frame and each mesh, the mesh's frames at or around that time.
     """
@@ -177,7 +175,6 @@ def merge_surfaces(
 
     Parameters
     ----------
-    names : sequence of str
     surfaces : sequence of Surface
         Surface of each mesh, without face sizes.
     frames : sequence of PolygonMesh
@@ -207,7 +204,6 @@ def unify_domains(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) ->
 
     Parameters
     ----------
-    surfaces : sequence of Surface
     frames : sequence of PolygonMesh
         The mesh of each.
     """

@@ -169,10 +169,8 @@ class _SceneRun:
 
     Parameters
     ----------
-    mesh : SceneMesh
     start : int
         Number of the first frame.
-    first : PolygonMesh
     max_bytes : int, optional
         Size above which frames stay in the file; default: never.
     """
@@ -315,7 +313,6 @@ def readable_meshes(
 
     Parameters
     ----------
-    meshes : sequence of SceneMesh
     options : ReadOptions
         Its notes receive a sentence that lists the other meshes and their errors.
     may_change : bool

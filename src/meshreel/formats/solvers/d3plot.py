@@ -112,7 +112,6 @@ class _States:
     ----------
     states : list of tuple of D3plotLayout and int
         Layout and first word of each state.
-    notes : list of str
     """
 
     def __init__(self, states: list[tuple[D3plotLayout, int]], notes: list[str]) -> None:

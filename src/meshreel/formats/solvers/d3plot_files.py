@@ -226,7 +226,6 @@ class Section:
     ----------
     start : int
         First word, counted from the first of the state.
-    n_rows, n_columns : int
     """
 
     start: int
@@ -256,13 +255,8 @@ class ElementColumns:
 class D3plotLayout:
     """Geometry of a d3plot file, and the place of each result in its states.
 
-    Parameters
-    ----------
-    words : Words
-
     Attributes
     ----------
-    control : dict of str to int
     sections : dict of str to Section
         Tables of a state by name, in order.
     state_words : int

@@ -92,12 +92,10 @@ class Variable:
 
     Parameters
     ----------
-    name : str
     domain : Domain
         Of vertices or faces.
     width : int
         Number of components.
-    files : FileSeries
     """
 
     name: str
@@ -111,16 +109,13 @@ class EnsightCase:
 
     Parameters
     ----------
-    path : Path
     options : ReadOptions
         Their notes name everything that is not read.
 
     Attributes
     ----------
-    geometry : FileSeries
     elements_step : int or None
         Step of the geometry whose file has the elements of all steps; None if all have their own.
-    variables : list of Variable
 
     Raises
     ------

@@ -34,7 +34,6 @@ class Tables:
 
     Parameters
     ----------
-    path : Path
     order : str
         Byte order: "<" or ">".
     lines : list of str, optional
@@ -128,7 +127,6 @@ def open_geometry(path: Path, lines: ReadLines = read_lines) -> Tables:
 
     Parameters
     ----------
-    path : Path
     lines : function of a path
         Reads the lines of a text file.
 
@@ -182,7 +180,6 @@ class Block:
     ----------
     kind : str
         As in the file, such as "hexa8" or "g_hexa8".
-    count : int
     position : int
         Of the nodes in the file.
     """
@@ -203,11 +200,8 @@ class Part:
 
     Parameters
     ----------
-    number, n_nodes : int
-    name : str
     position : int
         Of the coordinates in the file.
-    blocks : tuple of Block
     """
 
     number: int

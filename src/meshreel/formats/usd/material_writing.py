@@ -34,7 +34,6 @@ class Materials:
 
     Parameters
     ----------
-    stage : Usd.Stage
     root : str
         Path of the prim above the materials.
     used : set of str

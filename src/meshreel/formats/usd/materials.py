@@ -71,7 +71,6 @@ class StageMaterials:
     ----------
     images : list of Image
         The images read so far, to which materials refer.
-    notes : list of str
     """
 
     def __init__(self, folder: Path | None, notes: list[str]) -> None:
@@ -333,7 +332,6 @@ class _PreviewSurface:
 
     Parameters
     ----------
-    shader : UsdShade.Shader
     name : str
         Name of the material, for the notes.
     materials : StageMaterials

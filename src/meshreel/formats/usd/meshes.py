@@ -56,12 +56,7 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class MeshShape:
-    """Points and faces of a mesh prim in local space, at any time code.
-
-    Parameters
-    ----------
-    prim : Usd.Prim
-    """
+    """Points and faces of a mesh prim in local space, at any time code."""
 
     prim: Any
 
@@ -192,8 +187,6 @@ class Skin:
     ----------
     skeleton_prim : Usd.Prim
         The skeleton in the stage; for an instance, the query has only its prototype.
-    skeleton : UsdSkel.SkeletonQuery
-    skinning : UsdSkel.SkinningQuery
     shapes : UsdSkel.BlendShapeQuery or None
     """
 
@@ -288,8 +281,6 @@ class StageMesh:
     ----------
     stage : Usd.Stage
         Kept alive, since its prims become invalid with it.
-    prim : Usd.Prim
-    transforms : Transforms
     skin : Skin or None
         The skinning by a skeleton.
     materials : StageMaterials

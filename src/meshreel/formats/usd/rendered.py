@@ -48,7 +48,6 @@ def rendered_meshes(stage: Any, notes: list[str]) -> list[Any]:
 
     Parameters
     ----------
-    stage : Usd.Stage
     notes : list of str
         Gains a sentence on meshes that are not rendered, and on other geometry.
 

@@ -283,7 +283,6 @@ class MeshWriter:
 
     Parameters
     ----------
-    stage : Usd.Stage
     has_normals : bool
         Whether to write normals computed from hard edges.
     """

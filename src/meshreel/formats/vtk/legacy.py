@@ -62,10 +62,6 @@ WIDTHS = {
 class LegacyTokens:
     """Reads lines and numbers of a legacy VTK file sequentially.
 
-    Parameters
-    ----------
-    data : bytes
-
     Attributes
     ----------
     position : int

@@ -31,8 +31,6 @@ class OutputArray:
     domain : Domain
         Vertices or faces.
     dtype : dtype
-    n_columns : int
-    kind, unit : str
     role : str
         The active attribute of VTK that it is: "TCoords", "Normals" or empty.
     values : array of shape (N, C), optional
@@ -59,7 +57,6 @@ def output_arrays(
 
     Parameters
     ----------
-    surface : Surface
     tracks : mapping of str to TrackSource
         Tracks of vertices and faces.
     extension : str

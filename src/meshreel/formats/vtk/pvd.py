@@ -104,11 +104,9 @@ class _PieceFrames:
 
     Parameters
     ----------
-    name : str
     times : float64 array of shape (T,)
     files : list of list of Path
         The files of each frame.
-    notes : list of str
     """
 
     def __init__(self, name: str, times: Floats, files: list[list[Path]], notes: list[str]) -> None:

@@ -55,7 +55,6 @@ class GridFrames:
     ----------
     steps : list of Element
         The grids, one for each frame.
-    items : DataItems
     root : Element
         Root of the document: grids may include parts of other grids.
     notes : list of str

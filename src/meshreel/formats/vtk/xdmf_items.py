@@ -28,7 +28,6 @@ class DataItems:
 
     Parameters
     ----------
-    path : Path
     root : Element
         Root of the document.
     allow_outside : bool

@@ -49,7 +49,6 @@ def vtp_encoder(
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-    surface : Surface, optional
     notes : list of str, optional
         Receives a sentence for each thing that the file cannot store.
     tracks : mapping of str to TrackSource, optional
@@ -172,12 +171,7 @@ def _encode(values: Values, level: int) -> Encoded:
 
 
 class _Appended:
-    """Collects encoded arrays for the AppendedData element.
-
-    Attributes
-    ----------
-    pieces : list of bytes
-    """
+    """Collects encoded arrays for the AppendedData element."""
 
     def __init__(self) -> None:
         self.pieces: list[bytes] = []
