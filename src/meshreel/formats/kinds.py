@@ -107,8 +107,8 @@ class SequenceFormat:
     holds_tracks : set of Domain
         Domains of the tracks that written files can contain; others are left out with a note.
     data_files : function of a path and a number of frames, optional
-        Returns further files that the file refers to; `FrameStream.data_files` tells `write` where
-        to put them.
+        Returns further files that the file refers to; `SegmentedStream.data_files` tells the writer
+        where to put them.
     list_animations : function of a path and `ReadOptions`, optional
         Returns the animations of a file, for formats with several; its errors do not name the file.
     write_segments : function of a path, a `SegmentedStream` and `WriteOptions`, optional

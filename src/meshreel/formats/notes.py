@@ -8,8 +8,8 @@ from meshreel.errors import Keyword, Message, parts_of
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.runtime.counting import counted
 
-ASSUMED_FPS = 24
-"""Frame rate that our players assume for streams without one."""
+ASSUMED_FPS = 24.0
+"""Frame rate of sequences without one, for our players and for formats that need a rate."""
 
 NORMALS = "normals, which programs compute"
 """Subject of notes on stored normals."""
@@ -86,8 +86,12 @@ def is_of_kind(note: str, kind: NoteKind) -> bool:
 
 def add_note(notes: list[str], kind: NoteKind, subject: str, text: str = "") -> None:
     """Add a note, unless the notes contain the same sentence."""
-    if (note := Note(kind, subject, text=text)) not in notes:
-        notes.append(note)
+    add_once(notes, [Note(kind, subject, text=text)])
+
+
+def add_once(notes: list[str], added: Iterable[str]) -> None:
+    """Add sentences that the notes do not contain yet."""
+    notes.extend(note for note in added if note not in notes)
 
 
 def list_in_note(notes: list[str], kind: NoteKind, subject: str, names: Iterable[str]) -> None:
@@ -149,22 +153,18 @@ def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
     if n_frames > 1 and not fps:
         text = Message(
             "the frame rate is unknown, and stored as unknown: players assume "
-            f"{ASSUMED_FPS} frames per second; set it with ",
+            f"{ASSUMED_FPS:g} frames per second; set it with ",
             Keyword("fps"),
         )
         add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
 
 
-def note_written_rate(notes: list[str], fps: float) -> None:
-    """Add a note that a sequence without frame rate is written with one."""
-    text = f"the frame rate is unknown; written as {fps:g} fps"
-    add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
-
-
-def note_file_order(notes: list[str], fps: float) -> None:
-    """Add a note that frames are in file order because their times are not ascending."""
-    text = f"frame times are not ascending; read in file order at {fps:g} frames per second"
-    add_note(notes, NoteKind.CHANGED, "frame times", text)
+def written_rate(fps: float, notes: list[str]) -> float:
+    """Return the frame rate to write; if a sequence has none, assume one and add a note."""
+    if not fps:
+        text = f"the frame rate is unknown; written as {ASSUMED_FPS:g} fps"
+        add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
+    return fps or ASSUMED_FPS
 
 
 def note_uneven_times(notes: list[str], fps: float) -> None:

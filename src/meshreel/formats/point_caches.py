@@ -24,11 +24,13 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import ArrayFrames, Description, changed_error
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import (
+    ASSUMED_FPS,
     NoteKind,
     add_note,
+    add_once,
     note_kinds,
     note_uneven_times,
-    note_written_rate,
+    written_rate,
 )
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
@@ -39,7 +41,6 @@ from meshreel.model.sequence import Faces, FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
 
-FRAME_RATE = 24.0  # written if a sequence has none but the file needs one
 VERTEX_BYTES = 12
 
 PC2_SIGNATURE, PC2_VERSION = b"POINTCACHE2\0", 1
@@ -87,7 +88,7 @@ def write_pc2(path: Path, stream: FrameStream, options: WriteOptions) -> None:
 
 def _first_frame(stream: FrameStream) -> float:
     """Return the start as a frame number; adds notes if it will be read back differently."""
-    fps = stream.fps or FRAME_RATE
+    fps = stream.fps or ASSUMED_FPS
     with np.errstate(over="ignore"):
         first_frame = float(np.float32(stream.start_s * fps))
     if not math.isfinite(first_frame):
@@ -144,7 +145,8 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
 
 def write_mdd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
     """Write an ``.mdd`` file; notes report what it cannot store exactly."""
-    times = _times(stream.fps or FRAME_RATE, stream.start_s, stream.n_frames)
+    rate = written_rate(stream.fps, stream.notes)
+    times = _times(rate, stream.start_s, stream.n_frames)
     if not np.isfinite(times).all():
         raise InvalidInputError(
             f"start_s of {stream.start_s:g} is too large for MDD, which stores float32"
@@ -159,12 +161,10 @@ def write_mdd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
 def _note_times(times: npt.NDArray[Any], stream: FrameStream) -> None:
     """Add notes if frame rate or start will be read back with another value."""
     found = _timing(times)
-    if not stream.fps:
-        note_written_rate(stream.notes, FRAME_RATE)
-    elif stream.n_frames == 1:
+    if stream.fps and stream.n_frames == 1:
         text = f"MDD has no frame rate for one frame: {stream.fps:g} fps is lost"
         add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", text)
-    elif found.fps != stream.fps:
+    elif stream.fps and found.fps != stream.fps:
         text = f"MDD stores times as float32: {stream.fps!r} fps reads as {found.fps!r}"
         add_note(stream.notes, NoteKind.CHANGED, "frame rate", text)
     if found.start_s != stream.start_s:
@@ -322,7 +322,7 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
         surface = replace(surface, hard_edges=hard.edges)
     attributes = {(attribute.domain, attribute.name) for attribute in surface.attributes}
     note_kinds(notes, "fields", (key[1] for key in frame.fields if key not in attributes))
-    options.notes.extend(note for note in notes if note not in options.notes)
+    add_once(options.notes, notes)
     if len(mesh.vertices) != n_verts:
         raise InvalidInputError(
             f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "

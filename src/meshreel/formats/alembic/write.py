@@ -25,12 +25,13 @@ from meshreel.formats.alembic.attributes import (
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.notes import (
+    add_once,
     note_name,
     note_track_name,
     note_track_type,
     note_unwritten_tracks,
     note_unwritten_units,
-    note_written_rate,
+    written_rate,
 )
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
@@ -40,8 +41,6 @@ from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
 from meshreel.runtime.extras import ALEMBIC, IMATH
-
-ASSUMED_FPS = 24.0
 
 SAMPLE_OVERHEAD_BYTES = 256
 """Bound on the overhead of a part in a frame, in addition to its positions; 124 bytes measured."""
@@ -188,9 +187,7 @@ def _time_sampling(stream: SegmentedStream) -> Any:
         times = core.TimeVector()
         times.append(stream.start_s)
         return core.TimeSampling(core.TimeSamplingType(core.AcyclicFlag.kAcyclic), times)
-    if not stream.fps:
-        note_written_rate(stream.notes, ASSUMED_FPS)
-    return core.TimeSampling(1 / (stream.fps or ASSUMED_FPS), stream.start_s)
+    return core.TimeSampling(1 / written_rate(stream.fps, stream.notes), stream.start_s)
 
 
 def _transform(transforms: dict[ObjectPath, Any], path: ObjectPath, shift: Floats) -> Any:
@@ -414,7 +411,7 @@ class _PartWriter:
             if is_bytes or (values != attribute.values).any():
                 dtype = attribute.values.dtype
                 note = f"{attribute.kind} {attribute.name!r} is written as float32, not {dtype}"
-                self._notes.extend([note] if note not in self._notes else [])
+                add_once(self._notes, [note])
         if attribute.domain is Domain.CORNER:
             order = self._corner_order
             values = values[order] if indices is None else values

@@ -44,7 +44,7 @@ from meshreel.formats.frames.stored_frames import (
 )
 from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.sequence import FrameSource
 from meshreel.model.tracks import TrackSource, track_blocks
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.progress import Count
@@ -99,13 +99,8 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     vertices = arrays[positions]
     values = read_members(path, [track.place for track in found.values()])
     with errors_naming(path):
-        sequence = MeshSequence(
+        sequence = about.loaded(
             vertices.astype(vertices.dtype.newbyteorder("="), copy=False),
-            about.faces,
-            about.fps,
-            about.name,
-            about.start_s,
-            about.surface,
             {name: track.to_track(values[track.place]) for name, track in found.items()},
         )
     options.progress("reading", 1.0)
@@ -139,21 +134,8 @@ def _stored_frames(
         survey.add(vertices)
         options.progress("reading", Count(start + len(vertices), stored.shape[0], "frames"))
     with errors_naming(path):
-        return StoredFrames(
-            n_frames=stored.shape[0],
-            n_verts=stored.shape[1],
-            faces=about.faces,
-            fps=about.fps,
-            name=about.name,
-            dtype=survey.dtype,
-            extent=survey.extent,
-            read_range=stored.read,
-            is_portable=True,
-            start_s=about.start_s,
-            surface=about.surface,
-            files=(path,),
-            tracks=tracks,
-        )
+        shape = stored.shape[0], stored.shape[1]
+        return about.stored(shape, survey, stored.read, [path], tracks, is_portable=True)
 
 
 def _track(path: Path, found: NamedTrack) -> TrackSource:

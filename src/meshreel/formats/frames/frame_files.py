@@ -15,15 +15,15 @@ from meshreel.errors import ConnectivityChangeError, FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.frames.frame import Frame, FrameData
-from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames, changed_error
+from meshreel.formats.frames.stored_frames import Description, FrameSurvey, changed_error
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import NORMALS as NORMALS_SUBJECT
-from meshreel.formats.notes import Note, NoteKind, is_about, note_kinds
+from meshreel.formats.notes import Note, NoteKind, add_once, is_about, note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.welding import CornerWelder
 from meshreel.model.geometry.polygons import triangulate_fans
-from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
+from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import differing_names
 from meshreel.model.tracks import read_tracks
@@ -209,28 +209,18 @@ class _Run:
             faces = triangulate_fans(mesh.counts, mesh.corners)
             surface = replace(surface, face_sizes=mesh.counts.astype(np.int32))
         else:
-            weld = self._welder.weld()
-            faces, rows = weld.faces, weld.representatives
-            notes.insert(0, Note(NoteKind.CHANGED, "welded corners", text=weld.description))
+            faces, rows = self._welder.faces, self._welder.representatives
+            text = self._welder.description
+            notes.insert(0, Note(NoteKind.CHANGED, "welded corners", text=text))
         tracks = self._data.tracks(mesh, self._read_fields, notes)
-        options.notes.extend(note for note in notes if note not in options.notes)
+        add_once(options.notes, notes)
+        about = Description(faces, fps, name, start_s, surface)
         if self._positions:
-            vertices = self._stacked(rows)
-            return MeshSequence(vertices, faces, fps, name, start_s, surface, read_tracks(tracks))
-        return StoredFrames(
-            n_frames=self._n_frames,
-            n_verts=len(mesh.vertices[rows]),
-            faces=faces,
-            fps=fps,
-            name=name,
-            dtype=self._survey.dtype,
-            extent=self._survey.extent,
-            read_range=partial(self._read_range, rows),
-            start_s=start_s,
-            surface=surface,
-            files=self._files.paths[self._start : self._start + self._n_frames],
-            tracks=tracks,
-        )
+            return about.loaded(self._stacked(rows), read_tracks(tracks))
+        shape = self._n_frames, len(mesh.vertices[rows])
+        files = self._files.paths[self._start : self._start + self._n_frames]
+        read = partial(self._read_range, rows)
+        return about.stored(shape, self._survey, read, files, tracks)
 
     def _surface(self, notes: list[str]) -> Surface:
         """Return the surface of the first frame without data that change, and note the changes."""

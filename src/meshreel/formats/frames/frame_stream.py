@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshreel.arrays import Values
+from meshreel.formats.notes import add_once
 from meshreel.model.frame_choice import start_of
 from meshreel.model.sequence import Faces, MeshSequence, Vertices, frames_by_segment
 from meshreel.model.surface import Surface
@@ -47,10 +48,6 @@ class FrameStream:
         Called after every frame.
     notes : list of str
         Receives a sentence for each thing that a format cannot store exactly.
-    wants_notes : bool
-        Whether the caller of the writer reads the notes.
-    image_folder, data_files
-        As of `SegmentedStream`.
     """
 
     source: Any
@@ -63,9 +60,6 @@ class FrameStream:
     start_s: float
     progress: Progress
     notes: list[str]
-    wants_notes: bool
-    image_folder: str
-    data_files: list[tuple[str, Path]]
 
     @property
     def n_frames(self) -> int:
@@ -148,6 +142,8 @@ class SegmentedStream:
         First frame of each segment, and the number of all frames.
     fps, name, start_s
         As in `MeshSequence`.
+    wants_notes : bool
+        Whether the caller of the writer reads the notes.
     image_folder : str
         Name of the folder next to the file for the images of the surface, whose file names are
         those of `meshreel.formats.surfaces.images.image_names`; empty if there is none.
@@ -215,11 +211,7 @@ class SegmentedStream:
             progress = partial(self._report, first)
             yield self._stream(number, frames, notes, progress, start_s)
             if notes is not self.notes:
-                self.notes.extend(note for note in notes if note not in self.notes)
-
-    def time_of(self, frame: int, assumed_fps: float) -> float:
-        """Return the time of a frame in seconds, at a frame rate to assume if it is unknown."""
-        return self.start_s + frame / (self.fps or assumed_fps)
+                add_once(self.notes, notes)
 
     def _stream(
         self, number: int, frames: range, notes: list[str], progress: Progress, start_s: float
@@ -231,7 +223,7 @@ class SegmentedStream:
         }
         stream = FrameStream(
             source, frames, *self._mesh(number, source), tracks, self.fps, self.name, start_s,
-            progress, notes, self.wants_notes, self.image_folder, self.data_files,
+            progress, notes,
         )  # fmt: skip
         return self._change(stream)
 

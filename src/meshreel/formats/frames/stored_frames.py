@@ -1,7 +1,7 @@
 """Sequences and tracks that stay in their files until they are read; surveys of their frames."""
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from meshreel.model.extent import Corners, Extent, bounding_boxes, extent_of_box
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import (
+    Track,
     TrackKind,
     TrackSource,
     check_kind,
@@ -199,6 +200,42 @@ class Description:
     start_s: float = 0.0
     surface: Surface = PLAIN
 
+    def loaded(self, vertices: Vertices, tracks: Mapping[str, Track]) -> MeshSequence:
+        """Return the sequence with positions of shape (T, V, 3) and tracks."""
+        return MeshSequence(vertices, tracks=tracks, **vars(self))
+
+    def stored(
+        self,
+        shape: tuple[int, int],
+        survey: FrameSurvey,
+        read_range: Callable[[int, int], Vertices],
+        files: Sequence[Path],
+        tracks: Mapping[str, TrackSource],
+        *,
+        is_portable: bool = False,
+    ) -> StoredFrames:
+        """Return the sequence with frames in files; parameters as of `StoredFrames`.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Numbers of frames and vertices.
+        survey : FrameSurvey
+            Of all frames.
+        """
+        n_frames, n_verts = shape
+        return StoredFrames(
+            n_frames=n_frames,
+            n_verts=n_verts,
+            dtype=survey.dtype,
+            extent=survey.extent,
+            read_range=read_range,
+            files=tuple(files),
+            is_portable=is_portable,
+            tracks=tracks,
+            **vars(self),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class ArrayFrames:
@@ -248,15 +285,9 @@ class ArrayFrames:
         vertices: Vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
         for start, block in self._blocks(options):
             vertices[start : start + len(block)] = block
-        return MeshSequence(
-            vertices,
-            description.faces,
-            description.fps,
-            description.name,
-            description.start_s,
-            description.surface,
-            {name: read_track(track, range(self.n_frames)) for name, track in tracks.items()},
-        )
+        frames = range(self.n_frames)
+        loaded = {name: read_track(track, frames) for name, track in tracks.items()}
+        return description.loaded(vertices, loaded)
 
     def _stored(
         self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
@@ -265,20 +296,8 @@ class ArrayFrames:
         for start, block in self._blocks(options):
             survey.add(block)
             self._checksums.update(enumerate(map(checksum, block), start))
-        return StoredFrames(
-            n_frames=self.n_frames,
-            n_verts=self.n_verts,
-            faces=description.faces,
-            fps=description.fps,
-            name=description.name,
-            dtype=self.dtype,
-            extent=survey.extent,
-            read_range=self._read_unchanged,
-            start_s=description.start_s,
-            surface=description.surface,
-            files=(self.path,),
-            tracks=tracks,
-        )
+        shape = self.n_frames, self.n_verts
+        return description.stored(shape, survey, self._read_unchanged, (self.path,), tracks)
 
     def _blocks(self, options: ReadOptions) -> Iterator[tuple[int, Vertices]]:
         """Yield validated blocks of frames with the number of their first frame."""

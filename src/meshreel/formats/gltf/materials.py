@@ -13,7 +13,14 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.gltf.container import BufferWriter, Json
 from meshreel.formats.gltf.document import Document, JsonObject, unique_names
 from meshreel.formats.gltf.geometry import set_label, triangle_primitives
-from meshreel.formats.notes import NoteKind, list_in_note, listed, note_kinds, note_left_out
+from meshreel.formats.notes import (
+    NoteKind,
+    add_once,
+    list_in_note,
+    listed,
+    note_kinds,
+    note_left_out,
+)
 from meshreel.formats.surfaces.images import UNKNOWN, image_type
 from meshreel.model.materials import (
     DEFAULT_MATERIAL,
@@ -478,7 +485,7 @@ class Materials:
                     f"{label}: glTF uses channel {channels[0]}, not {texture.channels}",
                 )
                 return None
-            self._note(f"{label} keeps its alpha channel, as glTF requires")
+            add_once(self._notes, [f"{label} keeps its alpha channel, as glTF requires"])
         return self._texture_info(texture, label)
 
     def _texture_info(self, texture: Texture, label: str) -> Json | None:
@@ -522,7 +529,7 @@ class Materials:
         wraps = [NEAREST_WRAPS.get(wrap, wrap) for wrap in (texture.wrap_u, texture.wrap_v)]
         if wraps != [texture.wrap_u, texture.wrap_v]:
             replacement = f"{wraps[0]} and {wraps[1]}, not {texture.wrap_u} and {texture.wrap_v}"
-            self._note(f"{label} wraps by {replacement}, which glTF does not support")
+            add_once(self._notes, [f"{label} wraps by {replacement}, which glTF does not support"])
         keys = zip(("wrapS", "wrapT"), wraps, strict=True)
         sampler = {key: WRAP_CODES[wrap] for key, wrap in keys if wrap is not Wrap.REPEAT}
         if texture.magnified is not None:
@@ -541,12 +548,8 @@ class Materials:
     def _clip(self, what: str, values: Sequence[float], look: Material) -> list[float]:
         clipped = [min(1.0, max(0.0, value)) for value in values]
         if clipped != list(values):
-            self._note(f"{what} of material {look.name!r} is clipped to 0..1")
+            add_once(self._notes, [f"{what} of material {look.name!r} is clipped to 0..1"])
         return clipped
-
-    def _note(self, note: str) -> None:
-        if note not in self._notes:
-            self._notes.append(note)
 
 
 def _texture_label(look: Material, slot: str) -> str:

@@ -26,7 +26,7 @@ from meshreel.formats.gltf.morph_mesh import (
 )
 from meshreel.formats.gltf.morphs import IDENTITY, Placement, check_range
 from meshreel.formats.gltf.read import SEGMENT_START
-from meshreel.formats.notes import note_written_rate
+from meshreel.formats.notes import add_once, written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.surfaces.polygons import describe_fans
@@ -39,8 +39,6 @@ NodePath = tuple[str, ...]
 
 DEFAULT_MAX_ERROR = 0.1
 """Percent of the diagonal: one pixel in a thousand, for a mesh that fills the image."""
-
-DEFAULT_FPS = 24.0
 
 MAX_COMMON_TARGETS = 256
 """Texture layers that every GPU supports (WebGL 2); some viewers cannot play more targets."""
@@ -87,9 +85,8 @@ def _write(
     notes = stream.notes
 
     def note_losses(mesh: FrameStream) -> None:
-        losses = [*describe_losses(mesh.surface)]
-        losses.append(describe_fans(mesh.surface.sizes(len(mesh.faces))))
-        notes.extend(loss for loss in losses if loss and loss not in notes)
+        fans = describe_fans(mesh.surface.sizes(len(mesh.faces)))
+        add_once(notes, filter(None, [*describe_losses(mesh.surface), fans]))
 
     sharing, _ = sharing_materials(stream, note_losses)
     times_s = _times(stream)
@@ -165,13 +162,11 @@ def _check_options(options: WriteOptions) -> None:
 
 def _times(stream: SegmentedStream) -> Sequence[float]:
     """Return the times of frames in seconds; glTF has no negative times."""
-    if not stream.fps and stream.n_frames > 1:
-        note_written_rate(stream.notes, DEFAULT_FPS)
+    rate = written_rate(stream.fps, stream.notes if stream.n_frames > 1 else [])
     start_s = stream.start_s
     if start_s < 0:
         stream.notes.append(f"starts at 0 s, not {start_s:g} s: glTF has no time before 0")
         start_s = 0.0
-    rate = stream.fps or DEFAULT_FPS
     return [start_s + number / rate for number in range(stream.n_frames)]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.stored_frames import StoredTrack
-from meshreel.formats.notes import listed, note_left_out
+from meshreel.formats.notes import add_once, listed, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import Neighbours, blend, neighbours, unite_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -247,9 +247,7 @@ def _merged_attributes(
             for surface in surfaces
         ]
         if any(match_ is None for match_ in matches):
-            note = f"{sample.kind} {sample.name!r} is 0 in meshes without it"
-            if note not in notes:
-                notes.append(note)
+            add_once(notes, [f"{sample.kind} {sample.name!r} is 0 in meshes without it"])
         merged.append(_concatenate(sample, matches, frames))
     return tuple(merged)
 

@@ -16,7 +16,7 @@ from meshreel.errors import (
     MeshReelError,
 )
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
+from meshreel.formats.frames.stored_frames import Description, FrameSurvey
 from meshreel.formats.notes import listed, note_kinds, note_uneven_times
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
@@ -24,7 +24,7 @@ from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMes
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import triangulate_fans
-from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
+from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.counting import counted
@@ -223,31 +223,20 @@ class _SceneRun:
         timing = frame_times(mesh.times_s)
         if not timing.is_even:
             note_uneven_times(options.notes, timing.fps)
-        rate = options.fps or mesh.fps or timing.fps
-        faces = triangulate_fans(first.counts, first.corners)
-        surface = replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32))
-        name = mesh.name.rstrip("/").rpartition("/")[2]
+        about = Description(
+            triangulate_fans(first.counts, first.corners),
+            options.fps or mesh.fps or timing.fps,
+            mesh.name.rstrip("/").rpartition("/")[2],
+            timing.start_s,
+            replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32)),
+        )
         tracks = mesh.tracks(range(n_frames))
         size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))
         if self._is_loaded and (self._max_bytes is None or size <= self._max_bytes):
             vertices = np.concatenate(self._blocks).astype(self._survey.dtype, copy=False)
-            return MeshSequence(
-                vertices, faces, rate, name, timing.start_s, surface, read_tracks(tracks)
-            )
-        return StoredFrames(
-            n_frames=n_frames,
-            n_verts=len(first.vertices),
-            faces=faces,
-            fps=rate,
-            name=name,
-            dtype=self._survey.dtype,
-            extent=self._survey.extent,
-            read_range=_reader(mesh, self._survey.dtype, first.vertices.shape),
-            start_s=timing.start_s,
-            surface=surface,
-            files=(path,),
-            tracks=tracks,
-        )
+            return about.loaded(vertices, read_tracks(tracks))
+        read = _reader(mesh, self._survey.dtype, first.vertices.shape)
+        return about.stored((n_frames, len(first.vertices)), self._survey, read, [path], tracks)
 
 
 def frame_range(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:

@@ -7,7 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Values
+from meshreel.arrays import Floats, Values
+from meshreel.errors import FormatError, Keyword
+from meshreel.formats.notes import NoteKind, add_note
+from meshreel.formats.options import ReadOptions
+from meshreel.model.validation import validate_fps
 
 NTSC = 1000 / 1001
 """NTSC frame rates are integers times this: 23.976, 29.97, 59.94."""
@@ -75,10 +79,43 @@ def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.floa
     return distinct
 
 
-def file_order_times(n_frames: int, fps: float) -> npt.NDArray[np.float64]:
-    """Return the times of frames at a frame rate, of shape (T,), in seconds from 0."""
-    times: npt.NDArray[np.float64] = np.arange(n_frames, dtype=np.float64) / fps
+def file_order_times(n_frames: int, options: ReadOptions) -> Floats | None:
+    """Return times of frames in file order, of shape (T,), in seconds from 0.
+
+    They are at the frame rate of the options, and a note says so; None if the options have none.
+    """
+    if not (fps := validate_fps(options.fps or 0.0)):
+        return None
+    text = f"frame times are not ascending; read in file order at {fps:g} frames per second"
+    add_note(options.notes, NoteKind.CHANGED, "frame times", text)
+    times: Floats = np.arange(n_frames, dtype=np.float64) / fps
     return times
+
+
+def ascending_times(times_s: Floats, what: str, options: ReadOptions) -> Floats:
+    """Return times if they ascend, else those of `file_order_times`.
+
+    Parameters
+    ----------
+    times_s : float64 array of shape (T,)
+    what : str
+        What the file calls a frame, for the message.
+
+    Raises
+    ------
+    FormatError
+        If they do not ascend, and the options have no frame rate.
+    """
+    if not len(descents := np.flatnonzero(np.diff(times_s) <= 0)):
+        return times_s
+    if (times := file_order_times(len(times_s), options)) is not None:
+        return times
+    index = int(descents[0])
+    raise FormatError(
+        f"has {what} {index} at time {times_s[index]:g} and {what} {index + 1} at "
+        f"{times_s[index + 1]:g}; times must ascend; read the {what}s in file order with ",
+        Keyword("fps"),
+    )
 
 
 class Neighbours(NamedTuple):

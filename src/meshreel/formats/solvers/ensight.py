@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from meshreel.arrays import Floats, Singles
-from meshreel.errors import FormatError, Keyword
+from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.notes import note_file_order, note_kinds, note_left_out
+from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.timing import file_order_times
+from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.solvers.ensight_files import (
     Columns,
     Part,
@@ -40,7 +40,6 @@ from meshreel.formats.surfaces.cells import CellSurface, extract_surface, used_p
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
-from meshreel.model.validation import validate_fps
 
 WIDTHS = {"scalar": 1, "vector": 3, "tensor symm": 6, "tensor asym": 9}
 PLACES = {"node": Domain.VERTEX, "element": Domain.FACE}
@@ -335,7 +334,7 @@ class _Steps:
         if case.geometry.times is not None:
             self._set = case.geometry.times
         stored = np.zeros(1) if self._set is None else self._set.times_s
-        self.times_s: Floats = _ascending(stored, options)
+        self.times_s: Floats = ascending_times(stored, "step", options)
         self.variables: list[Variable] = [
             variable for variable in case.variables if self._fits(variable)
         ]
@@ -435,21 +434,6 @@ class _Steps:
         nearest = [np.abs(times.times_s - time).min() for time in frames]
         span = (frames[-1] - frames[0]) / max(1, len(frames) - 1)
         return bool(max(nearest) <= SAME_TIME * abs(span))
-
-
-def _ascending(times: Floats, options: ReadOptions) -> Floats:
-    """Return the times if they ascend, else those of the frame rate of the options."""
-    if (np.diff(times) > 0).all():
-        return times
-    if fps := validate_fps(options.fps or 0.0):
-        note_file_order(options.notes, fps)
-        return file_order_times(len(times), fps)
-    index = int(np.flatnonzero(np.diff(times) <= 0)[0])
-    raise FormatError(
-        f"has step {index} at time {times[index]:g} and step {index + 1} at "
-        f"{times[index + 1]:g}; times must ascend; read the steps in file order with ",
-        Keyword("fps"),
-    )
 
 
 class _PartFrames:

@@ -15,31 +15,6 @@ Numbers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Weld:
-    """Assignment of corners to welded vertices.
-
-    Parameters
-    ----------
-    representatives : int64 array of shape (V,)
-        The first corner of each vertex, ascending.
-    faces : int32 array of shape (M, 3)
-        The vertex of each corner.
-    """
-
-    representatives: npt.NDArray[np.int64]
-    faces: Faces
-
-    @property
-    def description(self) -> str:
-        """A sentence on the welded corners, for notes."""
-        n_corners = self.faces.size
-        return (
-            f"welded {counted(n_corners, 'STL corner')} to "
-            f"{counted(len(self.representatives), 'vertex')}"
-        )
-
-
-@dataclass(frozen=True, eq=False)
 class SplitMesh:
     """Vertices as in the file, and the welded vertices that they belong to.
 
@@ -96,9 +71,16 @@ class RowGroups:
 class CornerWelder(RowGroups):
     """Welds corners whose positions, of shape (3 M, 3), are bitwise equal in all frames."""
 
-    def weld(self) -> Weld:
-        """Return the weld of the frames so far."""
-        return Weld(self.representatives, self.labels.reshape(-1, 3).astype(np.int32))
+    @property
+    def faces(self) -> Faces:
+        """The welded vertex of each corner, of shape (M, 3)."""
+        return self.labels.reshape(-1, 3).astype(np.int32)
+
+    @property
+    def description(self) -> str:
+        """A sentence on the welded corners, for notes."""
+        n_corners, n_verts = len(self.labels), len(self.representatives)
+        return f"welded {counted(n_corners, 'STL corner')} to {counted(n_verts, 'vertex')}"
 
 
 def weld_rows(blocks: Iterable[npt.NDArray[Any]]) -> tuple[Numbers, Numbers]:

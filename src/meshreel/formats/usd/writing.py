@@ -19,7 +19,7 @@ from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData, sharing_materials
-from meshreel.formats.notes import note_written_rate
+from meshreel.formats.notes import add_once, written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
 from meshreel.formats.scenes.transforms import Rounding
@@ -38,7 +38,7 @@ from meshreel.formats.usd.quantities import (
     UVS,
 )
 from meshreel.formats.usd.sampling import snap
-from meshreel.formats.usd.stage import DEFAULT_RATE, usd_errors
+from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.materials import Image
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
@@ -171,9 +171,7 @@ def _write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
     """Write the rate and range of the stage, and return the time code of each frame, if any."""
     if stream.n_frames == 1 and not (stream.fps or stream.start_s):
         return [None]
-    rate = stream.fps or DEFAULT_RATE
-    if not stream.fps:
-        note_written_rate(stream.notes, rate)
+    rate = written_rate(stream.fps, stream.notes)
     codes = (float(snap(np.array(stream.start_s * rate))) + np.arange(stream.n_frames)).tolist()
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
@@ -225,7 +223,7 @@ def _parts(stream: FrameStream) -> list[PartMesh]:
         if len(part.counts):
             parts.append(part)
         else:
-            _note_once(stream.notes, f"part {part.name} is left out, since it is empty")
+            add_once(stream.notes, [f"part {part.name} is left out, since it is empty"])
     return parts
 
 
@@ -372,7 +370,7 @@ class MeshWriter:
         )
         if is_color and values.dtype != np.float32:
             is_byte = values.dtype == np.uint8
-            _note_once(notes, BYTE_COLORS if is_byte else NARROW_COLORS)
+            add_once(notes, [BYTE_COLORS if is_byte else NARROW_COLORS])
             values = (values / (255 if is_byte else 1)).astype(np.float32)
         interpolation, is_single = INTERPOLATIONS[attribute.domain], codes[0] is None
         is_vertex_color = is_color and attribute.domain is Domain.VERTEX
@@ -534,12 +532,5 @@ def _note_type(name: str, track: TrackSource, type_name: str, notes: list[str]) 
     is_scaled = track.dtype == np.uint8 and type_name.startswith("color")
     if is_widened or is_scaled or (track.dtype == np.float64 and is_float):
         written = "int32" if is_widened else "float32"
-        _note_once(
-            notes,
-            f"track {name!r} is written as {written}, not {track.dtype}, a type that USD lacks",
-        )
-
-
-def _note_once(notes: list[str], note: str) -> None:
-    if note not in notes:
-        notes.append(note)
+        what = f"track {name!r} is written as {written}, not {track.dtype}"
+        add_once(notes, [f"{what}, a type that USD lacks"])

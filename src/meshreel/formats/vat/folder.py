@@ -13,6 +13,7 @@ from meshreel.formats.error_budget import ErrorBudget, share_budget
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.mesh_writer import describe_losses
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
+from meshreel.formats.notes import written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.polygons import describe_fans
 from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF_SPACE, MeshSpace
@@ -46,8 +47,6 @@ DEFAULT_LAYOUT = "openvat"
 
 DEFAULT_MAX_ERROR = 0.1
 """Percent of the diagonal: one pixel in a thousand, for a mesh that fills the image."""
-
-DEFAULT_FPS = 24.0
 
 
 def vat_files(path: Path, options: WriteOptions) -> list[Path]:
@@ -156,9 +155,7 @@ def _note_losses(stream: FrameStream) -> float:
         notes.append(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
     if stream.start_s:
         notes.append(f"starts at 0 s, not {stream.start_s:g} s: textures have no start time")
-    if not stream.fps and stream.n_frames > 1:
-        notes.append(f"the frame rate is unknown; written as {DEFAULT_FPS:g} fps")
-    return stream.fps or DEFAULT_FPS
+    return written_rate(stream.fps, notes if stream.n_frames > 1 else [])
 
 
 def _budget(sequence: MeshSequence, options: WriteOptions) -> ErrorBudget:

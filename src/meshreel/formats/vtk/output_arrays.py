@@ -14,8 +14,6 @@ from meshreel.formats.notes import NoteKind, add_note, listed, note_unwritten
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
-FRAME_RATE = 24.0  # for sequences without a frame rate
-
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML does not allow."""
 

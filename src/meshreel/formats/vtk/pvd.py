@@ -15,7 +15,7 @@ from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.steps import Step, StepFrames
 from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
-from meshreel.formats.notes import note_file_order, note_left_out
+from meshreel.formats.notes import note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
@@ -27,7 +27,6 @@ from meshreel.formats.vtk.xml_file import read_vtk_xml
 from meshreel.formats.vtk.xml_writing import pvd_pieces, write_pvd
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
-from meshreel.model.validation import validate_fps
 
 Read = TypeVar("Read")
 
@@ -84,8 +83,8 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
     frames, times = list(pieces.values()), np.array(list(pieces))
     several = next((time for time, found in pieces.items() if len(found) > 1), None)
     if several is not None and not options.merge:
-        fps = validate_fps(options.fps or 0.0)
-        if not fps:
+        frames = [[file] for _, file in files]
+        if (file_order := file_order_times(len(files), options)) is None:
             raise InvalidInputError(
                 f"lists {len(pieces[several])} files for the time {several:g} without part "
                 "numbers; merge the files of each time into one mesh with ",
@@ -93,8 +92,7 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
                 ", or read each file as a frame, in file order, with ",
                 Keyword("fps"),
             )
-        frames, times = [[file] for _, file in files], file_order_times(len(files), fps)
-        note_file_order(options.notes, fps)
+        times = file_order
     read = _PieceFrames(name, times, frames, options.notes)
     return SceneMesh(name, times, read.frame, read.surface, tracks=read.tracks)
 

@@ -18,7 +18,7 @@ from meshreel.formats.notes import (
     add_note,
     listed,
     note_unwritten_tracks,
-    note_written_rate,
+    written_rate,
 )
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.vtkhdf_steps import (
@@ -35,7 +35,6 @@ from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
 VERSION = (2, 3)
-FRAME_RATE = 24.0  # for sequences without a frame rate
 CHUNK_ROWS = 1 << 14  # minimum, so that small frames share a chunk
 
 
@@ -47,6 +46,7 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     cannot represent.
     """
     shared = SharedData.of(stream.meshes())
+    rate = written_rate(stream.fps, stream.notes)
     _note_losses(stream, shared)
     dtype = stream.dtype
     with hdf_output(path) as output:
@@ -62,15 +62,13 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
             arrays.add(segment, output)
             for _, frame in output.frames(segment):
                 points.append(frame.astype(dtype, copy=False))
-        steps = _write_steps(root, stream)
+        steps = _write_steps(root, stream, rate)
         steps["PointOffsets"] = np.array(points.starts, np.int64)
         partitions.finish(steps)
         arrays.finish(steps)
 
 
 def _note_losses(stream: SegmentedStream, shared: SharedData) -> None:
-    if not stream.fps:
-        note_written_rate(stream.notes, FRAME_RATE)
     note_unwritten_tracks(
         shared.other_tracks, ".vtkhdf", stream.notes, "those of some segments only"
     )
@@ -79,11 +77,11 @@ def _note_losses(stream: SegmentedStream, shared: SharedData) -> None:
         add_note(stream.notes, NoteKind.CHANGED, "data of some segments", text)
 
 
-def _write_steps(root: Node, stream: SegmentedStream) -> Node:
+def _write_steps(root: Node, stream: SegmentedStream, rate: float) -> Node:
     n_steps = stream.n_frames
     steps = root.create_group("Steps")
     steps.attrs["NSteps"] = np.int64(n_steps)
-    steps["Values"] = stream.start_s + np.arange(n_steps) / (stream.fps or FRAME_RATE)
+    steps["Values"] = stream.start_s + np.arange(n_steps) / rate
     steps["NumberOfParts"] = np.ones(n_steps, np.int64)
     return steps
 

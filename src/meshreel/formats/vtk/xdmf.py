@@ -14,15 +14,14 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, Keyword, Message
 from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
-from meshreel.formats.notes import NoteKind, add_note, note_file_order
+from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.timing import file_order_times
+from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xdmf_writing import write_xdmf, xdmf_data_files
 from meshreel.formats.vtk.xml_arrays import parse_xml
-from meshreel.model.validation import validate_fps
 from meshreel.runtime.extras import HDF
 
 
@@ -103,18 +102,7 @@ def _times(
         raise FormatError(f"has {len(times)} times for {len(steps)} grids; each grid needs one")
     if not np.isfinite(times).all():
         raise FormatError("has a Time that is not finite")
-    if len(descents := np.flatnonzero(np.diff(times) <= 0)):
-        if fps := validate_fps(options.fps or 0.0):
-            note_file_order(options.notes, fps)
-            return file_order_times(len(steps), fps)
-        index = int(descents[0])
-        raise FormatError(
-            f"has grid {index} at time {times[index]:g} and grid {index + 1} at "
-            f"{times[index + 1]:g}; the grid times of a collection must be ascending; read the "
-            "grids in file order with ",
-            Keyword("fps"),
-        )
-    return times
+    return ascending_times(times, "grid", options)
 
 
 def _shared_times(time: Element, n_steps: int, items: DataItems) -> npt.NDArray[np.float64]:

@@ -5,7 +5,8 @@ faces, are compressed once.
 """
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
@@ -13,21 +14,15 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.notes import note_written_rate
+from meshreel.formats.notes import written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import POLYGON
-from meshreel.formats.vtk.output_arrays import (
-    FRAME_RATE,
-    OutputArray,
-    output_arrays,
-)
+from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, NUMBERS, TRACK_KIND, UNITS
 from meshreel.model.geometry.polygons import join_fans
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
-
-Encode = Callable[..., bytes]
 
 TRIANGLE, QUAD = 5, 9
 """VTK cell types for triangles and quads; more programs support them than POLYGON."""
@@ -38,35 +33,6 @@ STATIC_LEVEL, FRAME_LEVEL = 6, 0
 TYPE_NAMES = {code: name for name, code in NUMBERS.items()}
 
 
-def vtp_encoder(
-    faces: Faces,
-    surface: Surface = PLAIN,
-    notes: list[str] | None = None,
-    tracks: Mapping[str, TrackSource] | None = None,
-) -> Encode:
-    """Return a function that encodes the positions and track values of a frame as a VTP file.
-
-    Parameters
-    ----------
-    faces : int32 array of shape (M, 3)
-    notes : list of str, optional
-        Receives a sentence for each thing that the file cannot store.
-    tracks : mapping of str to TrackSource, optional
-        Tracks of vertices and faces; the function takes their values, of shape (N, C), by name.
-    """
-    return _FileEncoder(faces, surface, notes, tracks, ".vtp")
-
-
-def vtu_encoder(
-    faces: Faces,
-    surface: Surface = PLAIN,
-    notes: list[str] | None = None,
-    tracks: Mapping[str, TrackSource] | None = None,
-) -> Encode:
-    """Return a function that encodes a frame as a VTU file; see `vtp_encoder`."""
-    return _FileEncoder(faces, surface, notes, tracks, ".vtu")
-
-
 def pvd_pieces(path: Path, n_frames: int) -> list[Path]:
     """Return the paths of the frame files of a collection, in a folder next to it."""
     folder, width = path.with_name(f"{path.stem}_frames"), max(4, len(str(n_frames - 1)))
@@ -75,16 +41,15 @@ def pvd_pieces(path: Path, n_frames: int) -> list[Path]:
 
 def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a collection and a VTP file for each frame, with the data of its segment."""
-    if not stream.fps:
-        note_written_rate(stream.notes, FRAME_RATE)
+    rate = written_rate(stream.fps, stream.notes)
     rows: list[str] = []
     pieces = iter(stream.data_files)
     for segment in stream.segments():
-        encode = _FileEncoder(segment.faces, segment.surface, segment.notes, segment.tracks, ".pvd")
+        encode = FileEncoder(".pvd", segment.faces, segment.surface, segment.notes, segment.tracks)
         for index, frame in enumerate(segment.frames()):
             name, piece = next(pieces)
             piece.write_bytes(encode(frame, segment.values(index)))
-            time = stream.time_of(len(rows), FRAME_RATE)
+            time = stream.start_s + len(rows) / rate
             file = quoteattr(name)
             rows.append(f'<DataSet timestep="{time!r}" group="" part="0" file={file}/>\n')
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
@@ -92,16 +57,27 @@ def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
     path.write_text(text, encoding="utf-8")
 
 
-class _FileEncoder:
-    """Encodes frames as files of polygons, or of cells; encodes what they share once."""
+class FileEncoder:
+    """Encodes frames as files of polygons, or of cells; encodes what they share once.
+
+    Parameters
+    ----------
+    extension : str
+        ".vtu" for cells; others for polygons.
+    faces : int32 array of shape (M, 3)
+    notes : list of str, optional
+        Receives a sentence for each thing that the file cannot store.
+    tracks : mapping of str to TrackSource, optional
+        Tracks of vertices and faces.
+    """
 
     def __init__(
         self,
-        faces: Faces,
-        surface: Surface,
-        notes: list[str] | None,
-        tracks: Mapping[str, TrackSource] | None,
         extension: str,
+        faces: Faces,
+        surface: Surface = PLAIN,
+        notes: list[str] | None = None,
+        tracks: Mapping[str, TrackSource] | None = None,
     ) -> None:
         note_list = notes if notes is not None else []
         self._arrays = output_arrays(surface, tracks or {}, extension, note_list)
@@ -126,6 +102,7 @@ class _FileEncoder:
         ]
 
     def __call__(self, vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
+        """Encode a frame: positions of shape (V, 3), and values of shape (N, C) of each track."""
         appended, tracks = _Appended(), values or {}
         opening = (
             f'<VTKFile type="{self._kind}" version="1.0" byte_order="LittleEndian" '
@@ -153,6 +130,9 @@ class _FileEncoder:
         tail = b"\n</AppendedData>\n</VTKFile>\n"
         return b"".join(["".join(head).encode(), *appended.pieces, tail])
 
+
+vtp_encoder, vtu_encoder = (partial(FileEncoder, extension) for extension in (".vtp", ".vtu"))
+"""Encoders of frames as polygons and as cells."""
 
 Encoded = tuple[str, bytes]
 """XML attributes of an array, and its data: a header with the sizes, and one compressed block."""

@@ -7,7 +7,7 @@ def weld_corners(frames):
     welder = CornerWelder()
     for corners in frames:
         welder.add(corners)
-    return welder.weld()
+    return welder
 
 
 def corner_frames(rng, n_frames=4, n_verts=9, n_faces=20, split=()):
