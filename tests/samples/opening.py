@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import open_for_purpose
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import find_files
@@ -17,9 +16,9 @@ def open_source(source, *, topology=None, max_loaded_bytes=0, **options):
     return opened.segments[0] if opened.n_segments == 1 else opened
 
 
-def open_same_faces(source, **options):
-    """Open a sequence whose faces must not change."""
-    return open_for_purpose(source, ReadOptions(**options), "this test")
+def count_runs(source, **options):
+    """Return the number of ranges of frames with the same faces, as the files have them."""
+    return open_any(find_files(source), ReadOptions(matches_frames=False, **options)).n_segments
 
 
 def stored(sequence, read_range, n_frames=None):

@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from meshreel.codec.memory import DEFAULT_MEMORY, bytes_of
+from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
-from meshreel.formats.segments import open_any, open_constant
+from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, SourceFiles, find_files
-from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.sequence import FrameSource, MeshSequence, single_segment
 from meshreel.model.surface_selection import ALL, Names
 from meshreel.runtime.progress import Progress, silent
 
@@ -137,7 +138,10 @@ def open_for_purpose(source: Source, options: ReadOptions, purpose: str) -> Fram
     ConnectivityChangeError
         If they do; the message names the purpose.
     """
-    return open_constant(find_files(source), loading_for(None, options), purpose)
+    found = find_files(source)
+    opened = open_any(found, loading_for(None, options))
+    with errors_naming(found.paths[0]):
+        return single_segment(opened, purpose)
 
 
 def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:

@@ -3,8 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from meshreel.errors import ConnectivityChangeError
-from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
@@ -14,7 +12,7 @@ from meshreel.formats.scenes.scene_source import open_mesh, select_mesh
 from meshreel.formats.sources import SourceFiles
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.matching.segments import match_segments
-from meshreel.model.sequence import FrameSource, MeshSequence, single_segment
+from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.runtime.counting import counted
 
 MANY_SEGMENTS = 0.8
@@ -63,31 +61,6 @@ def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
     return registration.sequence
 
 
-def open_constant(found: SourceFiles, options: ReadOptions, purpose: str) -> MeshSequence:
-    """Open a sequence as `open_any`, whose faces must not change.
-
-    Parameters
-    ----------
-    purpose : str
-        What needs constant connectivity, for the error message.
-
-    Raises
-    ------
-    ConnectivityChangeError
-        If the faces change; names the first frame with other faces, for a file of frames.
-    """
-    check_read_options(found.format, options)
-    try:
-        opened = _open(found, _at_rate(found, options), is_constant=True)
-    except ConnectivityChangeError as error:
-        raise ConnectivityChangeError(
-            f"{error}; {purpose} needs the same faces in every frame"
-        ) from None
-    with errors_naming(found.paths[0]):
-        single_segment(opened, purpose)
-    return opened
-
-
 def _at_rate(found: SourceFiles, options: ReadOptions) -> ReadOptions:
     """Return the options with the frame rate of a manifest, unless they have one.
 
@@ -99,14 +72,13 @@ def _at_rate(found: SourceFiles, options: ReadOptions) -> ReadOptions:
     return replace(options, fps=found.fps) if is_unset else options
 
 
-def _open(found: SourceFiles, options: ReadOptions, *, is_constant: bool = False) -> MeshSequence:
-    """Open a sequence; changing faces are an error if `is_constant`."""
+def _open(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     path, form = found.paths[0], found.format
     if isinstance(form, SequenceFormat) and form.open is not None:
         opened = MeshSequence.of_segments([form.open(path, options)])
         segments = [select_attributes(one, options.attributes, path) for one in opened.segments]
         return MeshSequence.of_segments(segments, opened.name, opened.start_s)
-    runs = list(_runs(found, options, is_constant=is_constant))
+    runs = list(_runs(found, options))
     has_several = len(runs) > 1
     segments = runs
     if has_several and options.matches_frames:
@@ -119,19 +91,14 @@ def _open(found: SourceFiles, options: ReadOptions, *, is_constant: bool = False
     return sequence
 
 
-def _runs(
-    found: SourceFiles, options: ReadOptions, *, is_constant: bool = False
-) -> Iterator[FrameSource]:
+def _runs(found: SourceFiles, options: ReadOptions) -> Iterator[FrameSource]:
     """Yield each range of frames with the same faces, of a file of meshes or of frame files."""
     path, form = found.paths[0], found.format
     if not isinstance(form, SequenceFormat):
-        files = FrameFiles(found.paths, form)
-        yield from read_runs(files, found.name, options, is_constant=is_constant)
-    elif form.open is not None:
-        yield from MeshSequence.of_segments([form.open(path, options)]).segments
+        yield from read_runs(FrameFiles(found.paths, form), found.name, options)
     elif form.read_meshes is not None:
-        mesh = select_mesh(form.read_meshes, path, options, may_change=not is_constant)
-        yield from open_mesh(mesh, path, options, is_constant=is_constant)
+        mesh = select_mesh(form.read_meshes, path, options)
+        yield from open_mesh(mesh, path, options)
 
 
 def _note_segments(

@@ -3,11 +3,12 @@ import pytest
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.load import load
+from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError
+from meshreel.formats.load import load, open_for_purpose
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from samples.meshes import waving_grid
-from samples.opening import open_same_faces, open_source
+from samples.opening import count_runs, open_source
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
@@ -93,26 +94,26 @@ def test_later_float64_frame_widens_the_sequence(tmp_path, make_sequence):
 
 
 @pytest.mark.parametrize(
-    ("second", "message"),
+    "second",
     [
-        (SQUARE + "v 2 2 2\nf 1 2 3\n", "has 5 vertices; expected 4 as"),
-        (SQUARE + "f 1 2 3\nf 1 3 4\n", "has 2 faces; expected 1 as in frame 0"),
-        (SQUARE + "f 1 2 3 4\n", "has 4 corners in face 0; expected 3 as"),
-        (SQUARE + "f 1 2 4\n", "has vertex 3 in face 0; expected vertex 2 as"),
+        SQUARE + "v 2 2 2\nf 1 2 3\n",
+        SQUARE + "f 1 2 3\nf 1 3 4\n",
+        SQUARE + "f 1 2 3 4\n",
+        SQUARE + "f 1 2 4\n",
     ],
 )
-def test_error_names_file_and_frame_with_other_faces(tmp_path, second, message):
+def test_other_vertices_or_faces_begin_another_segment(tmp_path, second):
     write_frames(tmp_path, SQUARE + "f 1 2 3\n", second)
-    with pytest.raises(InvalidInputError, match=rf"frame_1\.obj \(frame 1\) {message}"):
-        open_same_faces(tmp_path)
+    assert count_runs(tmp_path) == 2
+    message = r"frame_0\.obj: the faces change: 2 frames in 2 segments; a test needs the same"
+    with pytest.raises(ConnectivityChangeError, match=message):
+        open_for_purpose(tmp_path, ReadOptions(matches_frames=False), "a test")
 
 
-def test_error_names_the_stl_frame_with_other_triangles(tmp_path, make_sequence):
+def test_other_number_of_stl_triangles_begins_another_segment(tmp_path, make_sequence):
     save(make_sequence(1), tmp_path / "f_0.stl")
     (tmp_path / "f_1.stl").write_bytes(bytes(84 - 4) + b"\1\0\0\0" + bytes(50))
-    message = r"f_1\.stl \(frame 1\) has 3 vertices; expected 24"
-    with pytest.raises(InvalidInputError, match=message):
-        open_same_faces(tmp_path)
+    assert [len(one.faces) for one in load(tmp_path).segments] == [8, 1]
 
 
 @pytest.mark.parametrize("bad", ["nan", "inf", "-inf"])

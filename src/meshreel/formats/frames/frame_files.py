@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import ConnectivityChangeError, FormatError
+from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.frames.frame import Frame, FrameData
@@ -80,9 +80,7 @@ class FrameFiles:
         return self._last[1]
 
 
-def read_runs(
-    files: FrameFiles, name: str, options: ReadOptions, *, is_constant: bool = False
-) -> Iterator[FrameSource]:
+def read_runs(files: FrameFiles, name: str, options: ReadOptions) -> Iterator[FrameSource]:
     """Read all files once, and yield each run of frames with the same vertices and faces.
 
     Runs are loaded until they take `max_loaded_bytes` together; longer runs then stay in their
@@ -94,8 +92,6 @@ def read_runs(
         Of the sequences.
     options : ReadOptions
         Their notes receive sentences on each run.
-    is_constant : bool, default False
-        Whether another run is an error.
 
     Raises
     ------
@@ -104,21 +100,13 @@ def read_runs(
     InvalidInputError
         If a position is not finite; also when frames are read later, if a file has changed. Errors
         name the file.
-    ConnectivityChangeError
-        If `is_constant` and a frame differs from the first; names both.
     """
     run: _Run | None = None
     budget = options.max_loaded_bytes
-    for index, path in enumerate(files.paths):
+    for index in range(len(files)):
         with files.contents(index) as data:
             frame = None if run is None else run.add(data)
             if run is not None and frame is not None:
-                if is_constant:
-                    difference = frame.mesh.difference(run.first.mesh)
-                    raise ConnectivityChangeError(
-                        f"{path} (frame {index}) has {difference} in frame 0 "
-                        f"({files.paths[0].name})"
-                    )
                 budget = None if budget is None else max(0, budget - run.kept_bytes)
                 yield run.sequence(name, options)
                 run = None
@@ -172,7 +160,7 @@ class _Run:
             self._keep(vertices)
             return None
         frame = self._files.format.read(data)
-        if frame.mesh.difference(self.first.mesh):
+        if not frame.mesh.has_faces_of(self.first.mesh):
             return frame
         self.kept_bytes += self._data.add(frame.fields)
         names = differing_names(_without_data(self.first), _without_data(frame))

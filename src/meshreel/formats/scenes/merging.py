@@ -75,7 +75,7 @@ def _at(mesh: SceneMesh, time_s: float) -> PolygonMesh:
     if place.after == place.before:
         return first
     second = mesh.frame(place.after)
-    if second.difference(first):
+    if not second.has_faces_of(first):
         return first
     return replace(first, vertices=blend(first.vertices, second.vertices, place.share))
 

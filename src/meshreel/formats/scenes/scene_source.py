@@ -8,13 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.errors import (
-    ConnectivityChangeError,
-    FormatError,
-    InvalidInputError,
-    Keyword,
-    MeshReelError,
-)
+from meshreel.errors import FormatError, InvalidInputError, Keyword, MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import Description, FrameSurvey
 from meshreel.formats.notes import listed, note_kinds, note_uneven_times
@@ -24,14 +18,14 @@ from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMes
 from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import triangulate_fans
-from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
 
 
-def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> FrameSource:
+def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> MeshSequence:
     """Open the selected or merged mesh of a file whose meshes `read_meshes` returns.
 
     Raises
@@ -39,20 +33,12 @@ def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Fra
     FormatError, InvalidInputError
         As `select_mesh` and `open_mesh`.
     """
-    mesh = select_mesh(read_meshes, path, options, may_change=False)
-    (sequence,) = open_mesh(mesh, path, options, is_constant=True)
-    return sequence
+    mesh = select_mesh(read_meshes, path, options)
+    return MeshSequence.of_segments(open_mesh(mesh, path, options))
 
 
-def select_mesh(
-    read_meshes: ReadMeshes, path: Path, options: ReadOptions, *, may_change: bool = True
-) -> SceneMesh:
+def select_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> SceneMesh:
     """Return the mesh that the options select, or all meshes merged.
-
-    Parameters
-    ----------
-    may_change : bool, default True
-        Whether `skip_bad` keeps meshes whose faces change.
 
     Raises
     ------
@@ -62,7 +48,7 @@ def select_mesh(
         If there are several meshes and none is selected, or none has the name; all are listed.
     """
     with errors_naming(path):
-        meshes = selected_meshes(read_meshes, path, options, may_change=may_change)
+        meshes = selected_meshes(read_meshes, path, options)
         if len(meshes) > 1:
             raise InvalidInputError(
                 f"holds {_listed(meshes)}; choose one with ",
@@ -74,11 +60,11 @@ def select_mesh(
 
 
 def selected_meshes(
-    read_meshes: ReadMeshes, path: Path, options: ReadOptions, *, may_change: bool = True
+    read_meshes: ReadMeshes, path: Path, options: ReadOptions
 ) -> Sequence[SceneMesh]:
     """Return the mesh that the options name, all merged, or all separately by default.
 
-    With `skip_bad`, unreadable meshes are left out; `may_change` says whether changing faces count.
+    With `skip_bad`, unreadable meshes are left out.
 
     Raises
     ------
@@ -91,34 +77,25 @@ def selected_meshes(
     if options.object is not None:
         return [_named(meshes, options.object)]
     if options.skip_bad:
-        meshes = readable_meshes(meshes, options, may_change=may_change)
+        meshes = readable_meshes(meshes, options)
     if options.merge and len(meshes) > 1:
         return [merge_meshes(meshes, path.stem, options.notes)]
     return meshes
 
 
-def open_mesh(
-    mesh: SceneMesh, path: Path, options: ReadOptions, *, is_constant: bool = False
-) -> Iterator[FrameSource]:
+def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> Iterator[FrameSource]:
     """Yield each range of frames of a mesh with the same faces, loaded if they are small enough.
 
     All frames are read once now.
-
-    Parameters
-    ----------
-    is_constant : bool, default False
-        Whether changing faces are an error.
 
     Raises
     ------
     InvalidInputError
         If a position is not finite; the message names the frame.
-    ConnectivityChangeError
-        If `is_constant` and the faces of a frame differ from those of the first; as above.
     """
     with errors_naming(path):
         if mesh.positions is None:
-            runs = _read_frames(mesh, options, is_constant=is_constant)
+            runs = _read_frames(mesh, options)
         else:
             runs = [_read_blocks(mesh, mesh.positions, options)]
         # Surfaces and tracks depend on what changes in any frame.
@@ -140,19 +117,13 @@ def _read_blocks(
     return run
 
 
-def _read_frames(mesh: SceneMesh, options: ReadOptions, *, is_constant: bool) -> "list[_SceneRun]":
+def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
     """Read the frames of a mesh, and compare their faces."""
     runs: list[_SceneRun] = []
     n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
     for index in range(n_frames):
         frame = mesh.frame(index)
-        difference = frame.difference(runs[-1].first) if runs else ""
-        if difference and is_constant:
-            runs[-1].check()
-            raise ConnectivityChangeError(
-                f"frame {index} of {mesh.name} has {difference} in frame 0"
-            )
-        if difference or not runs:
+        if not runs or not frame.has_faces_of(runs[-1].first):
             if runs:
                 runs[-1].check()
             kept_bytes = sum(run.kept_bytes for run in runs)
@@ -295,17 +266,13 @@ def _reader(
     return read_range
 
 
-def readable_meshes(
-    meshes: Sequence[SceneMesh], options: ReadOptions, *, may_change: bool
-) -> list[SceneMesh]:
+def readable_meshes(meshes: Sequence[SceneMesh], options: ReadOptions) -> list[SceneMesh]:
     """Return the meshes whose frames can all be read; reads them all once now.
 
     Parameters
     ----------
     options : ReadOptions
         Its notes receive a sentence that lists the other meshes and their errors.
-    may_change : bool
-        Whether the faces of a mesh may change.
 
     Raises
     ------
@@ -316,7 +283,7 @@ def readable_meshes(
     for number, mesh in enumerate(meshes):
         # Cache the surface, so that its notes are added only once.
         kept = replace(mesh, surface=cache(mesh.surface))
-        if fault := _fault(kept, may_change=may_change):
+        if fault := _fault(kept):
             faults.append(f"{mesh.name} ({fault})")
         else:
             good.append(kept)
@@ -327,7 +294,7 @@ def readable_meshes(
     return good
 
 
-def _fault(mesh: SceneMesh, *, may_change: bool) -> str:
+def _fault(mesh: SceneMesh) -> str:
     """Describe why a mesh cannot be read; empty if it can."""
     try:
         first = mesh.frame(0)
@@ -336,8 +303,6 @@ def _fault(mesh: SceneMesh, *, may_change: bool) -> str:
         surface.validated(len(first.vertices), int((first.counts - 2).sum()))
         for index in range(len(mesh.times_s)):
             frame = mesh.frame(index) if index else first
-            if not may_change and (difference := frame.difference(first)):
-                return f"frame {index} has {difference} in frame 0"
             validate_finite(frame.vertices[np.newaxis], first_frame=index)
     except MeshReelError as error:
         return str(error)

@@ -45,26 +45,12 @@ class PolygonMesh:
         items = np.arange(self.n_items[domain])
         return items if domain is Domain.CORNER else np.repeat(items, self.counts)
 
-    def difference(self, first: "PolygonMesh") -> str:
-        """Describe how this frame differs from the first, as in "8 vertices; expected 12 as".
-
-        Empty if both have the same number of vertices and the same faces.
-        """
-        if len(self.vertices) != len(first.vertices):
-            return f"{counted(len(self.vertices), 'vertex')}; expected {len(first.vertices)} as"
-        if self.counts is first.counts and self.corners is first.corners:
-            return ""
-        if len(self.counts) != len(first.counts):
-            return f"{counted(len(self.counts), 'face')}; expected {len(first.counts)} as"
-        if (self.counts != first.counts).any():
-            face = int(np.argmax(self.counts != first.counts))
-            return f"{self.counts[face]} corners in face {face}; expected {first.counts[face]} as"
-        if (self.corners != first.corners).any():
-            corner = int(np.argmax(self.corners != first.corners))
-            face = int(np.searchsorted(np.cumsum(self.counts), corner, side="right"))
-            index, expected = self.corners[corner], first.corners[corner]
-            return f"vertex {index} in face {face}; expected vertex {expected} as"
-        return ""
+    def has_faces_of(self, other: "PolygonMesh") -> bool:
+        """Whether both frames have the same number of vertices and the same faces."""
+        return len(self.vertices) == len(other.vertices) and all(
+            own is its or np.array_equal(own, its)
+            for own, its in ((self.counts, other.counts), (self.corners, other.corners))
+        )
 
 
 def polygon_mesh(

@@ -5,7 +5,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.model.geometry.polygons import join_fans
 from samples import alembic as sample
-from samples.opening import open_same_faces, open_source
+from samples.opening import open_source
 
 MOVES = [sample.POINTS, sample.POINTS * 2, sample.POINTS * 4]
 
@@ -88,14 +88,12 @@ def test_load_transforms_instances(tmp_path):
     np.testing.assert_array_equal(loaded.vertices[0], np.concatenate([expected, 2 * expected]))
 
 
-def test_load_names_the_frame_in_which_faces_change(tmp_path):
+def test_segment_begins_with_the_frame_in_which_faces_change(tmp_path):
     faces = [sample.QUADS, sample.QUADS, sample.QUADS[:1]]
     sampling = sample.uniform(1 / 24, 0.0)
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, sampling, faces)
-    with pytest.raises(
-        InvalidInputError, match="frame 2 of /m has 1 face; expected 2 as in frame 0"
-    ):
-        open_same_faces(tmp_path / "a.abc")
+    segments = load(tmp_path / "a.abc").segments
+    assert [(one.n_frames, len(one.faces)) for one in segments] == [(2, 4), (1, 2)]
 
 
 def test_load_lists_the_contents_of_a_file_without_meshes(tmp_path):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.errors import ConnectivityChangeError
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.options import ReadOptions
@@ -98,12 +97,3 @@ def test_runs_stay_in_their_files_once_they_take_the_limit_together(tmp_path, ex
         np.testing.assert_array_equal(*positions, strict=True)
         np.testing.assert_array_equal(run.faces, other.faces)
         assert_same_tracks(run.tracks, other.tracks)
-
-
-def test_another_run_is_an_error_that_names_both_frames_when_faces_must_be_constant(tmp_path):
-    paths = sorted(frames_of(tmp_path, ".ply", is_changing=True).iterdir())
-    form, parsed = with_counted_parses(".ply")
-    runs = read_runs(FrameFiles(paths, form), "walk", ReadOptions(), is_constant=True)
-    with pytest.raises(ConnectivityChangeError, match=r"1_00\.ply \(frame 6\) has .* in frame 0"):
-        list(runs)
-    assert len(parsed) == 7

@@ -15,7 +15,6 @@ from meshreel.formats.scenes.scene_source import readable_meshes
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.meshes import two_sheets, waving_grid
-from samples.opening import open_same_faces
 
 TRIANGLE = """point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
 int[] faceVertexCounts = [3]
@@ -49,9 +48,6 @@ BAD = {
     "every position must be finite": SceneMesh(
         "/bad", np.arange(2.0), lambda frame: triangle(2, [0, np.nan][frame])
     ),
-    "frame 1 has vertex 1 in face 0": SceneMesh(
-        "/bad", np.arange(2.0), lambda frame: triangle(2 - frame)
-    ),
     "needs 3": SceneMesh("/bad", np.zeros(1), lambda frame: triangle(), misfit),
 }
 
@@ -59,26 +55,26 @@ BAD = {
 @pytest.mark.parametrize("reason", BAD)
 def test_unreadable_mesh_is_left_out_with_a_note(reason):
     options = ReadOptions()
-    result = readable_meshes([BAD[reason], GOOD], options, may_change=False)
+    result = readable_meshes([BAD[reason], GOOD], options)
     assert [mesh.name for mesh in result] == ["/good"]
     assert options.notes[0].startswith("left out: meshes that cannot be read: /bad (")
 
 
-def test_meshes_with_changing_faces_can_be_kept():
-    changing = BAD["frame 1 has vertex 1 in face 0"]
-    result = readable_meshes([changing, GOOD], ReadOptions(), may_change=True)
-    assert [mesh.name for mesh in result] == ["/bad", "/good"]
+def test_meshes_with_changing_faces_are_kept():
+    changing = SceneMesh("/late", np.arange(2.0), lambda frame: triangle(2 - frame))
+    result = readable_meshes([changing, GOOD], ReadOptions())
+    assert [mesh.name for mesh in result] == ["/late", "/good"]
 
 
 def test_file_without_readable_meshes_is_an_error():
     with pytest.raises(FormatError, match=r"has no readable mesh: /bad \(its points are"):
-        readable_meshes([BAD["its points are damaged"]], ReadOptions(), may_change=False)
+        readable_meshes([BAD["its points are damaged"]], ReadOptions())
 
 
 def test_surface_of_a_readable_mesh_is_read_once():
     asked = []
     mesh = replace(GOOD, surface=lambda frame: asked.append(frame) or Surface())
-    result = readable_meshes([mesh], ReadOptions(), may_change=False)
+    result = readable_meshes([mesh], ReadOptions())
     result[0].surface(0)
     assert asked == [0]
 
@@ -106,10 +102,11 @@ def usd_file(tmp_path):
 
 def test_skip_bad_merges_the_readable_meshes(usd_file):
     notes = []
-    opened = open_same_faces(usd_file, merge=True, skip_bad=True, notes=notes)
-    assert (opened.n_verts, opened.n_frames, opened.surface.parts) == (3, 1, ())
+    opened = load(usd_file, merge=True, skip_bad=True, notes=notes)
+    parts = [[part.name for part in one.surface.parts] for one in opened.segments]
+    assert parts == 2 * [["/good", "/late"]]
     said = next(note for note in notes if "cannot be read" in note)
-    for name in ("/bad (mesh /bad, face 0: uses vertex 7", "/late (frame 1 has", "/far (has"):
+    for name in ("/bad (mesh /bad, face 0: uses vertex 7", "/far (has"):
         assert name in said
 
 

@@ -33,7 +33,8 @@ def scene_mesh(sequence, name, times_s=None):
 
 
 def opened(meshes, **options):
-    return open_scene(lambda path, options: meshes, PATH, ReadOptions(**options))
+    whole = open_scene(lambda path, options: meshes, PATH, ReadOptions(**options))
+    return whole.segments[0] if whole.n_segments == 1 else whole
 
 
 def test_single_mesh_is_opened_as_a_sequence():
@@ -228,12 +229,15 @@ def test_merging_renames_different_materials_of_one_name():
     np.testing.assert_array_equal(result.groups[0].numbers[n_faces:], expected)
 
 
-def test_error_for_changing_faces_names_the_frame():
+def test_changing_faces_begin_another_segment():
     mesh = scene_mesh(quad_sheet(4), "/a")
     other = PolygonMesh(np.zeros((9, 3), np.float32), np.array([3]), np.array([0, 1, 2], np.int32))
-    changed = replace(mesh, frame=lambda index: mesh.frame(index) if index < 2 else other)
-    with pytest.raises(InvalidInputError, match=r"abc: frame 2 of /a has 9 vertices"):
-        opened([changed])
+    frames = [mesh.frame(0), mesh.frame(1), other, other]
+    segments = opened([SceneMesh("/a", mesh.times_s, frames.__getitem__)]).segments
+    assert [(one.n_frames, one.n_verts) for one in segments] == [
+        (2, mesh.frame(0).vertices.shape[0]),
+        (2, 9),
+    ]
 
 
 def test_error_for_a_non_finite_position_names_the_frame():
