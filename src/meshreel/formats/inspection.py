@@ -10,12 +10,12 @@ from meshreel.errors import MeshReelError
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.load import open_for_inspection
 from meshreel.formats.notes import Note, NoteKind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_mesh, selected_meshes
+from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.sequence import FrameSource, MeshSequence, positions_size_bytes
@@ -182,7 +182,7 @@ def animations_of(found: SourceFiles, options: ReadOptions) -> tuple[AnimationIn
 def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
     path, form = found.paths[0], found.format
     if not isinstance(form, SequenceFormat) or form.read_meshes is None:
-        yield _sequence_info(open_for_inspection(found, options))
+        yield _sequence_info(open_any(found, replace(options, max_loaded_bytes=0)))
         return
     with errors_naming(path):
         meshes = selected_meshes(form.read_meshes, path, options)

@@ -19,8 +19,6 @@ ReadOption = Literal[
 ]
 WriteOption = Literal["targets", "max_error", "normals", "lossless", "layout", "textures"]
 
-WriteSegments = Callable[[Path, SegmentedStream, WriteOptions], None]
-
 NO_TRACKS: frozenset[Domain] = frozenset()
 ALL_TRACKS = frozenset(Domain)
 NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
@@ -68,11 +66,6 @@ class FrameFormat:
     extra: Extra | None = None
 
 
-def no_files(path: Path) -> list[Path]:
-    """Return no files, for formats of one file."""
-    return []
-
-
 @dataclass(frozen=True)
 class SequenceFormat:
     """A format with a whole sequence per file.
@@ -86,9 +79,8 @@ class SequenceFormat:
     open : function of a path and `ReadOptions`, optional
         Opens the sequence; its errors name the file. Positions stay in the file if the options
         request it and the format allows it. Formats with `read_meshes` need none.
-    write : function of a path, a `FrameStream` and `WriteOptions`, or None
-        Writes the file of a format whose faces are the same in all frames; None if the format is
-        read-only or has `write_segments`.
+    write : function of a path, a `SegmentedStream` and `WriteOptions`, or None
+        Writes the file; None if the format is read-only.
     extra : Extra, optional
         Library required for writing and, unless `reads_without_extra`, for reading.
     reads : set of ReadOption
@@ -111,8 +103,8 @@ class SequenceFormat:
         where to put them.
     list_animations : function of a path and `ReadOptions`, optional
         Returns the animations of a file, for formats with several; its errors do not name the file.
-    write_segments : function of a path, a `SegmentedStream` and `WriteOptions`, optional
-        Writes the file of a format whose faces may change; replaces `write`.
+    holds_segments : bool, default False
+        Whether the faces of written frames may change; else `write` gets a single segment.
     other_files : function of a path, optional
         Returns the existing files that continue a file, for formats that split a sequence.
     names_files : bool, default False
@@ -122,7 +114,7 @@ class SequenceFormat:
     extension: str
     title: str
     open: Callable[[Path, ReadOptions], FrameSource] | None = None
-    write: Callable[[Path, FrameStream, WriteOptions], None] | None = None
+    write: Callable[[Path, SegmentedStream, WriteOptions], None] | None = None
     extra: Extra | None = None
     reads: frozenset[ReadOption] = frozenset()
     writes: frozenset[WriteOption] = frozenset()
@@ -133,8 +125,8 @@ class SequenceFormat:
     holds_tracks: frozenset[Domain] = NO_TRACKS
     data_files: Callable[[Path, int], list[Path]] | None = None
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
-    write_segments: WriteSegments | None = None
-    other_files: Callable[[Path], list[Path]] = no_files
+    holds_segments: bool = False
+    other_files: Callable[[Path], list[Path]] = lambda path: []
     reads_without_extra: bool = False
     names_files: bool = False
 

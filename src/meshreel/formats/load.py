@@ -9,7 +9,7 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import open_any
-from meshreel.formats.sources import Source, SourceFiles, find_files
+from meshreel.formats.sources import Source, find_files
 from meshreel.model.sequence import FrameSource, MeshSequence, single_segment
 from meshreel.model.surface_selection import ALL, Names
 from meshreel.runtime.progress import Progress, silent
@@ -97,8 +97,9 @@ def load(
     StoreError
         If a remote file does not exist or cannot be reached.
     """
+    mesh_path = None if topology is None else Path(topology)
     options = ReadOptions(
-        fps, object, merge, _path(topology), dataset, None, progress,
+        fps, object, merge, mesh_path, dataset, None, progress,
         notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
     )  # fmt: skip
     return load_any(source, options)
@@ -108,11 +109,6 @@ def load_any(source: Source, options: ReadOptions) -> MeshSequence:
     """Load a sequence with options that do not limit the loaded bytes."""
     with local_copy(source, options.notes) as files:
         return open_any(find_files(files), options)
-
-
-def open_for_inspection(found: SourceFiles, options: ReadOptions) -> MeshSequence:
-    """Open the sequence of resolved files, leaving positions in the files if possible."""
-    return open_any(found, replace(options, max_loaded_bytes=0))
 
 
 def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> MeshSequence:
@@ -151,7 +147,3 @@ def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
         # A small memory limit for encoding must not prevent reading a `.reel`.
         options = replace(options, memory=max(memory, bytes_of(DEFAULT_MEMORY, "memory")))
     return replace(options, max_loaded_bytes=max_bytes)
-
-
-def _path(given: str | os.PathLike[str] | None) -> Path | None:
-    return None if given is None else Path(given)

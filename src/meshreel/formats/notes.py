@@ -248,11 +248,6 @@ def note_unwritten_tracks(
         add_note(notes, NoteKind.UNWRITTEN, "tracks", text)
 
 
-def note_track_name(name: str, called: str, extension: str, notes: list[str]) -> None:
-    """Add a note, once, if a track has another name in a file."""
-    note_name("track", name, called, extension, notes)
-
-
 def note_name(what: str, name: str, called: str, extension: str, notes: list[str]) -> None:
     """Add a note, once, if something has another name in a file.
 

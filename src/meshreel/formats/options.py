@@ -18,39 +18,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options for reading a file.
+    """Options for reading a file: those of `meshreel.load`, and others.
 
     Parameters
     ----------
-    fps : float, optional
-        Frames per second, overriding the file; sampling rate for files that describe motion between
-        frames (glTF, USD with keyed transforms or skins).
-    object : str, optional
-        Path, or last part of the path, of one mesh of a file with several meshes.
-    merge : bool, default False
-        Whether all meshes of a file are merged into one mesh of several parts.
-    topology : Path, optional
-        A mesh file with the faces of a point cache.
-    dataset : str, optional
-        Name of the dataset with the positions, for files of named datasets.
     max_loaded_bytes : int, optional
         Positions up to this size are loaded, larger ones stay in the file if possible. Default: all
         are loaded.
-    progress : Progress, default silent
-        Called with the share of frames read.
-    notes : list of str
-        Receives a sentence for the user for each thing that reading changes or leaves out.
-    attributes : str or sequence of str, default "all"
-        Attributes and groups to load: "all", "none", or names.
-    skip_bad : bool, default False
-        Whether meshes of a file that cannot be read are left out.
-    allow_outside : bool, default False
-        Whether a file may refer to files outside its folder.
-    memory : float or str, optional
-        Memory limit for decoding a ``.reel``, as in `meshreel.decode`.
-    animation : str or int, optional
-        Name, or number from 0, of one animation of a file with several. Default: the first that
-        moves a mesh.
     matches_frames : bool, default True
         Whether frames that differ only in the order of vertices and faces become one segment.
     register : float or str, optional

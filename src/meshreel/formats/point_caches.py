@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
-from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.stored_frames import ArrayFrames, Description, changed_error
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import (
@@ -74,8 +74,9 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
     return frames.open(Description(faces, fps, path.stem, start_s, surface), options, {})
 
 
-def write_pc2(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_pc2(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
     """Write a ``.pc2`` file; notes report what it cannot store exactly."""
+    stream = segments.only()
     first_frame = _first_frame(stream)
     header = PC2_HEADER.pack(
         PC2_SIGNATURE, PC2_VERSION, stream.n_verts, first_frame, 1.0, stream.n_frames
@@ -143,8 +144,9 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
     return frames.open(about, options, {})
 
 
-def write_mdd(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
     """Write an ``.mdd`` file; notes report what it cannot store exactly."""
+    stream = segments.only()
     rate = written_rate(stream.fps, stream.notes)
     times = _times(rate, stream.start_s, stream.n_frames)
     if not np.isfinite(times).all():

@@ -171,10 +171,6 @@ def _stored(path: Path, options: ReadOptions) -> MeshSequence:
     return MeshSequence.of_segments(segments, name, reel.start_s)
 
 
-def _unchanged(surface: Surface) -> Surface:
-    return surface
-
-
 @dataclass(frozen=True, eq=False)
 class StoredSegment:
     """A `FrameSource` with the frames of a segment of a `.reel` file.
@@ -200,7 +196,7 @@ class StoredSegment:
     fps: float
     name: str
     start_s: float
-    change: Callable[[Surface], Surface] = _unchanged
+    change: Callable[[Surface], Surface] = lambda surface: surface
 
     def replace(self, **changes: Any) -> "StoredSegment":
         """Return the segment with another frame rate, name, start or surface."""
@@ -315,8 +311,8 @@ FORMATS = (
         ".reel",
         "meshreel",
         open_reel,
-        None,
-        write_segments=write_reel,
+        write_reel,
+        holds_segments=True,
         writes=frozenset({"max_error", "lossless"}),
         holds_materials=True,
         holds_tracks=ALL_TRACKS,

@@ -149,18 +149,14 @@ def written_extensions() -> list[str]:
 
 def is_written(found: FrameFormat | SequenceFormat) -> bool:
     """Whether a format can be written."""
-    if isinstance(found, FrameFormat):
-        return found.encoder is not None
-    return found.write is not None or found.write_segments is not None
+    return (found.encoder if isinstance(found, FrameFormat) else found.write) is not None
 
 
 def holds_segments(found: FrameFormat | SequenceFormat | FolderFormat) -> bool:
     """Whether frames with different faces can be written in a format."""
-    if isinstance(found, FolderFormat):
-        return False
     if isinstance(found, FrameFormat):
         return found.encoder is not None
-    return found.write_segments is not None
+    return isinstance(found, SequenceFormat) and found.holds_segments
 
 
 def described_formats() -> list[dict[str, Any]]:

@@ -193,7 +193,7 @@ def _save(
             _write_frames(output_format, stream, temporaries)
             return paths
         if isinstance(output_format, FolderFormat):
-            output_format.write(hidden[0].parent, Path(output).stem, _only(stream), options)
+            output_format.write(hidden[0].parent, Path(output).stem, stream.only(), options)
         else:
             if output_format.data_files is not None:
                 names = [path.relative_to(paths[0].parent).as_posix() for path in paths[1:]]
@@ -201,12 +201,6 @@ def _save(
             _write_sequence(output_format, temporaries, stream, options)
         stream.progress("writing", 1.0)
     return [*paths, *images]
-
-
-def _only(stream: SegmentedStream) -> FrameStream:
-    """Return the frames of the only segment."""
-    [segment] = stream.segments()
-    return segment
 
 
 def _supported_tracks(
@@ -251,25 +245,19 @@ def _write_sequence(
     found: SequenceFormat, paths: list[Path], stream: SegmentedStream, options: WriteOptions
 ) -> None:
     """Write all frames to the first path, and the first frame to the companion file, if any."""
-    if found.write_segments is not None:
-        if not found.holds_materials:
-
-            def note_materials(mesh: FrameStream) -> FrameStream:
-                note_unwritten_materials(mesh.surface, found.extension, stream.notes)
-                return mesh
-
-            stream = stream.changed(note_materials)
-        found.write_segments(paths[0], stream, options)
-        return
     if found.write is None:  # check_output rejects read-only formats
         raise FormatError(f"{found.extension} files are read, but not written")
-    only = _only(stream)
-    if not found.holds_materials:
-        note_unwritten_materials(only.surface, found.extension, only.notes)
+
+    def note_materials(mesh: FrameStream) -> FrameStream:
+        note_unwritten_materials(mesh.surface, found.extension, stream.notes)
+        return mesh
+
+    noting = stream if found.holds_materials else stream.changed(note_materials)
     if found.companion:
+        only = noting.only()
         encode = frame_encoder(FRAME_FORMATS[found.companion], only)
         paths[1].write_bytes(encode(0, only.first))
-    found.write(paths[0], only, options)
+    found.write(paths[0], noting, options)
 
 
 def frame_encoder(found: FrameFormat, stream: FrameStream) -> Callable[[int, Vertices], bytes]:

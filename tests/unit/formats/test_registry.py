@@ -25,7 +25,6 @@ N_ARGUMENTS = {
     "positions_reader": 2,
     "open": 2,
     "write": 3,
-    "write_segments": 3,
     "read_meshes": 2,
     "data_files": 2,
     "other_files": 1,

@@ -12,7 +12,8 @@ FORMATS = (
         read_meshes=read_meshes,
         extra=ALEMBIC,
         reads_without_extra=True,
-        write_segments=write_alembic,
+        write=write_alembic,
+        holds_segments=True,
         holds_tracks=ALL_TRACKS,
     ),
 )

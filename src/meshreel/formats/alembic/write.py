@@ -27,7 +27,6 @@ from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.notes import (
     add_once,
     note_name,
-    note_track_name,
     note_track_type,
     note_unwritten_tracks,
     note_unwritten_units,
@@ -276,7 +275,7 @@ class _PartWriter:
                 self._others[name], standard, dtype = track, "", _written_type(track)
             note_track_type(name, track.dtype, dtype, self._notes)
             if standard not in ("", UVS):
-                note_track_name(name, standard.strip("."), ".abc", self._notes)
+                note_name("track", name, standard.strip("."), ".abc", self._notes)
         units = {name: track.unit for name, track in self._standard.values()}
         note_unwritten_units(units, ".abc", self._notes)
 
@@ -368,7 +367,7 @@ class _PartWriter:
         elif UVS in self._standard:
             name = self._standard[UVS][0]
             written_name = unique_name(clean(name, IN_METADATA), set(self._others))
-            note_track_name(name, written_name, ".abc", self._notes)
+            note_name("track", name, written_name, ".abc", self._notes)
             self._schema.setUVSourceName(written_name)
         if self._shading is not None:
             self._mark(COMPUTED, NORMALS)
@@ -458,7 +457,7 @@ class _PartWriter:
             written_name = clean_unique_name(name, self._names)
             is_valid = clean(name, IN_METADATA) == name
             # Readers show the source name if there is one.
-            note_track_name(name, name if is_valid else written_name, ".abc", self._notes)
+            note_name("track", name, name if is_valid else written_name, ".abc", self._notes)
             unit = clean(track.unit, IN_METADATA)
             note_name("unit", track.unit, unit, ".abc", self._notes)
             entries = {

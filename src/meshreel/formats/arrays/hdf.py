@@ -23,8 +23,8 @@ from meshreel.formats.arrays.named_arrays import (
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.frame_stream import FrameStream
-from meshreel.formats.frames.stored_frames import ArrayFrames, changed_error, checksum
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
+from meshreel.formats.frames.stored_frames import ArrayFrames, CheckedReader, changed_error
 from meshreel.formats.hdf import (
     Dataset,
     HdfOutput,
@@ -46,7 +46,7 @@ from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
 from meshreel.formats.scenes.scene_source import open_scene
-from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.sequence import FrameSource
 from meshreel.runtime.extras import HDF
 
 POSITIONS = "vertices"
@@ -94,24 +94,13 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
     with errors_naming(path), hdf_errors():
         tracks = {
             name: track.to_stored_track(
-                _VerifiedDataset(path, require_dataset(root, track.place)).read
+                CheckedReader(path, _reader(path, require_dataset(root, track.place)))
             )
             for name, track in named_tracks(
                 candidates, n_frames, n_verts, about, options.notes
             ).items()
         }
-
-    def read(start: int, stop: int) -> Vertices:
-        try:
-            if layout is Layout.FRAMES_FIRST:
-                block: Any = positions[start:stop]
-            else:
-                block = positions[:, :, start:stop].transpose(2, 0, 1)
-        except (OSError, RuntimeError, ValueError) as error:
-            raise changed_error(f"{path} (frames {start} to {stop - 1})") from error
-        found: Vertices = np.ascontiguousarray(block, dtype)
-        return found
-
+    read = _reader(path, positions, layout)
     return ArrayFrames(path, n_frames, n_verts, dtype, read).open(about, options, tracks)
 
 
@@ -121,8 +110,9 @@ def _open_vtkhdf(path: Path, options: ReadOptions) -> FrameSource:
     return open_scene(read_meshes, path, options)
 
 
-def write_hdf(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
     """Write an HDF5 file frame by frame; positions and tracks round-trip exactly."""
+    stream = segments.only()
     frame_bytes = stream.n_verts * 3 * stream.dtype.itemsize
     chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
     described: dict[str, npt.NDArray[Any]] = {
@@ -163,23 +153,22 @@ def _write_tracks(output: HdfOutput, stream: FrameStream) -> None:
             dataset[start : start + len(values)] = values
 
 
-class _VerifiedDataset:
-    """A dataset with an axis of frames, checked for changes between reads."""
+def _reader(
+    path: Path, dataset: Dataset, layout: Layout = Layout.FRAMES_FIRST
+) -> Callable[[int, int], npt.NDArray[Any]]:
+    """Return a function that reads frames start..stop - 1 of a dataset, in native byte order."""
 
-    def __init__(self, path: Path, dataset: Dataset) -> None:
-        self._path, self._dataset = path, dataset
-        self._checksums: dict[int, int] = {}
-
-    def read(self, start: int, stop: int) -> npt.NDArray[Any]:
-        """Read frames start..stop - 1."""
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
         try:
-            block: Any = self._dataset[start:stop]
+            if layout is Layout.FRAMES_FIRST:
+                block: Any = dataset[start:stop]
+            else:
+                block = dataset[:, :, start:stop].transpose(2, 0, 1)
         except (OSError, RuntimeError, ValueError) as error:
-            raise changed_error(f"{self._path} (frames {start} to {stop - 1})") from error
-        for index, frame in enumerate(block, start):
-            if self._checksums.setdefault(index, found := checksum(frame)) != found:
-                raise changed_error(f"{self._path} (frame {index})")
-        return np.asarray(block)
+            raise changed_error(f"{path} (frames {start} to {stop - 1})") from error
+        return np.ascontiguousarray(block, dataset.dtype.newbyteorder("="))
+
+    return read
 
 
 def _candidates_next_to(root: Node, positions: Dataset) -> Iterator[Candidate]:

@@ -35,7 +35,7 @@ from meshreel.formats.arrays.npz_members import (
     track_arrays,
 )
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
-from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import (
     Description,
     FrameSurvey,
@@ -282,12 +282,13 @@ def _is_frames_first(shape: tuple[int, ...]) -> bool:
     return has_positions(shape) and shape[2] == 3 != shape[1]
 
 
-def write_npz(path: Path, stream: FrameStream, options: WriteOptions) -> None:
+def write_npz(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
     """Write an ``.npz`` file frame by frame; positions and tracks round-trip exactly.
 
     The bytes are those of `numpy.savez`, which would need all frames in memory. Defaults are
     omitted: a start of 0, a plain surface.
     """
+    stream = segments.only()
     rest: dict[str, npt.NDArray[Any]] = {
         "faces": stream.faces,
         "fps": np.asarray(np.float64(stream.fps)),

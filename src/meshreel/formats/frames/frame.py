@@ -22,10 +22,6 @@ def fields_of(attributes: Iterable[Attribute]) -> dict[Key, tuple[Values, Field]
     return fields
 
 
-def _no_hard_edges() -> HardEdges | None:
-    return None
-
-
 @dataclass(frozen=True, eq=False)
 class Frame:
     """The contents of the file of a frame.
@@ -47,7 +43,7 @@ class Frame:
     surface: Surface = PLAIN
     fields: Fields = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    find_hard_edges: Callable[[], HardEdges | None] = _no_hard_edges
+    find_hard_edges: Callable[[], HardEdges | None] = lambda: None
 
 
 class FrameData:

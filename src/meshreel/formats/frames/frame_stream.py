@@ -114,14 +114,6 @@ class FrameStream:
         )
 
 
-def _all_tracks(tracks: Tracks, notes: list[str]) -> Tracks:
-    return tracks
-
-
-def _unchanged(segment: FrameStream) -> FrameStream:
-    return segment
-
-
 class SegmentedStream:
     """A range of frames of a sequence, read in order, a segment at a time.
 
@@ -158,7 +150,7 @@ class SegmentedStream:
         *,
         progress: Progress = silent,
         notes: list[str] | None = None,
-        supported_tracks: Callable[[Tracks, list[str]], Tracks] = _all_tracks,
+        supported_tracks: Callable[[Tracks, list[str]], Tracks] = lambda tracks, notes: tracks,
     ) -> None:
         wanted = range(sequence.n_frames) if wanted is None else wanted
         self._sequence: Any = sequence
@@ -176,7 +168,7 @@ class SegmentedStream:
         self.image_folder = ""
         self.data_files: list[tuple[str, Path]] = []
         self._supported_tracks = supported_tracks
-        self._change: Callable[[FrameStream], FrameStream] = _unchanged
+        self._change: Callable[[FrameStream], FrameStream] = lambda segment: segment
         self._kept: dict[int, tuple[Faces, Surface]] = {}
         self._kept_bytes = 0
 
@@ -212,6 +204,11 @@ class SegmentedStream:
             yield self._stream(number, frames, notes, progress, start_s)
             if notes is not self.notes:
                 add_once(self.notes, notes)
+
+    def only(self) -> FrameStream:
+        """Return the only segment."""
+        [segment] = self.segments()
+        return segment
 
     def _stream(
         self, number: int, frames: range, notes: list[str], progress: Progress, start_s: float

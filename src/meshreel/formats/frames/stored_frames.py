@@ -96,6 +96,28 @@ def checksum(values: npt.NDArray[Any]) -> int:
     return zlib.crc32(np.ascontiguousarray(values).data)
 
 
+class CheckedReader:
+    """Reads frames of an array in a file, and checks that they stay as they were first read.
+
+    Parameters
+    ----------
+    read : function of a start and a stop
+        Reads frames start..stop - 1; its errors name the file.
+    """
+
+    def __init__(self, path: Path, read: Callable[[int, int], npt.NDArray[Any]]) -> None:
+        self._path, self._read = path, read
+        self._checksums: dict[int, int] = {}
+
+    def __call__(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Read frames start..stop - 1; raises InvalidInputError if one has changed."""
+        block = self._read(start, stop)
+        for index, frame in enumerate(block, start):
+            if self._checksums.setdefault(index, found := checksum(frame)) != found:
+                raise changed_error(f"{self._path} (frame {index})")
+        return block
+
+
 def changed_error(place: str) -> InvalidInputError:
     """Error for a file whose contents differ from those that were read first."""
     return InvalidInputError(
@@ -256,7 +278,6 @@ class ArrayFrames:
     n_verts: int
     dtype: np.dtype[np.floating]
     read: Callable[[int, int], Vertices]
-    _checksums: dict[int, int] = field(default_factory=dict)
 
     def open(
         self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
@@ -283,7 +304,7 @@ class ArrayFrames:
         self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
     ) -> MeshSequence:
         vertices: Vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
-        for start, block in self._blocks(options):
+        for start, block in self._blocks(self.read, options):
             vertices[start : start + len(block)] = block
         frames = range(self.n_frames)
         loaded = {name: read_track(track, frames) for name, track in tracks.items()}
@@ -292,25 +313,19 @@ class ArrayFrames:
     def _stored(
         self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
     ) -> StoredFrames:
-        survey = FrameSurvey()
-        for start, block in self._blocks(options):
+        survey, read = FrameSurvey(), CheckedReader(self.path, self.read)
+        for _, block in self._blocks(read, options):
             survey.add(block)
-            self._checksums.update(enumerate(map(checksum, block), start))
         shape = self.n_frames, self.n_verts
-        return description.stored(shape, survey, self._read_unchanged, (self.path,), tracks)
+        return description.stored(shape, survey, read, (self.path,), tracks)
 
-    def _blocks(self, options: ReadOptions) -> Iterator[tuple[int, Vertices]]:
+    def _blocks(
+        self, read: Callable[[int, int], Vertices], options: ReadOptions
+    ) -> Iterator[tuple[int, Vertices]]:
         """Yield validated blocks of frames with the number of their first frame."""
         n_at_once = max(1, BLOCK_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
         for start in range(0, self.n_frames, n_at_once):
-            block = self.read(start, min(start + n_at_once, self.n_frames))
+            block = read(start, min(start + n_at_once, self.n_frames))
             validate_finite(block, first_frame=start)
             yield start, block
             options.progress("reading", (start + len(block)) / self.n_frames)
-
-    def _read_unchanged(self, start: int, stop: int) -> Vertices:
-        block = self.read(start, stop)
-        for index, frame in enumerate(block, start):
-            if checksum(frame) != self._checksums[index]:
-                raise changed_error(f"{self.path} (frame {index})")
-        return block

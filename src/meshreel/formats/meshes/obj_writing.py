@@ -16,7 +16,7 @@ from meshreel.arrays import Values
 from meshreel.formats.notes import (
     NoteKind,
     add_note,
-    note_track_name,
+    note_name,
     note_track_type,
     note_unwritten,
     note_unwritten_tracks,
@@ -290,7 +290,7 @@ def select_tracks(
         else:
             used.add(track.kind)
             written[track.kind] = name
-            note_track_name(name, READ_AS[track.kind], ".obj", notes)
+            note_name("track", name, READ_AS[track.kind], ".obj", notes)
             note_track_type(name, track.dtype, np.dtype(np.float32), notes)
             if track.kind is TrackKind.COLOR and track.shape[2] > len("rgb"):
                 text = f"alpha of track {name!r} left out: .obj does not store it"

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.formats.notes import (
-    note_track_name,
+    note_name,
     note_track_type,
     note_unwritten,
     note_unwritten_tracks,
@@ -243,7 +243,7 @@ def select_tracks(
             continue
         used.add((track.domain, key))
         written.append(PlyTrack(name, track.domain, (key,) if is_scalar else properties, dtype))
-        note_track_name(name, key, ".ply", notes)
+        note_name("track", name, key, ".ply", notes)
         note_track_type(name, track.dtype, dtype, notes)
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".ply", notes, reason)

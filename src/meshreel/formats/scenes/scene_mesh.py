@@ -19,16 +19,6 @@ BLOCK_BYTES = 1 << 22
 """Memory for the positions of frames that are computed, read or checked at once."""
 
 
-def no_surface(frame: int) -> Surface:
-    """Return the plain surface, for meshes with only positions and faces."""
-    return PLAIN
-
-
-def no_tracks(frames: range) -> Mapping[str, TrackSource]:
-    """Return no tracks, for meshes without any."""
-    return {}
-
-
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
     """An animated mesh of a file, whose frames are read on demand.
@@ -58,9 +48,9 @@ class SceneMesh:
     name: str
     times_s: npt.NDArray[np.float64]
     frame: Callable[[int], PolygonMesh]
-    surface: Callable[[int], Surface] = no_surface
+    surface: Callable[[int], Surface] = lambda frame: PLAIN
     fps: float | None = None
-    tracks: Callable[[range], Mapping[str, TrackSource]] = no_tracks
+    tracks: Callable[[range], Mapping[str, TrackSource]] = lambda frames: {}
     positions: Callable[[int, int], Vertices] | None = None
 
 

@@ -122,7 +122,7 @@ def read_lines(path: Path) -> list[str]:
         return path.read_text("latin-1").splitlines()
 
 
-def open_geometry(path: Path, lines: ReadLines = read_lines) -> Tables:
+def open_geometry(path: Path, lines: ReadLines) -> Tables:
     """Open a geometry file, after the line with its encoding.
 
     Parameters
@@ -148,7 +148,7 @@ def open_geometry(path: Path, lines: ReadLines = read_lines) -> Tables:
     return tables
 
 
-def open_variable(path: Path, like: Tables, lines: ReadLines = read_lines) -> Tables:
+def open_variable(path: Path, like: Tables, lines: ReadLines) -> Tables:
     """Open the file of a variable, which is encoded as the geometry."""
     return Tables(path, like.order, None if like.lines is None else lines(path))
 

@@ -6,6 +6,7 @@ reason given in `meshreel.formats.vtk.xml_file`.
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
 
@@ -201,14 +202,14 @@ class _LegacyReader:
                 raise FormatError(
                     f"has an invalid line {' '.join(line)[:60]!r} ({error})"
                 ) from error
-        counts, points = (
-            np.concatenate([*(pair[side] for pair in self._in_order()), np.empty(0, np.int64)])
-            for side in (0, 1)
+        groups = ((kind, self._cells.get(name)) for name, kind in GROUPS.items())
+        cells = Cells.join(
+            Cells(np.full(len(lists[0]), kind), *lists) for kind, lists in groups if lists
         )
-        types = self._types if self._types is not None else self._group_types()
-        if len(types) != len(counts):
-            raise FormatError(f"has {len(types)} CELL_TYPES for {len(counts)} cells")
-        cells = Cells(types, counts.astype(np.int64), points.astype(np.int64))
+        if self._types is not None:
+            if len(self._types) != len(cells.types):
+                raise FormatError(f"has {len(self._types)} CELL_TYPES for {len(cells.types)} cells")
+            cells = replace(cells, types=self._types)
         arrays = tuple(array for arrays in self._arrays.values() for array in arrays)
         return Piece(self._points, cells, arrays).step(self._left_out())
 
@@ -218,15 +219,6 @@ class _LegacyReader:
             yield f"field data: {listed(field)}"
         if self._tables:
             yield f"color tables: {listed(self._tables)}"
-
-    def _in_order(self) -> list[tuple[Integers, Integers]]:
-        return [self._cells[name] for name in GROUPS if name in self._cells]
-
-    def _group_types(self) -> npt.NDArray[np.integer]:
-        kinds = [GROUPS[name] for name in GROUPS if name in self._cells]
-        return np.repeat(
-            np.array(kinds, np.int64), np.array([len(one[0]) for one in self._in_order()], int)
-        )
 
     def _section(self, keyword: str, rest: list[str]) -> None:
         match keyword:

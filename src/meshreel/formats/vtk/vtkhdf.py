@@ -138,7 +138,8 @@ FORMATS = (
         "VTKHDF",
         read_meshes=read_vtkhdf,
         extra=HDF,
-        write_segments=write_vtkhdf,
+        write=write_vtkhdf,
+        holds_segments=True,
         holds_tracks=NOT_OF_CORNERS,
     ),
 )
