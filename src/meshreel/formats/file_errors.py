@@ -44,6 +44,12 @@ def errors_naming(path: str | os.PathLike[str]) -> Iterator[None]:
         raise type(error)(f"{path}: ", *error.args) from None
 
 
+def read_bytes(path: Path) -> bytes:
+    """Return the contents of a file; raises an `InvalidInputError` that names it."""
+    with os_errors_naming(path):
+        return path.read_bytes()
+
+
 @contextmanager
 def os_errors_naming(path: Path) -> Iterator[None]:
     """Context manager that turns an OSError into an `InvalidInputError` that names the file."""

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
-from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
+from meshreel.formats.file_errors import errors_naming, os_errors_naming, read_bytes, refuse_pipe
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.stored_frames import ArrayFrames, Description, changed_error
 from meshreel.formats.kinds import SequenceFormat
@@ -313,8 +313,7 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
             f"{path}: the faces of a point cache must be in a {', '.join(known)} file"
         )
     refuse_pipe(path)
-    with os_errors_naming(path):
-        data = path.read_bytes()
+    data = read_bytes(path)
     with errors_naming(path):
         frame = mesh_format.read(data)
     mesh, surface = frame.mesh, frame.surface

@@ -42,7 +42,7 @@ from meshreel.formats.hdf import (
     write_array,
 )
 from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
-from meshreel.formats.notes import note_kinds
+from meshreel.formats.notes import listed, note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
 from meshreel.formats.scenes.scene_source import open_scene
@@ -220,11 +220,10 @@ def _find_positions(root: Node, options: ReadOptions) -> Dataset:
         raise FormatError(
             "has no dataset of positions: float32 or float64, of shape (T, V, 3) or (V, 3, T)"
         )
-    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     which = "" if options.dataset is None else f"has no dataset {options.dataset!r}; it "
     raise InvalidInputError(
-        f"{which}holds positions in {len(names)} datasets: {', '.join(names[:MAX_LISTED])}{more}; "
-        "choose one with ",
+        f"{which}holds positions in {len(names)} datasets: {listed(names, MAX_LISTED)}; choose one "
+        "with ",
         Keyword("dataset"),
     )
 

@@ -250,8 +250,10 @@ def _read_into(stream: RawIOBase, buffer: memoryview) -> int:
 def _find_vertices(path: Path, positions: str) -> _StoredArray | None:
     """Locate positions that can stay in the file; None if they must be loaded."""
     found = _find_plain(path, positions)
-    is_float = found is not None and found.dtype.kind == "f" and found.dtype.itemsize in (4, 8)
-    return found if found is not None and is_float and _is_frames_first(found.shape) else None
+    if found is None or found.dtype.kind != "f" or found.dtype.itemsize not in (4, 8):
+        return None
+    # Shapes that may also be (V, 3, T) are loaded.
+    return found if has_positions(found.shape) and found.shape[2] == 3 != found.shape[1] else None
 
 
 def _find_plain(path: Path, name: str) -> _StoredArray | None:
@@ -275,11 +277,6 @@ def _find_plain(path: Path, name: str) -> _StoredArray | None:
             raise FormatError(f"{member} extends beyond the end of the file")
     start_byte += header.size_bytes
     return _StoredArray(path, member, start_byte, header.shape, header.dtype, info.CRC, [checksum])
-
-
-def _is_frames_first(shape: tuple[int, ...]) -> bool:
-    """Whether positions can only be (T, V, 3); ambiguous ones are loaded."""
-    return has_positions(shape) and shape[2] == 3 != shape[1]
 
 
 def write_npz(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.frames.frame import Frame, FrameData
 from meshreel.formats.frames.stored_frames import Description, FrameSurvey, changed_error
@@ -63,8 +63,7 @@ class FrameFiles:
             If it is empty.
         """
         path = self.paths[index]
-        with os_errors_naming(path):
-            data = path.read_bytes()
+        data = read_bytes(path)
         if self._checksums.setdefault(index, crc := zlib.crc32(data)) != crc:
             raise changed_error(f"{path} (frame {index})")
         with errors_naming(path):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import download_sibling, is_within
 from meshreel.formats.notes import listed
 from meshreel.runtime.stores.address import is_remote
@@ -54,8 +54,7 @@ def read_manifest(path: Path) -> Manifest:
         If the file is not a manifest of separate frame files, has several versions of the geometry,
         or names files that are missing or outside of its folder.
     """
-    with os_errors_naming(path):
-        data = path.read_bytes()
+    data = read_bytes(path)
     with errors_naming(path):
         try:
             document = json.loads(data.decode("utf-8-sig"))

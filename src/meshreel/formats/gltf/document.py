@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_errors import os_errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.gltf.container import split_container
 from meshreel.formats.gltf.meshopt import decode_view
@@ -281,8 +281,7 @@ class Document:
     """
 
     def __init__(self, path: Path, *, allow_outside: bool = False) -> None:
-        with os_errors_naming(path):
-            data = path.read_bytes()
+        data = read_bytes(path)
         parsed, self._binary = split_container(data)
         if not isinstance(parsed, dict):
             raise FormatError("is not a glTF file: its JSON is not an object")

@@ -245,11 +245,9 @@ def _is_below(name: str, wanted: str) -> bool:
 
 
 def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:
-    names = [mesh.name for mesh in meshes]
-    if len(names) == 1:
-        return f"the mesh {names[0]}"
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"{counted(len(names), 'mesh')}: {', '.join(names[:most])}{more}"
+    if len(meshes) == 1:
+        return f"the mesh {meshes[0].name}"
+    return f"{counted(len(meshes), 'mesh')}: {listed((mesh.name for mesh in meshes), most)}"
 
 
 def _reader(

@@ -15,7 +15,7 @@ import numpy as np
 
 from meshreel.arrays import Floats, Singles
 from meshreel.errors import FormatError
-from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_errors import read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.kinds import SequenceFormat
@@ -124,8 +124,7 @@ class EnsightCase:
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         self._path, self._options = path, options
-        with os_errors_naming(path):
-            self._sections = _read_sections(path.read_text("latin-1"))
+        self._sections = _read_sections(read_bytes(path).decode("latin-1"))
         kinds = [value.lower().split() for key, value in self._sections["FORMAT"] if key == "type"]
         if kinds != [["ensight", "gold"]]:
             kind = " ".join(kinds[0]) if kinds else "(none)"
@@ -233,8 +232,7 @@ class EnsightCase:
     def _listed(self, facts: dict[str, str], key: str) -> Floats:
         if f"{key} file" in facts:
             path = self.file(FileSeries(facts[f"{key} file"].strip('"'), None), 0)
-            with os_errors_naming(path):
-                return _numbers(path.read_text("latin-1").split())
+            return _numbers(read_bytes(path).decode("latin-1").split())
         return _numbers(facts.get(key, "").split())
 
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers, Singles
 from meshreel.errors import FormatError
-from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_errors import os_errors_naming, read_bytes
 from meshreel.formats.surfaces.cells import POLYGON, POLYHEDRON, Cells
 from meshreel.model.geometry.polygons import ragged_indices
 
@@ -118,8 +118,7 @@ class Tables:
 
 def read_lines(path: Path) -> list[str]:
     """Read the lines of a text file."""
-    with os_errors_naming(path):
-        return path.read_text("latin-1").splitlines()
+    return read_bytes(path).decode("latin-1").splitlines()
 
 
 def open_geometry(path: Path, lines: ReadLines) -> Tables:

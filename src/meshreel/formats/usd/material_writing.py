@@ -90,17 +90,14 @@ class Materials:
             return
         is_double = any(look.double_sided for look in looks)
         USD.load("UsdGeom").Gprim(prim).CreateDoubleSidedAttr(is_double)
-        for name in [look.name for look in looks if is_double and not look.double_sided]:
-            note_kinds(
-                self._notes,
-                "single-sidedness of materials on meshes with double-sided ones",
-                [name],
-            )
+        single = [look.name for look in looks if is_double and not look.double_sided]
+        subject = "single-sidedness of materials on meshes with double-sided ones"
+        note_kinds(self._notes, subject, single)
 
     def note_unused(self) -> None:
         """Note the materials that no face uses."""
-        for name in (look for look in self._looks if look not in self._created):
-            note_kinds(self._notes, "materials that no face uses", [name])
+        unused = (name for name in self._looks if name not in self._created)
+        note_kinds(self._notes, "materials that no face uses", unused)
 
     def _write(self, material: Any, look: Material) -> None:
         """Write the appearance of a material."""

@@ -1,8 +1,9 @@
 """Writing a folder of vertex animation textures: one texel per vertex and frame."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,8 @@ from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import OPEN_EXR, PNG
+
+Choice = TypeVar("Choice")
 
 TEXEL_TYPES = {
     "exr": (TexelType.HALF, TexelType.FLOAT),
@@ -128,21 +131,20 @@ def _file_names(stem: str, types: Sequence[TexelType]) -> tuple[str, str, str]:
 
 
 def _types(options: WriteOptions) -> Sequence[TexelType]:
-    kind = options.textures or DEFAULT_TEXTURES
-    if kind not in TEXEL_TYPES:
-        raise InvalidInputError(
-            Keyword("textures"), f" must be one of {', '.join(TEXEL_TYPES)}; got {kind!r}"
-        )
-    return TEXEL_TYPES[kind]
+    return _selected("textures", options.textures or DEFAULT_TEXTURES, TEXEL_TYPES)
 
 
 def _mesh_space(options: WriteOptions) -> MeshSpace:
-    name = options.layout or DEFAULT_LAYOUT
-    if name not in LAYOUTS:
+    return _selected("layout", options.layout or DEFAULT_LAYOUT, LAYOUTS)
+
+
+def _selected(option: str, name: str, choices: Mapping[str, Choice]) -> Choice:
+    """Return the choice of an option by its name; raises InvalidInputError if there is none."""
+    if name not in choices:
         raise InvalidInputError(
-            Keyword("layout"), f" must be one of {', '.join(LAYOUTS)}; got {name!r}"
+            Keyword(option), f" must be one of {', '.join(choices)}; got {name!r}"
         )
-    return LAYOUTS[name]
+    return choices[name]
 
 
 def _note_losses(stream: FrameStream) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError, Keyword
-from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.steps import Step, StepFrames
 from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
@@ -41,8 +41,7 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     FormatError
         If the file is not a collection, or refers to unsupported files.
     """
-    with os_errors_naming(path):
-        root = parse_xml(path.read_bytes())
+    root = parse_xml(read_bytes(path))
     if root.tag != "VTKFile" or root.get("type") != "Collection":
         raise FormatError(f"is {root.tag} of type {root.get('type', '')!r}; expected a Collection")
     parts: dict[tuple[str, str], list[tuple[float, Path]]] = {}
@@ -162,8 +161,7 @@ def _file_frames(files: list[Path], notes: list[str]) -> StepFrames:
         if index not in last:
             last.clear()
             path = files[index]
-            with os_errors_naming(path):
-                data = path.read_bytes()
+            data = read_bytes(path)
             with errors_naming(path):
                 last[index] = READERS[path.suffix.lower()](data)
         return last[index]

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, Keyword, Message
-from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_errors import read_bytes
 from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.options import ReadOptions
@@ -33,8 +33,7 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     FormatError
         If the file is not XDMF, contains unsupported grids, or refers to files elsewhere.
     """
-    with os_errors_naming(path):
-        root = parse_xml(path.read_bytes())
+    root = parse_xml(read_bytes(path))
     if root.tag != "Xdmf":
         raise FormatError(f"is {root.tag}; expected Xdmf")
     items = DataItems(path, root, allow_outside=options.allow_outside)
