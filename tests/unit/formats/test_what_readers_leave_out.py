@@ -96,41 +96,59 @@ def test_vtkhdf_groups_and_field_data_are_noted(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(("rows", "said"), [("0 1", ["lines"]), ("", [])])
-def test_other_obj_statements_are_noted(tmp_path, rows, said):
-    text = OBJ.format(a="", u=0) + (f"l {rows}\n" if rows else "")
-    assert left_out(stored(tmp_path, "a.obj", text)) == said
+PLAIN_OBJ = OBJ.format(a="", u=0)
+NORMALS = "normals, which programs compute"
+XML_ARRAY = '<DataArray type="Float32" Name="{}">{}</DataArray>'
 
 
-def test_repeated_obj_statements_are_noted_once(tmp_path):
-    text = "mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n" + OBJ.format(a="", u=0) + "s off\np 1\np 2\n"
-    assert left_out(stored(tmp_path, "a.obj", text)) == [
-        "normals, which programs compute",
-        "points",
-        "the material library",
-    ]
-
-
-def test_other_ply_lists_and_elements_are_noted(tmp_path):
-    head = PLY.format(
-        properties="property float nx\n",
-        face_properties="property list uchar int flags\n",
-        elements="element edge 1\nproperty int a\n",
-    )
-    rows = "0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2 1 7\n5\n"
-    assert left_out(stored(tmp_path, "a.ply", head + rows)) == [
-        "normals, which programs compute",
-        "lists: face.flags",
-        "elements: edge",
-    ]
-
-
-def test_incomplete_off_face_colors_are_noted(tmp_path):
-    text = "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 4\n"
-    assert left_out(stored(tmp_path, "a.off", text)) == [
-        "normals, which programs compute",
-        "face colors, which not all faces have as three or four numbers",
-    ]
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("name", "text", "noted"),
+    [
+        ("a.obj", PLAIN_OBJ, []),
+        ("a.obj", f"{PLAIN_OBJ}l 0 1\n", ["lines"]),
+        (
+            "a.obj",
+            f"mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n{PLAIN_OBJ}s off\np 1\np 2\n",
+            [NORMALS, "points", "the material library"],
+        ),
+        (
+            "a.ply",
+            PLY.format(
+                properties="property float nx\n",
+                face_properties="property list uchar int flags\n",
+                elements="element edge 1\nproperty int a\n",
+            )
+            + "0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2 1 7\n5\n",
+            [NORMALS, "lists: face.flags", "elements: edge"],
+        ),
+        (
+            "a.off",
+            "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 4\n",
+            [NORMALS, "face colors, which not all faces have as three or four numbers"],
+        ),
+        (
+            "a.vtk",
+            LEGACY.format(
+                data="FIELD all 1\nmass 1 1 float\n4\nPOINT_DATA 3\nSCALARS heat float 1\n"
+                "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
+            ),
+            ["field data: mass", "color tables: jet"],
+        ),
+        (
+            "a.vtp",
+            XML.format(
+                field='<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
+                f"{XML_ARRAY.format('mass', 4)}</FieldData>",
+                data='<PointData><Array type="String" Name="tag">65 0</Array>'
+                f"{XML_ARRAY.format('heat', '1 2 3')}</PointData>",
+            ),
+            ["field data: mass", "arrays of text: tag"],
+        ),
+    ],
+)
+def test_other_contents_of_text_files_are_noted(tmp_path, name, text, noted):
+    assert left_out(stored(tmp_path, name, text)) == noted
 
 
 def test_stl_spare_bytes_are_noted(tmp_path):
@@ -157,26 +175,6 @@ def test_changing_off_colors_are_noted(tmp_path):
 def test_constant_attributes_are_not_noted(tmp_path):
     changing_frames(tmp_path, ".obj", [OBJ.format(a=" 0 0 1", u=0)] * 4)
     assert left_out(tmp_path) == []
-
-
-def test_legacy_field_data_and_tables_are_noted(tmp_path):
-    data = "FIELD all 1\nmass 1 1 float\n4\nPOINT_DATA 3\nSCALARS heat float 1\n"
-    data += "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
-    assert left_out(stored(tmp_path, "a.vtk", LEGACY.format(data=data))) == [
-        "field data: mass",
-        "color tables: jet",
-    ]
-
-
-def test_xml_field_data_and_text_are_noted(tmp_path):
-    field = '<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
-    field += '<DataArray type="Float32" Name="mass">4</DataArray></FieldData>'
-    data = '<PointData><Array type="String" Name="tag">65 0</Array>'
-    data += '<DataArray type="Float32" Name="heat">1 2 3</DataArray></PointData>'
-    assert left_out(stored(tmp_path, "a.vtp", XML.format(field=field, data=data))) == [
-        "field data: mass",
-        "arrays of text: tag",
-    ]
 
 
 def test_wide_arrays_of_a_collection_are_noted(tmp_path):

@@ -54,14 +54,15 @@ def add_param(parent, kind, name, values, scope_name, sampling):
         param.set(made)
 
 
-def file_with(path, fill, frames=MOVES):
-    """Write an animated mesh at 10 frames per second, with properties that `fill` adds."""
+def file_with(path, *params, frames=MOVES, step_s=0.1):
+    """Write an animated mesh at 10 frames per second, with properties of arguments of add_param."""
     archive = sample.archive(path)
-    samplings = {
-        step_s: archive.addTimeSampling(sample.uniform(step_s, 0.0)) for step_s in (0.05, 0.1, 0.2)
-    }
-    mesh = sample.add_mesh(archive.getTop(), "m", frames, samplings[0.1])
-    fill(mesh.getSchema(), samplings)
+    at_frames, sampling = (
+        archive.addTimeSampling(sample.uniform(step, 0.0)) for step in (0.1, step_s)
+    )
+    schema = sample.add_mesh(archive.getTop(), "m", frames, at_frames).getSchema()
+    for param in params:
+        add_param(schema.getArbGeomParams(), *param, sampling)
     return path
 
 
@@ -85,13 +86,9 @@ def test_animated_parameters_become_tracks(
 ):
     domain, n_items = SCOPES[scope_name]
     values = (100 * RNG.random((N_FRAMES, n_items, width))).astype(dtype)
-    stored = values[..., 0] if width == 1 else values
-
-    def fill(schema, samplings):
-        add_param(schema.getArbGeomParams(), kind, "stuff", stored, scope_name, samplings[0.1])
-
+    param = kind, "stuff", values[..., 0] if width == 1 else values, scope_name
     notes = []
-    result = read(file_with(tmp_path / "a.abc", fill), notes=notes)
+    result = read(file_with(tmp_path / "a.abc", param), notes=notes)
     [(name, track)] = result.tracks.items()
     assert (name, track.kind, track.domain) == ("stuff", track_kind, domain)
     expected = values[:, REVERSED] if domain == "corner" else values
@@ -102,16 +99,10 @@ def test_animated_parameters_become_tracks(
 
 def test_constant_parameters_become_attributes(tmp_path):
     values = np.tile(RNG.random(6).astype(np.float32), (N_FRAMES, 1))
-
-    def fill(schema, samplings):
-        parent = schema.getArbGeomParams()
-        add_param(parent, "Float", "heat", values, "Vertex", samplings[0.1])
-        add_param(parent, "Float", "weight", values[:1], "Vertex", samplings[0.1])
-        add_param(
-            parent, "Float", "speed", values * np.float32([[1], [2], [3]]), "Vertex", samplings[0.1]
-        )
-
-    loaded = load(file_with(tmp_path / "a.abc", fill))
+    changing = values * np.float32([[1], [2], [3]])
+    named = {"heat": values, "weight": values[:1], "speed": changing}
+    params = [("Float", name, samples, "Vertex") for name, samples in named.items()]
+    loaded = load(file_with(tmp_path / "a.abc", *params))
     assert list(loaded.tracks) == ["speed"]
     assert [attribute.name for attribute in loaded.surface.attributes] == ["heat", "weight"]
     for attribute in loaded.surface.attributes:
@@ -121,13 +112,8 @@ def test_constant_parameters_become_attributes(tmp_path):
 
 def test_values_are_interpolated_at_frames_between_samples(tmp_path):
     heat, paint = (RNG.random((2, 6, *rest)).astype(np.float32) for rest in ((), (3,)))
-
-    def fill(schema, samplings):
-        slow = samplings[0.2]
-        add_param(schema.getArbGeomParams(), "Float", "heat", heat, "Vertex", slow)
-        add_param(schema.getArbGeomParams(), "C3f", "paint", paint, "Vertex", slow)
-
-    tracks = load(file_with(tmp_path / "a.abc", fill)).tracks
+    params = ("Float", "heat", heat, "Vertex"), ("C3f", "paint", paint, "Vertex")
+    tracks = load(file_with(tmp_path / "a.abc", *params, step_s=0.2)).tracks
     middle = heat.astype(float).mean(axis=0).astype(np.float32)
     np.testing.assert_allclose(tracks["heat"][:, :, 0], [heat[0], middle, heat[1]], rtol=1e-6)
     assert np.array_equal(tracks["paint"].values, paint[[0, 0, 1]])
@@ -135,36 +121,26 @@ def test_values_are_interpolated_at_frames_between_samples(tmp_path):
 
 def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
     paint = RNG.random((5, 6, 3)).astype(np.float32)
-
-    def fill(schema, samplings):
-        add_param(schema.getArbGeomParams(), "C3f", "Cd", paint, "Vertex", samplings[0.1])
-
-    loaded = load(file_with(tmp_path / "a.abc", fill, MOVES[:1]))
+    param = "C3f", "Cd", paint, "Vertex"
+    loaded = load(file_with(tmp_path / "a.abc", param, frames=MOVES[:1]))
     assert (loaded.n_frames, loaded.fps) == (5, 10)
     assert np.array_equal(loaded.vertices, np.tile(MOVES[:1], (5, 1, 1)))
     assert np.array_equal(loaded.tracks["Cd"].values, paint)
 
 
 def test_note_names_samples_that_no_frame_has(tmp_path):
-    def fill(schema, samplings):
-        heat = RNG.random((7, 6)).astype(np.float32)
-        fast = samplings[0.05]
-        add_param(schema.getArbGeomParams(), "Float", "heat", heat, "Vertex", fast)
-
+    param = "Float", "heat", RNG.random((7, 6)).astype(np.float32), "Vertex"
     notes = []
-    load(file_with(tmp_path / "a.abc", fill), notes=notes)
+    load(file_with(tmp_path / "a.abc", param, step_s=0.05), notes=notes)
     assert notes == ["left out: samples where positions have no frame: heat (4 of 7)"]
 
 
 def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path):
-    def fill(schema, samplings):
-        parent = schema.getArbGeomParams()
-        heat = [np.ones(6, np.float32), np.zeros(5, np.float32), np.full(6, 2, np.float32)]
-        add_param(parent, "Float", "heat", heat, "Vertex", samplings[0.1])
-        add_param(parent, "Float", "bad", RNG.random((3, 5)).astype("f4"), "Vertex", samplings[0.1])
-
+    heat = [np.ones(6, np.float32), np.zeros(5, np.float32), np.full(6, 2, np.float32)]
+    bad = RNG.random((3, 5)).astype("f4")
+    params = ("Float", "heat", heat, "Vertex"), ("Float", "bad", bad, "Vertex")
     notes = []
-    [(name, track)] = load(file_with(tmp_path / "a.abc", fill), notes=notes).tracks.items()
+    [(name, track)] = load(file_with(tmp_path / "a.abc", *params), notes=notes).tracks.items()
     assert name == "heat"
     assert np.isnan(track[1]).all()
     assert (track[0] == 1).all()
@@ -312,12 +288,7 @@ def test_save_notes_units_of_standard_properties(tmp_path):
 
 def test_second_parameter_of_a_name_is_renamed(tmp_path):
     heat = RNG.random((N_FRAMES, 6)).astype(np.float32)
-
-    def fill(schema, samplings):
-        parent = schema.getArbGeomParams()
-        add_param(parent, "Float", "velocities", heat, "Vertex", samplings[0.1])
-
-    path = file_with(tmp_path / "a.abc", fill)
+    path = file_with(tmp_path / "a.abc", ("Float", "velocities", heat, "Vertex"))
     sheet = load(path)
     speed = Track(RNG.normal(size=(N_FRAMES, 6, 3)).astype("f4"), kind="velocity")
     save(sheet.replace(tracks={**sheet.tracks, "v": speed}), path.with_name("b.abc"))

@@ -3,23 +3,11 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.geometry import FAN, STRIP, TRIANGLES, assemble_triangles
-from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted
 
 SPLIT = [*SQUARE, SQUARE[0], SQUARE[2]]
 SPLIT_FACES = [0, 1, 2, 4, 5, 3]
-
-
-@pytest.fixture
-def read(tmp_path):
-    """A function that loads a file, and returns the sequence and the notes."""
-
-    def loaded(file, **options):
-        notes = []
-        return load(file.save(tmp_path / "a.glb"), notes=notes, **options), notes
-
-    return loaded
 
 
 def split_square(**attributes):

@@ -21,17 +21,6 @@ def instanced(file, *, more=None, **attributes):
     return {"EXT_mesh_gpu_instancing": {"attributes": {**numbers, **(more or {})}}}
 
 
-@pytest.fixture
-def read(tmp_path):
-    """A function that loads a file, and returns the sequence and the notes."""
-
-    def loaded(file, **options):
-        notes = []
-        return load(file.save(tmp_path / "a.glb"), notes=notes, **options), notes
-
-    return loaded
-
-
 def test_instances_are_scaled_then_rotated_then_translated(read):
     file = Gltf()
     extensions = instanced(

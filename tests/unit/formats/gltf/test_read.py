@@ -11,17 +11,6 @@ HALF = np.sqrt(0.5)
 QUARTER_Z = [0, 0, HALF, HALF]
 
 
-@pytest.fixture
-def read(tmp_path):
-    """A function that loads a file, and returns the sequence and the notes."""
-
-    def loaded(file, **options):
-        notes = []
-        return load(file.save(tmp_path / "a.glb"), notes=notes, **options), notes
-
-    return loaded
-
-
 def test_load_returns_one_frame_without_animation(read):
     file = Gltf()
     file.node(mesh=file.mesh([[0.1, 1 / 3, -7], [1e-20, 2, 3], [4, 1e20, 6]]), name="a")

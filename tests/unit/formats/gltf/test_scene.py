@@ -2,19 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.load import load
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf, moving_triangle
-
-
-@pytest.fixture
-def read(tmp_path):
-    """A function that loads a file, and returns the sequence and the notes."""
-
-    def loaded(file, **options):
-        notes = []
-        return load(file.save(tmp_path / "a.glb"), notes=notes, **options), notes
-
-    return loaded
 
 
 def family():
