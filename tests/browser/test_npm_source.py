@@ -3,15 +3,15 @@
 import itertools
 import subprocess
 from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import SimpleHTTPRequestHandler
 from pathlib import Path
-from threading import Thread
 from urllib.parse import urlencode
 
 import numpy as np
 import pytest
 
 from samples.web_package import built_package
+from samples.web_server import local_server
 
 NPM = Path(__file__).parents[2] / "npm"
 ESBUILD = NPM / "node_modules" / ".bin" / "esbuild"
@@ -47,13 +47,11 @@ def page(browser, tmp_path_factory):
     bundle = ("--bundle", "--format=esm", "--log-level=error", f"--outfile={folder / 'source.js'}")
     subprocess.run([ESBUILD, NPM / "src" / "source" / "open.ts", *bundle], check=True)
     handler = partial(SimpleHTTPRequestHandler, directory=folder)
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as site:
-        Thread(target=site.serve_forever, daemon=True).start()
+    with local_server(handler) as address:
         opened = browser.new_page()
-        opened.goto(f"http://127.0.0.1:{site.server_port}/")
+        opened.goto(f"{address}/")
         yield opened
         opened.close()
-        site.shutdown()
 
 
 @pytest.fixture(scope="module")

@@ -214,32 +214,37 @@ def test_json_contains_the_unescaped_names_in_ascii(folder):
 MARKUP = "[bold]a[/bold] [red]b :smile: [link=x]c[/] \\"
 
 
-def test_markup_and_emoji_codes_are_not_interpreted(capsys, monkeypatch):
+@pytest.fixture
+def printed(capsys, monkeypatch):
+    """A function that prints a text by every printing function; it returns stdout and stderr."""
     monkeypatch.setenv("COLUMNS", WIDE)
-    print_table(MARKUP, {MARKUP: MARKUP, "list": [MARKUP, MARKUP]})
-    print_columns(MARKUP, ("one", "two"), [(MARKUP, MARKUP)])
-    print_bars(MARKUP, {MARKUP: 1})
-    print_line(MARKUP)
-    print_notes([MARKUP])
-    print_error(MARKUP)
-    out, err = capsys.readouterr()
-    assert out.count(MARKUP) == 1 + 4 + 1 + 2 + 2 + 1
-    assert err.count(MARKUP) == 2
+
+    def print_by_all(text):
+        print_table(text, {text: text, "list": [text, text]})
+        print_columns(text, ("one", "two"), [(text, text)])
+        print_bars(text, {text: 1})
+        print_line(text)
+        print_notes([text])
+        print_error(text)
+        return capsys.readouterr()
+
+    return print_by_all
 
 
-def test_every_printing_function_escapes(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", WIDE)
+N_PRINTED = 1 + 4 + 1 + 2 + 2 + 1
+
+
+def test_markup_and_emoji_codes_are_not_interpreted(printed):
+    out, err = printed(MARKUP)
+    assert (out.count(MARKUP), err.count(MARKUP)) == (N_PRINTED, 2)
+
+
+def test_every_printing_function_escapes(printed):
     hostile = f"a{HOSTILE}\udc80"
-    print_table(hostile, {hostile: hostile, "list": [hostile, hostile]})
-    print_columns(hostile, ("one", "two"), [(hostile, hostile)])
-    print_bars(hostile, {hostile: 1})
-    print_line(hostile)
-    print_notes([hostile])
-    print_error(hostile)
-    out, err = capsys.readouterr()
+    out, err = printed(hostile)
     assert_harmless(out)
     assert_harmless(err)
-    assert out.count(escaped(hostile)) == 1 + 4 + 1 + 2 + 2 + 1
+    assert out.count(escaped(hostile)) == N_PRINTED
     assert len(err.splitlines()) == 2
 
 

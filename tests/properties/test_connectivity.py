@@ -2,11 +2,15 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.connectivity.order import encode_order
 from meshreel.errors import MeshReelError
 from meshreel.kernel.connectivity import encode_faces
-from samples.coded_meshes import decode_connectivity, decode_order, sorted_triangles
+from samples.coded_meshes import (
+    assert_faces_round_trip,
+    decode_connectivity,
+    decode_order,
+    sorted_triangles,
+)
 from samples.costs import draws
 from samples.meshes import grid_faces
 
@@ -47,19 +51,7 @@ meshes = st.one_of(random_meshes(), torn_grids())
 @settings(max_examples=draws(250))
 @given(meshes, orders)
 def test_any_connectivity_round_trips(mesh, order):
-    faces, n_verts = mesh
-    coded = encode_connectivity(faces, n_verts, order=order)
-    internal = decode_connectivity(coded.payload, n_verts, len(faces))
-    np.testing.assert_array_equal(internal, coded.internal_faces)
-    order_of_vertices, decoded = decode_order(coded.order_payload, internal, n_verts)
-    if order == "keep":
-        np.testing.assert_array_equal(decoded, faces)
-    if order != "drop":
-        np.testing.assert_array_equal(order_of_vertices, coded.internal_to_given)
-    np.testing.assert_array_equal(
-        sorted_triangles(coded.internal_to_given[internal], n_verts),
-        sorted_triangles(faces, n_verts),
-    )
+    assert_faces_round_trip(*mesh, order)
 
 
 @settings(max_examples=draws(250))

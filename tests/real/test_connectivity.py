@@ -1,11 +1,9 @@
 """Face lists of real sequences, with the structure that programs give them."""
 
-import numpy as np
 import pytest
 
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
-from samples.coded_meshes import decode_connectivity, decode_order
+from samples.coded_meshes import assert_faces_round_trip
 
 pytestmark = pytest.mark.real
 
@@ -47,26 +45,9 @@ def mesh(sequence_named, name):
     return sequence.faces, sequence.n_verts
 
 
-def sorted_triangles(faces, n_verts):
-    lowest, _ = lowest_rotation(faces, n_verts)
-    return lowest[sorted_order(lowest, n_verts)]
-
-
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 def test_real_faces_round_trip_exactly(mesh, order):
-    faces, n_verts = mesh
-    coded = encode_connectivity(faces, n_verts, order=order)
-    internal = decode_connectivity(coded.payload, n_verts, len(faces))
-    np.testing.assert_array_equal(internal, coded.internal_faces)
-    vertex_order, decoded = decode_order(coded.order_payload, internal, n_verts)
-    if order == "keep":
-        np.testing.assert_array_equal(decoded, faces)
-    if order != "drop":
-        np.testing.assert_array_equal(vertex_order, coded.internal_to_given)
-    given = coded.internal_to_given[decoded] if order == "drop" else decoded
-    np.testing.assert_array_equal(
-        sorted_triangles(given, n_verts), sorted_triangles(faces, n_verts)
-    )
+    assert_faces_round_trip(*mesh, order)
 
 
 def test_connectivity_of_real_surfaces_stays_below_its_rate(name, mesh):

@@ -1,15 +1,16 @@
 """A headless browser driven by playwright, and glTF files that it plays."""
 
 import shutil
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import SimpleHTTPRequestHandler
 from pathlib import Path
 from queue import Empty, Queue
 
 import numpy as np
 import pytest
+
+from samples.web_server import QuietHandler, local_server
 
 FOLDER = Path(__file__).parents[1] / "integration" / "gltf_in_browser"
 PATIENCE_S = 120
@@ -75,7 +76,7 @@ def _answers(posted):
 def _server(file) -> Iterator[tuple[str, Queue]]:
     posted: Queue[tuple[str, bytes]] = Queue()
 
-    class Handler(SimpleHTTPRequestHandler):
+    class Handler(QuietHandler, SimpleHTTPRequestHandler):
         def __init__(self, *given):
             super().__init__(*given, directory=str(FOLDER))
 
@@ -83,14 +84,7 @@ def _server(file) -> Iterator[tuple[str, Queue]]:
             return str(file) if path == "/scene.glb" else super().translate_path(path)
 
         def do_POST(self):
-            posted.put((self.path, self.rfile.read(int(self.headers["Content-Length"]))))
-            self.send_response(204)
-            self.end_headers()
+            posted.put((self.path, self.posted()))
 
-        def log_message(self, *given):
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}", posted
-        server.shutdown()
+    with local_server(Handler) as address:
+        yield address, posted

@@ -5,6 +5,7 @@ import numpy as np
 from conformance.surface_integers import read_surface_integers
 from meshreel.codec.bitstream.container import Header, write_block_counts
 from meshreel.codec.bitstream.layout import Laplacian, Order, Section, VertexType
+from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.codec.methods import METHOD_CODES
 from meshreel.kernel.connectivity import encode_faces
@@ -37,6 +38,22 @@ def sorted_triangles(faces, n_verts):
     """Return the faces in lexicographic order, each from its lowest corner."""
     lowest, _ = lowest_rotation(faces, n_verts)
     return lowest[sorted_order(lowest, n_verts)]
+
+
+def assert_faces_round_trip(faces, n_verts, order):
+    """Encode faces; assert that they and the order of vertices are decoded as `order` promises."""
+    coded = encode_connectivity(faces, n_verts, order=order)
+    internal = decode_connectivity(coded.payload, n_verts, len(faces))
+    np.testing.assert_array_equal(internal, coded.internal_faces)
+    vertex_order, decoded = decode_order(coded.order_payload, internal, n_verts)
+    if order == "keep":
+        np.testing.assert_array_equal(decoded, faces)
+    if order != "drop":
+        np.testing.assert_array_equal(vertex_order, coded.internal_to_given)
+    expected = sorted_triangles(faces, n_verts)
+    given = coded.internal_to_given[decoded] if order == "drop" else decoded
+    for found in (coded.internal_to_given[internal], given):
+        np.testing.assert_array_equal(sorted_triangles(found, n_verts), expected)
 
 
 def _file(payload, order_payload, n_verts, n_faces):

@@ -1,7 +1,11 @@
 """A small animation with a full surface, and comparisons."""
 
+import contextlib
+
 import numpy as np
 
+from meshreel.errors import MeshReelError
+from meshreel.formats.load import load
 from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -64,6 +68,15 @@ def assert_same_positions(found, expected):
     assert found.dtype == expected.dtype
     assert positions_of(found).tobytes() == positions_of(expected).tobytes()
     np.testing.assert_array_equal(found.faces, expected.faces)
+
+
+def read_damaged(path, *amounts, readers=(load,), **options):
+    """Read damaged versions of a file by each reader; any error but MeshReelError is raised."""
+    for damaged in damaged_versions(path.read_bytes(), *amounts, **options):
+        path.write_bytes(damaged)
+        for read in readers:
+            with contextlib.suppress(MeshReelError):
+                read(path)
 
 
 def damaged_versions(data, n_damaged=120, n_header=200, seed=1):

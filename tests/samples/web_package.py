@@ -6,12 +6,13 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 
 import pytest
+
+from samples.web_server import QuietHandler, local_server
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "npm"
@@ -87,7 +88,7 @@ def serving(files, headers=None, posted=None):
     built_package()
     requested = []
 
-    class Handler(BaseHTTPRequestHandler):
+    class Handler(QuietHandler, BaseHTTPRequestHandler):
         def do_GET(self):
             path = self.path.partition("?")[0]
             body = files.get(path, b"<!doctype html><title>test</title>" if path == "/" else None)
@@ -125,16 +126,7 @@ def serving(files, headers=None, posted=None):
             self.wfile.write(body)
 
         def do_POST(self):
-            posted.put(self.rfile.read(int(self.headers["Content-Length"])))
-            self.send_response(204)
-            self.end_headers()
+            posted.put(self.posted())
 
-        def log_message(self, *given):
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        try:
-            yield f"http://127.0.0.1:{server.server_port}", requested
-        finally:
-            server.shutdown()
+    with local_server(Handler) as address:
+        yield address, requested

@@ -1,4 +1,4 @@
-"""A local web server with range requests, which counts them and can simulate failures."""
+"""Local web servers; one counts range requests, and can simulate failures."""
 
 import re
 import threading
@@ -7,8 +7,35 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 
+class QuietHandler(BaseHTTPRequestHandler):
+    """A handler that logs nothing."""
+
+    def log_message(self, *_):
+        pass
+
+    def posted(self):
+        """Return the data of a POST request, and answer it."""
+        data = self.rfile.read(int(self.headers["Content-Length"]))
+        self.send_response(204)
+        self.end_headers()
+        return data
+
+
+@contextmanager
+def local_server(handler):
+    """Serve by a handler on a free port of this machine; return the address."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
 class WebServer:
-    """Server of the files of a folder at `address`.
+    """Files of a folder, served at `address`.
 
     `requests` lists method, path and range (or None) of each request; `sent_bytes` counts the bytes
     of all answers. `faults` selects failures: "no ranges" ignores ranges, "no length" omits sizes,
@@ -18,27 +45,7 @@ class WebServer:
 
     def __init__(self, folder):
         self.folder, self.requests, self.sent_bytes, self.faults = Path(folder), [], 0, set()
-        server = self
-
-        class Handler(BaseHTTPRequestHandler):
-            protocol_version = "HTTP/1.1"
-            disable_nagle_algorithm = True  # else each body waits 40 ms for the header's receipt
-
-            def do_HEAD(self):
-                self.answer(with_body=False)
-
-            def do_GET(self):
-                self.answer(with_body=True)
-
-            def answer(self, *, with_body):
-                server.answer(self, with_body=with_body)
-
-            def log_message(self, *args):
-                pass
-
-        self._httpd = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self._httpd.daemon_threads = True
-        self.address = f"http://127.0.0.1:{self._httpd.server_port}"
+        self.address = ""
 
     def answer(self, handler, *, with_body):
         requested = handler.headers.get("Range")
@@ -88,11 +95,16 @@ class WebServer:
 @contextmanager
 def web_server(folder):
     server = WebServer(folder)
-    thread = threading.Thread(target=server._httpd.serve_forever, args=(0.02,), daemon=True)
-    thread.start()
-    try:
+
+    class Handler(QuietHandler):
+        protocol_version = "HTTP/1.1"
+        disable_nagle_algorithm = True  # else each body waits 40 ms for the header's receipt
+
+        def do_HEAD(self):
+            server.answer(self, with_body=False)
+
+        def do_GET(self):
+            server.answer(self, with_body=True)
+
+    with local_server(Handler) as server.address:
         yield server
-    finally:
-        server._httpd.shutdown()
-        thread.join()
-        server._httpd.server_close()

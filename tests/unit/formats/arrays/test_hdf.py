@@ -1,9 +1,7 @@
-import contextlib
-
 import numpy as np
 import pytest
 
-from meshreel.errors import FormatError, InvalidInputError, MeshReelError
+from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.save import save
@@ -11,9 +9,9 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN
 from samples.datasets import (
     assert_same_positions,
-    damaged_versions,
     plain_sequence,
     positions_of,
+    read_damaged,
     surfaced_sequence,
 )
 from samples.meshes import assert_same_surface
@@ -256,10 +254,6 @@ def test_load_rejects_heaps_with_empty_objects(tmp_path):
 
 def test_damaged_files_raise_only_meshreel_errors(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.h5")
-    damaged_path = tmp_path / "b.h5"
-    for damaged in damaged_versions(path.read_bytes(), 150, n_header=3000):
-        damaged_path.write_bytes(damaged)
-        with contextlib.suppress(MeshReelError):
-            load(damaged_path)
-        with contextlib.suppress(MeshReelError):
-            positions_of(open_source(damaged_path))
+    read_damaged(
+        path, 150, n_header=3000, readers=(load, lambda file: positions_of(open_source(file)))
+    )

@@ -1,18 +1,16 @@
-import contextlib
-
 import numpy as np
 import pytest
 
 import meshreel
 from meshreel.app.batch.discovery import find_inputs
-from meshreel.errors import FormatError, MeshReelError
+from meshreel.errors import FormatError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import files_of_source, find_files
 from samples.d3plot import END, Model, padded, root, state, words_of, write_family
-from samples.datasets import damaged_versions, positions_of
+from samples.datasets import positions_of, read_damaged
 
 CODES = ["<4", ">4", "<8", ">8"]
 FLOATS = {"4": np.float32, "8": np.float64}
@@ -342,11 +340,8 @@ def test_models_of_beams_are_an_error(tmp_path):
 def test_damaged_files_are_an_error_or_readable(tmp_path):
     path = write_family(tmp_path / "d3plot", whole_model(**DELETION), [])
     member = b"".join(state(index, moved(index), [1, 2, 3, 3, 2]) for index in range(2))
-    for damaged in damaged_versions(path.read_bytes()):
-        path.write_bytes(damaged)
-        (tmp_path / "d3plot01").write_bytes(padded(member))
-        with contextlib.suppress(MeshReelError):
-            load(path)
+    (tmp_path / "d3plot01").write_bytes(padded(member))
+    read_damaged(path)
 
 
 def test_frames_stay_in_the_files_until_they_are_read(tmp_path):
