@@ -11,6 +11,7 @@ from meshreel.app.cli import evaluate, paper
 from meshreel.app.cli.commands import COMMANDS, command_named
 from samples.commands import run
 from samples.meshes import waving_grid
+from samples.programs import output_of
 
 HEAVY = {"numpy", "scipy", "PIL", "pydantic"}
 """Modules that are slow to import."""
@@ -40,10 +41,8 @@ def folder(tmp_path):
 
 
 def test_python_m_runs_the_program():
-    done = subprocess.run(
-        [sys.executable, "-m", "meshreel", "--version"], capture_output=True, text=True, timeout=60
-    )
-    assert done.stdout == f"meshreel {meshreel.__version__}\n"
+    printed = output_of(sys.executable, "-m", "meshreel", "--version")
+    assert printed == f"meshreel {meshreel.__version__}\n"
 
 
 def imported(*arguments):

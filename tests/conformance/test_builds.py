@@ -17,6 +17,7 @@ import pytest
 from conformance.check import stored_description
 from conformance.make import FOLDER, STREAMS
 from meshreel.kernel import library as kernel_library
+from samples.programs import output_of
 
 ROOT = Path(__file__).parents[2]
 MIN_COVERAGE = 0.95
@@ -58,16 +59,9 @@ def built(folder, compiler, *flags):
 def check(library, *options):
     """Run `conformance.check` with another library."""
     paths = os.pathsep.join([str(ROOT), str(ROOT / "src")])
-    environment = {**os.environ, "MESHREEL_CORE": str(library), "PYTHONPATH": paths}
-    done = subprocess.run(
-        [sys.executable, "-m", "conformance.check", *options],
-        env=environment,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=TIME_LIMIT_S,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    environment = {"MESHREEL_CORE": str(library), "PYTHONPATH": paths}
+    command = [sys.executable, "-m", "conformance.check", *options]
+    output_of(*command, timeout_s=TIME_LIMIT_S, environment=environment, cwd=ROOT)
 
 
 def fuzz_checksum(library, compiler, folder):
@@ -78,9 +72,7 @@ def fuzz_checksum(library, compiler, folder):
     linked = [str(library), f"-Wl,-rpath,{library.parent}"]
     command = [compiler, *flags, *files, *linked, "-o", str(program)]
     subprocess.run(command, check=True, timeout=TIME_LIMIT_S)
-    command = [str(program), "0", "7", "0", "300"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=TIME_LIMIT_S)
-    return done.stdout.splitlines()[-1]
+    return output_of(program, 0, 7, 0, 300, timeout_s=TIME_LIMIT_S).splitlines()[-1]
 
 
 @pytest.fixture(scope="module")
@@ -112,10 +104,9 @@ def lines_of(folder):
     """Return, for each file of the core, its lines of code and whether each was run."""
     counts = [path.name for path in folder.glob("*.gcda")]
     assert counts, "no coverage was recorded"
-    command = ["gcov", "--json-format", "--stdout", *counts]
-    done = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    printed = output_of("gcov", "--json-format", "--stdout", *counts, cwd=folder)
     lines = {}
-    for report in map(json.loads, filter(None, done.stdout.splitlines())):
+    for report in map(json.loads, filter(None, printed.splitlines())):
         for file in report["files"]:
             of_file = lines.setdefault(Path(file["file"]).name, {})
             for line in file["lines"]:

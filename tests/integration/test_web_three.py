@@ -1,12 +1,11 @@
 """`meshreel/three` in a browser with software rendering draws the expected values."""
 
-import os
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from samples.browser import driven_browser
+from samples.programs import output_of
 from samples.tabs import Tab
 from samples.web_package import built_package
 from samples.webgl import COUNTING
@@ -53,10 +52,7 @@ def script():
     built_package()
     command = [MODULES / ".bin" / "esbuild", PAGE, "--bundle", "--format=esm", "--target=es2022"]
     command += ["--define:WASM_MODULE=null"]  # nothing is decoded
-    environment = {**os.environ, "NODE_PATH": str(MODULES)}
-    done = subprocess.run(command, capture_output=True, env=environment, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return output_of(*command, environment={"NODE_PATH": str(MODULES)})
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,7 @@
 
 import fcntl
 import importlib.util
-import os
 import shutil
-import subprocess
 import sys
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler
@@ -12,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from samples.programs import output_of
 from samples.web_server import QuietHandler, local_server
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "npm"
 DIST = PACKAGE / "dist"
-BUILD_S = 300
 SOURCES = (
     *("npm/src", "npm/build.mjs", "npm/package-lock.json", "core"),
     *("npm/tsconfig.json", "npm/tsconfig.package.json", "npm/tsconfig.player.json"),
@@ -49,22 +47,10 @@ def built_package():
     with (PACKAGE / ".building").open("w") as lock:  # several workers may ask at once
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not _is_current():
-            _npm("ci", "--no-audit", "--no-fund")
-            _npm("run", "build:package")
+            for words in (["ci", "--no-audit", "--no-fund"], ["run", "build:package"]):
+                environment = {"PYTHON": sys.executable}
+                output_of("npm", *words, cwd=PACKAGE, environment=environment)
     return DIST
-
-
-def _npm(*command):
-    environment = {**os.environ, "PYTHON": sys.executable}
-    done = subprocess.run(
-        ["npm", *command],
-        cwd=PACKAGE,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=BUILD_S,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def _is_current():

@@ -3,7 +3,6 @@
 import ast
 import re
 import runpy
-import subprocess
 import sys
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import meshreel
+from samples.programs import output_of
 from samples.sources import statements
 
 PACKAGE = Path(meshreel.__file__).parent
@@ -222,10 +222,7 @@ meshreel.info(meshreel.encode(sequence, max_error=1.0))
 
 def test_imports_at_run_time_point_downward():
     """Imports by computed names count as well."""
-    done = subprocess.run(
-        [sys.executable, "-c", RUN], capture_output=True, text=True, timeout=120, check=True
-    )
-    pairs = [line.split() for line in done.stdout.splitlines()]
+    pairs = [line.split() for line in output_of(sys.executable, "-c", RUN).splitlines()]
     assert ["meshreel.methods", "meshreel.paper.method"] in pairs
     units = {
         (unit_of(importer.removeprefix("meshreel.")), unit_of(name.removeprefix("meshreel.")))

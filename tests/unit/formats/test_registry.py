@@ -2,7 +2,6 @@
 
 import ast
 import inspect
-import subprocess
 import sys
 from dataclasses import fields
 from functools import partial
@@ -17,6 +16,7 @@ from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 from meshreel.formats.save import save
 from samples.costs import slow_but
 from samples.meshes import waving_grid
+from samples.programs import output_of
 from samples.sources import statements
 
 N_ARGUMENTS = {
@@ -73,10 +73,7 @@ def test_registry_functions_have_the_expected_signature(function, n_arguments):
 
 def loaded_modules(path):
     """Names of the modules that a process has imported after loading a file."""
-    done = subprocess.run(
-        [sys.executable, "-c", LOADING, str(path)], capture_output=True, text=True, check=True
-    )
-    return done.stdout.split()
+    return output_of(sys.executable, "-c", LOADING, path).split()
 
 
 @pytest.mark.parametrize(

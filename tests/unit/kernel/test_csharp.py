@@ -3,7 +3,6 @@
 import hashlib
 import re
 import shutil
-import subprocess
 import sys
 from ctypes import POINTER, byref, c_uint32
 from pathlib import Path
@@ -17,6 +16,7 @@ from meshreel.kernel.library import library as core
 from meshreel.model.materials import SLOTS
 from samples import c_reader
 from samples.c_reader import CModes, CSurface, Decoder, File, Layout, RefusalError
+from samples.programs import output_of
 
 ROOT = Path(__file__).parents[3]
 BINDING, TESTED = ROOT / "integrations" / "csharp", Path(__file__).parent / "csharp"
@@ -25,7 +25,6 @@ STREAMS = sorted((ROOT / "conformance" / "streams").glob("*.reel"))
 SEGMENTS = sorted((ROOT / "conformance" / "segments").glob("*.reel"))
 EVERYTHING = ROOT / "conformance" / "streams" / "everything.reel"
 TRACKS = EVERYTHING.with_name("corners_in_rows.reel")
-TIME_LIMIT_S = 300
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(sys.platform == "win32", reason="tried where Mono finds .so or .dylib"),
@@ -36,14 +35,6 @@ pytestmark = [
 ]
 
 
-def run(*command, folder=None):
-    done = subprocess.run(
-        list(map(str, command)), capture_output=True, timeout=TIME_LIMIT_S, cwd=folder
-    )
-    assert done.returncode == 0, (done.stdout + done.stderr).decode()
-    return done.stdout.decode()
-
-
 UNITY = BINDING / "ReelPlayer.cs", TESTED / "UnityEngine.cs"
 
 
@@ -52,7 +43,7 @@ def compiled(folder, name, *sources):
     shutil.copy(core()._name, folder / ("libmeshreel" + Path(NAME).suffix))
     program = folder / f"{name}.exe"
     strict = "-langversion:7.2", "-warn:4", "-warnaserror"
-    run("mcs", *strict, f"-out:{program}", *LIBRARY, *sources)
+    output_of("mcs", *strict, f"-out:{program}", *LIBRARY, *sources)
     return program
 
 
@@ -202,13 +193,13 @@ def material_lines(m):
 def test_structures_have_the_layout_of_c(describe):
     stored = (ROOT / "core" / "reader" / "abi.txt").read_text().splitlines()
     expected = {line for line in stored if re.match(r"(size|offset) meshreel_(?!section\b)", line)}
-    assert set(run("mono", describe, "layouts").splitlines()) == expected
+    assert set(output_of("mono", describe, "layouts").splitlines()) == expected
 
 
 @pytest.mark.parametrize("way", ["bytes", "path", "threads"])
 def test_csharp_decodes_the_same_values_as_python(describe, way):
     expected = [line for path in STREAMS + SEGMENTS for line in described(path)]
-    assert run("mono", describe, way, *STREAMS, *SEGMENTS).splitlines() == expected
+    assert output_of("mono", describe, way, *STREAMS, *SEGMENTS).splitlines() == expected
 
 
 def test_error_names_the_byte_of_the_damage(describe, tmp_path):
@@ -224,7 +215,7 @@ def test_error_names_the_byte_of_the_damage(describe, tmp_path):
     expected = [line for path in [*paths, empty] for line in described(path)]
     assert sum(line.startswith("failed") and "(byte " in line for line in expected) > 40
     for way in ("path", "bytes"):
-        assert run("mono", describe, way, *paths, empty).splitlines() == expected
+        assert output_of("mono", describe, way, *paths, empty).splitlines() == expected
 
 
 def test_csharp_program_passes_its_own_checks(tmp_path):
@@ -232,7 +223,7 @@ def test_csharp_program_passes_its_own_checks(tmp_path):
     program = compiled(tmp_path, "checks", TESTED / "Checks.cs")
     two_meshes = ROOT / "conformance" / "segments" / "two_meshes.reel"
     integers = EVERYTHING.with_name("exact_i2.reel")
-    assert run("mono", program, EVERYTHING, two_meshes, integers) == "passed\n"
+    assert output_of("mono", program, EVERYTHING, two_meshes, integers) == "passed\n"
 
 
 def test_csharp_code_of_the_guide_runs(tmp_path):
@@ -243,7 +234,7 @@ def test_csharp_code_of_the_guide_runs(tmp_path):
     vertex = "struct Vertex { public float X, Y, Z, NX, NY, NZ, U, V; }"
     main = "static void Main(string[] words) { string path = words[0]; int frame = 1;"
     source.write_text(f"{using}\n{vertex}\nstatic class Shown {{ {main}\n{body}}} }}\n")
-    lines = run("mono", compiled(tmp_path, "shown", source), TRACKS).splitlines()
+    lines = output_of("mono", compiled(tmp_path, "shown", source), TRACKS).splitlines()
     sizes = {"wave": 118, "gaps": 118, "whole": 59, "normals": 177, "own": 59}
     assert lines == [f"{name}: {size} numbers" for name, size in sizes.items()]
 
@@ -322,12 +313,12 @@ def test_unity_component_shows_every_frame(play, name, way):
     last = frames[0] if way == "backwards" else frames[-1]
     played = frames[::-1] if way == "backwards" else frames
     expected = played + played[:2] + [frames[-1], frames[0], frames[-2], last]  # loops, and seeks
-    assert run("mono", play, way, path).splitlines() == expected
+    assert output_of("mono", play, way, path).splitlines() == expected
 
 
 def test_unity_component_stops_at_damage(play, tmp_path):
     damaged = tmp_path / "damaged.reel"
     data = EVERYTHING.read_bytes()
     damaged.write_bytes(data[:6200] + bytes([data[6200] ^ 1]) + data[6201:])
-    shown = run("mono", play, "ahead", damaged).splitlines()
+    shown = output_of("mono", play, "ahead", damaged).splitlines()
     assert shown == ["failed Corrupt, closed"]

@@ -1,12 +1,12 @@
 """The npm package builds with type checks, and its tests pass."""
 
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from samples.npm_projects import packed
+from samples.programs import output_of
 from samples.web_package import built_package
 
 PACKAGE = Path(__file__).parents[3] / "npm"
@@ -27,22 +27,8 @@ def tarball(tmp_path_factory):
     return packed(tmp_path_factory.mktemp("packed"))
 
 
-def npm(*command):
-    """Return the output of npm; fail the test if npm fails."""
-    return output_of("npm", *command)
-
-
-def output_of(*command):
-    """Run a command in the package folder and return its output; fail the test if it fails."""
-    done = subprocess.run(
-        command,
-        cwd=PACKAGE,
-        timeout=TIME_LIMIT_S,
-        capture_output=True,
-        text=True,
-    )
-    assert not done.returncode, done.stdout + done.stderr
-    return done.stdout
+def output_in_package(*command):
+    return output_of(*command, cwd=PACKAGE, timeout_s=TIME_LIMIT_S)
 
 
 def test_package_has_scripts_and_types_when_built(built):
@@ -57,10 +43,10 @@ def test_package_has_scripts_and_types_when_built(built):
 )
 def test_published_package_resolves_when_bundlers_and_node_import_it(tarball, check):
     tool, *options = check
-    output_of(PACKAGE / "node_modules" / ".bin" / tool, tarball, *options)
+    output_in_package(PACKAGE / "node_modules" / ".bin" / tool, tarball, *options)
 
 
 def test_the_tests_of_the_package_pass(built):
-    output = npm("test")
+    output = output_in_package("npm", "test")
     assert re.search(r"^. pass [1-9]", output, re.MULTILINE), output
     assert re.search(r"^. fail 0$", output, re.MULTILINE), output

@@ -4,7 +4,6 @@
 """
 
 import inspect
-import subprocess
 import sys
 from dataclasses import replace
 
@@ -18,6 +17,7 @@ from meshreel.errors import InvalidInputError, MemoryLimitError, TruncatedStream
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper import METHODS, graph_fourier, mesh_model, read
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
+from samples.programs import output_of
 
 GRID = waving_grid(9, 5, 6, np.float64)
 AS_COEFFICIENTS = {"choices": {"anchor_values": "coefficients"}}
@@ -318,8 +318,7 @@ def test_every_name_of_the_package_is_documented():
 
 def test_package_is_imported_lazily():
     code = "import sys, meshreel; meshreel.paper.__all__; print('numpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
+    assert output_of(sys.executable, "-c", code).strip() == "False"
 
 
 def test_repr_is_one_line():

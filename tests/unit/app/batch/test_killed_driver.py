@@ -10,6 +10,7 @@ import pytest
 
 import meshreel
 from samples.meshes import waving_grid
+from samples.programs import output_of
 from samples.waiting import wait_until
 
 TESTS = Path(__file__).parents[3]
@@ -27,12 +28,9 @@ def test_rerun_completes_a_batch_killed_at_any_moment(tmp_path):
     sequences = {"a": waving_grid(3), "b": waving_grid(2)}
     for name, sequence in sequences.items():
         meshreel.save(sequence, inputs / f"{name}.npz")
-    done = subprocess.run(
-        [sys.executable, "-m", "samples.kill_moments", inputs, tmp_path, "7"],
-        capture_output=True, text=True, timeout=140, env=python_path(), check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    seen = [json.loads(line) for line in done.stdout.splitlines()]
+    command = [sys.executable, "-m", "samples.kill_moments", inputs, tmp_path, "7"]
+    printed = output_of(*command, timeout_s=140, environment=python_path())
+    seen = [json.loads(line) for line in printed.splitlines()]
     assert [one["killed"] for one in seen] == [True] * (len(seen) - 1) + [False]
     assert len(seen) > 4
     expected = {
