@@ -7,7 +7,7 @@ import pytest
 
 import meshreel
 from meshreel.model.surface import Kind
-from samples.commands import assert_fails, run, run_json
+from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import two_sheets, waving_grid
 
 
@@ -31,8 +31,7 @@ def carried(path):
 @pytest.mark.parametrize("command", ["encode", "convert"])
 def test_only_named_attributes_are_written(sheets, tmp_path, command, names, kept):
     target = tmp_path / ("out.reel" if command == "encode" else "out.h5")
-    done = run(command, sheets, "-o", target, "--attributes", names)
-    assert done.returncode == 0, done.stderr
+    run_ok(command, sheets, "-o", target, "--attributes", names)
     assert carried(target) == kept
 
 
@@ -73,8 +72,7 @@ def test_encode_rejects_uv_bits_when_there_are_no_uvs(tmp_path):
 def test_batch_notes_inputs_to_which_options_do_not_apply(sheets, tmp_path):
     meshreel.save(waving_grid(), tmp_path / "grid.npz")
     out = tmp_path / "out"
-    done = run("batch", tmp_path, out, "--uv-bits", "10", "--attributes", "uv", "--workers", "1")
-    assert done.returncode == 0, done.stderr
+    done = run_ok("batch", tmp_path, out, "--uv-bits", "10", "--attributes", "uv", "--workers", "1")
     records = json.loads((out / "manifest.json").read_text())["inputs"]
     assert records["grid.npz"]["notes"] == [
         "has no attribute or group 'uv'; it has none",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from samples.commands import assert_fails, run, run_json
+from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
 
 
@@ -32,8 +32,7 @@ def test_encode_prints_the_sizes_of_the_file_as_json(grid, tmp_path):
 
 
 def test_encode_prints_a_table_by_default(grid, tmp_path):
-    done = run("encode", grid, "-o", tmp_path / "a.reel")
-    assert done.returncode == 0
+    done = run_ok("encode", grid, "-o", tmp_path / "a.reel")
     for word in ("raw", "file", "ratio", "bits per vertex and frame", "12 frames, 99 vertices"):
         assert word in done.stdout
 
@@ -128,8 +127,7 @@ def test_info_prints_the_bytes_by_section_as_json(reel):
 
 
 def test_info_prints_every_section_by_default(reel):
-    done = run("info", reel)
-    assert done.returncode == 0
+    done = run_ok("info", reel)
     for word in ("connectivity", "fields", "basis", "coefficients", "25 fps", "%"):
         assert word in done.stdout
 
@@ -240,8 +238,7 @@ def test_no_file_is_left_when_encoding_fails(tmp_path):
 
 def test_encode_notes_welded_corners_of_stl_frames(tmp_path):
     meshreel.save(waving_grid(2), tmp_path / "f_%d.stl")
-    done = run("encode", tmp_path / "f_*.stl", "-o", tmp_path / "f.reel")
-    assert done.returncode == 0
+    done = run_ok("encode", tmp_path / "f_*.stl", "-o", tmp_path / "f.reel")
     assert "note: welded 480 STL corners to 99 vertices" in done.stderr
 
 
@@ -255,8 +252,7 @@ def test_error_names_a_truncated_stream(reel, tmp_path, command):
 def test_complete_blocks_are_decoded_when_the_end_of_a_stream_is_missing(reel, tmp_path):
     cut = tmp_path / "cut.reel"
     cut.write_bytes(reel.read_bytes()[:-20])
-    done = run("decode", cut, "-o", tmp_path / "a.npz")
-    assert done.returncode == 0
+    done = run_ok("decode", cut, "-o", tmp_path / "a.npz")
     assert "truncated: these are the frames" in done.stderr
     np.testing.assert_array_equal(
         meshreel.load(tmp_path / "a.npz").vertices, meshreel.load(reel).vertices
@@ -268,8 +264,7 @@ def test_complete_blocks_are_decoded_when_the_end_of_a_stream_is_missing(reel, t
 def test_encode_streams_frame_files_when_memory_is_small(tmp_path):
     sequence = meshreel.simulate_flag(12)
     meshreel.save(sequence, tmp_path / "flag_%03d.obj")
-    done = run("encode", tmp_path / "flag_*.obj", "-o", tmp_path / "f.reel", "--memory", "117MB")
-    assert done.returncode == 0, done.stderr
+    run_ok("encode", tmp_path / "flag_*.obj", "-o", tmp_path / "f.reel", "--memory", "117MB")
     with meshreel.open(tmp_path / "f.reel") as reel:
         assert max(reel.info().block_frames) < 12
         expected = meshreel.encode(meshreel.load(str(tmp_path / "flag_*.obj")), memory="117MB")
@@ -285,8 +280,7 @@ def test_memory_is_rejected_when_it_is_too_small_or_invalid(grid, tmp_path, memo
 
 @pytest.mark.parametrize("command", ["encode", "decode", "info", "compare", "render", "demo"])
 def test_help_shows_examples(command):
-    done = run(command, "--help")
-    assert done.returncode == 0
+    done = run_ok(command, "--help")
     assert "meshreel " + command in done.stdout
 
 
@@ -295,8 +289,7 @@ def test_version_is_that_of_the_package():
 
 
 def test_help_is_shown_when_no_command_is_given():
-    done = run()
-    assert done.returncode == 0
+    done = run_ok()
     assert "encode" in done.stdout
 
 

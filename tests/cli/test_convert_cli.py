@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from samples.commands import assert_fails, run, run_json
+from samples.commands import assert_fails, run, run_json, run_ok
 from samples.materials import dressed_sheet
 from samples.meshes import assert_same_surface, quad_sheet, waving_grid
 
@@ -157,8 +157,7 @@ def test_info_lists_materials_and_images_of_a_stream(dressed):
 
 def test_convert_prints_the_frame_folder_of_a_collection(tmp_path):
     meshreel.save(waving_grid(3), tmp_path / "walk.npz")
-    done = run("convert", "walk.npz", "-o", "walk.pvd", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    done = run_ok("convert", "walk.npz", "-o", "walk.pvd", cwd=tmp_path)
     assert "walk.pvd, frames in walk_frames" in " ".join(done.stdout.split())
     assert len(list((tmp_path / "walk_frames").iterdir())) == 3
 

@@ -5,7 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.model.tracks import Track
-from samples.commands import assert_fails, run, run_json
+from samples.commands import assert_fails, run, run_json, run_ok
 from samples.materials import dressed_sheet
 from samples.meshes import quad_sheet, two_sheets, waving_grid
 
@@ -19,8 +19,7 @@ def test_info_prints_mesh_frame_rate_and_box_of_other_formats(tmp_path):
 
 def test_info_lists_the_meshes_when_there_are_several(tmp_path):
     meshreel.save(two_sheets(), tmp_path / "two.usda")
-    done = run("info", tmp_path / "two.usda")
-    assert done.returncode == 0
+    done = run_ok("info", tmp_path / "two.usda")
     for words in ("/root/a", "/root/b", "select one with --object"):
         assert words in done.stdout
     printed = run_json("info", tmp_path / "two.usda")

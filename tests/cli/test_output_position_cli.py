@@ -3,7 +3,7 @@
 import pytest
 
 import meshreel
-from samples.commands import assert_fails, run
+from samples.commands import assert_fails, run, run_ok
 from samples.meshes import waving_grid
 
 
@@ -75,6 +75,5 @@ def test_other_arguments_are_not_taken_for_the_output(folder, words, message):
 
 
 def test_help_is_shown_when_the_output_is_an_argument(folder):
-    done = run("export", "a.reel", "page.html", "--help", cwd=folder)
-    assert done.returncode == 0
+    done = run_ok("export", "a.reel", "page.html", "--help", cwd=folder)
     assert "PAGE.html" in done.stdout

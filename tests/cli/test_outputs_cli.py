@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from samples.commands import assert_fails, run, run_json
+from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
 
 
@@ -207,8 +207,7 @@ def test_files_have_the_numbers_of_the_selected_frames(folder, command, source, 
     ids=lambda value: value[0] if isinstance(value, list) else value,
 )
 def test_note_says_that_a_range_beyond_the_end_is_clamped(folder, arguments, frames):
-    done = run(*arguments, cwd=folder)
-    assert done.returncode == 0
+    done = run_ok(*arguments, cwd=folder)
     assert f"exceeds the frames 0:12; using {frames}" in " ".join(done.stderr.split())
 
 

@@ -9,7 +9,7 @@ import pytest
 import meshreel
 from meshreel.app.cli import evaluate, paper
 from meshreel.app.cli.commands import COMMANDS, command_named
-from samples.commands import run
+from samples.commands import run, run_ok
 from samples.meshes import waving_grid
 from samples.programs import output_of
 
@@ -103,8 +103,7 @@ def test_info_of_a_stream_imports_no_decoder(folder):
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_show_completion_prints_a_script(shell):
-    done = run("--show-completion", shell)
-    assert done.returncode == 0
+    done = run_ok("--show-completion", shell)
     assert f"_MESHREEL_COMPLETE={shell}_complete" in done.stdout
 
 

@@ -7,7 +7,7 @@ from PIL import Image, ImageSequence
 import meshreel
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.colormap import DIVERGING, HEAT
-from samples.commands import assert_fails, run, run_json
+from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
 
 SMALL = ("--size", "800x450")
@@ -89,8 +89,7 @@ def test_render_is_reproducible(flag, tmp_path):
 
 @pytest.mark.slow
 def test_render_prints_a_table_by_default(flag, tmp_path):
-    done = run("render", flag / "flag.reel", "-o", "a.png", "--frames", "0:4", cwd=tmp_path)
-    assert done.returncode == 0
+    done = run_ok("render", flag / "flag.reel", "-o", "a.png", "--frames", "0:4", cwd=tmp_path)
     for words in ("a.png", "pixels", "0, 1, 2, 3"):
         assert words in done.stdout
 

@@ -6,7 +6,7 @@ import pytest
 
 import meshreel
 from meshreel.formats.options import WriteOptions
-from samples.commands import assert_fails, run, run_json
+from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
 
 
@@ -14,8 +14,7 @@ from samples.meshes import waving_grid
 def test_decode_writes_the_folder_and_prints_the_achieved_error(tmp_path):
     stream = tmp_path / "walk.reel"
     meshreel.save(waving_grid(), stream, options=WriteOptions(max_error=0.05))
-    done = run("decode", stream, "-o", f"{tmp_path}/walk.vat/", "--max-error", "0.2")
-    assert done.returncode == 0
+    done = run_ok("decode", stream, "-o", f"{tmp_path}/walk.vat/", "--max-error", "0.2")
     names = {path.name for path in (tmp_path / "walk.vat").iterdir()}
     assert names == {"walk.glb", "walk_vat.exr", "walk-remap_info.json"}
     for text in ("the largest error added is", "half-float EXR", "of video memory", "degrees"):

@@ -51,7 +51,8 @@ meshes = st.one_of(random_meshes(), torn_grids())
 @settings(max_examples=draws(250))
 @given(meshes, orders)
 def test_any_connectivity_round_trips(mesh, order):
-    assert_faces_round_trip(*mesh, order)
+    faces, n_verts = mesh
+    assert_faces_round_trip(faces, n_verts, order)
 
 
 @settings(max_examples=draws(250))

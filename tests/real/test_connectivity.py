@@ -47,7 +47,8 @@ def mesh(sequence_named, name):
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 def test_real_faces_round_trip_exactly(mesh, order):
-    assert_faces_round_trip(*mesh, order)
+    faces, n_verts = mesh
+    assert_faces_round_trip(faces, n_verts, order)
 
 
 def test_connectivity_of_real_surfaces_stays_below_its_rate(name, mesh):

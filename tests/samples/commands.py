@@ -52,10 +52,15 @@ def finished(command, **options):
     return done
 
 
-def run_json(*arguments, cwd=None):
-    done = run(*arguments, "--json", cwd=cwd)
+def run_ok(*arguments, cwd=None):
+    """Run `meshreel ARGUMENTS`, which must succeed; return what `run` returns."""
+    done = run(*arguments, cwd=cwd)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return done
+
+
+def run_json(*arguments, cwd=None):
+    return json.loads(run_ok(*arguments, "--json", cwd=cwd).stdout)
 
 
 def assert_fails(done, *words):

@@ -61,8 +61,8 @@ def file_with(path, *params, frames=MOVES, step_s=0.1):
         archive.addTimeSampling(sample.uniform(step, 0.0)) for step in (0.1, step_s)
     )
     schema = sample.add_mesh(archive.getTop(), "m", frames, at_frames).getSchema()
-    for param in params:
-        add_param(schema.getArbGeomParams(), *param, sampling)
+    for kind, name, values, scope_name in params:
+        add_param(schema.getArbGeomParams(), kind, name, values, scope_name, sampling)
     return path
 
 
