@@ -36,6 +36,8 @@ def test_encode_suggests_convert_when_the_output_is_not_a_stream(folder, output,
     assert contents(folder) == before
 
 
+@pytest.mark.every_case
+@pytest.mark.parametrize("force", [[], ["--force"]])
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -59,13 +61,13 @@ def test_encode_suggests_convert_when_the_output_is_not_a_stream(folder, output,
     ],
     ids=lambda arguments: " ".join(arguments),
 )
-def test_input_is_kept_when_it_is_also_the_output(folder, arguments):
+def test_input_is_kept_when_it_is_also_the_output(folder, arguments, force):
     (folder / "linked.npz").symlink_to("walk.npz")
     (folder / "linked.png").symlink_to("walk.npz")
     (folder / "symbolic.obj").symlink_to("frames/f_0003.obj")
     (folder / "hard.npz").hardlink_to(folder / "walk.reel")
     before = contents(folder)
-    done = run(*arguments, "--force", cwd=folder)
+    done = run(*arguments, *force, cwd=folder)
     assert done.returncode == 1
     assert contents(folder) == before
     if "page.html" not in arguments[1:] and "picture.png" not in arguments:

@@ -50,16 +50,13 @@ def test_open_rejects_a_named_pipe(tmp_path, read):
         read(pipe(tmp_path, "a.reel"))
 
 
-def test_load_rejects_a_pipe_among_frames(tmp_path):
+def test_load_rejects_a_pipe_among_frames_and_as_topology(tmp_path):
     [frame] = save(quad_sheet(1), tmp_path / "a.obj")
-    with pytest.raises(InvalidInputError, match=r"b\.obj is a pipe"):
-        load([frame, pipe(tmp_path, "b.obj")])
-
-
-def test_load_rejects_a_pipe_as_topology(tmp_path):
-    path, *_ = save(quad_sheet(2), tmp_path / "a.pc2")
-    with pytest.raises(InvalidInputError, match=r"b\.obj is a pipe"):
-        load(path, topology=pipe(tmp_path, "b.obj"))
+    cache, *_ = save(quad_sheet(2), tmp_path / "c.pc2")
+    other = pipe(tmp_path, "b.obj")
+    for source, options in (([frame, other], {}), (cache, {"topology": other})):
+        with pytest.raises(InvalidInputError, match=r"b\.obj is a pipe"):
+            load(source, **options)
 
 
 def test_load_rejects_a_pipe_as_usd_layer(tmp_path):

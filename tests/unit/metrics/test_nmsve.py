@@ -63,20 +63,21 @@ def test_isolated_vertex_has_no_smoothness_part():
     assert nmsve_per_frame(original, decoded, ONE_EDGE) == pytest.approx([1 / 6], rel=1e-14)
 
 
+COINCIDENT = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 0, 0]]])
+
+
 def test_coincident_neighbors_have_no_smoothness_part():
     # 0 and 3 coincide and are neighbors: GL(0) = GL(3) = 0 wherever 1 and 2 go, and
     # GL(1) is the only one left: 1 has neighbors 0 and 3 at (0, 0, 0), so GL(1) = v_1.
-    original = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 0, 0]]])
-    decoded = original.copy()
+    decoded = COINCIDENT.copy()
     decoded[0, 1, 0] = 2  # ||V - V^|| = 1, ||GL - GL^|| = 1, n = 3
-    assert nmsve_per_frame(original, decoded, TRIANGLE) == pytest.approx([2 / 6], rel=1e-14)
+    assert nmsve_per_frame(COINCIDENT, decoded, TRIANGLE) == pytest.approx([2 / 6], rel=1e-14)
 
 
 def test_rounding_of_coincident_neighbors_hardly_changes_nmsve():
-    original = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 0, 0]]])
-    decoded = original.copy()
+    decoded = COINCIDENT.copy()
     decoded[0, 2, 1] = 1e-12
-    assert nmsve_per_frame(original, decoded, TRIANGLE)[0] < 1e-11
+    assert nmsve_per_frame(COINCIDENT, decoded, TRIANGLE)[0] < 1e-11
 
 
 def test_nmsve_uses_the_whole_diagonal_if_frame_0_is_a_point():

@@ -99,21 +99,19 @@ def test_repeated_faces_are_counted(pair):
         compare(with_faces(pair[0], first), with_faces(pair[1], second))
 
 
-def test_error_names_both_vertex_counts(pair):
-    more = np.concatenate([pair[1].vertices, pair[1].vertices[:, :2]], axis=1)
-    with pytest.raises(InvalidInputError, match="original has 40 vertices and the decoded 42"):
-        compare(pair[0], MeshSequence(more, pair[1].faces))
-
-
-def test_error_names_both_frame_counts(pair):
-    fewer = MeshSequence(pair[1].vertices[:7], pair[1].faces)
-    with pytest.raises(InvalidInputError, match="original has 9 frames and the decoded 7"):
-        compare(pair[0], fewer)
-
-
-def test_error_names_both_face_counts(pair):
-    with pytest.raises(InvalidInputError, match="original has 80 faces and the decoded 79"):
-        compare(pair[0], with_faces(pair[1], pair[1].faces[:-1]))
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("change", "counts"),
+    [
+        (lambda v, f: (np.concatenate([v, v[:, :2]], axis=1), f), "40 vertices and the decoded 42"),
+        (lambda v, f: (v[:7], f), "9 frames and the decoded 7"),
+        (lambda v, f: (v, f[:-1]), "80 faces and the decoded 79"),
+    ],
+)
+def test_error_names_both_counts(pair, change, counts):
+    original, decoded = pair
+    with pytest.raises(InvalidInputError, match=f"original has {counts}"):
+        compare(original, MeshSequence(*change(decoded.vertices, decoded.faces)))
 
 
 def test_float32_sequences_are_measured_in_float64(pair):

@@ -63,33 +63,30 @@ def test_surfaces_of_the_same_mesh_are_compared_on_request(sheet):
     assert 0 < quality.worse.max_percent <= meshreel.compare(sheet, data).max_error_percent
 
 
-def test_vertices_of_different_meshes_cannot_be_compared(sheet):
-    with pytest.raises(InvalidInputError, match="only sequences of the same mesh"):
-        meshreel.compare(sheet, split(sheet), surface=False)
+SHEET = waving_grid(3)
+SEGMENTS = meshreel.MeshSequence.of_segments([split(SHEET), SHEET])
 
 
-def test_samples_option_is_rejected_for_vertices(sheet):
-    with pytest.raises(InvalidInputError, match=r"n_samples has no effect .* surface=True"):
-        meshreel.compare(sheet, sheet, n_samples=100)
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("original", "other", "options", "message"),
+    [
+        (SHEET, split(SHEET), {"surface": False}, "only sequences of the same mesh"),
+        (SHEET, SHEET, {"n_samples": 100}, r"n_samples has no effect .* surface=True"),
+        (SEGMENTS, SEGMENTS, {"surface": False}, "same faces in every frame"),
+        (SHEET, split(waving_grid(2)), {}, "3 frames and the decoded 2"),
+    ],
+)
+def test_comparison_that_is_not_defined_is_rejected(original, other, options, message):
+    with pytest.raises(InvalidInputError, match=message):
+        meshreel.compare(original, other, **options)
 
 
 def test_surfaces_of_segments_are_compared_frame_by_frame(sheet):
-    segments = meshreel.MeshSequence.of_segments([split(sheet), sheet])
     others = meshreel.MeshSequence.of_segments([sheet, split(sheet)])
-    quality = meshreel.compare(segments, others, n_samples=2000)
+    quality = meshreel.compare(SEGMENTS, others, n_samples=2000)
     assert (quality.reason, quality.n_frames) == ("the faces change over time", 6)
     assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
-
-
-def test_vertices_of_several_segments_cannot_be_compared(sheet):
-    segments = meshreel.MeshSequence.of_segments([split(sheet), sheet])
-    with pytest.raises(InvalidInputError, match="same faces in every frame"):
-        meshreel.compare(segments, segments, surface=False)
-
-
-def test_different_frame_counts_are_rejected_for_surfaces(sheet):
-    with pytest.raises(InvalidInputError, match="3 frames and the decoded 2"):
-        meshreel.compare(sheet, split(waving_grid(2)))
 
 
 def test_surface_quality_as_a_dict_is_serializable(sheet):
@@ -146,6 +143,5 @@ def test_vertices_of_segments_are_compared_as_well_as_surfaces(sheet, order):
 
 
 def test_vertices_of_other_segments_are_not_compared(sheet):
-    segments = meshreel.MeshSequence.of_segments([split(sheet), sheet])
     others = meshreel.MeshSequence.of_segments([sheet, split(sheet)])
-    assert meshreel.compare(segments, others, n_samples=200).vertex_errors is None
+    assert meshreel.compare(SEGMENTS, others, n_samples=200).vertex_errors is None
