@@ -106,7 +106,8 @@ class DataItems:
         shape, children = _shape(item), item.findall("DataItem")
         stored = self.resolved(children[-1]) if children else item
         if shape and stored.get("Format", "XML").upper() == "HDF":
-            return math.prod(shape), self._source(stored).dtype.newbyteorder("=")
+            dataset, _ = self._dataset(stored)
+            return math.prod(shape), dataset.dtype.newbyteorder("=")
         values = self.read(item)
         return values.size, values.dtype
 
@@ -123,25 +124,7 @@ class DataItems:
         if len(children) != 2:
             raise FormatError(f"has a HyperSlab with {len(children)} DataItems; it needs 2")
         source = self._source(self.resolved(children[1]))
-        try:
-            place = self._stored(self.resolved(children[0])).reshape(3, -1)
-            starts, strides, counts = place.astype(np.int64).tolist()
-        except ValueError:
-            raise FormatError("has a HyperSlab without start, stride and count") from None
-        ends = [
-            start + (count - 1) * stride
-            for start, stride, count in zip(starts, strides, counts, strict=True)
-        ]
-        if (
-            len(starts) != len(source.shape)
-            or min([*starts, *counts, *(stride - 1 for stride in strides)]) < 0
-            or any(end >= size for end, size in zip(ends, source.shape, strict=True))
-        ):
-            raise FormatError(f"has a HyperSlab outside its source of shape {source.shape}")
-        ranges = zip(starts, ends, strides, strict=True)
-        selection = tuple(slice(start, end + 1, stride) for start, end, stride in ranges)
-        with hdf_errors():
-            return np.asarray(source[selection])
+        return _part(source, self._stored(self.resolved(children[0])).ravel())
 
     def _source(self, item: Element) -> Array | Dataset:
         """Return the whole array of an item, or the HDF5 dataset that stores it."""
@@ -149,16 +132,34 @@ class DataItems:
         if kind == "XML":
             return self._parse(item, text)
         if kind == "HDF":
-            file, colon, name = text.rpartition(":/")
-            if not colon:  # file names may contain colons too
-                file, _, name = text.partition(":")
-            with hdf_errors():
-                return require_dataset(self._file(self._resolve(file)), name)
+            dataset, part = self._dataset(item)
+            return dataset if part is None else _part(dataset, part)
         if kind == "BINARY":
             return self._binary(item, self._resolve(text))
         raise FormatError(
             f"has a DataItem of format {kind[:40]!r}; XML, HDF and Binary are supported"
         )
+
+    def _dataset(self, item: Element) -> tuple[Dataset, Array | None]:
+        """Return the HDF5 dataset of an item, and the numbers after its path that select a part.
+
+        XDMF 3 writes ``file.h5:/dataset|starts:strides:counts:size of the dataset``.
+        """
+        place, bar, selection = (item.text or "").strip().partition("|")
+        file, colon, name = place.rpartition(":/")
+        if not colon:  # file names may contain colons too
+            file, _, name = place.partition(":")
+        with hdf_errors():
+            dataset = require_dataset(self._file(self._resolve(file)), name)
+        if not bar:
+            return dataset, None
+        axes = [[_whole(word) for word in words.split()] for words in selection.split(":")]
+        if len(axes) != 4 or tuple(axes[3]) != dataset.shape:
+            raise FormatError(
+                f"selects {selection[:80]!r} of an array of shape {dataset.shape}; expected "
+                "start:stride:count:size with this size"
+            )
+        return dataset, np.array([number for axis in axes[:3] for number in axis], np.int64)
 
     def _resolve(self, file: str) -> Path:
         return resolve_reference(self._path, file, allow_outside=self._allow_outside)
@@ -195,6 +196,27 @@ class DataItems:
             with errors_naming(path):
                 self._files[path] = open_hdf(path)
         return self._files[path]
+
+
+def _part(source: Array | Dataset, numbers: Array) -> Array:
+    """Read a part of an array: its starts, then its strides, then its counts along all axes."""
+    try:
+        starts, strides, counts = numbers.reshape(3, -1).astype(np.int64).tolist()
+    except ValueError:
+        raise FormatError("has a HyperSlab without start, stride and count") from None
+    ends = [
+        start + (count - 1) * stride
+        for start, stride, count in zip(starts, strides, counts, strict=True)
+    ]
+    if (
+        len(starts) != len(source.shape)
+        or min([*starts, *counts, *(stride - 1 for stride in strides)]) < 0
+        or any(end >= size for end, size in zip(ends, source.shape, strict=True))
+    ):
+        raise FormatError(f"has a HyperSlab outside its source of shape {source.shape}")
+    ranges = zip(starts, ends, strides, strict=True)
+    with hdf_errors():
+        return np.asarray(source[tuple(slice(start, end + 1, step) for start, end, step in ranges)])
 
 
 def _follow(root: Element, place: str) -> Element:

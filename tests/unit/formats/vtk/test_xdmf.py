@@ -102,7 +102,13 @@ def slab_of_step(index):
     return item(place + whole, ItemType="HyperSlab", Dimensions=f"1 {N_VERTS} 3")
 
 
-@pytest.mark.parametrize("make_points", [dataset_of_step, slab_of_step])
+def selection_of_step(index):
+    """A part of a dataset selected after its path, as XDMF 3 writes it."""
+    place = f"a.h5:/all|{index} 0 0:1 1 1:1 {N_VERTS} 3:5 {N_VERTS} 3"
+    return item(place, Dimensions=f"{N_VERTS} 3", Format="HDF")
+
+
+@pytest.mark.parametrize("make_points", [dataset_of_step, slab_of_step, selection_of_step])
 @pytest.mark.parametrize("read", [load, open_source])
 def test_reading_gives_numbers_of_hdf5_files(tmp_path, make_points, read):
     result = read(write_hdf_steps(tmp_path, make_points))
