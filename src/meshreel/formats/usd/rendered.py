@@ -65,7 +65,8 @@ def rendered_meshes(stage: Any, notes: list[str]) -> list[Any]:
         + [f"{n} {kind}" for kind, n in others.items()]
     )
     if not rendered:
-        raise FormatError(f"contains no mesh that is rendered, only {contents or 'no geometry'}")
+        no_geometry = "contains no geometry"
+        raise FormatError(f"contains no visible mesh, only {contents}" if contents else no_geometry)
     blinking = [str(mesh.GetPath()) for mesh in rendered if len(set(_visibility(mesh))) > 1]
     note_kinds(notes, "visibility that changes over time", blinking)
     if contents:

@@ -85,8 +85,8 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
         frames = [[file] for _, file in files]
         if (file_order := file_order_times(len(files), options)) is None:
             raise InvalidInputError(
-                f"lists {len(pieces[several])} files for the time {several:g} without part "
-                "numbers; merge the files of each time into one mesh with ",
+                f"lists {len(pieces[several])} files for the time {several:g} with the same part "
+                "number; merge the files of each time into one mesh with ",
                 Keyword("merge", True),
                 ", or read each file as a frame, in file order, with ",
                 Keyword("fps"),
