@@ -2,7 +2,7 @@
 
 import json
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 def stream_of(sequence, notes=None):
     """Return a stream of all frames of a sequence, without tracks."""
-    return SegmentedStream(sequence, notes=notes, supported_tracks=lambda tracks, notes: {})
+    return SegmentedStream(sequence, notes=notes).changed(lambda mesh: replace(mesh, tracks={}))
 
 
 def written(folder, sequence, notes=None, **options):

@@ -24,8 +24,8 @@ from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
 from meshreel.model.sequence import MeshSequence, Vertices
-from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackSource
+from meshreel.model.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import TrackKind, TrackSource, track_blocks
 from meshreel.runtime.counting import plural
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.progress import Progress, silent
@@ -33,6 +33,9 @@ from meshreel.runtime.progress import Progress, silent
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
     from meshreel.model.sequence import FrameSource
+
+ATTRIBUTE_KINDS = {TrackKind.UV: Kind.UV, TrackKind.COLOR: Kind.COLOR}
+"""Kinds of tracks that become attributes of the surface where they never change."""
 
 
 def save(
@@ -134,10 +137,8 @@ def save_part(
         sequence = MeshSequence.of_segments([cast("FrameSource", sequence)])
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
-    supported = partial(_supported_tracks, output)
-    stream = SegmentedStream(
-        sequence, wanted, progress=progress, notes=notes, supported_tracks=supported
-    )
+    stream = SegmentedStream(sequence, wanted, progress=progress, notes=notes)
+    stream = stream.changed(partial(_with_supported_tracks, output))
     paths = _checked_paths(
         output,
         len(wanted),
@@ -203,18 +204,42 @@ def _save(
     return [*paths, *images]
 
 
-def _supported_tracks(
-    output: AnyPath, tracks: Mapping[str, TrackSource], notes: list[str]
-) -> dict[str, TrackSource]:
-    """Return the tracks that an output can store; the notes list the others."""
+def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
+    """Return a segment with the tracks that an output can store; its notes list the others.
+
+    Texture coordinates and colors that stay the same in all frames of the segment become attributes
+    of its surface instead.
+    """
     output_format = output_format_of(Path(output))
     domains = NO_TRACKS if isinstance(output_format, FolderFormat) else output_format.holds_tracks
+    supported = {name: track for name, track in mesh.tracks.items() if track.domain in domains}
+    unsupported = {name: track for name, track in mesh.tracks.items() if name not in supported}
+    constant = _constant_attributes(unsupported, mesh.surface)
+    left_out = {name: track for name, track in unsupported.items() if name not in constant}
     for missing in [one for one in Domain if one not in domains] if domains else []:
-        names = [name for name, track in tracks.items() if track.domain is missing]
-        note_unwritten_tracks(names, output_format.extension, notes, f"tracks of {plural(missing)}")
+        names = [name for name, track in left_out.items() if track.domain is missing]
+        which = f"tracks of {plural(missing)}"
+        note_unwritten_tracks(names, output_format.extension, mesh.notes, which)
     if not domains:
-        note_unwritten_tracks(tracks, output_format.extension, notes)
-    return {name: track for name, track in tracks.items() if track.domain in domains}
+        note_unwritten_tracks(left_out, output_format.extension, mesh.notes)
+    attributes = (*mesh.surface.attributes, *constant.values())
+    return replace(mesh, tracks=supported, surface=replace(mesh.surface, attributes=attributes))
+
+
+def _constant_attributes(
+    tracks: Mapping[str, TrackSource], surface: Surface
+) -> dict[str, Attribute]:
+    """Return the texture coordinates and colors among tracks whose values never change."""
+    attributes = {}
+    names = {attribute.name for attribute in surface.attributes}
+    for name, track in tracks.items():
+        kind = ATTRIBUTE_KINDS.get(track.kind)
+        if kind is None or name in names or track.dtype not in VALUE_TYPES:
+            continue
+        [first] = track.read(0, 1)
+        if all((block == first).all() for _, block in track_blocks(track)):
+            attributes[name] = Attribute(name, kind, track.domain, first).indexed(first)
+    return attributes
 
 
 def _image_files(

@@ -125,8 +125,6 @@ class SegmentedStream:
         Called after every frame.
     notes : list of str, optional
         Receives a sentence for each thing that a format cannot store exactly.
-    supported_tracks : function of tracks and a list of notes, optional
-        Returns the tracks to write; the notes list the others. Default: all.
 
     Attributes
     ----------
@@ -150,7 +148,6 @@ class SegmentedStream:
         *,
         progress: Progress = silent,
         notes: list[str] | None = None,
-        supported_tracks: Callable[[Tracks, list[str]], Tracks] = lambda tracks, notes: tracks,
     ) -> None:
         wanted = range(sequence.n_frames) if wanted is None else wanted
         self._sequence: Any = sequence
@@ -167,7 +164,6 @@ class SegmentedStream:
         self.notes: list[str] = notes if notes is not None else []
         self.image_folder = ""
         self.data_files: list[tuple[str, Path]] = []
-        self._supported_tracks = supported_tracks
         self._change: Callable[[FrameStream], FrameStream] = lambda segment: segment
         self._kept: dict[int, tuple[Faces, Surface]] = {}
         self._kept_bytes = 0
@@ -216,7 +212,7 @@ class SegmentedStream:
         source = self._sequence.segments[number]
         tracks = {
             name: track if len(frames) == track.shape[0] else TrackPart(track, frames)
-            for name, track in self._supported_tracks(source.tracks, notes).items()
+            for name, track in source.tracks.items()
         }
         stream = FrameStream(
             source, frames, *self._mesh(number, source), tracks, self.fps, self.name, start_s,

@@ -2,6 +2,7 @@
 
 import contextlib
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -223,14 +224,33 @@ def test_damaged_files_with_tracks_raise_only_meshreel_errors(tmp_path, extensio
                     )
 
 
-@pytest.mark.parametrize("extension", ["off", "stl", "glb", "pc2", "mdd"])
-def test_notes_list_tracks_that_a_format_cannot_store(tmp_path, extension):
-    sheet, notes = tracked_sheet(1, ("vertex",)), []
-    output = tmp_path / f"a.{extension}"
-    save(sheet, output, notes=notes)
+@pytest.mark.parametrize("name", ["a_%d.off", "a_%d.stl", "a.glb", "a.pc2", "a.mdd"])
+def test_notes_list_tracks_that_a_format_cannot_store(tmp_path, name):
+    sheet, notes = tracked_sheet(2, ("vertex",)), []
+    extension = name[name.index(".") :]
+    save(sheet, tmp_path / name, notes=notes)
     names = "heat of vertex/s, flow_vertex, shade_vertex, step_vertex, tensor_vertex"
-    assert f"tracks left out: {names}: .{extension} cannot store them" in notes
-    assert not any("tracks left out" in note for note in notes_of(quad_sheet(1), output))
+    assert f"tracks left out: {names}: {extension} cannot store them" in notes
+    assert not any("tracks left out" in note for note in notes_of(quad_sheet(2), tmp_path / name))
+
+
+@pytest.mark.parametrize("domain", ["vertex", "corner"])
+def test_glb_keeps_uvs_and_colors_that_never_change(tmp_path, domain):
+    sheet, notes = quad_sheet(3), []
+    n_items = {"vertex": sheet.n_verts, "corner": int(sheet.surface.sizes(0).sum())}[domain]
+    rng = np.random.default_rng(0)
+    values = {"uv": rng.random((n_items, 2)), "color": rng.random((n_items, 4))}
+    tracks = {
+        name: Track(np.repeat(array[None].astype("f4"), 3, axis=0), domain=domain, kind=name)
+        for name, array in values.items()
+    }
+    changing = Track(rng.random((3, n_items, 2), dtype="f4"), domain=domain, kind="uv")
+    surface = replace(sheet.surface, attributes=())
+    sheet = sheet.replace(surface=surface, tracks=tracks | {"moving": changing})
+    save(sheet, tmp_path / "a.glb", notes=notes)
+    assert "tracks left out: moving: .glb cannot store them" in notes
+    kinds = {str(one.kind) for one in load(tmp_path / "a.glb").surface.attributes}
+    assert kinds == {"uv", "color"}
 
 
 def notes_of(sequence, output):
