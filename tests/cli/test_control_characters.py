@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import sys
 import time
 from dataclasses import replace
 
@@ -194,7 +195,7 @@ def test_program_prints_file_names_that_are_not_unicode(folder):
         os.rename("a.reel", name)
     except OSError:
         pytest.skip("this file system requires Unicode names")
-    done = finished(["meshreel", "info", name])
+    done = finished([sys.executable, "-m", "meshreel", "info", name])
     assert done.returncode == 0, done.stderr
     assert r"/\udcff\x1b.reel" in done.stdout.split("\n")[0]
 
