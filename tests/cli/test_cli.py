@@ -285,7 +285,8 @@ def test_help_shows_examples(command):
 
 
 def test_version_is_that_of_the_package():
-    assert run("--version").stdout.strip() == f"meshreel {meshreel.__version__}"
+    for flag in ("--version", "-V"):
+        assert run(flag).stdout.strip() == f"meshreel {meshreel.__version__}"
 
 
 def test_help_is_shown_when_no_command_is_given():

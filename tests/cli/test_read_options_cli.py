@@ -110,10 +110,21 @@ def test_file_named_like_a_unit_is_an_input(tmp_path):
     assert meshreel.load(tmp_path / "b.reel").fps == 25
 
 
-def test_decode_of_another_format_is_an_error_that_names_convert(tmp_path):
+def test_decode_of_another_format_is_an_error_with_the_commands_to_use(tmp_path):
     meshreel.save(waving_grid(2), tmp_path / "a.npz")
     done = run("decode", "a.npz", "-o", "b.glb", cwd=tmp_path)
-    assert_fails(done, "a.npz is not a .reel file; meshreel convert writes it")
+    encode = "encode it first: meshreel encode a.npz -o a.reel"
+    assert_fails(done, f"a.npz is not a .reel file; {encode}; `meshreel convert` writes it")
+
+
+def test_frame_rates_are_numbers_or_fractions_up_to_a_million(tmp_path):
+    meshreel.save(waving_grid(2), tmp_path / "a.npz")
+    done = run("convert", "a.npz", "-o", "b.npz", "--fps", "30000/1001", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert meshreel.load(tmp_path / "b.npz").fps == 30000 / 1001
+    for fps in ("1e9", "-1", "25/0", "1/2/3", "x/2"):
+        done = run("convert", "a.npz", "-o", "c.npz", "--fps", fps, cwd=tmp_path)
+        assert_fails(done, "--fps must be 0..1e+06")
 
 
 def test_option_in_percent_accepts_the_sign(tmp_path):

@@ -64,9 +64,12 @@ def run_json(*arguments, cwd=None):
 
 
 def assert_fails(done, *words):
-    """Assert exit code 1 and a single line on stderr, except progress, with these words."""
-    assert done.returncode == 1
+    """Assert that a command failed with a single line on stderr, except progress, with these words.
+
+    The exit code is 1, and 2 for usage errors, whose message refers to the help.
+    """
     stderr = PROGRESS_LINE.sub("", done.stderr)
+    assert done.returncode == (2 if "--help lists the options)" in stderr else 1)
     assert len(stderr.strip().splitlines()) == 1, stderr
     assert stderr.startswith("meshreel: ")
     for word in words:

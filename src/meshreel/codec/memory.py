@@ -19,6 +19,7 @@ BYTES_OF_VERTEX, BYTES_OF_FACE = 512, 128
 
 UNITS = {"": 1, "B": 1}
 UNITS |= {f"{prefix}B": 1000**power for power, prefix in enumerate("kMGT", start=1)}
+UNITS |= {prefix: 1000**power for power, prefix in enumerate("kMGT", start=1)}
 UNITS |= {f"{prefix}iB": 1024**power for power, prefix in enumerate("KMGT", start=1)}
 """Bytes of each unit; units are not case-sensitive."""
 

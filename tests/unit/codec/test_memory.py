@@ -18,13 +18,17 @@ from meshreel.errors import InvalidInputError
         (".5GiB", 1 << 29),
         ("1e5", 100000),
         ("12B", 12),
+        ("15k", 15000),
+        ("2M", 2e6),
     ],
 )
 def test_sizes_are_parsed_to_bytes(given, expected):
     assert bytes_of(given, "size") == expected
 
 
-@pytest.mark.parametrize("given", ["", "kB", "100 apples", "-5kB", "1..2", "nan", "0x10", "10k"])
+@pytest.mark.parametrize(
+    "given", ["", "kB", "100 apples", "-5kB", "1..2", "nan", "0x10", "10kb2", "10K3"]
+)
 def test_text_that_is_not_a_size_is_refused(given):
     with pytest.raises(InvalidInputError, match="size takes a size such as 100kB or 1GiB"):
         bytes_of(given, "size")

@@ -40,6 +40,7 @@ def _print_completion(context: click.Context, _param: click.Parameter, shell: st
     context_settings={"max_content_width": HELP_WIDTH},
 )
 @click.option(
+    "-V",
     "--version",
     is_flag=True,
     is_eager=True,
@@ -64,11 +65,14 @@ def app(context: click.Context) -> None:
 
 
 def main() -> None:
-    """Run the program; exit with 0, or with 1 and a one-line error message on stderr."""
+    """Run the program; exit with 0, or print a one-line error on stderr and exit with 1 or 2.
+
+    Click's code of usage errors, such as an unknown option, is 2.
+    """
     try:
         status = app(prog_name=NAME, standalone_mode=False)
     except click.ClickException as error:
-        _fail(_usage_message(error))
+        _fail(_usage_message(error), error.exit_code)
     except MeshReelError as error:
         _fail(error.message)
     except MemoryError:
@@ -91,7 +95,7 @@ def _usage_message(error: Any) -> str:
     return f"{error.format_message()} (meshreel {command}--help lists the options)"
 
 
-def _fail(message: str) -> None:
-    """Print one line on stderr, and exit with 1."""
+def _fail(message: str, exit_code: int = 1) -> None:
+    """Print one line on stderr, and exit."""
     print_error(message)
-    sys.exit(1)
+    sys.exit(exit_code)

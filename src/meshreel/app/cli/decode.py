@@ -99,7 +99,9 @@ def decode_command(
             target.local,
             overwrite=force, start_number=start_number, inputs=inputs, options=options,
         )  # fmt: skip
-        refuse_other_formats(Path(source), "meshreel convert writes it in another format")
+        remedy = f"encode it first: meshreel encode {source} -o {Path(source).stem}.reel"
+        convert = "`meshreel convert` writes it in another format directly"
+        refuse_other_formats(Path(source), f"{remedy}; {convert}")
         with (
             progress_bar() as progress,
             open_reel(stream, n_modes=modes, segment=segment, memory=memory) as reel,

@@ -76,8 +76,10 @@ class Number(click.ParamType):  # type: ignore[type-arg]  # not generic in older
         if isinstance(value, str) and self._unit == "in percent":
             value = value.removesuffix("%")
         try:
-            number = self._kind(value)
-        except ValueError:
+            above, slash, below = str(value).partition("/")  # as in 30000/1001
+            is_fraction = bool(slash) and self._kind is float
+            number = float(above) / float(below) if is_fraction else self._kind(value)
+        except (ValueError, ZeroDivisionError):
             number = None
         if self._allowed is not None:
             self._allowed.check(value if number is None else number, param.opts[0], self._unit)

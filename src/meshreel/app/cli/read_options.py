@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from meshreel.app.cli.parameters import Group
-from meshreel.codec.option import Option
+from meshreel.codec.option import Option, Range
 from meshreel.runtime.stores.address import is_remote, name_of, without_query
 
 if TYPE_CHECKING:
@@ -39,16 +39,23 @@ SplitOption = Annotated[
     ),
 ]
 
+MAX_FPS = 1e6
+"""A larger rate on the command line is a mistake; files may have any."""
+
 MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
 """Options that select meshes of a file, by their names in `ReadOptions`."""
 
 
-def _option(annotation: Any, help: str, metavar: str = "", default: Any = None) -> Option:
-    return Option(help, metavar=metavar, annotation=annotation, default=default, group=READING)
+def _option(annotation: Any, help: str, metavar: str = "", **settings: Any) -> Option:
+    return Option(help, metavar=metavar, annotation=annotation, group=READING, **settings)
 
 
 _OPTIONS = {
-    "fps": _option(float, "Frames per second. Default: that of the input."),
+    "fps": _option(
+        float,
+        "Frames per second, as in 25 or 30000/1001. Default: that of the input.",
+        range=Range(0.0, MAX_FPS),
+    ),
     "object": _option(
         str,
         "The mesh to read from a file with several (without this option, the error lists them).",
@@ -92,7 +99,7 @@ _OPTIONS = {
         "Attributes and groups to read, by name or kind: uv, color, material, ... Polygons and "
         "parts are always read.",
         "all|none|NAME,...",
-        "all",
+        default="all",
     ),
 }
 """By name in `ReadOptions`."""
