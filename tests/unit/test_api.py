@@ -201,3 +201,15 @@ def test_type_checkers_see_every_name(package):
     imports = (node for node in block.body if isinstance(node, ast.ImportFrom))
     names = {name.asname or name.name for node in imports for name in node.names}
     assert names - {"paper"} == set(package.__all__)
+
+
+def test_a_missing_file_is_an_error_of_this_package(tmp_path):
+    with pytest.raises(meshreel.MeshReelError, match="there is no file or folder"):
+        meshreel.open(tmp_path / "gone.reel")
+
+
+def test_signatures_show_no_addresses_of_objects():
+    functions = [getattr(meshreel, name) for name in meshreel.__all__]
+    shown = [str(inspect.signature(one)) for one in functions if inspect.isfunction(one)]
+    assert shown
+    assert not [text for text in shown if " at 0x" in text]

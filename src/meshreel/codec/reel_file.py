@@ -158,6 +158,11 @@ class ReelFile:
         return self._opened.n_verts
 
     @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of the positions, (T, V, 3)."""
+        return self.n_frames, self.n_verts, 3
+
+    @property
     def n_faces(self) -> int:
         """Number of triangles, M."""
         return self._opened.n_faces

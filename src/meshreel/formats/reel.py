@@ -22,6 +22,7 @@ from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import FrameSurvey
 from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
 from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of
+from meshreel.formats.sources import missing_source
 from meshreel.kernel.files import OpenFile
 from meshreel.model.extent import Extent
 from meshreel.model.frame_choice import start_of
@@ -66,8 +67,8 @@ def open(
     Raises
     ------
     InvalidInputError
-        If `n_modes` is below 1 or not supported by the stream, the segment does not exist, or the
-        path is a pipe or a device.
+        If there is no such file, `n_modes` is below 1 or not supported by the stream, the segment
+        does not exist, or the path is a pipe or a device.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the file is not a stream that this version supports, or its first block is incomplete.
     MemoryLimitError
@@ -116,7 +117,10 @@ def _open_binary(path: str | os.PathLike[str]) -> BinaryIO:
     if is_remote(path):
         return open_ranged(str(path))
     refuse_pipe(Path(path))
-    return Path(path).open("rb")
+    try:
+        return Path(path).open("rb")
+    except FileNotFoundError:
+        raise InvalidInputError(missing_source(path)) from None
 
 
 def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:

@@ -1,11 +1,12 @@
 """Saving of sequences and of streamed frames in any format."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from meshreel.codec.options import check_names
 from meshreel.errors import ConnectivityChangeError, FormatError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
@@ -47,6 +48,7 @@ def save(
     options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
     notes: list[str] | None = None,
+    **settings: Any,
 ) -> list[Path] | list[str]:
     """Save a sequence; return the written files in frame order, or addresses of a remote output.
 
@@ -75,6 +77,8 @@ def save(
     notes : list of str, optional
         Receives a sentence for each thing that the format cannot store exactly, and the error of
         lossy formats.
+    **settings
+        Fields of `options` by name, such as ``max_error=0.1``.
 
     Notes
     -----
@@ -89,6 +93,8 @@ def save(
     StoreError
         If a remote output cannot be written.
     """
+    check_names(settings, [field.name for field in fields(WriteOptions)])
+    options = replace(options, **settings)
     with uploaded(output, overwrite=overwrite) as target:
         written = save_part(
             sequence,

@@ -286,7 +286,7 @@ class MeshSequence:
         self.starts, self.dtype = (0, self.n_frames), vertices.dtype
         self.fps, self.name, self.start_s = validate_fps(fps), name, validate_start(start_s)
         self.vertices = read_only(vertices)
-        self.faces = read_only(validate_faces(faces, self.n_verts))
+        self.faces = read_only(validate_faces(faces, self.n_verts, self.n_frames))
         self.n_faces = len(self.faces)
         sizes = self.n_verts, self.n_faces
         self.surface = surface if surface is PLAIN else surface.validated(*sizes)
@@ -322,6 +322,11 @@ class MeshSequence:
         if "vertices" in changes:
             return MeshSequence(**values)
         return MeshSequence.of_finite(self.vertices, **values)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of the positions, (T, V, 3), of a sequence of one segment."""
+        return self.n_frames, self.n_verts, 3
 
     @property
     def segments(self) -> tuple[FrameSource, ...]:

@@ -22,7 +22,9 @@ def validate_vertices(vertices: Any) -> Vertices:
     """
     array = np.asarray(vertices)
     if array.ndim != 3 or array.shape[2] != 3:
-        raise InvalidInputError(f"vertices must have shape (T, V, 3); got {array.shape}")
+        is_frame = array.ndim == 2 and array.shape[1] == 3
+        remedy = "; for a sequence of one frame, pass vertices[None]" if is_frame else ""
+        raise InvalidInputError(f"vertices must have shape (T, V, 3); got {array.shape}{remedy}")
     if array.dtype not in (np.float32, np.float64):
         raise InvalidInputError(
             f"vertices must be float32 or float64; got {array.dtype}; convert with astype"
@@ -54,8 +56,10 @@ def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
             )
 
 
-def validate_faces(faces: Any, n_verts: int) -> Faces:
+def validate_faces(faces: Any, n_verts: int, n_frames: int = 0) -> Faces:
     """Return the faces as int32 of shape (M, 3), all indices in 0..V-1 and M at least 1.
+
+    The number of frames serves the error: it recognizes positions whose first two axes are swapped.
 
     Raises
     ------
@@ -75,9 +79,11 @@ def validate_faces(faces: Any, n_verts: int) -> Faces:
     if array.min() < 0 or array.max() >= n_verts:
         outside = (array < 0) | (array >= n_verts)
         row = int(np.argmax(outside.any(axis=1)))
+        is_swapped = array.min() >= 0 and array.max() < n_frames
+        remedy = "; if it is (V, T, 3), pass vertices.swapaxes(0, 1)" if is_swapped else ""
         raise InvalidInputError(
             f"face {row} is {array[row].tolist()}; indices must be in 0..{n_verts - 1}, "
-            f"because vertices of shape (T, V, 3) have V = {n_verts}"
+            f"because vertices of shape (T, V, 3) have V = {n_verts}{remedy}"
         )
     return np.ascontiguousarray(array, dtype=np.int32)
 

@@ -31,5 +31,15 @@ class Count(float):
         return fraction
 
 
-def silent(stage: str, fraction: float) -> None:
-    """Ignore progress: the default callback."""
+class _Silent:
+    """A callback that ignores progress; signatures show its name."""
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        """Do nothing."""
+
+    def __repr__(self) -> str:
+        return "silent"
+
+
+silent: Progress = _Silent()
+"""The default callback, which ignores progress."""

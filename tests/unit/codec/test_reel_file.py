@@ -49,6 +49,10 @@ def reel(method):
         yield opened
 
 
+def test_shape_is_that_of_the_positions(reel, method):
+    assert reel.shape == WHOLE[method].shape == WHOLE[method].vertices.shape
+
+
 def test_frames_in_any_order_equal_decode(reel, method):
     for number in (22, 0, 13, 13, 4, -1, 7):
         assert_nearly_equal(reel[number].vertices, WHOLE[method].vertices[number])

@@ -41,6 +41,18 @@ def test_files_are_numbered_by_the_pattern(tmp_path, make_sequence, pattern, opt
     assert sorted(listing(paths[0].parent)) == sorted(expected)
 
 
+def test_save_takes_options_of_the_format_by_name(tmp_path, make_sequence):
+    sequence = make_sequence(2)
+    [path] = save(sequence, tmp_path / "a.reel", max_error=0.1)
+    with meshreel.open(path) as reel:
+        assert reel.error_bound is not None
+    with pytest.raises(InvalidInputError, match="option 'max_eror' is unknown; did you mean"):
+        save(sequence, tmp_path / "b.reel", max_eror=0.1)
+    with pytest.raises(InvalidInputError, match=r"max_error has no effect on a \.npz file"):
+        save(sequence, tmp_path / "b.npz", max_error=0.1)
+    assert listing(tmp_path) == ["a.reel"]
+
+
 def test_save_reports_progress_for_every_frame(tmp_path, make_sequence):
     seen = []
     save(make_sequence(2), tmp_path / "%d.obj", progress=lambda *step: seen.append(step))

@@ -95,3 +95,14 @@ def test_positions_size_is_that_of_the_array_when_in_memory():
 def test_extent_does_not_underflow_when_coordinates_are_tiny():
     vertices = np.array([[[0.0, 0.0, 0.0], [3e-200, 4e-200, 0.0]]])
     assert extent_of(vertices).mean_diagonal == pytest.approx(5e-200, rel=1e-12)
+
+
+def test_errors_of_shapes_say_how_to_pass_the_array():
+    vertices, faces = np.zeros((2, 4, 3)), [[0, 1, 2], [1, 2, 3]]
+    assert MeshSequence(vertices, faces).shape == (2, 4, 3)
+    with pytest.raises(InvalidInputError, match=r"got \(4, 3\); .* pass vertices\[None\]"):
+        MeshSequence(vertices[0], faces)
+    with pytest.raises(InvalidInputError, match=r"pass vertices\.swapaxes\(0, 1\)"):
+        MeshSequence(vertices.swapaxes(0, 1), faces)
+    with pytest.raises(InvalidInputError, match=r"face 1 is \[1, 2, 9\].* have V = 4$"):
+        MeshSequence(vertices, [[0, 1, 2], [1, 2, 9]])
