@@ -72,12 +72,12 @@ class SceneReading:
         depsgraph = self._context.evaluated_depsgraph_get()
         found = [reading.frame(depsgraph) for reading in self._readings]
         for reading, first, now in zip(self._readings, self._first, found, strict=True):
-            difference = now.difference(first)
-            if difference:
+            if not now.has_faces_of(first):
                 raise ExportError(
-                    f"{reading.obj.name} has {difference} at frame {self._first_frame}, at frame "
-                    f"{self._context.scene.frame_current}; a .reel has the same faces in every "
-                    "frame: export fewer frames, or take away the modifier that changes them"
+                    f"the faces of {reading.obj.name} at frame "
+                    f"{self._context.scene.frame_current} differ from those at frame "
+                    f"{self._first_frame}; a .reel has the same faces in every frame: export fewer "
+                    "frames, or take away the modifier that changes them"
                 )
         return np.concatenate([mesh.vertices for mesh in found], dtype=np.float32)
 
