@@ -82,8 +82,8 @@ def test_export_reports_the_frame_in_which_faces_change(blender, tmp_path):
     path = tmp_path / "grid.reel"
     path.write_bytes(b"what was there")
     result = blender("export_changing", path=path)
-    assert "grid has" in str(result["error"])
-    assert "at frame 1, at frame 4" in str(result["error"])
+    assert "the faces of grid" in str(result["error"])
+    assert "at frame 4 differ from those at frame 1" in str(result["error"])
     assert result["frame_after"] == 2
     assert path.read_bytes() == b"what was there"
 
