@@ -11,7 +11,6 @@ METERS = {
 """Length of each unit of error bounds and of models, in meters."""
 
 MODEL_UNITS = "u"
-MAX_PERCENT = 100.0
 _BOUND = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d{1,3})?|\.\d+(?:e[+-]?\d{1,3})?)\s*([a-z%]*)")
 
 
@@ -65,8 +64,8 @@ def bound_of(given: float | str, unit: str | None = None, option: str = "max_err
     Raises
     ------
     InvalidInputError
-        If it is none of these, not above 0, or more than the diagonal; if a length lacks the unit
-        of the model, or a unit is given with a bound that is not a length.
+        If it is none of these or not above 0, a length lacks the unit of the model, or a unit is
+        given with a bound that is not a length.
     """
     if not isinstance(given, str):
         return _checked(given, "", given, unit, option)
@@ -103,12 +102,6 @@ def _checked(
             f" has no effect on {given}, which is not a length; omit it, or give ",
             Keyword(option),
             " in mm, cm, m, km, in or ft",
-        )
-    if written != MODEL_UNITS and amount > MAX_PERCENT:
-        raise InvalidInputError(
-            Keyword(option),
-            f" is at most {MAX_PERCENT:g} percent of the diagonal; got {given}; {amount:g} model "
-            f"units are {amount:g}{MODEL_UNITS}",
         )
     return ErrorBound(amount, is_length=written == MODEL_UNITS)
 
