@@ -1,4 +1,4 @@
-"""Reports of `evaluate`, `paper` and `batch` on a phone and on a desktop."""
+"""Reports of `evaluate` and `paper` on a phone and on a desktop."""
 
 import pytest
 
