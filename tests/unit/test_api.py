@@ -1,6 +1,7 @@
 """Functions of the package with sequences, paths, bytes and open files."""
 
 import ast
+import copy
 import inspect
 import pickle
 import pydoc
@@ -14,6 +15,7 @@ import meshreel
 from meshreel.codec.decoder import decode as decode_bytes
 from meshreel.codec.encoder import encode as encode_sequence
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.runtime.progress import silent
 from samples.meshes import waving_grid
 from samples.opening import open_source
 
@@ -206,6 +208,10 @@ def test_type_checkers_see_every_name(package):
 def test_a_missing_file_is_an_error_of_this_package(tmp_path):
     with pytest.raises(meshreel.MeshReelError, match="there is no file or folder"):
         meshreel.open(tmp_path / "gone.reel")
+
+
+def test_the_silent_callback_stays_the_same_object():
+    assert copy.deepcopy(silent) is pickle.loads(pickle.dumps(silent)) is silent
 
 
 def test_signatures_show_no_addresses_of_objects():

@@ -40,6 +40,9 @@ class _Silent:
     def __repr__(self) -> str:
         return "silent"
 
+    def __reduce__(self) -> str:
+        return "silent"  # pickled and copied by reference, as the function of a module
+
 
 silent: Progress = _Silent()
 """The default callback, which ignores progress."""
