@@ -5,6 +5,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.save import save
+from meshreel.model.sequence import concatenate
 from meshreel.model.surface import PLAIN, Domain, Kind, Surface
 from samples.datasets import (
     CORNERS,
@@ -37,6 +38,19 @@ def test_vtkhdf_round_trips_exactly(tmp_path, extension, dtype, n_frames, read):
     assert_same_positions(result, sequence)
     assert_same_surface(result.surface, sequence.surface)
     assert (result.fps, result.start_s, result.name) == (29.97, 1 / 3, "walk")
+
+
+@pytest.mark.parametrize("extension", ["vtkhdf", "h5"])
+@pytest.mark.parametrize("read", [load, open_source])
+def test_vtkhdf_round_trips_faces_that_change(tmp_path, extension, read):
+    sequence = plain_sequence()
+    other = sequence.replace(faces=sequence.faces[:-1])
+    [path] = save(concatenate([sequence, other]), tmp_path / "a.vtkhdf")
+    result = read(path.rename(tmp_path / f"a.{extension}"))
+    assert result.n_segments == 2
+    for segment, expected in zip(result.segments, (sequence, other), strict=True):
+        assert_same_positions(segment, expected)
+        assert segment.faces.tolist() == expected.faces.tolist()
 
 
 @pytest.mark.parametrize("fps", RATES)

@@ -117,6 +117,24 @@ def test_reading_gives_numbers_of_hdf5_files(tmp_path, make_points, read):
     assert result.fps == 25
 
 
+@pytest.mark.parametrize(
+    ("selection", "message"),
+    [
+        ("0 0 0:1 1 1:6 11 3:5 11 3", "has a HyperSlab outside its source"),
+        ("0 0 0:0 1 1:1 11 3:5 11 3", "has a HyperSlab outside its source"),
+        ("0 0 0:1 1 1:1 11 3", "expected start:stride:count:size with this size"),
+        ("0 0 0:1 1 1:1 11 3:6 11 3", r"of an array of shape \(5, 11, 3\)"),
+        ("0 0:1 1 1:1 11 3:5 11 3", "has a HyperSlab without start, stride and count"),
+        ("0 -1 0:1 1 1:1 11 3:5 11 3", "has '-1' where a non-negative integer is expected"),
+        ("", "expected start:stride:count:size"),
+    ],
+)
+def test_invalid_parts_of_datasets_are_errors(tmp_path, selection, message):
+    place = item(f"a.h5:/all|{selection}", Dimensions=f"{N_VERTS} 3", Format="HDF")
+    with pytest.raises(FormatError, match=message):
+        load(write_hdf_steps(tmp_path, lambda index: place))
+
+
 @pytest.mark.parametrize(("endian", "order"), [("Little", "<"), ("Big", ">"), ("Native", "<")])
 def test_load_reads_numbers_of_binary_files(tmp_path, endian, order):
     points = POSITIONS[0].astype(order + "f4")
