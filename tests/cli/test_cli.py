@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.model.tracks import Track
 from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
+from samples.tracks import quad_sheet_with
 
 
 @pytest.fixture
@@ -303,3 +305,39 @@ def test_compare_notes_rotated_axes(grid, tmp_path):
     [note] = run_json("compare", grid, tmp_path / "turned.npz")["notes"]
     assert words in note
     assert run_json("compare", grid, grid)["notes"] == []
+
+
+def test_encode_compares_the_output_with_the_input_files_first(tmp_path):
+    sequence = waving_grid(12)
+    meshreel.save(sequence, tmp_path / "a_%02d.obj")
+    n_bytes = sum(path.stat().st_size for path in tmp_path.glob("*.obj"))
+    figures = run_json("encode", ".", "-o", "a.reel", cwd=tmp_path)
+    assert figures["input_size_bytes"] == n_bytes
+    ratio = n_bytes / (tmp_path / "a.reel").stat().st_size
+    lines = run("encode", ".", "-o", "b.reel", cwd=tmp_path).stdout.splitlines()
+    assert lines[1].split()[0] == "size"
+    assert lines[1].endswith(f", {ratio:.1f} x smaller")
+    part = run_json("convert", ".", "-o", "c.reel", "--frames", "0:3", cwd=tmp_path)
+    assert part["input_size_bytes"] is None
+
+
+def test_convert_says_that_a_file_is_compact_and_grows(reel, tmp_path):
+    shown = run("convert", reel, "-o", "b.reel", "--lossless", cwd=tmp_path).stdout
+    assert shown.splitlines()[1].endswith(" x larger")
+    assert "compact already: it stores less than all positions of all frames" in shown
+
+
+def test_info_and_encode_count_the_same_raw_bytes(tmp_path):
+    sheet = quad_sheet_with(heat=Track(np.zeros((12, 30), np.float32)))
+    meshreel.save(sheet, tmp_path / "a.npz")
+    raw = run_json("info", "a.npz", cwd=tmp_path)["meshes"][0]["raw_size_bytes"]
+    assert run_json("encode", "a.npz", cwd=tmp_path)["raw_size_bytes"] == raw
+
+
+def test_encode_says_that_only_tracks_have_a_bound(tmp_path):
+    heat = np.random.default_rng(0).random((12, 30), np.float32)
+    meshreel.save(quad_sheet_with(heat=Track(heat)), tmp_path / "a.npz")
+    text = "none on positions; --max-error sets one"
+    assert text in run("encode", "a.npz", cwd=tmp_path).stdout
+    done = run("encode", "a.npz", "--max-error", "0.1", "-o", "b.reel", cwd=tmp_path)
+    assert text not in done.stdout

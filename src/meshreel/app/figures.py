@@ -63,7 +63,8 @@ def _bound_rows(stream: "StreamInfo") -> dict[str, str]:
         return {"error bound": "lossless: positions are equal bit for bit"}
     percent = stream.error_bound_percent
     if not percent:
-        return {}
+        has_bounds = any(track.bound for track in stream.tracks)
+        return {"error bound": "none on positions; --max-error sets one"} if has_bounds else {}
     length = f"{percent / 100 * stream.diagonal:.4g} model units"
     return {"error bound": f"{percent:g} % of the diagonal, {length}, at every vertex"}
 

@@ -1,5 +1,6 @@
 """Inspection of files of any format without loading a sequence."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -61,7 +62,8 @@ class MeshInfo:
     n_meshes : int
         Distinct meshes among the segments.
     raw_size_bytes : int
-        Uncompressed bytes of the positions of all frames and the triangles of all segments.
+        Uncompressed bytes of the positions and tracks of all frames, and of the triangles and
+        surfaces of all segments; that of a stream counts the same.
     """
 
     name: str
@@ -240,7 +242,12 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         describe_materials(sequence.surface),
         describe_images(sequence.surface),
         tuple(f"{name}: {describe_track(track)}" for name, track in sequence.tracks.items()),
-        raw_size_bytes=positions_size_bytes(sequence) + sequence.faces.nbytes,
+        raw_size_bytes=(
+            positions_size_bytes(sequence)
+            + sequence.faces.nbytes
+            + sequence.surface.size_bytes
+            + sum(math.prod(one.shape) * one.dtype.itemsize for one in sequence.tracks.values())
+        ),
     )
 
 

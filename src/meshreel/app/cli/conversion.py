@@ -21,6 +21,13 @@ if TYPE_CHECKING:
     from meshreel.model.sequence import MeshSequence
 
 
+def input_size(files: Sequence[Path], reading: "ReadOptions", *, split: bool) -> int | None:
+    """Return the bytes of input files; None if each output contains only a part of them."""
+    if split or reading.object is not None:
+        return None
+    return sum(path.stat().st_size for path in files if path.is_file())
+
+
 @dataclass
 class Conversion:
     """Writes sequences and collects figures of the written files.
@@ -35,6 +42,9 @@ class Conversion:
         Options of streams.
     tracks : mapping of str to str, or None
         Error bounds of the tracks of streams.
+    input_bytes : int, optional
+        Size of the inputs, to be compared with an output of all their frames. Default: unknown, or
+        an output contains only a part of them.
     """
 
     target: "Output"
@@ -46,6 +56,7 @@ class Conversion:
     progress: Progress
     notes: list[str]
     tracks: Mapping[str, float | str] | None = None
+    input_bytes: int | None = None
     figures: list[dict[str, Any]] = field(default_factory=list)
     streams: list["EncodedFile"] = field(default_factory=list)
 
@@ -92,6 +103,7 @@ class Conversion:
                 sequence.part(frames), Path(output), self.config, self.notes,
                 tracks=self.tracks, force=self.force, progress=self.progress,
                 name=self.target.name(output),
+                input_bytes=self.input_bytes if len(frames) == sequence.n_frames else None,
             )  # fmt: skip
             self.streams.append(stream)
             figures = written_figures([Path(output)], sequence, len(frames), self.target)

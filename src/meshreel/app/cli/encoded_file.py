@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshreel.codec.config import EncoderConfig
+from meshreel.runtime.counting import size_text
 
 if TYPE_CHECKING:
     from meshreel.app.encoding import Encoded
@@ -12,13 +13,17 @@ if TYPE_CHECKING:
     from meshreel.model.sequence import MeshSequence
     from meshreel.runtime.progress import Progress
 
+MAX_COMPACT_SHARE = 0.7
+"""Files below this share of the raw values describe motion by a skin, or compress it."""
+
 
 @dataclass(frozen=True)
 class EncodedFile:
-    """A written stream and its name."""
+    """A written stream, its name, and the size of the files that contain exactly its frames."""
 
     output: str
     encoded: "Encoded"
+    input_bytes: int | None = None
 
     def figures(self) -> dict[str, Any]:
         """Figures for JSON."""
@@ -28,6 +33,7 @@ class EncodedFile:
         tracks = {name: errors.as_dict() for name, errors in achieved.tracks.items()}
         return {
             "output": self.output,
+            "input_size_bytes": self.input_bytes,
             "n_segments": len(stream.segments),
             "n_meshes": self.encoded.n_meshes,
             **size_figures(stream),
@@ -43,8 +49,21 @@ class EncodedFile:
 
         encoded, stream = self.encoded, self.encoded.stream
         rows = size_rows(stream, encoded.n_meshes) | achieved_rows(encoded.achieved, stream)
-        print_table(self.output, rows | uv_rows(encoded.uv))
+        rows["ratio"] += " than raw values"
+        print_table(self.output, self._input_rows() | rows | uv_rows(encoded.uv))
         print_bars("bytes", stream.part_bytes)
+
+    def _input_rows(self) -> dict[str, str]:
+        """Return a row that compares the sizes of the input files and of the output."""
+        if not self.input_bytes:
+            return {}
+        size, raw = self.encoded.stream.size_bytes, self.encoded.stream.raw_size_bytes
+        ratio = self.input_bytes / size
+        change = f"{ratio:.1f} x smaller" if ratio >= 1 else f"{1 / ratio:.1f} x larger"
+        rows = {"size": f"{size_text(self.input_bytes)} -> {size_text(size)}, {change}"}
+        if self.input_bytes < MAX_COMPACT_SHARE * raw:
+            rows["input"] = "compact already: it stores less than all positions of all frames"
+        return rows
 
 
 def encode_file(
@@ -57,6 +76,7 @@ def encode_file(
     force: bool,
     progress: "Progress",
     name: str,
+    input_bytes: int | None = None,
 ) -> EncodedFile:
     """Encode a sequence, measure and write it; figures show `name` as the output."""
     from meshreel.app.encoding import encode_and_measure
@@ -65,4 +85,4 @@ def encode_file(
     encoded = encode_and_measure(sequence, config, tracks, notes, progress=progress)
     with replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(encoded.data)
-    return EncodedFile(name, encoded)
+    return EncodedFile(name, encoded, input_bytes)
