@@ -12,6 +12,7 @@ from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.codec.surface.payloads import MATERIAL_NUMBERS, TEXTURE_NUMBERS
 from meshreel.kernel.files import OpenFile
+from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.materials import SLOTS
 from meshreel.paper.blocks import stored_block
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
@@ -43,7 +44,7 @@ def read_by_core(data, segment=None):
         faces=sequence.faces.tolist(),
         order=opened.order.tolist(),
         blocks=blocks,
-        surface=surface_of(sequence.surface),
+        surface=surface_of(sequence.surface, sequence.faces),
         start=numbers[0],
         error_bound=numbers[1],
         anchors=anchors,
@@ -171,11 +172,12 @@ def tracks_of(opened):
     return tracks
 
 
-def surface_of(surface):
-    """Return a surface as plain values."""
+def surface_of(surface, faces):
+    """Return the surface of these triangles as plain values."""
     sizes = surface.face_sizes
     return {
         "polygons": None if sizes is None else sizes.tolist(),
+        "triangle corners": triangle_corners(surface.sizes(len(faces)), faces).ravel().tolist(),
         "attributes": [attribute_of(attribute) for attribute in surface.attributes],
         "groups": [
             {"name": group.name, "labels": list(group.labels), "numbers": group.numbers.tolist()}

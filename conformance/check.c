@@ -1,7 +1,8 @@
 /* Decode a file with meshreel.h: `check IN.reel OUT`, for machines without Python.
 
    OUT is a sequence of arrays, each preceded by its size in bytes (uint64): the triangles (uint32);
-   the number of corners of each face (uint32; empty if all are triangles); for each attribute its
+   the number of corners of each face, and the face corner at each corner of the triangles (uint32;
+   both empty if all faces are triangles); for each attribute its
    values and the row of each item (int32; empty if each has its own); for each group the label of
    each face (int32); and for each track, positions first, the values of all frames. Files of the
    paper's methods have no tracks here. */
@@ -70,6 +71,8 @@ static void write_attribute(FILE *out, const meshreel_attribute *attribute) {
 static void write_surface(FILE *out, const meshreel_info *info, const meshreel_surface *surface) {
     uint64_t n_faces = info->n_faces;
     write_array(out, surface->face_sizes, surface->face_sizes ? n_faces * sizeof(uint32_t) : 0);
+    write_array(out, surface->triangle_corners,
+                surface->triangle_corners ? 3 * (uint64_t)info->n_triangles * sizeof(uint32_t) : 0);
     for (uint32_t i = 0; i < surface->n_attributes; i++) {
         write_attribute(out, &surface->attributes[i]);
     }

@@ -92,6 +92,7 @@ def describe_surface(surface):
     return {
         "polygons": None if sizes is None else len(sizes),
         "hash of polygons": None if sizes is None else hash_of(sizes),
+        **({} if sizes is None else {"hash of corners": hash_of(surface["triangle corners"])}),
         "attributes": [describe_attribute(one) for one in surface["attributes"]],
         "groups": [
             {

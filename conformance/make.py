@@ -24,6 +24,7 @@ from conformance.reader import read_all
 from conformance.sources import (
     attribute,
     book,
+    concave_sheet,
     faceted,
     fan,
     grid,
@@ -33,6 +34,7 @@ from conformance.sources import (
     of_everything,
     of_rough_integers,
     pinched,
+    seamed_uvs,
     sheet_of_quads,
     shuffled,
     sphere,
@@ -55,7 +57,8 @@ from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
 from meshreel.kernel.basis import NO_REST, Rests
 from meshreel.kernel.integers import encode_integers
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.hard_edges import shared_edges
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import Track
@@ -895,7 +898,7 @@ def with_corners(sizes, faces, jump):
     vertices = np.concatenate([plain.vertices, plain.vertices[:, :1] + 1], axis=1)
     surface = Surface(face_sizes=np.asarray(sizes, np.int32) if max(sizes) > 3 else None)
     sheet = MeshSequence(vertices, faces, 25, surface=surface)
-    of_corners = join_fans(sizes, np.asarray(faces))
+    of_corners = join_triangles(sizes, np.asarray(faces))
     side = np.repeat(np.arange(len(sizes)) > len(sizes) // 2, sizes)[:, None]
     t, v, c = np.ogrid[:16, : sheet.n_verts, :2]
     wave = (30 * np.sin(0.3 * t + 0.4 * v + c)).astype(np.float32)[:, of_corners]
@@ -944,6 +947,28 @@ def corners_in_rows():
     tracks = {**whole.tracks, "own": Track(own.astype(np.float32), "corner")}
     whole = whole.replace(tracks=tracks)
     return meshreel.encode(whole, max_error=0.001, block_frames=9)
+
+
+@stream
+def concave_polygons():
+    """Polygons whose triangles are not fans, with hard edges, seams, and tracks of corners."""
+    sizes, faces = concave_sheet()
+    whole = with_corners(sizes, faces, 9)
+    corners = join_triangles(sizes, faces)
+    surface = replace(
+        whole.surface,
+        attributes=(seamed_uvs(sizes, faces),),
+        hard_edges=shared_edges(sizes, corners).ends[::3],
+    )
+    return meshreel.encode(whole.replace(surface=surface), max_error=0.001, block_frames=9)
+
+
+def with_triangles_apart():
+    """A quad whose second triangle shares no side with the first."""
+    layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
+    block = (layout, basis, np.array([[4, -1, 2, 1]]), None)
+    surface = Surface(np.array([4], np.int32))
+    return by_hand([[0, 1, 2], [0, 1, 3]], 4, [block], order="keep", surface=surface)
 
 
 @stream
@@ -1020,6 +1045,7 @@ REFUSED["cosines_with_adaptive_times"] = with_adaptive_cosines
 REFUSED["cosines_with_rests"] = partial(with_cosines, 3, ((1, 2),))
 REFUSED["cosines_of_1025_frames"] = partial(with_cosines, 1025, ())
 REFUSED["long_name"] = with_long_name
+REFUSED["triangles_apart"] = with_triangles_apart
 for reason, payload in {
     "short": bytes(7),
     "long": np.float64(1.0).tobytes() + b"\0",

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from meshreel.kernel.polygons import triangulate
 from meshreel.model.geometry.hard_edges import shared_edges
-from meshreel.model.geometry.polygons import join_fans, triangulate_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -131,6 +132,18 @@ def moving(faces, n_frames=10, *, seed=5, n_more=0, dtype=np.float32, shape=(1.0
     return MeshSequence((size * vertices + offset).astype(dtype), faces, **more)
 
 
+def concave_sheet(rows=5, columns=9):
+    """Return a sheet of concave quads and hexagons, as sizes and triangles."""
+    c = (np.arange(rows - 1)[:, None] * columns + np.arange(0, columns - 1, 2)).ravel()
+    hexagons = np.stack([c, c + columns, c + columns + 1, c + columns + 2, c + 2, c + 1], 1)
+    quads = hexagons[::3, [0, 1, 2, 5, 5, 2, 3, 4]].reshape(-1, 4)
+    polygons = [*quads, *np.delete(hexagons, np.s_[::3], axis=0)]
+    sizes = np.array([len(polygon) for polygon in polygons], np.int32)
+    places = np.stack([*np.divmod(np.arange(rows * columns), columns), np.zeros(rows * columns)], 1)
+    places[:, :2] += np.random.default_rng(4).uniform(-0.6, 0.6, (rows * columns, 2))
+    return sizes, triangulate(sizes, np.concatenate(polygons), places)[0]
+
+
 def sheet_of_quads(rows=6, columns=7):
     """Return a sheet of quads, triangles and a pentagon, as sizes and triangles."""
     corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
@@ -149,12 +162,7 @@ def attribute(name, kind, domain, values, indices=None):
 
 def seamed_uvs(sizes, triangles, dtype=np.float32, name="uv"):
     """Return texture coordinates of corners, with some faces in a second chart."""
-    n_corners, n_verts = int(sizes.sum()), int(triangles.max()) + 1
-    first, triangle, at = 0, 0, np.empty(n_corners, np.int64)
-    for size in sizes:
-        at[first], at[first + 1] = triangles[triangle][:2]
-        at[first + 2 : first + size] = triangles[triangle : triangle + size - 2, 2]
-        first, triangle = first + size, triangle + size - 2
+    n_verts, at = int(triangles.max()) + 1, join_triangles(sizes, triangles)
     far = np.repeat(np.arange(len(sizes)) % 11 < 4, sizes)
     rows, indices = np.unique(at + n_verts * far, return_inverse=True)
     plane = np.stack([rows % n_verts % 7, rows % n_verts // 7], 1) / 7.3 + 2.0 * (
@@ -195,7 +203,7 @@ def of_everything(dtype=np.float32, n_frames=5, **more):
 def of_rough_integers():
     """Return a frame of polygons with rough integers at vertices and corners, with a seam."""
     sizes, triangles = sheet_of_quads(10, 11)
-    of_corners = join_fans(sizes, triangles)
+    of_corners = join_triangles(sizes, triangles)
     n_verts = int(triangles.max()) + 1
     far = np.repeat(np.arange(len(sizes)) > len(sizes) // 2, sizes)
     rows, indices = np.unique(of_corners + n_verts * far, return_inverse=True)
@@ -218,7 +226,8 @@ def of_boxes():
     sizes, corners = np.full(len(quads), 4, np.int32), quads.ravel()
     edges = shared_edges(sizes, corners).ends
     surface = Surface(sizes, hard_edges=np.delete(edges, [3, 6], axis=0))
-    return moving(triangulate_fans(sizes, corners), 5, surface=surface)
+    triangles = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    return moving(triangles, 5, surface=surface)
 
 
 def faceted(faces):

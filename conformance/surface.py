@@ -1,7 +1,8 @@
 """The surface of a mesh: POLYGONS to IMAGE, and HARD_EDGES, of docs/format.md."""
 
 import struct
-from itertools import accumulate
+from functools import cached_property
+from itertools import accumulate, islice
 from math import isfinite
 
 from conformance.bits import integers, need
@@ -20,7 +21,7 @@ TEXTURE_NUMBERS = (0.0, 0.0, 0.0, 1.0, 1.0)
 
 
 class Polygons:
-    """Faces as fans of triangles."""
+    """Faces that consist of adjoining triangles."""
 
     def __init__(self, payload, triangles):
         self.triangles, self.is_plain = triangles, payload is None
@@ -37,21 +38,41 @@ class Polygons:
     def n_corners(self):
         return len(self.triangles) + 2 * len(self.sizes)
 
-    def fans(self):
-        """Return the corner numbers of each triangle."""
-        fans, first = [], 0
+    @cached_property
+    def corners(self):
+        """The corner numbers of each triangle."""
+        corners, triangles, first = [], iter(self.triangles), 0
         for size in self.sizes:
-            fans += [(first, first + k, first + k + 1) for k in range(1, size - 1)]
+            for triangle in corners_of_face(list(islice(triangles, size - 2))):
+                corners.append(tuple(first + corner for corner in triangle))
             first += size
-        return fans
+        return corners
 
     def vertices_of_corners(self):
         vertices = [None] * self.n_corners
-        for fan, triangle in zip(self.fans(), self.triangles, strict=True):
-            for corner, vertex in zip(fan, triangle, strict=True):
+        for corners, triangle in zip(self.corners, self.triangles, strict=True):
+            for corner, vertex in zip(corners, triangle, strict=True):
                 if vertices[corner] is None:
                     vertices[corner] = vertex
         return vertices
+
+
+def corners_of_face(triangles):
+    """Return the corner of the face at each corner of its triangles."""
+    vertices, outline, corners = list(triangles[0]), [0, 1, 2], [(0, 1, 2)]
+    sides = [(0, 1), (1, 2), (2, 0)]
+    for x, y, z in triangles[1:]:
+        need(sides)
+        begin, end = sides.pop()
+        while (vertices[end], vertices[begin]) != (x, y):
+            need(sides)
+            begin, end = sides.pop()
+        added = len(vertices)
+        vertices.append(z)
+        outline.insert(outline.index(begin) + 1, added)
+        corners.append((end, begin, added))
+        sides += [(begin, added), (added, end)]
+    return [tuple(outline.index(corner) for corner in triangle) for triangle in corners]
 
 
 class AlongFaces:
@@ -147,7 +168,7 @@ class CornerReferences:
 
     def __init__(self, payload, polygons):
         payload = Payload(payload)
-        self.faces, self.items = polygons.triangles, polygons.fans()
+        self.faces, self.items = polygons.triangles, polygons.corners
         self.twins = twins_of(self.faces)
         counts = [payload.varint() for _ in range(9)]
         n_first = polygons.n_corners - sum(counts[:8])
@@ -239,7 +260,7 @@ def read_attribute(payload, polygons, n_verts, memory):
         predictors = (nothing, row_before)[predictor](n_rows)
         table = read_patterns(payload.rest(), width, stored, predictors)
     else:
-        corners = polygons.triangles if domain == "vertex" else polygons.fans()
+        corners = polygons.triangles if domain == "vertex" else polygons.corners
         triangles = [tuple(rows[corner] for corner in triangle) for triangle in corners]
         read = read_along_faces if predictor == ALONG_FACES else read_on_surface
         table = read(payload.rest(), n_rows, width, stored, triangles)
@@ -385,10 +406,10 @@ def polygons_of(container, faces):
 
 def graphs_of(polygons):
     """Return the pairs of adjacent faces and their number, and those of corners."""
-    fans, twins = polygons.fans(), twins_of(polygons.triangles)
+    twins = twins_of(polygons.triangles)
     of_triangle = [face for face, size in enumerate(polygons.sizes) for _ in range(size - 2)]
     vertices = [vertex for triangle in polygons.triangles for vertex in triangle]
-    corners = [corner for fan in fans for corner in fan]
+    corners = [corner for triangle in polygons.corners for corner in triangle]
     of_faces, of_corners = [], []
     for side, twin in enumerate(twins):
         end, twin_end = rotated(side, 1), rotated(twin, 1)
@@ -441,6 +462,7 @@ def read_surface(container, polygons, memory):
     need(len(hard_edges) < 2)
     return {
         "polygons": None if polygons.is_plain else polygons.sizes,
+        "triangle corners": [corner for triangle in polygons.corners for corner in triangle],
         "attributes": [
             read_attribute(payload, polygons, n_verts, memory)
             for payload in container.all_of("ATTRIBUTE")

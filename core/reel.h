@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 18 /* changes whenever a function or struct below changes */
+#define REEL_ABI 19 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -340,6 +340,22 @@ REEL_API int64_t reel_exact_decode(void *memory, size_t memory_size, const uint8
 REEL_API size_t reel_twins_memory(int64_t n_verts, int64_t n_faces);
 REEL_API int64_t reel_twins(void *memory, size_t memory_size, const int32_t *faces,
                             int64_t n_faces, int64_t n_verts, int32_t *twins);
+
+/* The corner of its polygon at each corner of a triangle, 3 for each triangle (outlines.c). Corners
+   are numbered polygon by polygon; a polygon of sizes[i] corners, at least 3, is the next sizes[i]
+   - 2 triangles. `max_size` is the largest size. Returns the number of corners; fails with
+   REEL_CORRUPT at the first polygon whose triangles do not adjoin. */
+REEL_API size_t reel_triangle_corners_memory(int64_t max_size);
+REEL_API int64_t reel_triangle_corners(void *memory, size_t memory_size, const int32_t *triangles,
+                                       const int32_t *sizes, int64_t n_polygons, int32_t *corners);
+
+/* Cut polygons into triangles (triangulate.c); `corners` are their vertices, polygon by polygon,
+   and `positions` three coordinates of each vertex. Returns the number of polygons whose triangles
+   may overlap, since they intersect themselves or are too large. */
+REEL_API size_t reel_triangulate_memory(int64_t max_size);
+REEL_API int64_t reel_triangulate(void *memory, size_t memory_size, const double *positions,
+                                  const int32_t *sizes, int64_t n_polygons, int64_t max_size,
+                                  const int32_t *corners, int32_t *triangles);
 
 /* Codes of the rows that corners refer to (corner_rows.c). `triangles` are vertices 0..n_verts-1,
    `twins` as above, and items[corner] of 0..n_items-1 is what has a row; NULL for the corner

@@ -227,6 +227,44 @@ void fuzz_surface_integers(void) {
     }
 }
 
+/* ---- polygons ---- */
+
+void fuzz_polygons(void) {
+    int64_t n_polygons = 1 + fuzz_below(6), n_verts = 3 + fuzz_below(20), max_size = 3, n = 0;
+    bool is_on_grid = fuzz_one_in(2);
+    int32_t *sizes = fuzz_allocate(n_polygons, sizeof *sizes);
+    double *positions = fuzz_allocate(3 * n_verts, sizeof *positions);
+    for (int64_t i = 0; i < n_polygons; i++) {
+        sizes[i] = 3 + (int32_t)fuzz_below(12);
+        max_size = sizes[i] > max_size ? sizes[i] : max_size;
+        n += sizes[i];
+    }
+    for (int64_t i = 0; i < 3 * n_verts; i++) {
+        positions[i] = is_on_grid ? (double)fuzz_below(i % 3 < 2 ? 6 : 1) : fuzz_float();
+    }
+    int32_t *corners = fuzz_allocate(n, sizeof *corners);
+    for (int64_t i = 0; i < n; i++) {
+        corners[i] = (int32_t)fuzz_below(n_verts);
+    }
+    int64_t n_corners = 3 * (n - 2 * n_polygons), result;
+    int32_t *triangles = fuzz_allocate(n_corners, sizeof *triangles);
+    int32_t *found = fuzz_allocate(n_corners, sizeof *found);
+    result = reel_triangulate(FUZZ_MEMORY(reel_triangulate_memory(max_size)), positions, sizes,
+                              n_polygons, max_size, corners, triangles);
+    FUZZ_CHECK(result >= 0 && result <= n_polygons);
+    fuzz_hash(triangles, n_corners, sizeof *triangles);
+    size_t size = reel_triangle_corners_memory(max_size);
+    result = reel_triangle_corners(FUZZ_MEMORY(size), triangles, sizes, n_polygons, found);
+    FUZZ_CHECK(result == n);
+    for (int64_t i = 0; i < n_corners; i++) {
+        FUZZ_CHECK(triangles[i] == corners[found[i]]);
+    }
+    triangles[fuzz_below(n_corners)] = (int32_t)fuzz_below(n_verts);
+    result = reel_triangle_corners(FUZZ_MEMORY(size), triangles, sizes, n_polygons, found);
+    fuzz_check_code(result);
+    fuzz_hash(found, result < 0 ? 0 : n_corners, sizeof *found);
+}
+
 /* ---- numbers over time on a graph ---- */
 
 /* Random neighbors of items, mostly of nearby numbers. */

@@ -28,7 +28,8 @@ static size_t used;
 static int fill;
 
 static void (*const targets[])(void) = {fuzz_streams, fuzz_streams,      fuzz_surface_integers,
-                                        fuzz_hierarchy, fuzz_basis_encode, fuzz_exact};
+                                        fuzz_hierarchy, fuzz_basis_encode, fuzz_exact,
+                                        fuzz_polygons};
 #define N_TARGETS (sizeof targets / sizeof *targets)
 
 static uint64_t mix(uint64_t number) {

@@ -159,6 +159,10 @@ static void check_surface(const reading *r) {
         n_corners += surface->face_sizes[i];
     }
     FUZZ_CHECK(!surface->face_sizes || n_corners == info->n_corners);
+    FUZZ_CHECK(!surface->face_sizes == !surface->triangle_corners);
+    for (uint64_t i = 0; surface->triangle_corners && i < 3 * (uint64_t)info->n_triangles; i++) {
+        FUZZ_CHECK(surface->triangle_corners[i] < info->n_corners);
+    }
     for (uint32_t i = 0; i < surface->n_attributes; i++) {
         check_attribute(&surface->attributes[i]);
     }

@@ -317,8 +317,11 @@ typedef struct meshreel_image {
 
 typedef struct meshreel_surface {
     /* Corners of each face, or NULL if all are triangles. A face with n corners is the next n - 2
-       triangles, a fan around its first corner. */
+       triangles. */
     const uint32_t *face_sizes;
+    /* The face corner, numbered face by face, at each corner of the triangles; NULL if all faces
+       are triangles: then corner i of the triangles is corner i of the faces. */
+    const uint32_t *triangle_corners;
     const meshreel_attribute *attributes;
     const meshreel_groups *groups;
     const meshreel_part *parts;

@@ -154,9 +154,9 @@ static int read_corner_counts(reel_call *call, reel_range *left, uint64_t n_item
 static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range coded,
                             const meshreel_attribute *result, int32_t *rows) {
     const reel_outline *outline = faces->outline;
-    uint64_t at = coded.at, n_items = result->n_items, n_sides = 3 * outline->n_faces;
+    uint64_t at = coded.at, n_items = result->n_items;
     int64_t lengths[REEL_CORNER_CONTEXTS + 1], n_faces = (int64_t)outline->n_faces;
-    int32_t tables[REEL_CORNER_CONTEXTS + 1], *values, *twins, *items = NULL;
+    int32_t tables[REEL_CORNER_CONTEXTS + 1], *values, *twins;
     for (int32_t i = 0; i <= REEL_CORNER_CONTEXTS; i++) {
         tables[i] = i;
     }
@@ -166,16 +166,11 @@ static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range
     const int32_t *triangles = (const int32_t *)faces->triangles;
     REEL_TRY(reel_find_twins(call, &call->scratch, triangles, outline->n_faces, outline->n_verts,
                              &twins));
-    if (faces->sizes) {
-        items = reel_scratch(call, n_sides, sizeof *items);
-        REEL_NEED(items);
-        reel_find_fans(outline, faces->sizes, items);
-    }
     size_t size = reel_corner_rows_memory((int64_t)outline->n_verts, (int64_t)n_items);
     void *memory = reel_scratch(call, size, 1);
     REEL_NEED(memory);
     int64_t n_explicit = lengths[REEL_CORNER_CONTEXTS];
-    int64_t code = reel_corner_rows(memory, size, triangles, twins, items, n_faces,
+    int64_t code = reel_corner_rows(memory, size, triangles, twins, faces->corners, n_faces,
                                      (int64_t)outline->n_verts, (int64_t)n_items, result->n_rows,
                                      values, lengths, values + n_items, n_explicit, rows);
     return code < 0 ? reel_corrupt(call, at, "the references of corners do not match the faces")
@@ -233,10 +228,9 @@ static int predict_in_order(reel_call *call, uint32_t n_rows, bool from_previous
 static void find_rows_of_triangles(const reel_faces *faces, const meshreel_attribute *result,
                                    int32_t *triangle_rows) {
     uint64_t count = 3 * faces->outline->n_faces;
-    if (result->domain == MESHREEL_CORNERS) {
-        reel_find_fans(faces->outline, faces->sizes, triangle_rows);
-    } else {
-        reel_copy(triangle_rows, faces->triangles, (size_t)count * sizeof *triangle_rows);
+    for (uint64_t i = 0; i < count; i++) {
+        triangle_rows[i] = result->domain == MESHREEL_CORNERS ? reel_corner_at(faces, i)
+                                                              : (int32_t)faces->triangles[i];
     }
     for (uint64_t i = 0; result->rows && i < count; i++) {
         triangle_rows[i] = result->rows[triangle_rows[i]];

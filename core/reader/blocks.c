@@ -56,8 +56,8 @@ static int find_items(reel_call *call, meshreel_decoder *decoder, uint32_t numbe
         return MESHREEL_OK;
     }
     reel_pool pool = {NULL, 0};
-    int failed = reel_find_items(call, &pool, &file->outline, &file->mesh, file->face_sizes,
-                                 &file->tracks[number], &state->items);
+    int failed = reel_find_items(call, &pool, &file->faces, &file->mesh, &file->tracks[number],
+                                 &state->items);
     state->has_items = !failed;
     return reel_append(&file->host, failed, &decoder->pool, &pool);
 }

@@ -295,7 +295,7 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
                  ? reel_read_edited_mesh(call, pool, outline, mesh)
                  : reel_decode_connectivity(call, pool, outline, mesh));
     REEL_TRY(reel_find_graph(call, pool, outline, mesh));
-    REEL_TRY(reel_read_face_sizes(call, pool, outline, &file->face_sizes));
+    REEL_TRY(reel_read_face_sizes(call, pool, outline, &file->faces));
     if (!outline->edit.length) {
         REEL_TRY(reel_prepare_order(call, pool, outline, mesh, &jobs.order));
     }
@@ -305,6 +305,8 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     }
     reel_run(call, run_mesh_job, &jobs, 2);
     REEL_TRY(jobs.order ? reel_finish_order(call, jobs.order) : MESHREEL_OK);
+    file->faces.triangles = mesh->triangles;
+    REEL_TRY(reel_find_triangle_corners(call, pool, &file->faces));
     if (jobs.hierarchy) {
         REEL_TRY(reel_finish_hierarchy(call, jobs.hierarchy, &file->field_mesh));
     }
@@ -341,8 +343,7 @@ int meshreel_read_surface(meshreel_file *file, meshreel_error *error) {
     }
     reel_call call = reel_begin_call(&file->source, &file->host, file->pool.held);
     reel_pool pool = {NULL, 0};
-    failed = reel_read_surface(&call, &pool, &file->outline, file->mesh.triangles,
-                               file->face_sizes, &file->surface);
+    failed = reel_read_surface(&call, &pool, &file->faces, &file->surface);
     file->has_surface = !failed;
     return reel_end_call(&call, reel_append(&file->host, failed, &file->pool, &pool), error);
 }

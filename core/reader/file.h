@@ -4,6 +4,7 @@
 #define REEL_FILE_H
 
 #include "field_mesh.h"
+#include "polygons.h"
 #include "tracks.h"
 
 struct meshreel_file {
@@ -17,7 +18,7 @@ struct meshreel_file {
     reel_track *tracks;
     bool has_mesh, has_surface;
     reel_mesh_data mesh;
-    const uint32_t *face_sizes;
+    reel_faces faces;
     /* Hierarchy of the vertices, for the stencil size of the first block; or NULL. */
     const reel_field_mesh *field_mesh;
     meshreel_surface surface;

@@ -17,7 +17,7 @@ static int find_sides(reel_call *call, const reel_faces *faces, face_sides *side
         sides->ends[row] = reel_scratch(call, outline->n_corners, sizeof(uint32_t));
     }
     REEL_NEED(vertices && sides->ends[0] && sides->ends[1]);
-    reel_find_corner_vertices(outline, faces->triangles, faces->sizes, vertices);
+    reel_find_corner_vertices(faces, vertices);
     for (uint64_t face = 0; face < outline->n_polygons; face++) {
         uint32_t size = faces->sizes ? faces->sizes[face] : 3;
         for (uint32_t k = 0; k < size; k++) {

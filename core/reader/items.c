@@ -2,28 +2,17 @@
 
 #include "items.h"
 
-#include "polygons.h"
-
-/* Fan triangulation: the polygon corner, numbered face by face, at each corner of a triangle, and
-   the polygon of each triangle. */
-typedef struct {
-    int32_t *corners;  /* 3 n_faces */
-    int32_t *polygons; /* n_faces */
-    uint64_t n_polygons, n_corners;
-} fans;
-
-static int find_fans(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                     const uint32_t *face_sizes, fans *result) {
-    *result = (fans){.n_polygons = outline->n_polygons, .n_corners = outline->n_corners};
-    result->corners = reel_scratch(call, 3 * outline->n_faces, sizeof *result->corners);
-    result->polygons = reel_pool_allocate(call, pool, outline->n_faces, sizeof *result->polygons);
-    REEL_NEED(result->corners && result->polygons);
-    reel_find_fans(outline, face_sizes, result->corners);
-    uint64_t triangle = 0;
+/* Find the face of each triangle. */
+static int find_polygons(reel_call *call, reel_pool *pool, const reel_faces *faces,
+                         const int32_t **result) {
+    const reel_outline *outline = faces->outline;
+    int32_t *polygons = reel_pool_allocate(call, pool, outline->n_faces, sizeof *polygons);
+    *result = polygons;
+    REEL_NEED(polygons);
     for (uint64_t polygon = 0; polygon < outline->n_polygons; polygon++) {
-        uint32_t size = face_sizes ? face_sizes[polygon] : 3;
+        uint32_t size = faces->sizes ? faces->sizes[polygon] : 3;
         for (uint32_t k = 2; k < size; k++) {
-            result->polygons[triangle++] = (int32_t)polygon;
+            *polygons++ = (int32_t)polygon;
         }
     }
     return MESHREEL_OK;
@@ -146,23 +135,22 @@ static int find_graph(reel_call *call, reel_pool *pool, const reel_outline *outl
     return reel_find_neighbors(call, pool, faces, (uint64_t)n_faces, (uint32_t)n_items, graph);
 }
 
-int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                    const reel_mesh_data *mesh, const uint32_t *face_sizes, const reel_track *track,
-                    reel_items *items) {
+int reel_find_items(reel_call *call, reel_pool *pool, const reel_faces *faces,
+                    const reel_mesh_data *mesh, const reel_track *track, reel_items *items) {
+    const reel_outline *outline = faces->outline;
     uint32_t domain = track->info.domain;
+    uint64_t n_corners = outline->n_corners;
     *items =
         (reel_items){.graph = mesh->graph, .order = mesh->to_internal, .inverse = mesh->to_output};
     if (domain == MESHREEL_VERTICES) {
         return MESHREEL_OK;
     }
-    fans of;
     int32_t *vertices = NULL;
     corner_rows rows = {NULL, 0};
-    REEL_TRY(find_fans(call, pool, outline, face_sizes, &of));
     if (domain == MESHREEL_CORNERS) {
-        vertices = reel_pool_allocate(call, pool, of.n_corners, sizeof *vertices);
+        vertices = reel_pool_allocate(call, pool, n_corners, sizeof *vertices);
         REEL_NEED(vertices);
-        reel_find_corner_vertices(outline, mesh->triangles, face_sizes, vertices);
+        reel_find_corner_vertices(faces, vertices);
         items->vertex = vertices;
         items->value_of = track->sharing == REEL_OF_VERTICES ? vertices : NULL;
     }
@@ -171,21 +159,23 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outlin
         return MESHREEL_OK;
     }
     items->order = items->inverse = NULL;
-    items->polygon = of.polygons;
-    uint64_t n_items = domain == MESHREEL_FACES ? of.n_polygons : of.n_corners;
+    REEL_TRY(find_polygons(call, pool, faces, &items->polygon));
+    uint64_t n_items = domain == MESHREEL_FACES ? outline->n_polygons : n_corners;
     if (track->sharing == REEL_OF_ROWS) {
         REEL_TRY(read_rows(call, pool, outline, track, vertices, mesh->to_internal, &rows));
-        REEL_TRY(find_row_vertices(call, pool, &rows, mesh, outline->n_verts, of.n_corners,
-                                   vertices, &items->vertex));
+        REEL_TRY(find_row_vertices(call, pool, &rows, mesh, outline->n_verts, n_corners, vertices,
+                                   &items->vertex));
         items->value_of = rows.of_corners;
         n_items = rows.n_rows;
     }
-    for (uint64_t i = 0; i < 3 * outline->n_faces; i++) {
-        if (domain == MESHREEL_FACES) {
-            of.corners[i] = of.polygons[i / 3];
-        } else if (rows.of_corners) {
-            of.corners[i] = rows.of_corners[of.corners[i]];
-        }
+    uint64_t n_triangle_corners = 3 * outline->n_faces;
+    int32_t *of_triangles = reel_scratch(call, n_triangle_corners, sizeof *of_triangles);
+    REEL_NEED(of_triangles);
+    for (uint64_t i = 0; i < n_triangle_corners; i++) {
+        int32_t corner = reel_corner_at(faces, i);
+        of_triangles[i] = domain == MESHREEL_FACES ? items->polygon[i / 3]
+                          : rows.of_corners        ? rows.of_corners[corner]
+                                                   : corner;
     }
-    return find_graph(call, pool, outline, mesh, of.corners, n_items, &items->graph);
+    return find_graph(call, pool, outline, mesh, of_triangles, n_items, &items->graph);
 }

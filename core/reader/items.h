@@ -4,6 +4,7 @@
 #define REEL_ITEMS_H
 
 #include "mesh.h"
+#include "polygons.h"
 #include "tracks.h"
 
 typedef struct {
@@ -16,8 +17,7 @@ typedef struct {
 } reel_items;
 
 /* Find the items of a track, in memory of `pool`. */
-int reel_find_items(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                    const reel_mesh_data *mesh, const uint32_t *face_sizes, const reel_track *track,
-                    reel_items *items);
+int reel_find_items(reel_call *call, reel_pool *pool, const reel_faces *faces,
+                    const reel_mesh_data *mesh, const reel_track *track, reel_items *items);
 
 #endif

@@ -16,11 +16,11 @@ static bool fits_triangles(const reel_outline *outline, const int32_t *above) {
 }
 
 int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                         const uint32_t **face_sizes) {
+                         reel_faces *faces) {
     reel_range payload, left;
     uint32_t n_sections = reel_count_sections(outline, REEL_POLYGONS, &payload);
     uint64_t n_polygons;
-    *face_sizes = NULL;
+    *faces = (reel_faces){.outline = outline};
     if (!n_sections) {
         return MESHREEL_OK;
     }
@@ -41,35 +41,37 @@ int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *o
         for (uint64_t i = 0; i < n_polygons; i++) {
             sizes[i] = 3U + (uint32_t)above[i];
         }
-        *face_sizes = sizes;
+        faces->sizes = sizes;
     }
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;
 }
 
-void reel_find_fans(const reel_outline *outline, const uint32_t *face_sizes, int32_t *corners) {
-    int32_t first = 0;
-    for (uint64_t i = 0; i < outline->n_polygons; i++) {
-        int32_t size = face_sizes ? (int32_t)face_sizes[i] : 3;
-        for (int32_t k = 1; k < size - 1; k++) {
-            corners[0] = first;
-            corners[1] = first + k;
-            corners[2] = first + k + 1;
-            corners += 3;
-        }
-        first += size;
+int reel_find_triangle_corners(reel_call *call, reel_pool *pool, reel_faces *faces) {
+    const reel_outline *outline = faces->outline;
+    if (!faces->sizes) {
+        return MESHREEL_OK;
     }
+    uint32_t max_size = 3;
+    for (uint64_t i = 0; i < outline->n_polygons; i++) {
+        max_size = faces->sizes[i] > max_size ? faces->sizes[i] : max_size;
+    }
+    const reel_chunk *mark = call->scratch.last;
+    size_t size = reel_triangle_corners_memory(max_size);
+    int32_t *corners = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof *corners);
+    void *memory = reel_scratch(call, size, 1);
+    REEL_NEED(corners && memory);
+    int64_t n_corners = reel_triangle_corners(memory, size, (const int32_t *)faces->triangles,
+                                              (const int32_t *)faces->sizes,
+                                              (int64_t)outline->n_polygons, corners);
+    REEL_CORRUPT_IF(n_corners < 0, REEL_UNKNOWN, "the triangles of a polygon do not adjoin");
+    faces->corners = corners;
+    reel_drop_scratch(call, mark);
+    return MESHREEL_OK;
 }
 
-void reel_find_corner_vertices(const reel_outline *outline, const uint32_t *triangles,
-                               const uint32_t *face_sizes, int32_t *vertices) {
-    for (uint64_t i = 0; i < outline->n_polygons; i++) {
-        uint32_t size = face_sizes ? face_sizes[i] : 3;
-        *vertices++ = (int32_t)triangles[0];
-        *vertices++ = (int32_t)triangles[1];
-        for (uint32_t k = 2; k < size; k++) {
-            *vertices++ = (int32_t)triangles[2];
-            triangles += 3;
-        }
+void reel_find_corner_vertices(const reel_faces *faces, int32_t *vertices) {
+    for (uint64_t i = 0; i < 3 * faces->outline->n_faces; i++) {
+        vertices[reel_corner_at(faces, i)] = (int32_t)faces->triangles[i];
     }
 }

@@ -167,17 +167,17 @@ static int read_sections(reel_call *call, reel_pool *pool, const reel_faces *fac
     return check_materials(call, arrays->materials, surface->n_materials, last_material);
 }
 
-int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                      const uint32_t *triangles, const uint32_t *face_sizes,
+int reel_read_surface(reel_call *call, reel_pool *pool, const reel_faces *faces,
                       meshreel_surface *surface) {
-    reel_faces faces = {.outline = outline, .triangles = triangles, .sizes = face_sizes};
+    const reel_outline *outline = faces->outline;
     surface_arrays arrays;
-    *surface = (meshreel_surface){.face_sizes = face_sizes};
+    *surface = (meshreel_surface){.face_sizes = faces->sizes,
+                                  .triangle_corners = (const uint32_t *)faces->corners};
     REEL_CORRUPT_IF(reel_count_sections(outline, REEL_PARTS, NULL) > 1 ||
                         reel_count_sections(outline, REEL_HARD_EDGES, NULL) > 1,
                     REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
     REEL_TRY(allocate_arrays(call, pool, outline, &arrays));
-    REEL_TRY(read_sections(call, pool, &faces, &arrays, surface));
+    REEL_TRY(read_sections(call, pool, faces, &arrays, surface));
     surface->attributes = arrays.attributes;
     surface->groups = arrays.groups;
     surface->materials = arrays.materials;

@@ -5,10 +5,8 @@
 
 #include "polygons.h"
 
-/* Decode the sections of a surface into memory of `pool`, for output triangles and the face sizes
-   from reel_read_face_sizes. */
-int reel_read_surface(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                      const uint32_t *triangles, const uint32_t *face_sizes,
+/* Decode the sections of a surface into memory of `pool`. */
+int reel_read_surface(reel_call *call, reel_pool *pool, const reel_faces *faces,
                       meshreel_surface *surface);
 
 #endif

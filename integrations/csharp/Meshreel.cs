@@ -244,9 +244,11 @@ namespace Meshreel
     /// <summary>The surface: everything about the mesh but positions and triangles.</summary>
     public sealed class ReelSurface
     {
-        /// <summary>Corners of each face, or null: all are triangles. A face of n corners is the next n - 2 triangles,
-        /// a fan from its first corner.</summary>
+        /// <summary>Corners of each face, or null: all are triangles. A face of n corners is the next n - 2
+        /// triangles.</summary>
         public int[] FaceSizes { get; internal set; }
+        /// <summary>Face corner, numbered face by face, at each corner of the triangles, or null: the same.</summary>
+        public int[] TriangleCorners { get; internal set; }
         public ReelAttribute[] Attributes { get; internal set; }
         public ReelGroups[] Groups { get; internal set; }
         public ReelPart[] Parts { get; internal set; }
@@ -255,9 +257,10 @@ namespace Meshreel
         /// <summary>Edges, two vertices each, across which faces do not share normals.</summary>
         public int[] HardEdges { get; internal set; }
 
-        internal ReelSurface(Native.surface c, int faceCount)
+        internal ReelSurface(Native.surface c, int faceCount, int triangleCount)
         {
             FaceSizes = Native.Copied<int>(c.face_sizes, faceCount);
+            TriangleCorners = Native.Copied<int>(c.triangle_corners, 3L * triangleCount);
             HardEdges = Native.Copied<int>(c.hard_edges, 2L * c.n_hard_edges);
             Attributes = Native.Each<Native.attribute, ReelAttribute>(c.attributes, c.n_attributes, a => new ReelAttribute
             {

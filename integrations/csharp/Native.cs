@@ -111,7 +111,7 @@ namespace Meshreel
 
         internal struct surface
         {
-            public IntPtr face_sizes, attributes, groups, parts, materials, images, hard_edges;
+            public IntPtr face_sizes, triangle_corners, attributes, groups, parts, materials, images, hard_edges;
             public uint n_attributes, n_groups, n_parts, n_materials, n_images, n_hard_edges;
         }
 

@@ -358,12 +358,14 @@ namespace Meshreel
                 var numbers = new Dictionary<long, int>();
                 var vertices = new List<int>();
                 var found = new List<Vector2>();
-                EachTriangle((triangle, face, first, second) =>
+                int[] cornerOf = file.Surface.TriangleCorners;
+                EachTriangle((triangle, face) =>
                 {
                     for (int k = 0; k < 3; k++)
                     {
-                        int item = uv.Domain == ReelDomain.Faces ? face : k == 0 ? first : second + k - 1;
-                        int vertex = corners[3 * triangle + k];
+                        int at = 3 * triangle + k;
+                        int item = uv.Domain == ReelDomain.Faces ? face : cornerOf == null ? at : cornerOf[at];
+                        int vertex = corners[at];
                         long key = (long)vertex << 32 | (uint)(uv.Rows == null ? item : uv.Rows[item]);
                         if (!numbers.TryGetValue(key, out int number))
                         {
@@ -384,7 +386,7 @@ namespace Meshreel
                 ReelGroups groups = file.Surface.Groups.FirstOrDefault(one => one.Name == "material");
                 int count = groups == null ? 0 : groups.Labels.Length;
                 List<int>[] lists = Enumerable.Range(0, count + 1).Select(_ => new List<int>()).ToArray();
-                EachTriangle((triangle, face, first, second) =>
+                EachTriangle((triangle, face) =>
                 {
                     int label = groups == null || groups.OfFaces[face] < 0 ? count : groups.OfFaces[face];
                     int at = 3 * triangle;
@@ -396,20 +398,18 @@ namespace Meshreel
                     .Select(list => list.ToArray()).ToArray();
             }
 
-            /// <summary>Call with the index of each triangle, of its face, and of its first and second corner; the third
-            /// follows the second.</summary>
-            private void EachTriangle(Action<int, int, int, int> act)
+            /// <summary>Call with the index of each triangle and of its face.</summary>
+            private void EachTriangle(Action<int, int> act)
             {
                 int[] sizes = file.Surface.FaceSizes;
-                int triangle = 0, start = 0;
+                int triangle = 0;
                 for (int face = 0; face < file.Info.FaceCount; face++)
                 {
-                    int size = sizes == null ? 3 : sizes[face];
-                    for (int k = 1; k + 1 < size; k++)
+                    int end = triangle + (sizes == null ? 1 : sizes[face] - 2);
+                    while (triangle < end)
                     {
-                        act(triangle++, face, start, start + k);
+                        act(triangle++, face);
                     }
-                    start += size;
                 }
             }
         }

@@ -245,6 +245,8 @@ export interface Surface {
   readonly triangles: Uint32Array;
   /** Corners of each polygon; null if all faces are triangles. */
   readonly faceSizes: Uint32Array | null;
+  /** Polygon corner, numbered face by face, at each corner of the triangles; null if they are the same. */
+  readonly triangleCorners: Uint32Array | null;
   readonly attributes: readonly Attribute[];
   /** Face groups, such as "material". `faceLabels` has the label index of each face; -1: none. */
   readonly groups: readonly {

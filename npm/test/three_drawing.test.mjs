@@ -10,7 +10,7 @@ const { computePositions, computeNormals } = await loadModule("cpu_frames");
 const TRIANGLES = Uint32Array.of(0, 1, 2, 0, 2, 3);
 
 function surface(parts = {}) {
-  const defaults = { faceSizes: null, attributes: [], groups: [], materials: [], images: [] };
+  const defaults = { faceSizes: null, triangleCorners: null, attributes: [], groups: [], materials: [], images: [] };
   return { triangles: TRIANGLES, ...defaults, hardEdges: null, ...parts };
 }
 
@@ -48,6 +48,7 @@ test("attributes of polygons and their corners are assigned to triangles", () =>
     surface({
       triangles: Uint32Array.of(0, 1, 2, 0, 2, 3, 3, 2, 4),
       faceSizes: Uint32Array.of(4, 3),
+      triangleCorners: Uint32Array.of(0, 1, 2, 0, 2, 3, 4, 5, 6),
       attributes: [
         attribute("uv", "corner", 2, corners),
         attribute("color", "face", 3, Uint8Array.of(255, 0, 0, 0, 255, 0)),
@@ -167,7 +168,9 @@ const BOX_EDGES = [[0, 1], [0, 2], [0, 4], [1, 3], [1, 5], [2, 3], [2, 6], [3, 7
 function box(edges) {
   const hardEdges = Uint32Array.from(edges.flat());
   const faceSizes = Uint32Array.from(BOX, (quad) => quad.length);
-  return surface({ triangles: BOX_TRIANGLES, faceSizes, hardEdges });
+  const triangleCorners = Uint32Array.from({ length: 36 }, (_, i) =>
+    4 * Math.floor(i / 6) + [0, 1, 2, 0, 2, 3][i % 6]);
+  return surface({ triangles: BOX_TRIANGLES, faceSizes, triangleCorners, hardEdges });
 }
 
 test("a vertex is split at hard edges, where faces have separate normals", () => {

@@ -159,6 +159,7 @@ def decoded_hashes(description, decoded):
     hashes = {
         "triangles": hash_of_integers(next(arrays), "<u4"),
         "polygons": hash_of_integers(next(arrays), "<u4"),
+        "corners": hash_of_integers(next(arrays), "<u4"),
         "attributes": [
             (hash_of(next(arrays)), hash_of_integers(next(arrays), "<i4"))
             for _ in description["attributes"]
@@ -174,6 +175,7 @@ def stored_hashes(description):
     return {
         "triangles": description["hash of faces"],
         "polygons": description["hash of polygons"],
+        "corners": description.get("hash of corners"),
         "attributes": [(a["hash of values"], a["hash of rows"]) for a in description["attributes"]],
         "groups": [group["hash of numbers"] for group in description["groups"]],
         "tracks": positions + [track["hash of values"] for track in description.get("tracks", [])],

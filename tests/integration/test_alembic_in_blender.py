@@ -10,7 +10,8 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.geometry.polygons import join_fans, triangulate_fans
+from meshreel.kernel.polygons import triangulate
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
@@ -50,9 +51,8 @@ def brought(has_blender, tmp_path_factory):
         (FaceGroups("material", ("red", "blue"), np.array([1, 0, 1], np.int32)),),
     )
     vertices = rng.standard_normal((6, 8, 3)).astype(np.float32)
-    sequence = MeshSequence(
-        vertices, triangulate_fans(SIZES, CORNERS), 30, "model", 5 / 30, surface
-    )
+    faces, _ = triangulate(SIZES, CORNERS, vertices[0])
+    sequence = MeshSequence(vertices, faces, 30, "model", 5 / 30, surface)
     save(sequence, path)
     return sequence, in_blender("bring", path)
 
@@ -104,7 +104,7 @@ def test_load_reads_polygons_exported_by_blender(sent):
     results, known = sent
     sizes = results.surface.sizes(results.n_faces)
     np.testing.assert_array_equal(sizes, known["sizes"])
-    np.testing.assert_array_equal(join_fans(sizes, results.faces), known["corners"])
+    np.testing.assert_array_equal(join_triangles(sizes, results.faces), known["corners"])
 
 
 def test_load_reads_textures_and_materials_exported_by_blender(sent):

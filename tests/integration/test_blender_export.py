@@ -5,7 +5,7 @@ import pytest
 
 import meshreel
 from integration.blender_session import why_not
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain, Kind
 
 if why_not():
@@ -95,7 +95,7 @@ def test_mirrored_objects_keep_their_face_orientation(blender, tmp_path):
     sides = reel.vertices[0][reel.faces]
     normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
     assert (normals[:, 2] > 0).all()
-    corners = join_fans(reel.surface.face_sizes, reel.faces)
+    corners = join_triangles(reel.surface.face_sizes, reel.faces)
     uv = reel.surface.of_kind(Kind.UV)[0].per_item()
     have = np.concatenate([reel.vertices[0][corners], uv], axis=1).reshape(-1, 4, 5)
     # The same corners in the other direction, from the same first.

@@ -339,7 +339,7 @@ class File:
             tuple(material_of(c.materials[i]) for i in range(c.n_materials)),
             tuple(image_of(c.images[i], data) for i in range(c.n_images)),
             array_at(c.hard_edges, (c.n_hard_edges, 2), np.int32) if c.n_hard_edges else None,
-        ).validated(self.info.n_verts, self.info.n_triangles)  # fmt: skip
+        ).validated(self.info.n_verts, self.triangles)  # fmt: skip
 
     def values(self, track=0, n_modes=0):
         """Decode all frames of a track with a new decoder."""

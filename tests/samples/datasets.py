@@ -6,7 +6,7 @@ import numpy as np
 
 from meshreel.errors import MeshReelError
 from meshreel.formats.load import load
-from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.kernel.polygons import triangulate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.costs import draws
@@ -47,7 +47,7 @@ def surfaced_sequence(
     """Return an animation of quads, triangles and a pentagon, with full-precision values."""
     rng = np.random.default_rng(n_frames)
     vertices = rng.standard_normal((n_frames, N_VERTS, 3)).astype(dtype)
-    faces = triangulate_fans(COUNTS, CORNERS)
+    faces, _ = triangulate(COUNTS, CORNERS, vertices[0])
     surface = full_surface() if surface is None else surface
     return MeshSequence(vertices, faces, fps, name, start_s, surface)
 

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from meshreel.kernel.polygons import triangulate
 from meshreel.model.geometry.hard_edges import shared_edges
-from meshreel.model.geometry.polygons import join_fans, triangulate_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
@@ -82,7 +83,7 @@ def quad_sheet(n_frames=6, dtype=np.float32, name="sheet", shift=0.0):
     )
     return MeshSequence(
         grid.vertices + np.asarray(shift, dtype),
-        triangulate_fans(sizes, corners),
+        triangulate(sizes, corners, grid.vertices[0])[0],
         24.0,
         name,
         1001 / 24,
@@ -116,7 +117,7 @@ def two_sheets(n_frames=6, dtype=np.float32):
 def every_third_edge(surface, faces):
     """Return every third edge between faces."""
     sizes = surface.sizes(len(faces))
-    return shared_edges(sizes, join_fans(sizes, faces)).ends[::3].astype(np.int32)
+    return shared_edges(sizes, join_triangles(sizes, faces)).ends[::3].astype(np.int32)
 
 
 def hard_sheet(n_frames=6):
@@ -141,7 +142,7 @@ def hard_box(n_frames=4):
     growth = 1 + np.arange(n_frames, dtype=np.float32) / n_frames
     return MeshSequence(
         BOX_CORNERS * growth[:, None, None],
-        triangulate_fans(sizes, corners),
+        triangulate(sizes, corners, BOX_CORNERS)[0],
         24.0,
         "box",
         surface=Surface(sizes, hard_edges=edges),
@@ -164,7 +165,7 @@ def cake(n_frames=3, n_around=24):
     shear = np.eye(3) + np.linspace(0, 0.1, n_frames)[:, None, None] * np.eye(3, k=1)
     return MeshSequence(
         (points @ shear).astype(np.float32),
-        triangulate_fans(sizes, corners),
+        triangulate(sizes, corners, points)[0],
         24.0,
         "cake",
         surface=Surface(sizes, hard_edges=rims),
@@ -173,7 +174,7 @@ def cake(n_frames=3, n_around=24):
 
 def cake_normals(sequence):
     """Return the exact corner normals of a `cake` in its first frame: (C, 3)."""
-    corners = join_fans(sequence.surface.face_sizes, sequence.faces)
+    corners = join_triangles(sequence.surface.face_sizes, sequence.faces)
     radial = sequence.vertices[0][corners].astype(float) * [1, 1, 0]
     n_side = 4 * (len(sequence.surface.face_sizes) // 3)
     n_end = (len(corners) - n_side) // 2

@@ -5,7 +5,8 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkIdList, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
 
-POINTS = np.random.default_rng(5).standard_normal((10, 3))
+CORNERS = [(0, 0), (1, 0), (1, 1), (0, 1), (2, 0.5), (5, 0), (4, 1), (3, 1), (3, -1), (4, -1)]
+POINTS = 0.1 * np.random.default_rng(5).standard_normal((10, 3)) + np.pad(CORNERS, ((0, 0), (0, 1)))
 POLYGONS = ([0, 1, 2, 3], [1, 4, 2], [5, 6, 7, 8, 9])
 UV = np.random.default_rng(6).random((10, 2)).astype(np.float32)
 COLORS = np.arange(40, dtype=np.uint8).reshape(10, 4)

@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
 from meshreel.model.surface import Surface
 
 from .mesh_reading import Matrix, mesh_reading
@@ -58,7 +57,7 @@ class SceneReading:
         merged, surface = _merged(names, self._first, surfaces, notes)
         if len(merged.counts) == 0:
             raise ExportError(f"{', '.join(names)}: missing faces; a .reel file needs a surface")
-        self.faces = triangulate_fans(merged.counts, merged.corners)
+        self.faces = triangulated(merged, notes)
         self.surface = replace(surface, face_sizes=merged.counts.astype(np.int32))
 
     def positions(self) -> npt.NDArray[np.float32]:

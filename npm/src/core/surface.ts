@@ -27,12 +27,13 @@ export function readSurface(library: Library, { handle, info, nPolygons }: File)
   const uint32s = (start: number, length: number): Uint32Array =>
     new Uint32Array(buffer, start, length).slice();
   const fields = new Struct(buffer, functions.meshreel_surface_of(handle) >>> 0);
-  const [sizes, ...starts] = fields.uint32s(7);
+  const [sizes, corners, ...starts] = fields.uint32s(8);
   const [nAttributes, nGroups, , nMaterials, nImages, nHardEdges] = fields.uint32s(6);
   const [attributes, groups, , materials, images, hardEdges] = starts;
   return {
     triangles: uint32s(functions.meshreel_triangles(handle) >>> 0, 3 * info.nFaces),
     faceSizes: sizes ? uint32s(sizes, nPolygons) : null,
+    triangleCorners: corners ? uint32s(corners, 3 * info.nFaces) : null,
     attributes: new Struct(buffer, attributes).array(nAttributes, readAttribute),
     groups: new Struct(buffer, groups).array(nGroups, (group) => {
       const name = group.text();

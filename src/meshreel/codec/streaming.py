@@ -372,7 +372,7 @@ class Encoder:
         given_surface: Surface,
     ) -> tuple[_Mesh, dict[str, Track]]:
         checked = np.array(validate_faces(faces, len(array)))
-        surface = given_surface.validated(len(array), len(checked))
+        surface = given_surface.validated(len(array), checked)
         bits = self._config.uv_bits
         if bits is not None and (self._mesh is None or has_uvs(surface)):
             check_uvs(surface, bits)

@@ -36,7 +36,7 @@ from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
 from meshreel.formats.scenes.timing import FrameTimes, frame_times
 from meshreel.formats.surfaces.hard_edges import NormalNotes
-from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.model.sequence import Faces, FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
@@ -329,7 +329,7 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
             f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "
             "use the mesh that the cache was created from"
         )
-    faces = triangulate_fans(mesh.counts, mesh.corners)
+    faces = triangulated(mesh, options.notes)
     return faces, replace(surface, face_sizes=mesh.counts.astype(np.int32))
 
 

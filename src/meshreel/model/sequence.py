@@ -288,9 +288,9 @@ class MeshSequence:
         self.vertices = read_only(vertices)
         self.faces = read_only(validate_faces(faces, self.n_verts, self.n_frames))
         self.n_faces = len(self.faces)
-        sizes = self.n_verts, self.n_faces
-        self.surface = surface if surface is PLAIN else surface.validated(*sizes)
-        self.tracks = dict(tracks and validated_tracks(tracks, self.n_frames, *sizes, self.surface))
+        self.surface = surface if surface is PLAIN else surface.validated(self.n_verts, self.faces)
+        counts = self.n_frames, self.n_verts, self.n_faces
+        self.tracks = dict(tracks and validated_tracks(tracks, *counts, self.surface))
 
     def __getattr__(self, name: str) -> Any:
         """Return what the only segment has; if there are several, say so."""

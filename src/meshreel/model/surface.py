@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import rows_as_bytes
 from meshreel.errors import InvalidInputError
+from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.materials import Image, Material, validated_materials
 
 Int32s = npt.NDArray[np.int32]
@@ -123,8 +124,8 @@ class Surface:
     ----------
     face_sizes : int32 array of shape (P,), optional
         Corners of each face, at least 3. A face with n corners consists of the next n - 2
-        triangles, a fan from its first corner (`meshreel.model.geometry.polygons`). Default: every
-        triangle is a face.
+        triangles; each adjoins those before, as `docs/format.md` (POLYGONS) describes; a fan does.
+        Default: every triangle is a face.
     attributes : tuple of Attribute
     groups : tuple of FaceGroups
     parts : tuple of Part
@@ -184,8 +185,8 @@ class Surface:
             return np.full(n_triangles, 3, np.int32)
         return self.face_sizes
 
-    def validated(self, n_verts: int, n_triangles: int) -> "Surface":
-        """Return the surface if it fits a mesh with these numbers of vertices and triangles.
+    def validated(self, n_verts: int, faces: npt.NDArray[np.integer]) -> "Surface":
+        """Return the surface if it fits a mesh with these vertices and triangles.
 
         The arrays of the result are read-only and of the documented types; face sizes are None if
         all are 3; hard edges are sorted, lower vertex first.
@@ -195,7 +196,8 @@ class Surface:
         InvalidInputError
             With the field that does not fit.
         """
-        sizes = _validated_sizes(self.face_sizes, n_triangles)
+        n_triangles = len(faces)
+        sizes = _validated_sizes(self.face_sizes, faces)
         n_faces = n_triangles if sizes is None else len(sizes)
         attributes = tuple(
             _validated_attribute(
@@ -241,7 +243,7 @@ PLAIN = Surface()
 """The surface of a mesh that consists of triangles only."""
 
 
-def _validated_sizes(sizes: Any, n_triangles: int) -> Int32s | None:
+def _validated_sizes(sizes: Any, faces: npt.NDArray[np.integer]) -> Int32s | None:
     if sizes is None:
         return None
     array = _integers(sizes, "face_sizes")
@@ -249,11 +251,12 @@ def _validated_sizes(sizes: Any, n_triangles: int) -> Int32s | None:
         face = int(np.argmax(array < 3))
         raise InvalidInputError(f"face_sizes must be at least 3; face {face} has {array[face]}")
     total = int(array.sum(dtype=np.int64)) - 2 * len(array)
-    if total != n_triangles:
-        raise InvalidInputError(
-            f"face_sizes imply {total} triangles as fans; the mesh has {n_triangles}"
-        )
-    return None if (array == 3).all() else _frozen(array)
+    if total != len(faces):
+        raise InvalidInputError(f"face_sizes imply {total} triangles; the mesh has {len(faces)}")
+    if (array == 3).all():
+        return None
+    triangle_corners(array, faces)  # raises if triangles of a polygon do not adjoin
+    return _frozen(array)
 
 
 def _validated_attribute(attribute: Attribute, expected: int) -> Attribute:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from meshreel.arrays import Floats, Integers, Values
-from meshreel.model.geometry.polygons import fan_corners
+from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.model.tracks import (
@@ -77,7 +77,7 @@ def items_at_corners(frame: MeshSequence, domain: Domain) -> Integers:
         return frame.faces.astype(np.int64)
     sizes = frame.surface.sizes(len(frame.faces))
     if domain is Domain.CORNER:
-        return fan_corners(sizes).astype(np.int64)
+        return triangle_corners(sizes, frame.faces).astype(np.int64)
     polygons = np.repeat(np.arange(len(sizes)), sizes - 2)
     return np.repeat(polygons[:, None], 3, axis=1)
 

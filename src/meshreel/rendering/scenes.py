@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
+from meshreel.kernel.polygons import triangle_corners
 from meshreel.metrics.compare import mesh_difference, require_comparable
 from meshreel.metrics.heat import (
     HEATS,
@@ -21,7 +22,6 @@ from meshreel.metrics.heat import (
 )
 from meshreel.metrics.reference import reference_of_box
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.sequence import Faces, MeshSequence, segment_of_frame, tracks_of_all
 from meshreel.model.surface import Domain, Kind, Surface
 from meshreel.model.tracks import describe_track, track_by_name
@@ -453,6 +453,6 @@ def colors_of_items(
         return colors
     sizes = surface.sizes(len(faces))
     if domain is Domain.CORNER:
-        return np.asarray(colors[fan_corners(sizes)])
+        return np.asarray(colors[triangle_corners(sizes, faces)])
     triangle_colors = np.repeat(colors, sizes - 2, axis=0)
     return np.repeat(triangle_colors[:, np.newaxis], 3, axis=1)

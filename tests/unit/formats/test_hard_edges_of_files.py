@@ -5,13 +5,14 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.notes import NORMALS
-from meshreel.model.geometry.polygons import fan_corners, join_fans
+from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.geometry.polygons import join_triangles
 from samples.gltf import Gltf
 from samples.meshes import BOX_CORNERS, BOX_QUADS, cake, cake_normals
 
 CAKE = cake(1)
 SIZES = CAKE.surface.face_sizes
-CORNERS = join_fans(SIZES, CAKE.faces)
+CORNERS = join_triangles(SIZES, CAKE.faces)
 
 
 def places(sequence):
@@ -23,7 +24,7 @@ def places(sequence):
 def cake_file(n_split=1, **node):
     """Write a GLB of unconnected triangles with corner normals."""
     file = Gltf()
-    corner_of = fan_corners(SIZES).ravel()
+    corner_of = triangle_corners(SIZES, CAKE.faces).ravel()
     normals = cake_normals(CAKE)[corner_of]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     values = {"NORMAL": file.accessor(normals)}

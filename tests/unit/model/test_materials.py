@@ -8,6 +8,7 @@ from meshreel.model.materials import Filter, Material, Texture, select_materials
 from meshreel.model.surface import Surface
 from samples.materials import look, png
 
+TRIANGLE = np.array([[0, 1, 2]])
 TEXTURED = Material("a", base_color_texture=Texture(0))
 
 
@@ -29,23 +30,23 @@ TEXTURED = Material("a", base_color_texture=Texture(0))
 )
 def test_surface_is_rejected_when_a_material_is_invalid(material, message):
     with pytest.raises(InvalidInputError) as error:
-        Surface(materials=(material,), images=(png(),)).validated(3, 1)
+        Surface(materials=(material,), images=(png(),)).validated(3, TRIANGLE)
     assert message in str(error.value)
 
 
 def test_surface_is_rejected_when_two_materials_have_the_same_name():
     with pytest.raises(InvalidInputError, match="2 materials have the name 'a'"):
-        Surface(materials=(Material("a"), Material("a"))).validated(3, 1)
+        Surface(materials=(Material("a"), Material("a"))).validated(3, TRIANGLE)
 
 
 def test_materials_keep_every_value_when_validated():
     materials, images = look()
-    assert Surface(materials=materials, images=images).validated(3, 1).materials == materials
+    assert Surface(materials=materials, images=images).validated(3, TRIANGLE).materials == materials
 
 
 def test_validated_converts_numpy_numbers():
     numpy_material = Material("a", roughness=np.float32(0.5), alpha_mode="mask")
-    (material,) = Surface(materials=(numpy_material,)).validated(3, 1).materials
+    (material,) = Surface(materials=(numpy_material,)).validated(3, TRIANGLE).materials
     assert type(material.roughness) is float
     assert material.alpha_mode.name == "MASK"
 

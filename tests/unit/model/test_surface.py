@@ -11,14 +11,15 @@ UV = Attribute("uv", Kind.UV, Domain.VERTEX, np.zeros((99, 2), np.float32))
 
 
 def test_validated_drops_face_sizes_when_all_are_triangles():
-    assert Surface(np.full(160, 3)).validated(99, 160).face_sizes is None
+    assert Surface(np.full(160, 3)).validated(99, waving_grid().faces).face_sizes is None
 
 
 @pytest.mark.parametrize(
     ("surface", "message"),
     [
         (Surface(np.array([2, 4])), "face_sizes must be at least 3; face 0 has 2"),
-        (Surface(np.array([4, 4])), "imply 4 triangles as fans; the mesh has 160"),
+        (Surface(np.array([4, 4])), "imply 4 triangles; the mesh has 160"),
+        (Surface(np.full(80, 4)), "do not adjoin"),
         (Surface(np.array([4.0, 4.0])), "must be integers"),
         (Surface(attributes=(replace(UV, values=UV.values[:5]),)), "5 values; vertex needs 99"),
         (Surface(attributes=(replace(UV, values=UV.values[:, 0]),)), "shape (N, 1..16)"),
@@ -47,7 +48,9 @@ def test_sequence_is_rejected_when_the_surface_does_not_fit(surface, message):
 
 
 def test_validated_sorts_hard_edges_and_removes_duplicates():
-    surface = Surface(hard_edges=np.array([[9, 2], [1, 0], [2, 9], [0, 1]])).validated(99, 160)
+    surface = Surface(hard_edges=np.array([[9, 2], [1, 0], [2, 9], [0, 1]])).validated(
+        99, waving_grid().faces
+    )
     assert surface.hard_edges.tolist() == [[0, 1], [2, 9]]
     assert not surface.hard_edges.flags.writeable
     assert not surface.is_plain
@@ -56,7 +59,7 @@ def test_validated_sorts_hard_edges_and_removes_duplicates():
 
 
 def test_surface_is_plain_when_no_edge_is_hard():
-    assert Surface(hard_edges=np.empty((0, 2), int)).validated(99, 160).is_plain
+    assert Surface(hard_edges=np.empty((0, 2), int)).validated(99, waving_grid().faces).is_plain
 
 
 def test_validated_surface_is_read_only():

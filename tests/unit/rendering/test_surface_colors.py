@@ -11,7 +11,7 @@ SIZES = np.array([4, 3], np.int32)
 
 
 def colored(domain, values):
-    return Surface(SIZES, (Attribute("color", Kind.COLOR, domain, values),)).validated(5, 3)
+    return Surface(SIZES, (Attribute("color", Kind.COLOR, domain, values),)).validated(5, FACES)
 
 
 def test_mesh_without_color_attributes_has_no_colors():

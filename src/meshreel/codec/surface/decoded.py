@@ -71,7 +71,7 @@ class _Image(ctypes.Structure):
 
 class _Surface(ctypes.Structure):
     _fields_ = [
-        ("face_sizes", _POINTER),
+        *fields_of(_POINTER, "face_sizes triangle_corners"),
         ("attributes", ctypes.POINTER(_Attribute)),
         ("groups", ctypes.POINTER(_Groups)),
         ("parts", ctypes.POINTER(_Part)),
@@ -113,7 +113,7 @@ def decoded_surface(file: OpenFile) -> Surface:
         hard_edges,
     )
     try:
-        return surface.validated(info.n_verts, info.n_triangles)
+        return surface.validated(info.n_verts, file.faces)
     except InvalidInputError as error:
         raise CorruptStreamError(f"the surface does not fit the mesh: {error}") from error
 

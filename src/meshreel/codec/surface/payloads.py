@@ -24,8 +24,9 @@ from meshreel.codec.surface.rows import (
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.errors import Keyword, Message
 from meshreel.kernel.integers import encode_integers
+from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
-from meshreel.model.geometry.polygons import fan_corners, join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 from meshreel.model.surface import (
     PLAIN,
@@ -130,7 +131,7 @@ def surface_in_order(
     numbers: dict[Domain, Integers] = {
         Domain.VERTEX: np.argsort(vertices),
         Domain.FACE: polygons,
-        Domain.CORNER: fan_corners(sizes).ravel()[corners.ravel()],
+        Domain.CORNER: triangle_corners(sizes, faces).ravel()[corners.ravel()],
     }
     return replace(
         surface,
@@ -245,7 +246,7 @@ def _write_parts(parts: tuple[Part, ...]) -> bytes:
 
 def _write_hard_edges(surface: Surface, faces: Faces) -> bytes:
     sizes = surface.sizes(len(faces))
-    edges = shared_edges(sizes, join_fans(sizes, faces))
+    edges = shared_edges(sizes, join_triangles(sizes, faces))
     numbers = np.flatnonzero(hard_flags(surface.hard_edges, edges))
     return write_varint(len(numbers)) + encode_integers([np.diff(numbers, prepend=-1) - 1])
 

@@ -8,7 +8,8 @@ from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.kernel.corner_rows import N_CONTEXTS, corner_codes
 from meshreel.kernel.integers import encode_integers
-from meshreel.model.geometry.polygons import fan_corners, join_fans
+from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain, Surface
 
 Integers = npt.NDArray[np.integer]
@@ -31,7 +32,8 @@ def faces_of_rows(
     """
     if domain is Domain.FACE:
         return None
-    corners = faces if domain is Domain.VERTEX else fan_corners(surface.sizes(len(faces)))
+    sizes = surface.sizes(len(faces))
+    corners = faces if domain is Domain.VERTEX else triangle_corners(sizes, faces)
     used = corners if rows is None else np.asarray(rows)[corners]
     return used.astype(np.int32)
 
@@ -53,7 +55,7 @@ def places_of(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> I
     """Return the place of each item: the vertex of a corner, 0 for other items."""
     if domain is not Domain.CORNER:
         return np.zeros(n_items, np.int64)
-    return join_fans(surface.sizes(len(faces)), faces)
+    return join_triangles(surface.sizes(len(faces)), faces)
 
 
 def encode_references(rows: Integers) -> bytes:
@@ -80,7 +82,8 @@ def encode_corner_references(
     faces : int32 array of shape (M, 3)
         The triangles of the polygons.
     """
-    items = None if surface.face_sizes is None else fan_corners(surface.face_sizes)
+    sizes = surface.face_sizes
+    items = None if sizes is None else triangle_corners(sizes, faces)
     n_verts = int(faces.max()) + 1
     order, contexts, codes = corner_codes(faces, twin_sides(faces, n_verts), items, rows, n_verts)
     by_context = [codes[contexts == number] for number in range(N_CONTEXTS)]

@@ -21,8 +21,8 @@ from meshreel.formats.notes import NORMALS as NORMALS_SUBJECT
 from meshreel.formats.notes import Note, NoteKind, add_once, is_about, note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.hard_edges import NormalNotes
+from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.formats.surfaces.welding import CornerWelder
-from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import differing_names
@@ -193,7 +193,7 @@ class _Run:
         surface = self._surface(notes)
         rows: slice | npt.NDArray[np.int64] = slice(None)
         if self._welder is None:
-            faces = triangulate_fans(mesh.counts, mesh.corners)
+            faces = triangulated(mesh, notes)
             surface = replace(surface, face_sizes=mesh.counts.astype(np.int32))
         else:
             faces, rows = self._welder.faces, self._welder.representatives

@@ -77,7 +77,7 @@ class StoredFrames:
         object.__setattr__(self, "faces", read_only(validate_faces(self.faces, self.n_verts)))
         object.__setattr__(self, "fps", validate_fps(self.fps))
         object.__setattr__(self, "start_s", validate_start(self.start_s))
-        surface = self.surface.validated(self.n_verts, len(self.faces))
+        surface = self.surface.validated(self.n_verts, self.faces)
         object.__setattr__(self, "surface", surface)
         check_tracks(self.tracks, self.n_frames, self.n_verts, len(self.faces), surface)
 

@@ -14,7 +14,7 @@ from meshreel.formats.gltf.morph_mesh import MorphMesh
 from meshreel.formats.gltf.morphs import BYTE
 from meshreel.formats.scenes.parts import PartMesh
 from meshreel.formats.surfaces.welding import weld_rows
-from meshreel.model.geometry.polygons import fan_corners
+from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
 Rows = npt.NDArray[Any]
@@ -79,7 +79,7 @@ def split_at_seams(
     rows_of_corners : integer array of shape (C,), optional
         Row of the normal of each corner, if vertices have several. Default: the vertex.
     """
-    corner_of = fan_corners(part.counts).ravel()
+    corner_of = triangle_corners(part.counts, part.faces).ravel()
     items = {
         Domain.VERTEX: part.corners[corner_of].astype(np.int64),
         Domain.FACE: np.repeat(np.arange(len(part.counts)), part.counts)[corner_of],

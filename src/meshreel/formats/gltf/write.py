@@ -29,9 +29,8 @@ from meshreel.formats.gltf.read import SEGMENT_START
 from meshreel.formats.notes import add_once, written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.formats.surfaces.polygons import describe_fans
+from meshreel.formats.surfaces.polygons import describe_triangles
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
 
@@ -85,7 +84,7 @@ def _write(
     notes = stream.notes
 
     def note_losses(mesh: FrameStream) -> None:
-        fans = describe_fans(mesh.surface.sizes(len(mesh.faces)))
+        fans = describe_triangles(mesh.surface.sizes(len(mesh.faces)))
         add_once(notes, filter(None, [*describe_losses(mesh.surface), fans]))
 
     sharing, _ = sharing_materials(stream, note_losses)
@@ -296,7 +295,7 @@ class SceneWriter:
         if self._options.normals is False:
             hard_edges = None  # only normals use them
         n_verts = part.verts.stop - part.verts.start
-        shading = RowNormals(part.counts, part.corners, hard_edges, n_verts)
+        shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
         split = split_at_seams(part, shading.rows.of_corner)
         used = np.zeros(n_verts, bool)
         used[split.sources] = True
@@ -304,7 +303,7 @@ class SceneWriter:
         if not len(split.sources):
             return
         of_vertices = np.cumsum(used) - 1
-        faces = of_vertices[triangulate_fans(part.counts, part.corners)].astype(np.int32)
+        faces = of_vertices[part.faces].astype(np.int32)
         is_used = used[shading.rows.vertices]
         of_rows = np.cumsum(is_used) - 1
         shading_mesh = ShadingMesh(

@@ -29,7 +29,7 @@ from meshreel.model.geometry.hard_edges import (
     lowest_connected,
     shared_edges,
 )
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -85,8 +85,7 @@ def obj_encoder(
         else:
             counts = surface.sizes(len(faces))
             n_verts = int(max(faces.max(), surface.hard_edges.max())) + 1
-            corners = join_fans(counts, faces)
-            shading = RowNormals(counts, corners, surface.hard_edges, n_verts)
+            shading = RowNormals(faces, counts, surface.hard_edges, n_verts)
             rows = replace(rows, normal=shading.rows.of_corner + 1)
     texture = "" if uv is None else _lines("vt", uv.values)
     objects = list(_objects(surface, _face_lines(faces, surface, rows), groups))
@@ -173,7 +172,7 @@ def _smoothing_groups(surface: Surface, faces: Faces) -> FaceGroups | None:
     None if a hard edge separates two faces of the same set, which smoothing groups cannot express.
     """
     counts = surface.sizes(len(faces))
-    edges = shared_edges(counts, join_fans(counts, faces))
+    edges = shared_edges(counts, join_triangles(counts, faces))
     is_hard = hard_flags(surface.hard_edges, edges)
     sides = np.flatnonzero(edges.of_side >= 0)
     of_face, edge = np.repeat(np.arange(len(counts)), counts)[sides], edges.of_side[sides]
@@ -205,7 +204,7 @@ class _Rows:
         track_domains: Mapping[TrackKind, Domain],
     ) -> "_Rows":
         """Return the indices for a surface and tracks of these domains."""
-        corners = join_fans(surface.sizes(len(faces)), faces)
+        corners = join_triangles(surface.sizes(len(faces)), faces)
         every = np.arange(len(corners))
 
         def rows_of(domain: Domain) -> Values:
@@ -223,7 +222,7 @@ class _Rows:
 
 def _face_lines(faces: Faces, surface: Surface, rows: _Rows) -> list[str]:
     counts = surface.sizes(len(faces))
-    corners = join_fans(counts, faces)
+    corners = join_triangles(counts, faces)
     words: Iterable[str] = map(str, (corners + 1).tolist())
     if rows.texture is not None:
         words = map("{}/{}".format, words, rows.texture.tolist())

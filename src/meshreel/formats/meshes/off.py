@@ -24,7 +24,7 @@ from meshreel.formats.notes import note_left_out, note_normals, note_unwritten
 from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.model.geometry.polygons import join_fans, ragged_indices
+from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
@@ -143,7 +143,7 @@ def off_encoder(
 
 def _face_lines(faces: Faces, surface: Surface, colors: Attribute | None) -> list[str]:
     counts = surface.sizes(len(faces))
-    rows = face_rows(counts, map(str, join_fans(counts, faces).tolist()))
+    rows = face_rows(counts, map(str, join_triangles(counts, faces).tolist()))
     ends = [f" {row}\n" for row in number_rows(colors.per_item())] if colors else ["\n"] * len(rows)
     pieces = zip(counts.tolist(), rows, ends, strict=True)
     return [f"{count} {row}{end}" for count, row, end in pieces]

@@ -20,7 +20,7 @@ from meshreel.formats.notes import (
     note_unwritten_tracks,
     note_unwritten_units,
 )
-from meshreel.model.geometry.polygons import join_fans, ragged_indices
+from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
@@ -130,7 +130,7 @@ def _face_table(
 ) -> tuple[list[str], bytes]:
     """Header lines that declare the faces, and the bytes of the faces."""
     counts = surface.sizes(len(faces)).astype(np.int64)
-    lists = [(INDEX_NAMES[0], counts, join_fans(counts, faces))]
+    lists = [(INDEX_NAMES[0], counts, join_triangles(counts, faces))]
     lists += [(CORNER_UV_NAME, 2 * counts, pairs.ravel()) for pairs in corner_values]
     header, fields = [f"element face {len(counts)}"], list[Lists]()
     for name, lengths, values in lists:

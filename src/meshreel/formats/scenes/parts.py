@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Int32s, Part, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -25,6 +25,8 @@ class PartMesh:
         Range of its vertices in the whole mesh.
     counts, corners : integer arrays
         Its faces as in `PolygonMesh`, indexing its own vertices.
+    faces : int32 array of shape (M, 3)
+        Their triangles.
     surface : Surface
         Its attributes, groups and hard edges, without parts and unused group labels.
     items : mapping of Domain to slice
@@ -35,6 +37,7 @@ class PartMesh:
     verts: slice
     counts: npt.NDArray[np.int32]
     corners: npt.NDArray[np.int32]
+    faces: Faces
     surface: Surface
     items: Mapping[Domain, slice]
 
@@ -53,7 +56,7 @@ class PartMesh:
     def edge_normals(self) -> RowNormals:
         """Return the computation of normals from faces and hard edges."""
         n_verts = self.verts.stop - self.verts.start
-        return RowNormals(self.counts, self.corners, self.surface.hard_edges, n_verts)
+        return RowNormals(self.faces, self.counts, self.surface.hard_edges, n_verts)
 
 
 def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iterator[PartMesh]:
@@ -63,7 +66,7 @@ def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iter
     yielded as one part.
     """
     counts = surface.sizes(len(faces))
-    corners = join_fans(counts, faces)
+    corners = join_triangles(counts, faces)
     parts = surface.parts or (Part(name, n_verts, len(counts)),)
     items = _items(parts, counts)
     owners = np.repeat(np.arange(len(parts)), [part.n_verts for part in parts])
@@ -73,14 +76,18 @@ def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iter
         items = _items(parts, counts)
     for part, own in zip(parts, items, strict=True):
         verts, own_faces = own[Domain.VERTEX], own[Domain.FACE]
-        own_corners = corners[own[Domain.CORNER]] - np.int32(verts.start)
+        own_items, first = own[Domain.CORNER], np.int32(verts.start)
+        triangles = slice(
+            own_items.start - 2 * own_faces.start, own_items.stop - 2 * own_faces.stop
+        )
         attributes = tuple(
             _cut_attribute(attribute, own[attribute.domain]) for attribute in surface.attributes
         )
         groups = tuple(_cut_groups(group, own_faces) for group in surface.groups)
         edges = _cut_edges(surface.hard_edges, verts)
         cut = Surface(None, attributes, tuple(g for g in groups if g.labels), hard_edges=edges)
-        yield PartMesh(part.name, verts, counts[own_faces], own_corners, cut, own)
+        own_corners, triangles_of = corners[own_items] - first, faces[triangles] - first
+        yield PartMesh(part.name, verts, counts[own_faces], own_corners, triangles_of, cut, own)
 
 
 def _items(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> list[dict[Domain, slice]]:

@@ -16,8 +16,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
 from meshreel.formats.scenes.timing import frame_times
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
@@ -195,7 +194,7 @@ class _SceneRun:
         if not timing.is_even:
             note_uneven_times(options.notes, timing.fps)
         about = Description(
-            triangulate_fans(first.counts, first.corners),
+            triangulated(first, options.notes),
             options.fps or mesh.fps or timing.fps,
             mesh.name.rstrip("/").rpartition("/")[2],
             timing.start_s,
@@ -298,7 +297,7 @@ def _fault(mesh: SceneMesh) -> str:
         first = mesh.frame(0)
         sizes = first.counts.astype(np.int32)
         surface = replace(mesh.surface(0), face_sizes=sizes)
-        surface.validated(len(first.vertices), int((first.counts - 2).sum()))
+        surface.validated(len(first.vertices), triangulated(first, []))
         for index in range(len(mesh.times_s)):
             frame = mesh.frame(index) if index else first
             validate_finite(frame.vertices[np.newaxis], first_frame=index)

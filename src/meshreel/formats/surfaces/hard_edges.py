@@ -9,6 +9,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.formats.notes import NORMALS, Note, NoteKind
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.kernel.polygons import triangulate
 from meshreel.model.geometry.hard_edges import (
     Int32s,
     corner_normals,
@@ -17,7 +18,6 @@ from meshreel.model.geometry.hard_edges import (
     shared_edges,
 )
 from meshreel.model.geometry.normals import face_normals
-from meshreel.model.geometry.polygons import triangulate_fans
 from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
 
@@ -70,7 +70,7 @@ def _find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> Ha
     counts, corners = mesh.counts, mesh.corners
     units = _units(normals)
     is_known = np.asarray(units.any(axis=1))
-    faces = triangulate_fans(counts, corners)
+    faces, _ = triangulate(counts, corners, mesh.vertices)
     sizes = counts.astype(np.int32)
     vectors = np.add.reduceat(
         face_normals(mesh.vertices, faces), np.cumsum(counts - 2) - counts + 2

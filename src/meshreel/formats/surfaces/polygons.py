@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.notes import NoteKind, add_note
+from meshreel.kernel.polygons import triangulate
 from meshreel.model.geometry.polygons import Integers
-from meshreel.model.sequence import Vertices
+from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Domain
 from meshreel.runtime.counting import counted
 
@@ -120,10 +122,19 @@ def reversed_corners(counts: Integers, *, keeps_first: bool = False) -> npt.NDAr
     return starts + places % sizes
 
 
-def describe_fans(counts: Integers) -> str:
+def triangulated(mesh: PolygonMesh, notes: list[str]) -> Faces:
+    """Return the triangles of the faces, of shape (M, 3); note polygons whose triangles overlap."""
+    faces, n_overlapping = triangulate(mesh.counts, mesh.corners, mesh.vertices)
+    if n_overlapping:
+        text = f"triangles overlap in {counted(n_overlapping, 'polygon')} with crossing sides"
+        add_note(notes, NoteKind.CHANGED, "overlapping triangles", text)
+    return faces
+
+
+def describe_triangles(counts: Integers) -> str:
     """Return a sentence on polygons that are triangulated; empty if all faces are triangles."""
     n_cut = int((counts > 3).sum())
     if n_cut == 0:
         return ""
-    kind = "quads" if counts.max() == 4 else "polygons with more than three corners"
-    return f"triangulated {n_cut} {kind} as fans, the same way in every frame"
+    kind = "quad" if counts.max() == 4 else "polygon"
+    return f"triangulated {counted(n_cut, kind)}, the same way in every frame"

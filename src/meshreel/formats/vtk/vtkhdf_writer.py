@@ -30,7 +30,7 @@ from meshreel.formats.vtk.vtkhdf_steps import (
     SEGMENT_STARTS,
     segment_group,
 )
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
@@ -138,7 +138,7 @@ class _Partitions:
     def add(self, segment: FrameStream) -> None:
         """Write the faces of a segment."""
         sizes = segment.surface.sizes(len(segment.faces))
-        corners = join_fans(sizes, segment.faces).astype(np.int64)
+        corners = join_triangles(sizes, segment.faces).astype(np.int64)
         self._offsets.append(np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]))
         self._connectivity.append(corners)
         self._sizes.append((segment.n_frames, segment.n_verts, len(sizes), len(corners)))

@@ -15,7 +15,7 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays, xml_text
 from meshreel.formats.vtk.xdmf_grid import CENTERS, UNIT
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, TRACK_KIND
-from meshreel.model.geometry.polygons import join_fans, ragged_indices
+from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 
 NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 BYTE_TYPES = {"i": "Char", "u": "UChar"}
@@ -118,7 +118,7 @@ def _attribute(one: OutputArray, item: str) -> str:
 def _topology(numbers: _HdfItems, stream: FrameStream) -> str:
     """Return the Topology element of the faces, which all frames share."""
     counts = stream.surface.sizes(len(stream.faces)).astype(np.int64)
-    corners = join_fans(counts, stream.faces).astype(np.int64)
+    corners = join_triangles(counts, stream.faces).astype(np.int64)
     if (counts == counts[0]).all():
         width = int(counts[0])
         kind, extra = TYPES.get(width, "Polygon"), f' NodesPerElement="{width}"'

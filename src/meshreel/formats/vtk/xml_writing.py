@@ -19,7 +19,7 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import POLYGON
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, NUMBERS, TRACK_KIND, UNITS
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
@@ -86,7 +86,7 @@ class FileEncoder:
         others = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
         self._n_cells = f'{others}NumberOfPolys="{len(counts)}"'
         cells: dict[str, Values] = {
-            "connectivity": join_fans(counts, faces).astype(np.int64),
+            "connectivity": join_triangles(counts, faces).astype(np.int64),
             "offsets": np.cumsum(counts, dtype=np.int64),
         }
         if extension == ".vtu":

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.normals import surface_normals
-from meshreel.model.geometry.polygons import Integers, join_fans, triangulate_fans
+from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.geometry.polygons import Integers, join_triangles
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Surface
 
@@ -218,8 +219,9 @@ class RowNormals:
 
     Parameters
     ----------
-    counts, corners : integer arrays
-        As in `shared_edges`.
+    faces : int32 array of shape (M, 3)
+    counts : integer array
+        Number of corners of each polygon.
     hard_edges : int32 array of shape (H, 2) or None
 
     Attributes
@@ -235,16 +237,16 @@ class RowNormals:
     """
 
     def __init__(
-        self, counts: Integers, corners: Integers, hard_edges: Int32s | None, n_verts: int
+        self, faces: Faces, counts: Integers, hard_edges: Int32s | None, n_verts: int
     ) -> None:
+        corners = join_triangles(counts, faces)
         self.rows: NormalRows = normal_rows(counts, corners, hard_edges, n_verts)
-        self.triangles: Int32s = triangulate_fans(counts, self.rows.of_corner)
+        self.triangles: Int32s = self.rows.of_corner[triangle_corners(counts, faces)]
 
     @classmethod
     def of_surface(cls, faces: Faces, surface: Surface, n_verts: int) -> "RowNormals":
         """The normals of a mesh with this surface."""
-        counts = surface.sizes(len(faces))
-        return cls(counts, join_fans(counts, faces), surface.hard_edges, n_verts)
+        return cls(faces, surface.sizes(len(faces)), surface.hard_edges, n_verts)
 
     def of_frames(self, frames: npt.NDArray[np.floating]) -> Floats:
         """Normals of the rows, of shape (T, R, 3), from positions of shape (T, V, 3)."""

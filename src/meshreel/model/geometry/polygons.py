@@ -1,9 +1,11 @@
-"""Polygons as ragged arrays: index arithmetic, triangulation as fans and its inverse."""
+"""Polygons as ragged arrays: index arithmetic, and corners from their triangles."""
 
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from meshreel.kernel.polygons import triangle_corners
 
 Integers = npt.NDArray[np.integer[Any]]
 
@@ -26,49 +28,25 @@ def ragged_indices(starts: Integers, counts: Integers) -> npt.NDArray[np.int64]:
     return np.repeat(starts - (ends - lengths), lengths) + np.arange(total, dtype=np.int64)
 
 
-def triangulate_fans(counts: Integers, corners: Integers) -> npt.NDArray[np.int32]:
-    """Cut each face into a fan of triangles from its first corner, in the order of the faces.
-
-    Parameters
-    ----------
-    counts, corners : integer arrays
-        Number of corners of each face, at least 3; concatenated vertex indices of all faces.
-
-    Returns
-    -------
-    int32 array of shape (sum of counts - 2, 3).
-    """
-    n_triangles = counts - 2
-    first = np.cumsum(counts) - counts
-    second = ragged_indices(first + 1, n_triangles)
-    fans = [corners[np.repeat(first, n_triangles)], corners[second], corners[second + 1]]
-    return np.stack(fans, axis=1).astype(np.int32)
-
-
-def join_fans(sizes: Integers, faces: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
-    """Concatenated corners of the faces that `triangulate_fans` cut.
+def join_triangles(sizes: Integers, faces: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
+    """Concatenated corners of the polygons that `meshreel.kernel.polygons.triangulate` cut.
 
     Parameters
     ----------
     sizes : integer array of shape (P,)
-        Number of corners of each face, at least 3.
+        Number of corners of each polygon, at least 3.
     faces : integer array of shape (sum of sizes - 2, 3)
-        The triangles, in the order of the faces.
+        The triangles, in the order of the polygons.
 
     Returns
     -------
     int32 array of shape (sum of sizes,).
+
+    Raises
+    ------
+    InvalidInputError
+        If the triangles of a polygon do not adjoin.
     """
-    sizes = np.asarray(sizes, np.int64)
-    first = np.cumsum(sizes) - sizes
-    first_triangle = np.cumsum(sizes - 2) - (sizes - 2)
-    corners = np.empty(int(sizes.sum()), np.int32)
-    corners[first], corners[first + 1] = faces[first_triangle, 0], faces[first_triangle, 1]
-    corners[ragged_indices(first + 2, sizes - 2)] = faces[:, 2]
+    corners = np.empty(int(np.sum(sizes)), np.int32)
+    corners[triangle_corners(sizes, faces)] = faces
     return corners
-
-
-def fan_corners(sizes: Integers) -> npt.NDArray[np.int32]:
-    """Index of the polygon corner at each triangle corner, of shape (M, 3)."""
-    sizes = np.asarray(sizes, np.int64)
-    return triangulate_fans(sizes, np.arange(int(sizes.sum()), dtype=np.int32))

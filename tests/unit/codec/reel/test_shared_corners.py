@@ -10,7 +10,7 @@ from meshreel.codec.reel.encoding.shared_corners import equal_corners
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, Sharing
 from meshreel.kernel.normals import surface_normals
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from samples.c_reader import Decoder, File, Host
@@ -29,7 +29,7 @@ def sheet(n_frames=10):
 
 
 SHEET = sheet()
-VERTICES = join_fans(SHEET.surface.sizes(SHEET.n_faces), SHEET.faces)
+VERTICES = join_triangles(SHEET.surface.sizes(SHEET.n_faces), SHEET.faces)
 N_POLYGONS = SHEET.surface.n_faces(SHEET.n_faces)
 SIDE = np.repeat(np.arange(N_POLYGONS) > N_POLYGONS // 2, SHEET.surface.sizes(SHEET.n_faces))
 

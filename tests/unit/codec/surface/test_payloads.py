@@ -21,8 +21,8 @@ from meshreel.errors import (
     TruncatedStreamError,
 )
 from meshreel.kernel.integers import encode_integers
+from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.geometry.hard_edges import shared_edges
-from meshreel.model.geometry.polygons import fan_corners
 from meshreel.model.materials import Image, Material, Texture
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
@@ -174,7 +174,7 @@ def test_attributes_and_groups_follow_triangles_when_the_order_of_faces_is_dropp
         items = {
             Domain.VERTEX: sequence.faces,
             Domain.FACE: np.repeat(polygons[:, None], 3, axis=1),
-            Domain.CORNER: fan_corners(sizes),
+            Domain.CORNER: triangle_corners(sizes, sequence.faces),
         }
         columns = [sequence.vertices[0][sequence.faces]]
         columns += [

@@ -3,7 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from samples import alembic as sample
 from samples.opening import open_source
 
@@ -15,7 +15,7 @@ NO_MESH = r"a\.abc: contains no mesh, only NURBS patches \(1\), cameras \(2\), p
 
 def polygons(sequence):
     sizes = sequence.surface.sizes(sequence.n_faces)
-    return np.split(join_fans(sizes, sequence.faces), np.cumsum(sizes)[:-1])
+    return np.split(join_triangles(sizes, sequence.faces), np.cumsum(sizes)[:-1])
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.kernel.polygons import triangulate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from meshreel.runtime.extras import Extra
@@ -18,13 +18,13 @@ pytest.importorskip("alembic3d")
 
 SIZES = np.array([4, 3, 5], np.int32)
 CORNERS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 0, 2, 4, 6], np.int32)
-FACES = triangulate_fans(SIZES, CORNERS)
 N_ITEMS = {Domain.VERTEX: 8, Domain.FACE: 3, Domain.CORNER: 12}
 
 
 def animated(n_frames=3, dtype=np.float32, surface=None, offset=0.0, **rest):
     vertices = np.random.default_rng(3).standard_normal((n_frames, 8, 3)) + offset
-    return MeshSequence(vertices.astype(dtype), FACES, surface=surface or Surface(SIZES), **rest)
+    faces, _ = triangulate(SIZES, CORNERS, vertices[0])
+    return MeshSequence(vertices.astype(dtype), faces, surface=surface or Surface(SIZES), **rest)
 
 
 def saved_and_loaded(path, sequence, notes=None, **choice):
@@ -37,7 +37,7 @@ def test_positions_and_polygons_round_trip_exactly(tmp_path):
     loaded = saved_and_loaded(tmp_path / "a.abc", sequence)
     assert loaded.vertices.dtype == np.float32
     np.testing.assert_array_equal(loaded.vertices, sequence.vertices)
-    np.testing.assert_array_equal(loaded.faces, FACES)
+    np.testing.assert_array_equal(loaded.faces, sequence.faces)
     np.testing.assert_array_equal(loaded.surface.face_sizes, SIZES)
     assert loaded.name == "Ödipus"
 
@@ -96,8 +96,8 @@ def test_groups_round_trip_exactly(tmp_path):
 
 def test_parts_round_trip_as_meshes(tmp_path):
     vertices = np.random.default_rng(0).standard_normal((2, 10, 3)).astype(np.float32)
-    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [7, 8, 9]])
     sizes = np.array([4, 3, 3], np.int32)
+    faces, _ = triangulate(sizes, np.arange(10), vertices[0])
     parts = (Part("/root/a", 4, 1), Part("/root/b/c", 3, 1), Part("/root/b/d", 3, 1))
     colors = Attribute("Cd", Kind.COLOR, Domain.FACE, np.eye(3, dtype=np.float32))
     sequence = MeshSequence(vertices, faces, 24, surface=Surface(sizes, (colors,), (), parts))

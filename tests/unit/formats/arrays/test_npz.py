@@ -183,7 +183,7 @@ def test_positions_with_frames_last_are_transposed(tmp_path, read):
         ({"group_names": np.array(["a"])}, "has no array 'group_0_numbers'"),
         ({"part_names": np.array(["a"])}, r"part_sizes must be integers of shape \(1, 2\)"),
         ({"part_sizes": np.array(["a"])}, r"part_sizes must be integers of shape \(0, 2\)"),
-        ({"face_sizes": np.array([4])}, "face_sizes imply 2 triangles as fans; the mesh has 1"),
+        ({"face_sizes": np.array([4])}, "face_sizes imply 2 triangles; the mesh has 1"),
         ({"start_s": np.array([1, 2])}, "start_s must be one number"),
         ({"start_s": np.nan}, "start_s must be finite"),
     ],

@@ -13,7 +13,7 @@ def two_quads(*attributes, groups=(), n_verts=6):
     """Return two adjacent squares with corners 0 to 7."""
     faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], np.int32)
     surface = Surface(np.array([4, 4], np.int32), attributes, groups)
-    (part,) = split_parts(faces, surface.validated(n_verts, 4), n_verts, "squares")
+    (part,) = split_parts(faces, surface.validated(n_verts, faces), n_verts, "squares")
     assert isinstance(part, PartMesh)
     return part
 

@@ -226,7 +226,7 @@ def test_corner_attributes_are_stored_per_split_vertex(tmp_path):
 def test_triangulation_of_polygons_is_noted(tmp_path):
     notes = []
     written(tmp_path, two_parts(), notes)
-    assert "triangulated 40 quads as fans, the same way in every frame" in notes
+    assert "triangulated 40 quads, the same way in every frame" in notes
 
 
 def test_requested_normals_have_unit_length(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.kernel.polygons import triangulate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track, domain_sizes
@@ -16,7 +16,7 @@ from samples.tracks import assert_same_tracks
 
 SIZES = np.array([4, 3, 5], np.int32)
 CORNERS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 0, 2, 4, 6], np.int32)
-FACES = triangulate_fans(SIZES, CORNERS)
+FACES = np.array([[0, 1, 2], [3, 4, 5]])
 
 
 @pytest.fixture(params=[("alembic3d", "Alembic", "a.abc"), ("pxr", "USD", "a.usdc")], ids=str)
@@ -33,7 +33,8 @@ def path(program_and_path):
 
 def animated(n_frames=3, dtype=np.float32, offset=0.0, fps=24.0, **rest):
     vertices = np.random.default_rng(3).standard_normal((n_frames, 8, 3)) + offset
-    return MeshSequence(vertices.astype(dtype), FACES, fps, surface=Surface(SIZES), **rest)
+    faces, _ = triangulate(SIZES, CORNERS, vertices[0])
+    return MeshSequence(vertices.astype(dtype), faces, fps, surface=Surface(SIZES), **rest)
 
 
 def saved_and_loaded(path, sequence, notes=None, **choice):

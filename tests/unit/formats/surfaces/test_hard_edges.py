@@ -14,14 +14,14 @@ from meshreel.formats.surfaces.hard_edges import (
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import corner_normals
 from meshreel.model.geometry.normals import face_normals
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from samples.meshes import cake, cake_normals, hard_box, hard_sheet, quad_sheet, waving_grid
 
 
 def polygons_of(sequence):
     sizes = sequence.surface.sizes(sequence.n_faces)
     return PolygonMesh(
-        sequence.vertices[0], sizes.astype(np.int64), join_fans(sizes, sequence.faces)
+        sequence.vertices[0], sizes.astype(np.int64), join_triangles(sizes, sequence.faces)
     )
 
 

@@ -2,23 +2,22 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.surfaces.polygons import describe_fans, polygon_mesh, reversed_corners
+from meshreel.formats.surfaces.polygons import describe_triangles, polygon_mesh, reversed_corners
 
 
 @pytest.mark.parametrize(
     ("counts", "expected"),
     [
         ([3, 3], ""),
-        ([3, 4, 4], "triangulated 2 quads as fans, the same way in every frame"),
+        ([3, 4, 4], "triangulated 2 quads, the same way in every frame"),
         (
             [5, 4],
-            "triangulated 2 polygons with more than three corners as fans, "
-            "the same way in every frame",
+            "triangulated 2 polygons, the same way in every frame",
         ),
     ],
 )
-def test_describe_fans_counts_triangulated_faces(counts, expected):
-    assert describe_fans(np.array(counts)) == expected
+def test_describe_triangles_counts_triangulated_faces(counts, expected):
+    assert describe_triangles(np.array(counts)) == expected
 
 
 def test_error_names_a_face_with_two_corners():

@@ -10,7 +10,7 @@ import meshreel
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.geometry.polygons import triangulate_fans
+from meshreel.kernel.polygons import triangulate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.opening import open_source
@@ -26,7 +26,8 @@ def sheets(n_frames=4, dtype=np.float32, *, fps=24.0, start_s=0.0, n_parts=2, of
     """Return a sequence of polygons, in parts, with attributes of every kind and domain."""
     rng = np.random.default_rng(5)
     vertices = (rng.normal(size=(n_frames, 9 * n_parts, 3)) + offset).astype(dtype)
-    faces = triangulate_fans(SIZES, CORNERS)
+    sizes = np.tile(SIZES, n_parts)
+    corners = np.concatenate([CORNERS + 9 * k for k in range(n_parts)])
     n_faces, n_corners = 3 * n_parts, 12 * n_parts
     uv = rng.random((7 * n_parts, 2), np.float32)
     rows = np.concatenate(
@@ -34,7 +35,7 @@ def sheets(n_frames=4, dtype=np.float32, *, fps=24.0, start_s=0.0, n_parts=2, of
     )
     numbers = np.tile([0, 1, -1], n_parts)
     surface = Surface(
-        np.tile(SIZES, n_parts),
+        sizes,
         (
             Attribute("st", Kind.UV, Domain.CORNER, uv, rows.astype(np.int32)),
             Attribute("uv 2", Kind.UV, Domain.VERTEX, rng.random((9 * n_parts, 2))),
@@ -59,7 +60,7 @@ def sheets(n_frames=4, dtype=np.float32, *, fps=24.0, start_s=0.0, n_parts=2, of
     )
     return MeshSequence(
         vertices,
-        np.concatenate([faces + 9 * k for k in range(n_parts)]),
+        triangulate(sizes, corners, vertices[0])[0],
         fps,
         "sheets",
         start_s,

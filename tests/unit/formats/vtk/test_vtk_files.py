@@ -322,7 +322,8 @@ def test_load_rejects_polyhedra_and_files_without_faces(tmp_path):
 
 
 def write_series(folder, n_frames, name="f_{}.vtu", dtype=np.float32):
-    positions = np.random.default_rng(1).standard_normal((n_frames, *POINTS.shape)).astype(dtype)
+    noise = np.random.default_rng(1).standard_normal((n_frames, *POINTS.shape))
+    positions = (POINTS + 0.1 * noise).astype(dtype)
     for index, points in enumerate(positions):
         path = folder / name.format(index)
         mesh = {"vtu": grid, "vtp": poly_data}[path.suffix[1:]](points)

@@ -9,7 +9,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import assert_same_surface, quad_sheet, two_sheets
@@ -94,7 +94,7 @@ def test_vtk_reads_positions_tracks_and_units_of_frame_files(tmp_path, extension
         assert result.GetPointData().GetNormals().GetName() == "N & <n>"
         assert (
             corners_of(result)
-            == join_fans(sheet.surface.sizes(sheet.n_faces), sheet.faces).tolist()
+            == join_triangles(sheet.surface.sizes(sheet.n_faces), sheet.faces).tolist()
         )
 
 
@@ -130,7 +130,7 @@ def test_vtk_reads_xdmf_data_of_every_step(tmp_path, dtype, width):
         reader.UpdateTimeStep(time)
         result = reader.GetOutputDataObject(0)
         assert np.array_equal(vtk_to_numpy(result.GetPoints().GetData()), sheet.vertices[frame])
-        expected = join_fans(sheet.surface.sizes(sheet.n_faces), sheet.faces)
+        expected = join_triangles(sheet.surface.sizes(sheet.n_faces), sheet.faces)
         assert corners_of(result) == expected.tolist()
         for values, data in ((at_points, result.GetPointData()), (at_cells, result.GetCellData())):
             array = data.GetArray("heat" if values is at_points else "area")

@@ -5,7 +5,7 @@ import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.hard_edges import normal_rows, shared_edges
 from meshreel.model.geometry.normals import vertex_normals
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Surface
 from samples.meshes import BOX_QUADS, hard_box, hard_sheet, quad_sheet, waving_grid
 
@@ -21,7 +21,7 @@ def test_shared_edges_are_in_the_order_of_their_first_sides():
 def test_corner_normals_are_vertex_normals_without_hard_edges():
     sheet = quad_sheet(2)
     computed = meshreel.corner_normals(sheet.vertices, sheet.faces, sheet.surface)
-    corners = join_fans(sheet.surface.face_sizes, sheet.faces)
+    corners = join_triangles(sheet.surface.face_sizes, sheet.faces)
     for frame, normals in zip(sheet.vertices, computed, strict=True):
         expected = vertex_normals(frame, sheet.faces)[corners]
         np.testing.assert_allclose(normals, expected, atol=1e-12)
@@ -61,7 +61,10 @@ def test_faces_that_share_only_a_vertex_are_one_fan_without_hard_edges():
 
 def test_hard_edges_split_the_same_corners_as_a_traversal_of_fans():
     sheet = hard_sheet(1)
-    counts, corners = sheet.surface.face_sizes, join_fans(sheet.surface.face_sizes, sheet.faces)
+    counts, corners = (
+        sheet.surface.face_sizes,
+        join_triangles(sheet.surface.face_sizes, sheet.faces),
+    )
     rows = normal_rows(counts, corners, sheet.surface.hard_edges, sheet.n_verts).of_corner
     assert len(set(rows.tolist())) > sheet.n_verts
     assert partition(rows) == partition(merged_labels(counts, corners, sheet.surface.hard_edges))

@@ -17,7 +17,7 @@ from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.surface.rows import distinct_rows
 from meshreel.codec.tracks import Sharing
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import DerivedTrack, TrackKind, TrackSource, track_blocks
 
@@ -78,7 +78,7 @@ def shared_track(track: TrackSource, mesh: CodedMesh) -> SharedTrack | None:
     if track.domain is not Domain.CORNER or mesh.order_kept is not Order.KEEP:
         return None
     sizes = mesh.surface.sizes(len(mesh.output_faces))
-    vertices = join_fans(sizes, mesh.output_faces).astype(np.int64)
+    vertices = join_triangles(sizes, mesh.output_faces).astype(np.int64)
     groups = equal_corners(track, vertices)
     rows = numbered_rows(groups, mesh.output_order[vertices], mesh.n_verts)
     if rows.n_rows >= len(vertices):

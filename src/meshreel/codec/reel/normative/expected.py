@@ -10,7 +10,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.codec.tracks import Coding, TrackHeader
 from meshreel.kernel.normals import surface_normals
-from meshreel.model.geometry.polygons import join_fans
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Domain, Surface
 
@@ -66,7 +66,7 @@ class MovingSurface:
     def _vertex_of_corner(self) -> Integers:
         if self.vertex_of_row is not None:
             return self.vertex_of_row
-        return join_fans(self._sizes, self.faces)
+        return join_triangles(self._sizes, self.faces)
 
 
 def differences(coding: Coding | None, positions: Values) -> Floats:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from meshreel.codec.corner_rows import CornerRows
 from meshreel.kernel.mesh import item_faces
-from meshreel.model.geometry.polygons import fan_corners
+from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Domain, Surface
 
@@ -49,7 +49,7 @@ def item_graph(
     if domain is Domain.FACE:
         items, n_items = np.repeat(np.arange(len(sizes)), 3 * (sizes - 2)), len(sizes)
     elif rows is None:
-        items, n_items = fan_corners(sizes), int(sizes.sum())
+        items, n_items = triangle_corners(sizes, faces), int(sizes.sum())
     else:
-        items, n_items = rows.of_corners[fan_corners(sizes)], rows.n_rows
+        items, n_items = rows.of_corners[triangle_corners(sizes, faces)], rows.n_rows
     return ItemGraph(item_faces(faces, n_verts, items), n_items)

@@ -1,0 +1,100 @@
+/* The corners of polygons, from the triangles that they are cut into: docs/format.md, POLYGONS. */
+
+#include "base.h"
+
+/* The outline of a polygon while its triangles are attached. Nodes are its corners, in the order
+   of the triangles that add them. */
+typedef struct {
+    int32_t *vertex, *next; /* of each node; the next one in the outline */
+    int32_t *from, *to;     /* stack of sides */
+    int32_t depth;
+} outline;
+
+static bool allocate_outline(reel_arena *arena, int64_t max_size, outline *result) {
+    int32_t **arrays[] = {&result->vertex, &result->next, &result->from, &result->to};
+    for (int i = 0; i < 4; i++) {
+        *arrays[i] = reel_allocate(arena, (size_t)max_size, sizeof(int32_t));
+    }
+    return !arena->failed;
+}
+
+static void insert_node(outline *result, int32_t after, int32_t node, int32_t before) {
+    const int32_t sides[2][2] = {{after, node}, {node, before}};
+    for (int i = 0; i < 2; i++) {
+        result->next[sides[i][0]] = sides[i][1];
+        result->from[result->depth] = sides[i][0];
+        result->to[result->depth++] = sides[i][1];
+    }
+}
+
+/* Attach the triangles of a polygon; sets the corner of the polygon, from `first` on, at each of
+   theirs. Returns false if a triangle has no side of the outline. */
+static bool attach_triangles(outline *result, const int32_t *triangles, int32_t size,
+                             int32_t first, int32_t *corners) {
+    int32_t *position = result->from;
+    result->from[0] = 0;
+    result->to[0] = 1;
+    result->depth = 1;
+    result->next[0] = 1;
+    insert_node(result, 1, 2, 0);
+    for (int32_t i = 0; i < 3; i++) {
+        result->vertex[i] = triangles[i];
+        corners[i] = i;
+    }
+    for (int32_t node = 3; node < size; node++) {
+        triangles += 3;
+        corners += 3;
+        int32_t after, before;
+        do {
+            if (!result->depth) {
+                return false;
+            }
+            after = result->from[--result->depth];
+            before = result->to[result->depth];
+        } while (result->vertex[before] != triangles[0] || result->vertex[after] != triangles[1]);
+        result->vertex[node] = triangles[2];
+        insert_node(result, after, node, before);
+        corners[0] = before;
+        corners[1] = after;
+        corners[2] = node;
+    }
+    for (int32_t i = 0, node = 0; i < size; i++, node = result->next[node]) {
+        position[node] = first + i;
+    }
+    corners -= 3 * (size - 3);
+    for (int32_t i = 0; i < 3 * (size - 2); i++) {
+        corners[i] = position[corners[i]];
+    }
+    return true;
+}
+
+static int64_t largest(const int32_t *sizes, int64_t n_polygons) {
+    int64_t size = 3;
+    for (int64_t i = 0; i < n_polygons; i++) {
+        size = sizes[i] > size ? sizes[i] : size;
+    }
+    return size;
+}
+
+size_t reel_triangle_corners_memory(int64_t max_size) {
+    return 4 * reel_array_bytes((size_t)max_size, sizeof(int32_t));
+}
+
+int64_t reel_triangle_corners(void *memory, size_t memory_size, const int32_t *triangles,
+                              const int32_t *sizes, int64_t n_polygons, int32_t *corners) {
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    outline result;
+    int32_t first = 0;
+    if (!allocate_outline(&arena, largest(sizes, n_polygons), &result)) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    for (int64_t i = 0; i < n_polygons; i++) {
+        if (!attach_triangles(&result, triangles, sizes[i], first, corners)) {
+            return reel_failure(REEL_CORRUPT, (uint64_t)i);
+        }
+        triangles += 3 * (sizes[i] - 2);
+        corners += 3 * (sizes[i] - 2);
+        first += sizes[i];
+    }
+    return first;
+}
