@@ -52,6 +52,8 @@ int reel_find_triangle_corners(reel_call *call, reel_pool *pool, reel_faces *fac
     if (!faces->sizes) {
         return MESHREEL_OK;
     }
+    reel_range payload;
+    reel_count_sections(outline, REEL_POLYGONS, &payload);
     uint32_t max_size = 3;
     for (uint64_t i = 0; i < outline->n_polygons; i++) {
         max_size = faces->sizes[i] > max_size ? faces->sizes[i] : max_size;
@@ -64,7 +66,7 @@ int reel_find_triangle_corners(reel_call *call, reel_pool *pool, reel_faces *fac
     int64_t n_corners = reel_triangle_corners(memory, size, (const int32_t *)faces->triangles,
                                               (const int32_t *)faces->sizes,
                                               (int64_t)outline->n_polygons, corners);
-    REEL_CORRUPT_IF(n_corners < 0, REEL_UNKNOWN, "the triangles of a polygon do not adjoin");
+    REEL_CORRUPT_IF(n_corners < 0, payload.at, "the triangles of a polygon do not adjoin");
     faces->corners = corners;
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;
