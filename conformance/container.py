@@ -157,8 +157,7 @@ def read_sections(payload):
         section = payload.take(payload.varint())
         check_crc(payload, start)
         need(number in NAMES or number >= 128, "a required section is unknown")
-        if number in NAMES:
-            yield start, NAMES[number], section
+        yield start, NAMES.get(number, "unknown"), section
         if number == 0:
             payload.end()
             return
@@ -195,6 +194,12 @@ IN_BLOCKS = (
     *("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS"),
     *("VALUES", "MISSING", "ANCHOR_RESIDUALS"),
 )
+OF_EXACT_VALUES = {"BLOCK", "TRACK_BLOCK", "VALUES"}
+OF_MODES = {"BLOCK", "BASIS", "FIELDS", "CORRECTIONS", "COEFFICIENTS"}
+OF_MODES_OF_A_TRACK = {*OF_MODES, "TRACK_BLOCK", "MISSING"} - {"BLOCK"}
+OF_PAPER = {"BLOCK", "BASIS", "ANCHORS", "ANCHOR_RESIDUALS", "EXACT", "COEFFICIENTS"}
+LAST = {"COEFFICIENTS", "VALUES"}
+REPEATED = {"ATTRIBUTE", "GROUPS", "MATERIAL", "IMAGE", "TRACK"}
 
 
 def read_containers(data):
@@ -204,6 +209,8 @@ def read_containers(data):
     containers, index, end, after_segment = [container], (None, b""), None, None
     for start, name, section in read_sections(payload):
         need(end is None or name == "END", "a section follows INDEX")
+        if name == "unknown":
+            continue
         if name == "SEGMENT":
             header = header_of_segment(containers[0].header, section)
             container = Container(header, [], [], start)
@@ -221,10 +228,9 @@ def read_containers(data):
             container.blocks[-1].append({name: section})
             container.begins[-1].append(start)
         elif name in IN_BLOCKS:
-            need(
-                container.blocks and name not in container.blocks[-1][-1], "a section is misplaced"
-            )
-            container.blocks[-1][-1][name] = section
+            group = container.blocks[-1][-1] if container.blocks else {}
+            need(group and name not in group and LAST.isdisjoint(group), "a section is misplaced")
+            group[name] = section
         elif name in ("INDEX", "END"):
             end = start if end is None else end
             if name == "INDEX":
@@ -235,6 +241,9 @@ def read_containers(data):
             need(not container.blocks, "a section is misplaced after the blocks")
             need(name != "START" or len(containers) == 1, "START is in a further segment")
             container.leading.append((name, section))
+    for container in containers:
+        names = [name for name, _ in container.leading if name not in REPEATED]
+        need(len(set(names)) == len(names), "a section is stored twice")
     lengths = [length for container in containers for length in lengths_of(container)]
     need(
         containers[0].header.n_frames in (0, sum(lengths)),
@@ -277,6 +286,8 @@ def lengths_of(container):
     n_tracks = 1 + len(container.all_of("TRACK"))
     need(container.blocks, "a segment has no blocks")
     need(all(len(block) == n_tracks for block in container.blocks), "a block lacks a track")
+    groups = [group for block in container.blocks for group in block]
+    need(not any(LAST.isdisjoint(group) for group in groups), "a block has no end")
     return [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
 
 

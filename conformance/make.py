@@ -19,6 +19,7 @@ import numpy as np
 
 import meshreel
 from conformance import segments
+from conformance.container import Payload, read_header, read_sections
 from conformance.description import describe_all
 from conformance.reader import read_all
 from conformance.sources import (
@@ -1041,11 +1042,28 @@ def with_adaptive_cosines():
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 
 
+def with_section(number, *sections, n_replaced=0):
+    """Return the worked example without INDEX, with sections before the one of this number."""
+    payload = Payload(example())
+    read_header(payload)
+    head = payload.data[: payload.position]
+    parts = [(Section[name], data) for _, name, data in read_sections(payload)][:-2]
+    parts[number : number + n_replaced] = [
+        parts[one] if type(one) is int else one for one in sections
+    ]
+    return head + b"".join(write_sections([*parts, (Section.END, b"")]))
+
+
 REFUSED["cosines_with_adaptive_times"] = with_adaptive_cosines
 REFUSED["cosines_with_rests"] = partial(with_cosines, 3, ((1, 2),))
 REFUSED["cosines_of_1025_frames"] = partial(with_cosines, 1025, ())
 REFUSED["long_name"] = with_long_name
 REFUSED["triangles_apart"] = with_triangles_apart
+START = (Section.START, bytes(8))
+REFUSED["start_twice"] = partial(with_section, 1, START, START)
+REFUSED["start_in_a_block"] = partial(with_section, 2, START)
+REFUSED["missing_of_positions"] = partial(with_section, 2, (Section.MISSING, b""))
+REFUSED["basis_after_coefficients"] = partial(with_section, 3, 4, 3, n_replaced=2)
 for reason, payload in {
     "short": bytes(7),
     "long": np.float64(1.0).tobytes() + b"\0",

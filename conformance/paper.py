@@ -3,7 +3,7 @@
 from itertools import accumulate
 
 from conformance.bits import integers, need
-from conformance.container import Payload
+from conformance.container import OF_PAPER, Payload
 from conformance.patterns import read_patterns, row_before, same_step
 
 
@@ -64,6 +64,7 @@ def read_exact(payload, n_frames, n_isolated, vertex_type):
 
 def read_block(sections, header, n_anchors, n_isolated, previous):
     """Return the integers of a block, by section."""
+    need(set(sections) <= OF_PAPER, "a section is misplaced")
     head = Payload(sections["BLOCK"])
     n_frames, n_modes = head.varint(), head.varint()
     head.end()

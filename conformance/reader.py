@@ -14,7 +14,15 @@ from pathlib import Path
 
 from conformance import paper, predicted
 from conformance.bits import Memory, need
-from conformance.container import Container, Payload, read_container, read_containers
+from conformance.container import (
+    OF_EXACT_VALUES,
+    OF_MODES,
+    OF_MODES_OF_A_TRACK,
+    Container,
+    Payload,
+    read_container,
+    read_containers,
+)
 from conformance.description import describe_all
 from conformance.edit import read_mesh
 from conformance.exact import read_exact
@@ -379,7 +387,7 @@ def need_no_modes(group):
     head = Payload(group["BLOCK"] if "BLOCK" in group else group["TRACK_BLOCK"])
     if "BLOCK" in group:
         head.varint()
-    need(head.varint() == 0, "exact values have modes")
+    need(head.varint() == 0 and set(group) <= OF_EXACT_VALUES, "exact values have modes")
     head.end()
 
 
@@ -433,6 +441,7 @@ def without_missing(values, group, shape, items):
 def read_layout(group, n_frames, n_columns):
     """Return the layout of a track in a block."""
     is_first = "BLOCK" in group
+    need(set(group) <= (OF_MODES if is_first else OF_MODES_OF_A_TRACK), "a section is misplaced")
     head, layout = Payload(group["BLOCK" if is_first else "TRACK_BLOCK"]), Payload(group["FIELDS"])
     if is_first:
         head.varint()

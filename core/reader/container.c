@@ -152,8 +152,27 @@ static int read_base(reel_call *call, const reel_section *section, reel_outline 
     return check_counts(call, outline->coded_verts, outline->coded_faces, section->payload.at);
 }
 
+/* Check that a section precedes the blocks, and that it may occur once more. */
+static int check_leading(reel_call *call, reel_outline *outline, const reel_section *section) {
+    uint32_t id = section->id;
+    bool is_optional = id & REEL_OPTIONAL;
+    REEL_CORRUPT_IF(is_optional ? id == REEL_INDEX : id < REEL_CONNECTIVITY || id >= REEL_BLOCK,
+                    section->at, "a section of a block is outside of blocks");
+    REEL_CORRUPT_IF(id == REEL_SEGMENT, section->at, "a segment is out of place");
+    REEL_CORRUPT_IF(id == REEL_REFERENCE, section->at,
+                    "a reference does not follow the section SEGMENT");
+    bool may_repeat = id == REEL_ATTRIBUTE || id == REEL_GROUPS || id == REEL_MATERIAL ||
+                      id == REEL_IMAGE || id == REEL_TRACK;
+    uint32_t bit = 1U << (is_optional ? 16 + (id & 15U) : id);
+    REEL_CORRUPT_IF(!may_repeat && outline->stored_ids & bit, section->at,
+                    "a section is stored twice that occurs at most once");
+    outline->stored_ids |= bit;
+    return MESHREEL_OK;
+}
+
 static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
                        const reel_section *section) {
+    REEL_TRY(check_leading(call, outline, section));
     uint64_t capacity = outline->leading_capacity;
     void *items = outline->leading;
     REEL_TRY(grow(call, pool, &items, outline->n_leading, &capacity, sizeof *outline->leading));
@@ -162,12 +181,8 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     outline->leading[outline->n_leading++] = *section;
     outline->n_tracks += section->id == REEL_TRACK;
     REEL_UNSUPPORTED_IF(outline->n_tracks > MAX_TRACKS, section->at, "more than 2^20 tracks");
-    REEL_CORRUPT_IF(section->id == REEL_REFERENCE, section->at,
-                    "a reference does not follow the section SEGMENT");
     if (section->id == REEL_EDIT) {
-        return outline->edit.length
-                   ? reel_corrupt(call, section->at, "there is more than one section EDIT")
-                   : read_base(call, section, outline);
+        return read_base(call, section, outline);
     }
     REEL_CORRUPT_IF(section->id == REEL_START && !outline->is_first, section->at,
                     "a start is stored behind the first segment");
@@ -185,7 +200,7 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
 
 /* Reset what the sections define. */
 static void reset_outline(reel_outline *outline) {
-    outline->n_leading = outline->leading_capacity = 0;
+    outline->n_leading = outline->leading_capacity = outline->stored_ids = 0;
     outline->n_tracks = 1;
     outline->start_s = outline->error_bound_percent = 0.0;
     outline->coded_verts = outline->n_verts;
@@ -206,12 +221,7 @@ static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
         REEL_TRY(reel_section_at(call, at, end, &section));
         REEL_TRY(reel_section_check(call, &section));
         if (reel_is_known(section.id)) {
-            bool is_of_block = section.id >= REEL_BLOCK && !(section.id & REEL_OPTIONAL);
-            REEL_TRY(is_of_block
-                         ? reel_corrupt(call, at, "a section of a block precedes the first block")
-                         : section.id == REEL_SEGMENT
-                               ? reel_corrupt(call, at, "a segment is out of place")
-                               : add_leading(call, pool, outline, &section));
+            REEL_TRY(add_leading(call, pool, outline, &section));
         }
         at = section.end;
     }
@@ -273,7 +283,7 @@ static int find_index(reel_call *call, const reel_outline *outline, reel_section
     REEL_TRY(reel_section_at(call, at, size, index));
     REEL_TRY(reel_announce(call, (reel_range){at, size - at}));
     REEL_TRY(reel_section_check(call, index));
-    REEL_CORRUPT_IF(index->id != REEL_INDEX || at < outline->begin, at,
+    REEL_CORRUPT_IF(index->id != REEL_INDEX || at < outline->begin || index->end != end_at, at,
                     "the end of the file does not lead to an index");
     reel_range left = index->payload;
     REEL_TRY(reel_read_varint(call, &left, first));
@@ -422,7 +432,7 @@ static int check_end(scan *s, const reel_section *section) {
 
 /* Check that a SEGMENT follows at least one block. */
 static int check_next(scan *s, const reel_section *section) {
-    return s->index_at || !s->outline->n_blocks
+    return !s->outline->n_blocks
                ? reel_corrupt(s->call, section->at, "a segment is out of place")
                : MESHREEL_OK;
 }
@@ -448,14 +458,7 @@ static int scan_section(scan *s, const reel_section *section) {
         }
         return MESHREEL_OK;
     }
-    bool is_of_block = id >= REEL_BLOCK && !(id & REEL_OPTIONAL);
-    if (is_of_block) {
-        return reel_corrupt(s->call, section->at, "a section of a block is outside of blocks");
-    }
-    return s->outline->n_blocks
-               ? reel_corrupt(s->call, section->at,
-                              "a section that belongs before the blocks follows one")
-               : add_leading(s->call, s->pool, s->outline, section);
+    return add_leading(s->call, s->pool, s->outline, section);
 }
 
 /* Scan sections up to the next segment, whose section is stored in `next`, or to END, or to damage:
@@ -470,7 +473,9 @@ static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline
         reel_section section;
         failed = reel_section_at(call, at, call->source->size, &section);
         failed = failed ? failed : reel_section_check(call, &section);
-        if (!failed && reel_is_known(section.id)) {
+        if (!failed && s.index_at && section.id != REEL_END) {
+            failed = reel_corrupt(call, at, "a section follows the index");
+        } else if (!failed && reel_is_known(section.id)) {
             failed = scan_section(&s, &section);
         }
         if (!failed && s.last == REEL_SEGMENT) {

@@ -49,6 +49,7 @@ typedef struct {
     /* Known leading sections, after those of an earlier segment that it refers to. */
     reel_section *leading;
     uint32_t n_leading, leading_capacity;
+    uint32_t stored_ids; /* a bit for each id of a known leading section */
     uint32_t n_tracks; /* including the positions */
     reel_block_entry *blocks;
     uint64_t *ends;

@@ -12,6 +12,16 @@
 #define ADAPTIVE 64
 #define MAX_TIMES ((uint64_t)INT32_MAX)
 
+#define BIT(id) (1U << ((id) - FIRST_ID))
+
+/* Sections after BLOCK or TRACK_BLOCK: of exact values, of modes, and of the paper's methods. */
+#define EXACT_IDS BIT(REEL_VALUES)
+#define MODES_IDS \
+    (BIT(REEL_BASIS) | BIT(REEL_COEFFICIENTS) | BIT(REEL_FIELDS) | BIT(REEL_CORRECTIONS))
+#define PAPER_IDS \
+    (BIT(REEL_BASIS) | BIT(REEL_ANCHORS) | BIT(REEL_COEFFICIENTS) | BIT(REEL_EXACT_POSITIONS) | \
+     BIT(REEL_ANCHOR_RESIDUALS))
+
 /* The payload of each section of a group; `at` is 0 if it is missing. */
 typedef struct {
     reel_range of[N_IDS];
@@ -21,10 +31,12 @@ static const reel_range *payload(const payloads *all, uint32_t id) {
     return &all->of[id - FIRST_ID];
 }
 
-static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool is_checked,
-                         payloads *all) {
+/* Find the sections of a group: the section `first`, then those of the set `others`, each at most
+   once, COEFFICIENTS or VALUES last. */
+static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, uint32_t others,
+                         bool is_checked, payloads *all) {
     uint64_t end = bytes.at + bytes.length;
-    bool is_begun = false;
+    uint32_t last = REEL_END;
     reel_zero(all, sizeof *all);
     int announced = is_checked ? reel_announce(call, bytes) : MESHREEL_OK;
     if (announced) {
@@ -36,18 +48,20 @@ static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, bool
         if (is_checked) {
             REEL_TRY(reel_section_check(call, &section));
         }
-        bool is_known = reel_is_known(section.id);
-        REEL_CORRUPT_IF(is_known && (section.id == first) == is_begun, at,
-                        "a block does not begin with its only section BLOCK or TRACK_BLOCK");
-        is_begun |= is_known;
-        if (is_known && section.id >= FIRST_ID && !(section.id & REEL_OPTIONAL)) {
-            reel_range *slot = &all->of[section.id - FIRST_ID];
-            REEL_CORRUPT_IF(slot->at, at, "a block has a section twice");
-            *slot = section.payload;
+        if (reel_is_known(section.id)) {
+            uint32_t id = section.id, allowed = last == REEL_END ? BIT(first) : others;
+            bool is_allowed = id >= FIRST_ID && id < FIRST_ID + N_IDS && allowed & BIT(id) &&
+                              last != REEL_COEFFICIENTS && last != REEL_VALUES;
+            REEL_CORRUPT_IF(!is_allowed || all->of[id - FIRST_ID].at, at,
+                            "a block has a section twice, or one that must not be there");
+            all->of[id - FIRST_ID] = section.payload;
+            last = id;
         }
         at = section.end;
     }
-    return is_begun ? MESHREEL_OK : reel_corrupt(call, bytes.at, "a block has no sections");
+    return last == REEL_COEFFICIENTS || last == REEL_VALUES
+               ? MESHREEL_OK
+               : reel_corrupt(call, bytes.at, "a block does not end with COEFFICIENTS or VALUES");
 }
 
 static int read_counts(reel_call *call, const payloads *all, uint32_t number,
@@ -193,9 +207,11 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     reel_range bytes = reel_group_bytes(outline, block, number);
     *group = (reel_group){0};
     uint32_t first = number ? REEL_TRACK_BLOCK : REEL_BLOCK;
-    REEL_TRY(find_payloads(call, bytes, first, is_checked, &all));
+    bool is_exact = track->info.is_exact || track->info.coding == REEL_EXACT;
+    uint32_t others = is_exact ? EXACT_IDS : MODES_IDS | (number ? BIT(REEL_MISSING) : 0);
+    REEL_TRY(find_payloads(call, bytes, first, others, is_checked, &all));
     REEL_TRY(read_counts(call, &all, number, track, outline->blocks[block].n_frames, group));
-    if (track->info.is_exact || track->info.coding == REEL_EXACT) {
+    if (is_exact) {
         bool is_grid = !number && outline->method == REEL_METHOD_GRID;
         return read_values(call, is_grid, *payload(&all, REEL_VALUES), group);
     }
@@ -203,7 +219,7 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     REEL_TRY(read_corrections(call, *payload(&all, REEL_CORRECTIONS), group));
     group->basis = *payload(&all, REEL_BASIS);
     group->coefficients = *payload(&all, REEL_COEFFICIENTS);
-    group->missing = number ? *payload(&all, REEL_MISSING) : (reel_range){0, 0};
+    group->missing = *payload(&all, REEL_MISSING);
     return group->basis.at && group->coefficients.at
                ? MESHREEL_OK
                : reel_corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
@@ -214,7 +230,7 @@ int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t
     payloads all;
     *group = (reel_group){0};
     reel_range bytes = reel_group_bytes(outline, block, 0);
-    REEL_TRY(find_payloads(call, bytes, REEL_BLOCK, is_checked, &all));
+    REEL_TRY(find_payloads(call, bytes, REEL_BLOCK, PAPER_IDS, is_checked, &all));
     reel_range left = *payload(&all, REEL_BLOCK);
     REEL_TRY(reel_read_varint(call, &left, &group->n_frames));
     return reel_read_varint(call, &left, &group->n_modes);

@@ -173,9 +173,6 @@ int reel_read_surface(reel_call *call, reel_pool *pool, const reel_faces *faces,
     surface_arrays arrays;
     *surface = (meshreel_surface){.face_sizes = faces->sizes,
                                   .triangle_corners = (const uint32_t *)faces->corners};
-    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_PARTS, NULL) > 1 ||
-                        reel_count_sections(outline, REEL_HARD_EDGES, NULL) > 1,
-                    REEL_UNKNOWN, "the file has a section PARTS or HARD_EDGES twice");
     REEL_TRY(allocate_arrays(call, pool, outline, &arrays));
     REEL_TRY(read_sections(call, pool, faces, &arrays, surface));
     surface->attributes = arrays.attributes;

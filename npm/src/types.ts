@@ -34,6 +34,11 @@ export interface FileInfo {
   readonly center: readonly [number, number, number];
   /** Diagonal of that box. */
   readonly diagonal: number;
+  /**
+   * Why the end of the file is missing or damaged, although all frames of its complete blocks can be
+   * decoded, as in a recording that continues; null if the file is whole.
+   */
+  readonly damage: string | null;
 }
 
 /** Metadata of a file with one segment, or of a segment. */

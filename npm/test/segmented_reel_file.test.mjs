@@ -52,6 +52,12 @@ test("frames of all segments are bit-exact", async () => {
   }
 });
 
+test("the damage of a file without its end is reported", async () => {
+  const whole = segmentedBytes("two_meshes");
+  await withFile(whole, (file) => assert.equal(file.info.damage, null));
+  await withFile(whole.slice(0, -1), (file) => assert.match(file.info.damage, /^the file ends/));
+});
+
 test("segments that were closed are opened again", async () => {
   const expected = expectedSegments("one_frame_each");
   await withFile(segmentedBytes("one_frame_each"), async (file) => {

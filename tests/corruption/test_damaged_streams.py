@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshreel.codec.bitstream.container import write_varint
+from conformance import reader as plain
+from conformance.bits import DamagedError
+from meshreel.codec.bitstream.container import write_sections, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
@@ -22,6 +24,7 @@ from samples.meshes import irregular_sequence, two_sheets, waving_grid
 from samples.streams import Stream, layout_of, layouts, parts_of, raw_stream
 
 ROOT = Path(__file__).parents[2]
+END_BYTES = 14
 
 MEMORY = "20MB"
 """Memory limit of decoding, which also limits its time for hostile streams."""
@@ -120,6 +123,36 @@ def _mutate(payload, rng, *, keep_length=False):
         del payload[rng.integers(len(payload) + 1) :]
     else:
         payload += rng.bytes(rng.integers(1, 20))
+
+
+LATE = {
+    "a block": lambda block: block,
+    "the beginning of a block": lambda block: write_sections([(Section.BLOCK, b"\2\1")])[0],
+    "a second index": lambda block: write_sections([(Section.INDEX, b"\x50\1\2\x26")])[0],
+    "an optional section": lambda block: write_sections([(Section.START, bytes(8))])[0],
+    "an optional section of a later version": lambda block: bytes([200, 0, 0xB9, 0x4F, 0xFA, 0x42]),
+}
+"""Sections that follow INDEX, from the bytes of a block."""
+
+
+@pytest.mark.parametrize("name", LATE)
+def test_only_the_end_may_follow_the_index(name, tmp_path):
+    data = stored("example")
+    (((begin, end),),) = Stream(data).groups
+    late = LATE[name](data[begin:end])
+    hostile = data[:-END_BYTES] + late + data[-END_BYTES:]
+    for read in (decode, info):
+        with pytest.raises(CorruptStreamError, match="a section follows the index"):
+            read(hostile)
+    with pytest.raises(DamagedError, match="a section follows INDEX"):
+        plain.read(hostile)
+    path = tmp_path / "late.reel"
+    for size in (len(hostile), len(hostile) - END_BYTES):  # a recording without its end
+        path.write_bytes(hostile[:size])
+        with open_reel(path) as reel:
+            assert not reel.is_whole
+            assert reel.info().n_frames == reel.n_frames == 2
+            np.testing.assert_array_equal(reel[:].vertices, decode(data).vertices)
 
 
 def test_an_empty_file_is_truncated():

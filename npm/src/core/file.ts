@@ -42,7 +42,7 @@ export function readSegments(
   library: Library,
   handle: number,
 ): { info: FileInfo; segments: StoredSegment[] } {
-  const { nSegments, name, nFrames, fps, startS, center, diagonal } = readInfo(library, handle);
+  const { nSegments, name, nFrames, fps, startS, center, diagonal, damage } = readInfo(library, handle);
   const segments = Array.from({ length: nSegments }, (_, number) =>
     library.withMemory(STRUCT_BYTES, (address) => {
       library.functions.meshreel_segment_of(handle, number, address);
@@ -51,7 +51,7 @@ export function readSegments(
       return { start, nFrames, nVerts, nFaces, offset: fields.uint64(), sizeBytes: fields.uint64() };
     }),
   );
-  return { info: { name, nFrames, fps, startS, center, diagonal }, segments };
+  return { info: { name, nFrames, fps, startS, center, diagonal, damage }, segments };
 }
 
 /**
@@ -94,11 +94,14 @@ function readInfo(library: Library, handle: number) {
   fields.uint64(); // size
   const [nFrames, nVerts, nFaces, nPolygons, , nBlocks, , nTracks, numberBytes, method] =
     fields.uint32s(10);
-  const [, , , nSegments] = fields.uint32s(4);
+  const [, , isWhole, nSegments] = fields.uint32s(4);
+  fields.uint32s(2); // code of the damage
+  fields.float64s(2); // its offset and size
   return {
     ...{ name, fps, startS, center: box.slice(0, 3) as [number, number, number], diagonal: box[3] },
     ...{ nFrames, nVerts, nFaces, nPolygons, nBlocks, nTracks, nSegments, method },
     errorBoundPercent: errorBoundPercent || null,
+    damage: isWhole ? null : fields.cString(),
     numberType: numberBytes === 4 ? ("float32" as const) : ("float64" as const),
   };
 }

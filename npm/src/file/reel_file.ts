@@ -55,7 +55,8 @@ export class ReelFile implements OpenReel {
    * @param from - An address, read by range requests; a response; a blob, such as a dropped file; or
    *   bytes, such as a `Buffer` of Node, which are copied.
    * @throws SourceError if the bytes cannot be read.
-   * @throws CorruptStreamError, TruncatedStreamError if the file is damaged or not a `.reel` file.
+   * @throws CorruptStreamError, TruncatedStreamError if the file is damaged or not a `.reel` file. A
+   *   file of which only the end is damaged opens; `info.damage` has the reason.
    * @throws UnsupportedVersionError if the file needs a newer version, or a method that only the
    *   Python package decodes.
    * @throws MemoryLimitError if the mesh needs more than `memory`; decoding a block can throw it too.

@@ -187,6 +187,7 @@ class OpenStream:
 
     def group(self, number: int, track: int = 0) -> Iterator[tuple[Section, bytes]]:
         """Yield the sections of a track in a block; raises CorruptStreamError if damaged."""
+        self.file.group(number, track, is_checked=False)  # refuses misplaced sections
         place = self.file.block(number, track)
         for section in self.file.sections(place.offset, place.offset + place.size_bytes):
             if section.is_known:

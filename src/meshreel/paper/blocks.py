@@ -54,12 +54,9 @@ def stored_block(opened: OpenStream, number: int) -> StoredBlock:
     MemoryLimitError
         If decoding it would take more than allowed.
     """
-    place, listed = opened.file.block(number), list(opened.group(number))
-    sections, n_verts = dict(listed), opened.n_verts
-    if len(sections) < len(listed):
-        raise CorruptStreamError(f"block {number} has a section twice")
-    n_frames, n_modes = read_block_counts(sections.get(Section.BLOCK, b""))
-    if n_frames != place.n_frames or listed[0][0] is not Section.BLOCK:
+    place, sections, n_verts = opened.file.block(number), dict(opened.group(number)), opened.n_verts
+    n_frames, n_modes = read_block_counts(sections[Section.BLOCK])
+    if n_frames != place.n_frames:
         raise CorruptStreamError(
             f"block {number} has {n_frames} frames; the index has {place.n_frames}"
         )
