@@ -1,8 +1,9 @@
 """Local web servers; one counts range requests, and can simulate failures."""
 
+import gzip
 import re
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -40,16 +41,20 @@ class WebServer:
     `requests` lists method, path and range (or None) of each request; `sent_bytes` counts the bytes
     of all answers. `faults` selects failures: "no ranges" ignores ranges, "no length" omits sizes,
     "cut" truncates answers to GET, "short" answers with half of the range, "refuse" requires
-    credentials.
+    credentials. "gzip" encodes answers, "endless" adds zeros to them up to 64 MB, "from 0" answers
+    with the beginning of the file, "other file" and "no place" name another size and no range.
+    `encodings` are those that clients accept.
     """
 
     def __init__(self, folder):
         self.folder, self.requests, self.sent_bytes, self.faults = Path(folder), [], 0, set()
         self.address = ""
+        self.encodings = set()
 
     def answer(self, handler, *, with_body):
         requested = handler.headers.get("Range")
         self.requests.append((handler.command, handler.path, requested))
+        self.encodings.add(handler.headers.get("Accept-Encoding"))
         path = self.folder / handler.path.split("?")[0].lstrip("/")
         if "refuse" in self.faults or not path.is_file():
             handler.send_response(403 if "refuse" in self.faults else 404)
@@ -59,9 +64,13 @@ class WebServer:
         data = path.read_bytes()
         if requested and "no ranges" not in self.faults:
             first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", requested).groups())
+            if "from 0" in self.faults:
+                first, last = 0, last - first
             last = min(last, len(data) - 1)
             handler.send_response(206)
-            handler.send_header("Content-Range", f"bytes {first}-{last}/{len(data)}")
+            if "no place" not in self.faults:
+                size = 1_000_000 if "other file" in self.faults else len(data)
+                handler.send_header("Content-Range", f"bytes {first}-{last}/{size}")
             data = data[first : last + 1]
             if "short" in self.faults:
                 data = data[: len(data) // 2]
@@ -69,7 +78,10 @@ class WebServer:
             handler.send_response(200)
         if "no ranges" not in self.faults:
             handler.send_header("Accept-Ranges", "bytes")
-        if "no length" in self.faults:
+        if "gzip" in self.faults and with_body:
+            data = gzip.compress(data)
+            handler.send_header("Content-Encoding", "gzip")
+        if "no length" in self.faults or ("endless" in self.faults and with_body):
             handler.send_header("Connection", "close")
         else:
             handler.send_header("Content-Length", str(len(data)))
@@ -80,7 +92,12 @@ class WebServer:
             data = data[: len(data) // 2]
             handler.close_connection = True
         self.sent_bytes += len(data)  # before the client continues
-        handler.wfile.write(data)
+        with suppress(ConnectionError):  # the client has enough
+            handler.wfile.write(data)
+            for _ in range(64 if "endless" in self.faults else 0):
+                handler.close_connection = True
+                handler.wfile.write(bytes(1_000_000))
+                self.sent_bytes += 1_000_000
 
     def ranges(self):
         """Return the requested ranges, as pairs of the first byte and the byte after the last."""

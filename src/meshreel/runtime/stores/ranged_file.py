@@ -2,10 +2,12 @@
 
 import io
 import os
+import re
 from collections import OrderedDict
 from typing import Any, BinaryIO, cast
 
 from meshreel.errors import StoreError
+from meshreel.runtime.stores.address import is_web
 from meshreel.runtime.stores.filesystem import errors_in_words, filesystem_of
 
 END_BYTES = 1 << 14
@@ -16,6 +18,9 @@ MIN_REQUEST_BYTES = 1 << 10
 
 CACHE_BYTES = 1 << 26
 """Size of the cache of recently used ranges."""
+
+_PARTIAL = 206
+"""Status of an answer with a range."""
 
 
 class RangedFile(io.RawIOBase):
@@ -117,18 +122,16 @@ class RangedFile(io.RawIOBase):
 
     def _request(self, start: int, stop: int) -> bytes:
         self.n_requests += 1
-        try:
-            with errors_in_words(self.address):
-                if self._process != os.getpid():  # a forked child lacks the threads of fsspec
-                    self._connect()
+        with errors_in_words(self.address):
+            if self._process != os.getpid():  # a forked child lacks the threads of fsspec
+                self._connect()
+            if is_web(self.address):
+                from fsspec.asyn import sync
+
+                data: bytes = sync(self._file.loop, self._read_web, start, stop)
+            else:
                 self._file.seek(start)
                 data = bytes(self._file.read(stop - start))
-        except StoreError as error:
-            if isinstance(
-                error.__cause__, ValueError
-            ):  # from fsspec, if it received the whole file
-                raise StoreError(self._no_ranges("answers with the whole file")) from None
-            raise
         self.fetched_bytes += len(data)
         if len(data) != stop - start:
             raise StoreError(
@@ -136,6 +139,30 @@ class RangedFile(io.RawIOBase):
                 f"from byte {start}; try again"
             )
         return data
+
+    async def _read_web(self, start: int, stop: int) -> bytes:
+        """Read a range from a web server; fsspec itself would accept any range, of any size."""
+        file, answered = self._file, bytearray()
+        headers = {"Range": f"bytes={start}-{stop - 1}", "Accept-Encoding": "identity"}
+        options = {**file.kwargs, "headers": {**file.kwargs.get("headers", {}), **headers}}
+        async with file.session.get(file.fs.encode_url(file.url), **options) as answer:
+            answer.raise_for_status()
+            encoding = answer.headers.get("Content-Encoding") or "identity"
+            if encoding.lower() != "identity":
+                raise StoreError(self._no_ranges(f"answers with {encoding[:20]}-encoded bytes"))
+            # A whole file begins with the range at byte 0, and its rest is not read.
+            if answer.status != _PARTIAL and start > 0:
+                raise StoreError(self._no_ranges("answers with the whole file"))
+            place = answer.headers.get("Content-Range", "")
+            expected = rf"bytes {start}-\d+/({self.size_bytes}|\*)"
+            if answer.status == _PARTIAL and not re.fullmatch(expected, place):
+                raise StoreError(self._no_ranges(f"answers with the range {place[:60]!r}"))
+            while len(answered) < stop - start:
+                part = await answer.content.read(stop - start - len(answered))
+                if not part:
+                    break
+                answered += part
+        return bytes(answered)
 
     def _no_ranges(self, reason: str) -> str:
         return (

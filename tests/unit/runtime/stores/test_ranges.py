@@ -11,6 +11,9 @@ from samples.streams import Stream
 
 N_FRAMES, BLOCK = 160, 8
 
+MAX_SOCKET_BYTES = 16e6
+"""What the sockets of a connection may buffer of an endless answer."""
+
 
 @pytest.fixture(scope="module")
 def reel_bytes():
@@ -125,6 +128,10 @@ def test_damaged_block_is_detected_when_it_is_read(web, reel, groups):
         ("short", "was cut short"),
         ("cut", "was cut short"),
         ("refuse", "credentials"),
+        ("gzip", "gzip-encoded"),
+        ("from 0", "the range 'bytes 0-"),
+        ("other file", "the range 'bytes 0-16383/1000000'"),
+        ("no place", "the range ''"),
     ],
 )
 def test_open_names_the_deficiency_of_a_server(web, reel, fault, words):
@@ -133,6 +140,21 @@ def test_open_names_the_deficiency_of_a_server(web, reel, fault, words):
         meshreel.open(reel)
     assert reel in str(failure.value)
     assert "\n" not in str(failure.value)
+
+
+def test_an_endless_answer_is_read_as_far_as_requested(web, reel):
+    expected = meshreel.decode((web.folder / "walk.reel").read_bytes()).vertices[75]
+    web.faults.add("endless")
+    with meshreel.open(reel) as opened:
+        n_requests = n_gets(web)
+        assert np.array_equal(opened[75].vertices, expected)
+    assert n_gets(web) > n_requests
+    assert web.sent_bytes < MAX_SOCKET_BYTES * n_gets(web)
+
+
+def test_requests_ask_for_bytes_without_encoding(web, reel):
+    meshreel.open(reel).close()
+    assert web.encodings == {"identity"}
 
 
 def test_whole_stream_is_decoded_without_range_support(web, reel):
