@@ -8,12 +8,14 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
-from meshreel.runtime.threads import in_chunks
+from meshreel.runtime.threads import in_threads
 
 Vertices = npt.NDArray[np.floating]
 
 CHUNK_BYTES = 1 << 22
 """Size of the float64 frames computed at a time; they should fit into the cache."""
+
+MAX_FRAMES_TOGETHER = 4
 
 FramesOf = Callable[[slice], Floats]
 """Returns coordinate matrices of shape (3, frames, V) for a slice of the frames of a block."""
@@ -52,13 +54,20 @@ class DecodedBlock:
         first : int
             Number of the first of these frames within the block.
         """
+        last = first + len(out)
+        n_together = max(1, min(MAX_FRAMES_TOGETHER, CHUNK_BYTES // (24 * out.shape[1])))
 
-        def fill(piece: slice) -> None:
-            matrices = self.frames_of(slice(first + piece.start, first + piece.stop))
-            out[piece] = from_matrices(matrices, self.frame, out.dtype)
+        # Products of matrices round by their shape: the same frames are always computed together.
+        def fill(start: int) -> None:
+            together = slice(start, min(start + n_together, self.n_frames))
+            wanted = slice(max(start, first), min(together.stop, last))
+            matrices = self.frames_of(together)[:, wanted.start - start : wanted.stop - start]
+            out[wanted.start - first : wanted.stop - first] = from_matrices(
+                matrices, self.frame, out.dtype
+            )
 
         # Damaged values may overflow; the caller checks whether frames are finite.
         with np.errstate(over="ignore", invalid="ignore"):
-            in_chunks(fill, len(out), max(1, CHUNK_BYTES // (24 * out.shape[1])))
+            in_threads(fill, range(first // n_together * n_together, last, n_together))
         if self.exact is not None:
             out[:, self.exact_places] = self.exact[first : first + len(out)]

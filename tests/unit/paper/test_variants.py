@@ -88,6 +88,18 @@ def test_serial_and_parallel_decoding_agree(n_frames, block_frames, anchors):
     np.testing.assert_allclose(serial.vertices, parallel.vertices, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in OURS])
+def test_one_frame_equals_that_of_the_whole_bit_for_bit(name):
+    grid = waving_grid(37, 9, 11, dtype=np.float64)
+    noise = np.random.default_rng(8).normal(0, 0.01, grid.vertices.shape)
+    data = encode(MeshSequence(grid.vertices + noise, grid.faces), name, block_frames=23)
+    whole = decode(data).vertices
+    assert whole.dtype == np.float64
+    for frame in range(37):
+        one = decode(data, frames=slice(frame, frame + 1)).vertices[0]
+        np.testing.assert_array_equal(one, whole[frame])
+
+
 def test_frames_do_not_depend_on_how_residuals_of_anchors_are_solved(monkeypatch):
     data = encode(waving_grid(24, dtype=np.float64), "blocks", n_modes=2, block_frames=8)
     by_anchor = decode(data).vertices
