@@ -66,10 +66,12 @@ class MeshReelError(Exception):
     ----------
     *parts : str or Keyword
         The message in parts.
+    message : str, optional
+        The whole message instead, as a `DataLoader` of PyTorch passes it on from a worker.
     """
 
-    def __init__(self, *parts: str | Keyword) -> None:
-        super().__init__(*parts)
+    def __init__(self, *parts: str | Keyword, message: str = "") -> None:
+        super().__init__(*(parts or (message,)))
 
     @property
     def message(self) -> Message:

@@ -168,18 +168,17 @@ class ReelDataset(Dataset[Window]):
         device: "str | torch.device | None" = None,
         memory: float | str = "2GiB",
     ) -> None:
-        if window < 1 or step < 1:
-            raise InvalidInputError(f"window and step must be at least 1; got {window} and {step}")
-        if not dtype.is_floating_point:
+        _require_integers(1, window=window, step=step)
+        if not isinstance(dtype, torch.dtype) or not dtype.is_floating_point:
             raise InvalidInputError(
-                f"dtype must be a real type, such as torch.float16; got {dtype}"
+                f"dtype must be a real type of PyTorch, such as torch.float16; got {dtype!r}"
             )
         self.window: int = window
         self.step: int = step
         self.tracks: tuple[str, ...] = tuple(tracks)
         self.dtype: torch.dtype = dtype
         self.normalize: bool = normalize
-        self.device: torch.device | None = None if device is None else torch.device(device)
+        self.device: torch.device | None = None if device is None else _device(device)
         self._memory, self._cache = bytes_of(memory, "memory"), cast("_Cache | None", None)
         self.sequences: tuple[SequenceEntry, ...] = tuple(_sequences(paths, self.tracks))
         self._ends = np.cumsum([self.n_windows(sequence) for sequence in self.sequences])
@@ -387,9 +386,9 @@ class ReelStream(IterableDataset[Window]):
         rank: int = 0,
         world_size: int = 1,
     ) -> None:
-        if open_blocks < 1:
-            raise InvalidInputError(f"open_blocks must be at least 1; got {open_blocks}")
-        if not 0 <= rank < world_size:
+        _require_integers(1, open_blocks=open_blocks, world_size=world_size)
+        _require_integers(0, rank=rank)
+        if not rank < world_size:
             raise InvalidInputError(f"rank must be in 0..{world_size - 1}; got {rank}")
         if seed is None and world_size > 1:
             raise InvalidInputError("several ranks need the same order: set seed")
@@ -607,14 +606,41 @@ def _close_all(entries: OrderedDict[Key, _Cached]) -> None:
         entry.close()
 
 
+def _require_integers(least: int, **options: object) -> None:
+    """Raise InvalidInputError unless the options are integers, at least `least`."""
+    for name, value in options.items():
+        if not isinstance(value, int | np.integer) or value < least:
+            raise InvalidInputError(f"{name} must be an integer, at least {least}; got {value!r}")
+
+
+def _device(device: "str | torch.device") -> "torch.device":
+    """Return a device that can compute; raises InvalidInputError if this machine has none."""
+    try:
+        torch.ones(1, device=device).cpu()  # "meta" and devices without a driver fail here
+        return torch.device(device)
+    except Exception as error:  # AssertionError, NotImplementedError, and others of back ends
+        reason = str(error).partition("\n")[0].rstrip(".")
+        raise InvalidInputError(
+            f"PyTorch cannot compute on device {str(device)!r} ({reason}); "
+            'give device="cpu", or none, or install a PyTorch and a driver for this device'
+        ) from error
+
+
 def _sequences(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], tracks: Sequence[str]
 ) -> Iterator[SequenceEntry]:
     """Yield the segments of all files; raises InvalidInputError if there are none."""
-    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    given = [paths] if isinstance(paths, str | os.PathLike) else paths
+    if not isinstance(given, Iterable):
+        raise InvalidInputError(f"paths takes a path, or several; got {given!r}")
+    given = [os.fspath(path) if isinstance(path, os.PathLike) else path for path in given]
+    if not all(isinstance(path, str) for path in given):
+        raise InvalidInputError(f"paths takes paths as strings or pathlib.Path; got {given!r}")
     files = [file for path in given for file in _files(path)]
     if not files:
-        raise InvalidInputError(f"there is no .reel file in {', '.join(map(str, given))!r}")
+        raise InvalidInputError(
+            f"there is no .reel file in {', '.join(map(repr, given)) or 'an empty list of paths'}"
+        )
     for path in files:
         with open_reel(path) as file:
             for number, reel in enumerate(file.segments):

@@ -293,23 +293,34 @@ def test_pickled_dataset_opens_its_own_files(folder):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"paths": "no_folder"}, "no file or folder 'no_folder'"),
+        ({"paths": 3}, "takes a path, or several; got 3"),
+        ({"paths": [None]}, r"paths as strings or pathlib\.Path; got \[None\]"),
         ({"window": 0}, "at least 1"),
+        ({"window": 1.5}, "window must be an integer, at least 1; got 1.5"),
         ({"window": 31}, "no sequence has the 31 frames of a window; the longest has 30"),
         ({"step": 0}, "at least 1"),
+        ({"step": "2"}, "step must be an integer"),
         ({"dtype": torch.int32}, "real type"),
+        ({"dtype": "float16"}, r"such as torch\.float16; got 'float16'"),
+        ({"device": "cuda:99"}, "'cuda:99' .* or install a PyTorch and a driver"),
+        ({"device": "meta"}, "'meta'"),
+        ({"device": "gpu"}, "'gpu'"),
         ({"tracks": ["heat"]}, "no track 'heat'"),
-        ({"memory": "much"}, "memory= takes a size"),
+        ({"memory": "much"}, "memory takes a size"),
     ],
 )
 def test_invalid_options_are_refused(folder, options, message):
     with pytest.raises(InvalidInputError, match=message):
-        ReelDataset(folder, **options)
+        ReelDataset(**{"paths": folder} | options)
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"open_blocks": 0}, "at least 1"),
+        ({"open_blocks": 1.5}, "open_blocks must be an integer"),
+        ({"rank": -1}, "rank must be an integer, at least 0"),
         ({"rank": 2, "world_size": 2, "seed": 1}, r"in 0\.\.1"),
         ({"world_size": 2}, "set seed"),
     ],
