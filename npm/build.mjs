@@ -11,8 +11,8 @@
 import zopfli from "@gfx/zopfli";
 import { build } from "esbuild";
 import { execFileSync } from "node:child_process";
-import { appendFileSync, copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, statSync, writeFileSync } from "node:fs";
-import { dirname, join, relative, resolve } from "node:path";
+import { copyFileSync, existsSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { basename, dirname, join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { promisify } from "node:util";
 import { gzipSync } from "node:zlib";
@@ -49,30 +49,77 @@ async function pack(bytes) {
 /** Inserted into scripts. */
 const define = { WASM_MODULE: JSON.stringify(await pack(compileCore())) };
 
-/** Shrink a bundled script further: 3 % smaller after gzip than with esbuild alone. */
-async function shrink(script) {
-  const format = { comments: /webpackIgnore|@vite-ignore/ };
-  return (await minify(script, { module: true, ecma: 2020, compress: { passes: 3 }, format })).code;
+/**
+ * Shrink a bundled script further, smaller after gzip than with esbuild alone.
+ *
+ * @param isReadable - keep names of classes and line breaks, for stack traces and debuggers
+ * @param sourceMap - options of terser
+ */
+async function shrink(script, isReadable = false, sourceMap = undefined) {
+  const { code, map } = await minify(script, {
+    module: true,
+    ecma: 2020,
+    compress: { passes: 3 },
+    mangle: { keep_classnames: isReadable },
+    keep_classnames: isReadable,
+    // Node prints the line of an error, which must not be the whole script.
+    format: { comments: /webpackIgnore|@vite-ignore/, beautify: isReadable, indent_level: 0 },
+    sourceMap,
+  });
+  return { code, map };
 }
 
+/** Shrink a built script and its source map in place. */
+async function shrinkFile(path, isReadable) {
+  const content = readFileSync(`${path}.map`, "utf8");
+  const url = `${basename(path)}.map`;
+  const { code, map } = await shrink(readFileSync(path, "utf8"), isReadable, { content, url });
+  writeFileSync(path, code);
+  writeFileSync(`${path}.map`, map);
+}
+
+/** Removes comments and unnecessary spaces from shaders and style sheets in scripts. */
+const shrinkTexts = {
+  name: "shrink texts",
+  setup(bundler) {
+    const filter = /src[\\/](webgl[\\/]surface_shader|three[\\/]gpu[\\/]\w+|player[\\/]style_sheet|page[\\/]shading[\\/]\w+)\.ts$/;
+    bundler.onLoad({ filter }, ({ path }) => {
+      const shrinkLine = (line) => (line.startsWith("#") ? line : line.replace(/ *([=*/<>,;{}?|&]) */g, "$1"));
+      const shrinkText = (text) => {
+        const lines = text.split("\n").map((line) => line.replace(/\/\/.*/, "").trim());
+        return lines.filter(Boolean).map(shrinkLine).join("\n");
+      };
+      const literal = /(?<=`)\n[^`]*(?=`)/g;
+      const contents = readFileSync(path, "utf8").replace(literal, (text) => `\n${shrinkText(text)}\n`);
+      return { contents, loader: "ts" };
+    });
+  },
+};
+
 /** Bundles an engine into one function, whose source text is the script of a worker. */
-const embedEngine = {
+const embedEngine = (isReadable) => ({
   name: "embed engine",
   setup(bundler) {
     bundler.onLoad({ filter: /[\\/]engine_script\.ts$/ }, async () => {
       const { outputFiles } = await build({
         stdin: { contents: 'import { start } from "./start.js"; start(port);', resolveDir: join(here, "src/engine") },
         bundle: true,
-        minify: true,
+        minify: !isReadable,
         write: false,
+        outfile: join(dist, "engine.js"), // sources of the map are relative to it
+        sourcemap: "external",
         format: "esm",
         // An old target: bundlers that lower newer syntax would add helpers outside of the function.
         target: "es2020",
       });
-      return { contents: await shrink(`export function startEngine(port) {${outputFiles[0].text}}`) };
+      const [map, script] = outputFiles.map(({ text }) => text);
+      const wrapped = `export function startEngine(port) {\n${script}}`;
+      const shifted = JSON.stringify({ ...JSON.parse(map), mappings: `;${JSON.parse(map).mappings}` });
+      const { code } = await shrink(wrapped, isReadable, { content: shifted, url: "inline" });
+      return { contents: code, resolveDir: dist };
     });
   },
-};
+});
 
 /** Imports the exports of `meshreel` from its script, instead of bundling them again. */
 const externalIndex = {
@@ -95,8 +142,8 @@ const ownRenderer = {
 
 const common = {
   bundle: true,
-  minifyIdentifiers: true,
-  minifySyntax: true, // `shrink` removes whitespace, but keeps comments for other bundlers
+  minifySyntax: true, // `shrink` does the rest, but keeps comments for other bundlers
+  sourcemap: "external",
   metafile: true,
   format: "esm",
   target: "es2022",
@@ -116,7 +163,7 @@ async function buildPackage() {
     ...common,
     entryPoints: ["src/index.ts"],
     outdir: dist,
-    plugins: [embedEngine],
+    plugins: [embedEngine(true)],
   });
   const three = await build({
     ...common,
@@ -130,16 +177,18 @@ async function buildPackage() {
   // For pages without a bundler: one script with the decoder and a renderer.
   const player = await build({
     ...common,
+    minifyIdentifiers: true,
     entryPoints: ["src/player/index.ts"],
     outfile: join(dist, "player.js"),
-    plugins: [embedEngine, ownRenderer],
+    plugins: [embedEngine(false), ownRenderer, shrinkTexts],
   });
-  const files = [decoder, three, player].flatMap(({ metafile }) => Object.keys(metafile.outputs));
-  for (const file of files) {
-    const path = join(here, file);
-    writeFileSync(path, await shrink(readFileSync(path, "utf8")));
-  }
-  appendFileSync(join(dist, "player.js"), `/* ${notice}\n*/\n`);
+  const scripts = ({ metafile }) => Object.keys(metafile.outputs).filter((file) => file.endsWith(".js"));
+  const modules = [decoder, three].flatMap(scripts);
+  const files = [...modules, ...scripts(player)];
+  for (const file of files) await shrinkFile(join(here, file), modules.includes(file));
+  // Before the address of the source map, which must come last.
+  const path = join(dist, "player.js");
+  writeFileSync(path, readFileSync(path, "utf8").replace(/(?=\/\/# sourceMappingURL)/, () => `/* ${notice}\n*/\n`));
   // The player first: it also emits types of src/three, as seen with its own renderer.
   for (const part of ["player", "package"]) {
     run(process.execPath, "node_modules/typescript/bin/tsc", "--project", `tsconfig.${part}.json`);
@@ -162,8 +211,10 @@ async function buildPackage() {
 async function bundleForPage(options) {
   const result = await build({
     ...common,
+    sourcemap: false,
+    minifyIdentifiers: true,
     write: false,
-    plugins: [embedEngine, ownRenderer],
+    plugins: [embedEngine(false), ownRenderer, shrinkTexts],
     ...options,
   });
   for (const input of Object.keys(result.metafile.inputs)) {
@@ -184,7 +235,8 @@ async function buildPage(folder) {
   const html = readFileSync(join(page, "index.html"), "utf8")
     .replace("<!--license-->", () => `<!-- ${notice}\n-->`)
     .replace("<!--style-->", () => `<style>${styles.outputFiles[0].text.replaceAll("</style", "<\\/style")}</style>`);
-  const script = `${await shrink(scripts.outputFiles[0].text)}/* ${notice}\n*/\n`;
+  const { code } = await shrink(scripts.outputFiles[0].text);
+  const script = `${code}/* ${notice}\n*/\n`;
   mkdirSync(folder, { recursive: true });
   for (const [name, text] of Object.entries({ "index.html": html, "player.js": script })) {
     writeFileSync(join(folder, `${name}.new`), text);

@@ -1,6 +1,7 @@
 // The published package: its size, and decoding.
 
 import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
@@ -26,7 +27,7 @@ function scripts(name, folder = DIST, loadedScripts = new Map()) {
   if (loadedScripts.has(name)) return loadedScripts;
   const text = readFileSync(join(folder, name), "utf8");
   loadedScripts.set(name, text);
-  for (const [, , other] of text.matchAll(/(from|import)"\.\/([^"]+)"/g)) scripts(other, folder, loadedScripts);
+  for (const [, , other] of text.matchAll(/(from|import) ?"\.\/([^"]+)"/g)) scripts(other, folder, loadedScripts);
   return loadedScripts;
 }
 
@@ -91,6 +92,31 @@ test("an error names the missing feature when the engine lacks SIMD or Decompres
   await assert.rejects(open, { name: "CompileError", message: /Content-Security-Policy.*invalid opcode/ });
   context.mock.method(WebAssembly, "validate", () => false);
   await assert.rejects(open, { name: "MeshReelError", message: /lacks WebAssembly SIMD; decoding needs/ });
+});
+
+test("Node prints short lines and names of classes when an error is not caught", async () => {
+  for (const [name, value] of Object.entries(await freshPackage())) assert.equal(value.name, name);
+  const url = pathToFileURL(join(DIST, "index.js"));
+  const script = `const { ReelFile } = await import("${url}"); await ReelFile.open(new Uint8Array(99))`;
+  const { status, stderr } = spawnSync(process.execPath, ["--input-type=module", "-e", script], { encoding: "utf8" });
+  assert.equal(status, 1);
+  assert.match(stderr, /^CorruptStreamError: not a \.reel stream/m);
+  const lines = stderr.split("\n");
+  assert.ok(lines.every(({ length }) => length < 300), stderr.slice(0, 1000));
+});
+
+test("source maps lead to the sources", () => {
+  for (const name of ["index.js", "three.js", "player.js"]) {
+    const text = readFileSync(join(DIST, name), "utf8");
+    const [, map] = /\/\/# sourceMappingURL=(.+\.map)$/.exec(text);
+    const { sources, sourcesContent } = JSON.parse(readFileSync(join(DIST, map), "utf8"));
+    assert.ok(sources.length > 5);
+    sources.forEach((source, i) => {
+      if (source.startsWith("../src/")) assert.equal(sourcesContent[i], readFileSync(join(DIST, source), "utf8"));
+    });
+    const own = name === "three.js" ? "../src/three/reel_mesh.ts" : "../src/engine/engine.ts";
+    assert.ok(sources.includes(own), `${name}: ${sources}`);
+  }
 });
 
 test("damage is reported, and other blocks play", async () => {
