@@ -24,7 +24,7 @@ test("missing attributes have defaults", () => {
     alt: null,
     loading: "eager",
     autoplay: false,
-    loop: "once",
+    loop: false,
     speed: 1,
     start: 0,
     interpolate: true,
@@ -114,7 +114,7 @@ test("attributes of tracks are parsed", () => {
 });
 
 test("loop without a value repeats", () => {
-  for (const loop of ["", "loop", "repeat"]) assert.equal(parse({ loop }).loop, "repeat");
+  for (const loop of ["", "loop", "repeat"]) assert.equal(parse({ loop }).loop, true);
 });
 
 test("invalid values are rejected", () => {

@@ -50,7 +50,7 @@ test("backward playback continues from the first frame to the last", () => {
 });
 
 test("playing once ends after the last frame", () => {
-  const it = clock({ loop: "once" });
+  const it = clock({ loop: false });
   assert.equal(it.advance(0.95), null);
   assert.equal(it.advance(1), "ended");
   assert.equal(it.time, it.duration);
@@ -60,7 +60,7 @@ test("playing once ends after the last frame", () => {
 });
 
 test("playing once backwards ends at the first frame", () => {
-  const it = clock({ loop: "once", speed: -1 });
+  const it = clock({ loop: false, speed: -1 });
   it.rewind();
   assert.equal(it.time, it.duration);
   assert.equal(it.advance(5), "ended");
@@ -83,7 +83,7 @@ test("pingpong reverses at the last and the first frame", () => {
 test("positions stay within the animation for random times", () => {
   let seed = 1;
   const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
-  for (const loop of ["repeat", "pingpong", "once"]) {
+  for (const loop of [true, "pingpong", false]) {
     for (const nFrames of [1, 2, 7]) {
       const it = clock({ loop }, nFrames, 30);
       for (let i = 0; i < 2000; i++) {
@@ -99,7 +99,7 @@ test("positions stay within the animation for random times", () => {
 });
 
 test("a single frame can be played", () => {
-  for (const loop of ["repeat", "pingpong", "once"]) {
+  for (const loop of [true, "pingpong", false]) {
     const it = clock({ loop }, 1);
     it.advance(0.35);
     assert.equal(it.current(true).frame, 0);
@@ -107,7 +107,7 @@ test("a single frame can be played", () => {
 });
 
 test("leaving pingpong in reverse resumes forward playback", () => {
-  for (const loop of ["once", "repeat"]) {
+  for (const loop of [false, true]) {
     const it = clock({ loop: "pingpong" });
     it.advance(1);
     assert.equal(it.isForward, false);

@@ -53,7 +53,7 @@ test("a file with several blocks is played with interpolation", async () => {
   await withMesh("grid_doubles", async (mesh) => {
     const frames = new Set();
     mesh.addEventListener("frame", ({ frame }) => frames.add(frame));
-    mesh.loop = "once";
+    mesh.loop = false;
     mesh.play();
     for (let turn = 0; turn < 2000 && mesh.isPlaying; turn++) {
       mesh.update(0.02);
@@ -64,15 +64,26 @@ test("a file with several blocks is played with interpolation", async () => {
   });
 });
 
+test("the loop has the values of the element's attribute", async () => {
+  await withMesh("grid_doubles", async (mesh) => {
+    assert.equal(mesh.loop, true);
+    for (const loop of [false, "pingpong", true]) assert.equal((mesh.loop = loop, mesh.loop), loop);
+    for (const loop of ["once", "repeat", "", null, 1]) {
+      assert.throws(() => (mesh.loop = loop), { name: "InvalidInputError", message: /true, false or "pingpong"/ });
+    }
+    assert.equal(mesh.loop, true);
+  });
+});
+
 test("a clone plays independently, and the last mesh closes the file", async () => {
   await withMesh("grid_doubles", async (mesh) => {
     mesh.position.set(1, 2, 3);
-    Object.assign(mesh, { loop: "once", speed: 2 });
+    Object.assign(mesh, { loop: false, speed: 2 });
     await showFrame(mesh, 2);
     const clone = mesh.clone();
     assert.ok(clone instanceof ReelMesh && clone !== mesh && clone.geometry !== mesh.geometry);
     assert.deepEqual(clone.position.toArray(), [1, 2, 3]);
-    assert.deepEqual([clone.loop, clone.speed], ["once", 2]);
+    assert.deepEqual([clone.loop, clone.speed], [false, 2]);
     assert.deepEqual([clone.frame, clone.isPlaying], [2, false]);
     await showFrame(clone, 3);
     assert.deepEqual([mesh.frame, clone.frame], [2, 3]);

@@ -111,7 +111,7 @@ test("a picture between two blocks uses both", async () => {
 });
 
 test("at most two blocks are in memory during playback in both directions", async () => {
-  for (const [loop, speed] of [["repeat", 1], ["repeat", -1], ["pingpong", 1.5], ["once", 1]]) {
+  for (const [loop, speed] of [[true, 1], [true, -1], ["pingpong", 1.5], [false, 1]]) {
     const fixture = await started(5);
     fixture.player.clock.loop = loop;
     fixture.player.clock.speed = speed;
@@ -210,7 +210,7 @@ test("a block that failed to load is requested again by play", async () => {
 
 test("playing once sends ended, and playing again restarts", async () => {
   const fixture = await started(1);
-  fixture.player.clock.loop = "once";
+  fixture.player.clock.loop = false;
   fixture.player.play();
   fixture.player.update(1);
   assert.deepEqual(fixture.types, ["playing", "frame", "ended"]);

@@ -160,7 +160,7 @@ def test_methods_and_properties_control_the_player(shown):
     assert (result["paused"], result["n"]) == (True, 45)
     names = ["camera-controls", "interpolate", "loop", "speed", "src", "start-frame"]
     assert result["names"] == names
-    until(page, "player.mesh.loop === 'repeat' && player.mesh.speed === 0.5")
+    until(page, "player.mesh.loop === true && player.mesh.speed === 0.5")
     assert page.evaluate("[player.mesh.interpolate, player.loop]") == [False, True]
 
 
@@ -501,7 +501,7 @@ def test_a_corrected_attribute_clears_the_error(shown):
     until(page, "player.error")
     page.evaluate("player.loop = true")
     settled(page)
-    assert page.evaluate("[player.error, player.mesh.loop]") == [None, "repeat"]
+    assert page.evaluate("[player.error, player.mesh.loop]") == [None, True]
     assert text_of(page, "[role=alert]") == ""
     page.evaluate("player.src = '/missing.reel'")
     until(page, "player.error && player.mesh === null")

@@ -222,7 +222,7 @@ def test_the_video_frame_stays_with_its_mesh_at_damaged_blocks(ask):
 @pytest.mark.parametrize(("film", "last"), [("short", 44), ("long", 89)])
 def test_playback_covers_the_common_duration(ask, film, last):
     result = ask(
-        f'{{ texture: "/{film}.webm", loop: "once" }}',
+        f'{{ texture: "/{film}.webm", loop: false }}',
         """
           const { mesh } = stand;
           mesh.video.muted = true;

@@ -63,7 +63,7 @@ function parseValue(name: AttributeName, value: string | null): unknown {
     case "switch":
       return value !== "false";
     case "loop":
-      return value === null ? false : value || true;
+      return value !== null && (/^(loop|repeat)?$/.test(value) || value);
     default:
       return value;
   }

@@ -163,8 +163,8 @@ function parseFlag(read: ReadAttribute, name: AttributeName): boolean {
 }
 
 function parseLoop(value: string | null): Loop {
-  if (value === null) return "once";
-  if (value === "" || value === "loop" || value === "repeat") return "repeat";
+  if (value === null) return false;
+  if (value === "" || value === "loop" || value === "repeat") return true;
   if (value === "pingpong") return value;
   throw new InvalidInputError(
     `loop must have no value, or "repeat" or "pingpong"; got loop="${value}"`,

@@ -1,7 +1,7 @@
 // The playback time.
 
-/** What happens at the end: start again, reverse, or stop. */
-export type Loop = "repeat" | "pingpong" | "once";
+/** Whether playback repeats from the start, or forwards and backwards; false: it stops at the end. */
+export type Loop = boolean | "pingpong";
 
 /** What happened while the clock advanced. */
 export type ClockEvent = "loop" | "ended" | null;
@@ -32,7 +32,7 @@ export interface ClockSettings {
  */
 export class Clock implements ClockSettings {
   speed = 1;
-  #loop: Loop = "repeat";
+  #loop: Loop = true;
   /** Time in frames; `seek` changes it. */
   position = 0;
   /** -1 while "pingpong" plays in reverse, else 1. */
@@ -87,9 +87,9 @@ export class Clock implements ClockSettings {
     this.position = this.nFrames;
   }
 
-  /** Move to the start if the end was reached, with the loop "once". */
+  /** Move to the start if the end was reached, and playback does not repeat. */
   rewind(): void {
-    if (this.loop !== "once") return;
+    if (this.loop) return;
     if (this.isForward && this.position >= this.nFrames) this.position = 0;
     if (!this.isForward && this.position <= 0) this.position = this.nFrames;
   }
@@ -98,12 +98,12 @@ export class Clock implements ClockSettings {
   advance(seconds: number): ClockEvent {
     const { nFrames, loop } = this;
     const to = this.position + seconds * this.fps * this.speed * this.#direction;
-    if (loop === "once") {
+    if (!loop) {
       const isOver = this.isForward ? to >= nFrames : to < 0;
       this.position = Math.min(Math.max(to, 0), nFrames);
       return isOver ? "ended" : null;
     }
-    // "pingpong" turns around at the last frame, and "repeat" plays it to its end.
+    // "pingpong" turns around at the last frame; otherwise it is played to its end.
     const length = loop === "pingpong" ? nFrames - 1 : nFrames;
     const nLoops = length && Math.floor(to / length);
     const rest = length && to - nLoops * length;

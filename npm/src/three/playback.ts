@@ -293,7 +293,7 @@ export class Playback {
     const [last, first] = isForward ? [next, current] : [current, next];
     if (!isForward) played.reverse();
     const after = played.slice(played.indexOf(last) + 1);
-    if (loop === "repeat") after.push(...played);
+    if (loop === true) after.push(...played);
     if (loop === "pingpong") after.push(...played.slice(0, played.indexOf(first)).reverse());
     return after.find((block) => !block.isDamaged);
   }

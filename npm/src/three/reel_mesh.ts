@@ -278,12 +278,20 @@ export class ReelMesh extends THREE.Mesh<
     return this.#playback.loaded;
   }
 
-  /** What happens at the end. Default: "repeat". */
+  /**
+   * Whether it repeats: from the start, or "pingpong", forwards and backwards; false: it stops at the
+   * end. The same values as of `<reel-player>`, whose default is false. Default: true.
+   *
+   * @throws InvalidInputError for other values.
+   */
   get loop(): Loop {
     return this.#playback.clock.loop;
   }
 
   set loop(loop: Loop) {
+    if (typeof loop !== "boolean" && loop !== "pingpong") {
+      throw new InvalidInputError(`loop must be true, false or "pingpong"; got ${JSON.stringify(loop)}`);
+    }
     this.#playback.change({ loop });
   }
 

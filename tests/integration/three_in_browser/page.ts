@@ -460,7 +460,7 @@ const tests = {
     };
     const events = record(mesh);
     stand.scene.add(mesh);
-    mesh.loop = "once";
+    mesh.loop = false;
     mesh.play();
     const early = { isOnGpu: mesh.isOnGpu, isWaiting: mesh.isWaiting, hits: 0 };
     const ray = new THREE.Raycaster(new THREE.Vector3(0.05, 0.03, 9), new THREE.Vector3(0, 0, -1));

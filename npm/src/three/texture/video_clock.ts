@@ -68,7 +68,7 @@ export class VideoClock implements MasterClock {
     const { video, playback } = options;
     this.#attach();
     this.#wasLooping = video.loop;
-    if (video.loop) playback.clock.loop = "repeat";
+    if (video.loop) playback.clock.loop = true;
     video.loop = false; // the mesh handles loops
     this.#listen();
     this.#requestCallback();
@@ -260,7 +260,7 @@ export class VideoClock implements MasterClock {
     if (!playback.isPlaying) {
       clock.seek(clock.nFrames - 1);
       this.seek(clock.position);
-    } else if (clock.loop === "once") {
+    } else if (!clock.loop) {
       playback.pause();
       clock.goToEnd();
       send({ type: "ended" });
