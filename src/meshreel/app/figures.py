@@ -251,14 +251,14 @@ def player_rows(stream: "StreamInfo") -> dict[str, str]:
 
 
 def measured_rows(measured: "Measured") -> dict[str, str]:
-    """Errors of a file for the player, with the names of `quality_rows`."""
+    """Errors of a file for the player, whose visitors may not know the abbreviations."""
     errors = measured.errors
     return {
-        "KG error": f"{errors.kg_error_percent:.4f} %",
-        "STED": f"{measured.sted_spatial:.5f} (spatial part)",
-        "NMSVE, mean": f"{measured.nmsve_mean:.3e}",
         "largest error": f"{errors.max_error_percent:.4f} % of the diagonal",
         "RMS error": f"{errors.rms_error_percent:.4f} % of the diagonal",
+        "overall error (KG error)": f"{errors.kg_error_percent:.4f} %",
+        "distortion of edges (STED)": f"{measured.sted_spatial:.5f} (spatial part)",
+        "visual error, mean (NMSVE)": f"{measured.nmsve_mean:.3e}",
     }
 
 

@@ -141,8 +141,8 @@ class Figures:
     def plots(self) -> list[dict[str, Any]]:
         """Errors of each frame, for the page."""
         return [
-            {"label": "NMSVE", "values": self.nmsve},
             {"label": "largest error, % of the diagonal", "values": self.largest_percent},
+            {"label": "visual error (NMSVE)", "values": self.nmsve},
         ]
 
 
