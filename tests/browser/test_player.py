@@ -249,6 +249,58 @@ def test_legend_covers_nothing(new_page, compared_url, width, height):
         assert box["y"] + box["height"] <= legend["y"] + legend["height"] - 6
 
 
+@pytest.mark.parametrize("size", [(700, 500), (820, 420), (390, 844), (1100, 900)])
+def test_arrangement_of_the_views_does_not_depend_on_the_legend(new_page, compared_url, size):
+    width, height = size
+    page = new_page(compared_url, width=width, height=height)
+    places = []
+    for kind in ("distance", None, "angle"):
+        page.evaluate("kind => player.setHeat(kind)", kind)
+        page.wait_for_timeout(100)
+        boxes = [page.locator("#labels span").nth(i).bounding_box() for i in (0, 1)]
+        places.append(boxes[0]["y"] == boxes[1]["y"])
+    assert len(set(places)) == 1
+
+
+@pytest.mark.parametrize("width", [1000, 700, 390, 320])
+def test_labels_do_not_cover_the_title(new_page, compared_url, width):
+    page = new_page(compared_url, width=width, height=600)
+    title = page.locator("#name").bounding_box()
+    assert all(
+        label.bounding_box()["y"] >= title["y"] + title["height"] - 1
+        for label in page.locator("#labels span").all()
+    )
+
+
+def test_page_follows_the_color_scheme_until_the_user_chooses(new_page, url):
+    page = new_page(url)
+    background = "getComputedStyle(document.body).backgroundColor"
+    light = page.evaluate(background)
+    page.emulate_media(color_scheme="dark")
+    wait_until(page, "document.querySelector('[name=background][value=dark]').checked")
+    dark = page.evaluate(background)
+    assert light == "rgb(255, 255, 255)"
+    assert dark == "rgb(29, 33, 39)"
+    assert picture_of(page, "canvas")[-20, 20].max() < 40
+    page.get_by_label("Wireframe").check()  # no choice of a background
+    page.emulate_media(color_scheme="light")
+    wait_until(page, f"{background} === '{light}'")
+    page.keyboard.press("b")
+    page.emulate_media(color_scheme="dark")
+    page.emulate_media(color_scheme="light")
+    page.wait_for_timeout(100)
+    assert page.evaluate(background) == dark
+
+
+def test_legend_says_which_frames_the_colors_span(own_compared):
+    own_compared.evaluate("player.setHeat('distance')")
+    title = own_compared.locator(".legend .title")
+    assert "span" not in title.text_content()
+    own_compared.get_by_label("Colors span the shown frame only").check()
+    wait_until(own_compared, "player.state().perFrameRange")
+    assert "colors span this frame" in title.text_content()
+
+
 def test_clicking_the_plot_seeks(compared):
     plot = compared.locator("#plots svg").first
     plot.scroll_into_view_if_needed()
@@ -287,7 +339,8 @@ def test_followed_mesh_stays_centered(new_page, url):
         assert np.abs(np.argwhere(mask).mean(axis=0) / mask.shape - 0.5).max() < 0.12, frame
 
 
-def test_meshes_side_by_side_have_the_same_size(compared):
+def test_meshes_side_by_side_have_the_same_size(new_page, compared_url):
+    compared = new_page(compared_url, width=1400)
     left, right = np.array_split(covered(picture_of(compared, "canvas"))[60:-120], 2, axis=1)
     assert left.mean() > 0.05
     assert left.mean() == pytest.approx(right.mean(), rel=0.02)

@@ -14,9 +14,8 @@ from meshreel.model.materials import Image as FileImage
 from meshreel.model.materials import Material, Texture
 from meshreel.model.surface import FaceGroups
 from samples.browser import checked_rules
-from samples.element_pages import picture, settled, showing, text_of, until
+from samples.element_pages import picture, press, settled, showing, text_of, until
 from samples.numbered_video import moving_sheet
-from samples.tabs import Tabs
 from samples.web_package import DIST, serving
 
 pytestmark = pytest.mark.slow
@@ -44,11 +43,6 @@ window.setTimeout = (run, ms, ...more) => wait(run, Math.min(ms, 50), ...more);
 """Without a network once `isCut` is true; pauses before further attempts are short."""
 
 ALERT = "player.shadowRoot.querySelector('[role=alert]').textContent"
-
-
-@pytest.fixture(scope="module")
-def tabs(browser):
-    return Tabs(browser, is_webgl_watched=False)  # lost contexts log errors
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +116,7 @@ def test_time_runs_forward_when_loop_is_removed_while_it_runs_back(shown):
 
 
 def test_error_is_cleared_when_the_context_is_restored(shown):
-    page = shown('<reel-player src="/flag.reel" controls></reel-player>')
+    page = shown('<reel-player src="/red.reel" controls></reel-player>')  # with an image
     settled(page)
     page.evaluate(
         """() => {
@@ -137,7 +131,63 @@ def test_error_is_cleared_when_the_context_is_restored(shown):
     until(page, "player.error === null")
     assert text_of(page, "[role=alert]") == ""
     settled(page)
-    assert (np.abs(picture(page) - 255).max(axis=2) > 12).mean() > 0.05
+    assert redness(page) > 0.05
+    page.evaluate("player.remove()")  # frees all resources
+    page.wait_for_timeout(100)
+
+
+def test_long_errors_can_be_read_in_narrow_players(shown):
+    name = "a" * 60
+    page = shown(f'<reel-player src="/{name}.reel" controls></reel-player>')
+    page.evaluate("player.style.width = '320px'")
+    until(page, "player.error")
+    edges = page.evaluate(
+        """() => {
+          const edgesOf = (name) => {
+            const { top, bottom } = player.shadowRoot.querySelector(name).getBoundingClientRect();
+            return [top, bottom];
+          };
+          const alert = player.shadowRoot.querySelector("[role=alert]");
+          const names = [".picture", "[role=alert]", "[role=alert] button", "[role=alert] p"];
+          const atStart = names.map(edgesOf);
+          alert.scrollTo(0, 1e6);
+          return [...atStart, edgesOf("[role=alert] p")];
+        }"""
+    )
+    picture, alert, button, text, text_at_end = edges
+    assert picture[0] <= alert[0] <= text[0]
+    assert text_at_end[1] <= alert[1] <= picture[1]
+    assert button[1] <= alert[1]
+
+
+def test_keys_work_while_a_button_of_the_bar_has_the_focus(shown):
+    page = shown('<reel-player src="/flag.reel" controls></reel-player>')
+    settled(page)
+    frame = "player.mesh.frame"
+    press(page, "[aria-label='Next frame']", "End")
+    until(page, f"{frame} === 44")
+    press(page, "[aria-label='Play']", "ArrowLeft", ",")
+    until(page, f"{frame} === 42")
+    press(page, "[aria-label='Time']", ",", "ArrowLeft", "Home", ".")
+    until(page, f"{frame} === 1")
+    press(page, "[aria-label='Next frame']", " ")  # pressed by the browser
+    until(page, f"{frame} === 2")
+    assert page.evaluate("player.paused")
+    page.locator("reel-player").get_by_role("button", name="Next frame").click()
+    page.keyboard.press(" ")
+    until(page, "!player.paused")
+
+
+def test_fields_of_the_page_in_the_player_keep_their_keys(shown):
+    page = shown(
+        '<reel-player src="/flag.reel"><input id="note" slot="overlay" value="a"></reel-player>'
+    )
+    settled(page)
+    page.locator("#note").focus()
+    for key in ("End", " ", ".", "Home", ","):
+        page.keyboard.press(key)
+    assert page.locator("#note").input_value() == ",a ."
+    assert page.evaluate("[player.paused, player.mesh.frame]") == [True, 0]
 
 
 @pytest.mark.parametrize("how", ["online", "button"])

@@ -49,8 +49,15 @@ export class ComparisonPanel {
       unit: heat.unit,
       range: [0, hottest],
       isClipped: !perFrameRange && hottest < heat.maximum,
+      note: this.rangeNote(perFrameRange),
       colorOf: (value) => colorAt(HEAT_COLORS, value / (hottest || 1)),
     };
+  }
+
+  /** Say which frames the colors span, if not all: the range changes with them. */
+  private rangeNote(isPerFrame: boolean): string | undefined {
+    if (isPerFrame) return "colors span this frame";
+    return this.original.plots.length ? undefined : "colors span the first frame until all are measured";
   }
 
   /** Select the next heat map of the list, or none. */

@@ -3,7 +3,7 @@
 import { ComparisonPanel } from "./comparison.js";
 import { Labels } from "./labels.js";
 import type { Opening } from "./opening.js";
-import { Choice, inputById, byId } from "./page.js";
+import { byId, Choice, darkScheme, inputById } from "./page.js";
 import { fillPanel } from "./panel.js";
 import type { Arrangement, Background, Look, Picture, Shading } from "./picture.js";
 import type { Player } from "./player.js";
@@ -91,12 +91,20 @@ function viewKeys(reel: Reel, picture: Picture, player: Player): Actions {
     <K extends keyof Look>(name: K) =>
     (value: Look[K]) => {
       look[name] = value;
-      document.documentElement.dataset.background = look.background;
       picture.applyLook();
       player.redraw();
     };
   const shading = new Choice<Shading>("shading", look.shading, choose("shading"));
-  const background = new Choice<Background>("background", look.background, choose("background"));
+  const { dataset } = document.documentElement;
+  const background = new Choice<Background>("background", look.background, (value) => {
+    dataset.background = value;
+    choose("background")(value);
+  });
+  darkScheme.addEventListener("change", ({ matches }) => {
+    if (dataset.background) return; // the user has chosen
+    background.select(matches ? "dark" : "light");
+    delete dataset.background;
+  });
   const arrangement = new Choice<Arrangement>(
     "arrangement",
     look.arrangement,

@@ -4,7 +4,7 @@ import { partsOf, type ReelPlayerElement } from "../player/element.js";
 import { connectControls } from "./controls.js";
 import type { Facts, Reel } from "./facts.js";
 import { Opening } from "./opening.js";
-import { inputById, showError } from "./page.js";
+import { darkScheme, inputById, showError } from "./page.js";
 import { Picture, type Look } from "./picture.js";
 import { Player } from "./player.js";
 import { windowPlayer } from "./window_player.js";
@@ -32,7 +32,7 @@ function firstLook(reel: Reel): Look {
     shading: reel.original ? "flat" : "smooth",
     wire: false,
     usesFileMaterials: true,
-    background: "light",
+    background: darkScheme.matches ? "dark" : "light",
     arrangement: reel.original ? "beside" : "decoded",
     isFollowed: false,
   };

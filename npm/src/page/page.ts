@@ -12,6 +12,9 @@ export function inputById(id: string): HTMLInputElement {
   return byId<HTMLInputElement>(id);
 }
 
+/** Whether the system requests dark colors. */
+export const darkScheme = matchMedia("(prefers-color-scheme: dark)");
+
 /** Fill a description list with names and values. */
 export function fillRows(list: HTMLElement, rows: [string, string][]): void {
   list.replaceChildren(
@@ -38,7 +41,14 @@ export class Choice<T extends string> {
   /** Select the next value. */
   next(): void {
     const at = this.buttons.findIndex((button) => button.checked);
-    const button = this.buttons[(at + 1) % this.buttons.length];
+    this.check(this.buttons[(at + 1) % this.buttons.length]);
+  }
+
+  select(value: T): void {
+    for (const button of this.buttons) if (button.value === value) this.check(button);
+  }
+
+  private check(button: HTMLInputElement): void {
     button.checked = true;
     this.onChange(button.value as T);
   }

@@ -33,13 +33,13 @@ export interface BarActions {
 /** The control bar of a player. */
 export class Bar {
   readonly element: HTMLElement;
+  readonly timeline = createElement("input", "time");
   readonly #previous: IconButton;
   readonly #play: IconButton;
   readonly #next: IconButton;
   readonly #speed = createElement("select", "speed");
   readonly #mute: IconButton;
   readonly #full: IconButton;
-  readonly #range = createElement("input", "time");
   readonly #text = createElement("span", "text");
   readonly #host: HTMLElement;
   #isDetailed = false;
@@ -54,7 +54,7 @@ export class Bar {
     this.#mute = new IconButton("", "loud", "Mute", () => actions.mute());
     this.#full = new IconButton("", "full", "Full screen", () => this.toggleFullScreen());
     this.#full.element.hidden = !document.fullscreenEnabled;
-    const range = this.#range;
+    const range = this.timeline;
     Object.assign(range, { type: "range", min: "0", step: "1", value: "0" });
     range.setAttribute("aria-label", "Time");
     range.addEventListener("input", () => actions.seek(Number(range.value)));
@@ -108,7 +108,7 @@ export class Bar {
 
   /** Display a state; null: no file is open. */
   show(state: BarState | null): void {
-    const range = this.#range;
+    const range = this.timeline;
     for (const { element } of [this.#previous, this.#play, this.#next]) element.disabled = !state;
     range.disabled = state === null;
     this.#mute.element.hidden = state === null || state.isMuted === null;

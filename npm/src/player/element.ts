@@ -364,6 +364,12 @@ export class ReelPlayerElement extends PlayerAttributes {
         if (video) this.muted = !video.muted;
       },
     });
+    // A click leaves the keys to the canvas; Tab leaves them to the button.
+    bar.element.addEventListener("click", ({ detail, target }) => {
+      if (detail && target instanceof Element && target.closest("button")) {
+        view.canvas.focus({ preventScroll: true });
+      }
+    });
     const start = new IconButton("start", "play", "Play", () => this.#toggle());
     const poster = createElement("img", "poster");
     poster.alt = "";
@@ -681,7 +687,7 @@ export class ReelPlayerElement extends PlayerAttributes {
   #step(nFrames: number): void {
     const mesh = this.#requireMesh();
     this.pause();
-    const wraps = mesh.loop === "repeat" && Math.abs(nFrames) === 1;
+    const wraps = mesh.loop === true && Math.abs(nFrames) === 1;
     const frame = mesh.frame + nFrames;
     this.seek({ frame: wraps ? (frame + mesh.nFrames) % mesh.nFrames : frame });
   }
@@ -733,12 +739,17 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   #handleKey(event: KeyboardEvent): void {
     if (event.ctrlKey || event.metaKey || event.altKey || !this.#ui || !this.#mesh) return;
+    const { view, bar } = this.#ui;
+    const { key } = event;
     const target = event.composedPath()[0];
-    const { view } = this.#ui;
+    const isButton = target instanceof HTMLButtonElement;
+    const isTimeline = target === bar.timeline;
+    if (target !== view.canvas && !isButton && !isTimeline) return; // such as fields of the page
+    // A focused button handles the space bar, and the timeline its own keys.
     const isHandled =
-      event.key === " " && !(target instanceof HTMLButtonElement)
-        ? this.#run(() => this.#toggle())
-        : target === view.canvas && (view.camera.handleKey(event.key) || this.#seekByKey(event.key));
+      key === " "
+        ? !isButton && this.#run(() => this.#toggle())
+        : !(isTimeline && key.length > 1) && (view.camera.handleKey(key) || this.#seekByKey(key));
     if (isHandled) event.preventDefault();
   }
 

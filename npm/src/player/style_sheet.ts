@@ -164,10 +164,11 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
   left: 12px;
   right: 12px;
   display: flex;
-  align-items: center;
-  gap: 12px;
+  flex-wrap: wrap;
+  justify-content: end;
+  gap: 0 12px;
   max-width: 560px;
-  max-height: calc(100% - 80px);
+  max-height: calc(100% - 24px);
   overflow: auto;
   box-sizing: border-box;
   margin: 0 auto;
@@ -179,8 +180,9 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
   overflow-wrap: anywhere;
 }
 .alert.bare { padding: 14px 16px; }
-.alert p { flex: 1; }
-.alert button { text-decoration: underline; }
+.alert p { flex: 1 1 200px; margin: auto 0; }
+.alert button { position: sticky; bottom: 0; background: var(--panel); text-decoration: underline; }
+.alert button:hover { color: var(--accent); }
 @media (prefers-reduced-motion: reduce) {
   .waiting:not(:empty)::before { animation: none; }
 }

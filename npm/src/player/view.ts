@@ -135,6 +135,7 @@ export class View implements ContextHolder {
   /** Set half the size of the model, from which the depth range follows. */
   setExtents(extents: HalfExtents): void {
     this.#extents = extents;
+    if (this.#panes) this.#updateAspect();
     this.invalidate();
   }
 
@@ -146,9 +147,16 @@ export class View implements ContextHolder {
     this.invalidate();
   }
 
-  /** Whether several views are stacked vertically. */
+  /**
+   * Whether several views are stacked vertically: if that shows the model larger. Depends on the size
+   * of the player rather than of the canvas, which changes with the legend.
+   */
   get isPortrait(): boolean {
-    return this.canvas.clientWidth < this.canvas.clientHeight;
+    const { clientWidth, clientHeight } = (this.canvas.getRootNode() as ShadowRoot).host;
+    const [x, y, z] = this.#extents;
+    const n = this.#panes?.length ?? 1;
+    const scale = (width: number, height: number) => Math.min(width / Math.hypot(x, z), height / y);
+    return scale(clientWidth, clientHeight / n) > scale(clientWidth / n, clientHeight);
   }
 
   /** Return the ray through a position on the page; null outside of the canvas. */

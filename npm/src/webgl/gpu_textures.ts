@@ -20,7 +20,10 @@ interface Entry {
   nUsers: number;
 }
 
-/** Uploads textures when they are used, and frees them when they are disposed of. */
+/**
+ * Uploads textures when they are used, and frees them when they are disposed of, unless their context
+ * was lost meanwhile.
+ */
 export class GpuTextures {
   readonly #gl: WebGL2RenderingContext;
   readonly #maxSize: number;
@@ -70,7 +73,7 @@ export class GpuTextures {
     const handle = this.handleOf(target.texture) as WebGLTexture;
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, handle, 0);
     onDispose(target, () => {
-      gl.deleteFramebuffer(framebuffer);
+      if (gl.isFramebuffer(framebuffer)) gl.deleteFramebuffer(framebuffer);
       this.#framebuffers.delete(target);
     });
     return framebuffer;
@@ -80,7 +83,8 @@ export class GpuTextures {
     this.#entries.set(texture, entry);
     onDispose(texture, () => {
       this.#entries.delete(texture);
-      if (--entry.nUsers === 0) this.#gl.deleteTexture(entry.handle);
+      const isLast = --entry.nUsers === 0;
+      if (isLast && this.#gl.isTexture(entry.handle)) this.#gl.deleteTexture(entry.handle);
     });
   }
 

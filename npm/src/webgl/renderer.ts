@@ -253,7 +253,7 @@ export class WebGLRenderer {
     for (const attribute of [...Object.values(attributes), index]) {
       const buffer = attribute && this.#buffers.get(attribute as BufferAttribute);
       if (!buffer) continue;
-      this.#gl.deleteBuffer(buffer.handle);
+      if (this.#gl.isBuffer(buffer.handle)) this.#gl.deleteBuffer(buffer.handle); // else of a lost context
       this.#buffers.delete(attribute as BufferAttribute);
     }
   }

@@ -83,6 +83,7 @@ export class AttributePass {
   dispose(): void {
     const gl = this.#gl;
     this.#table.dispose();
+    if (!gl.isProgram(this.#program)) return; // the context was lost, and may have been restored
     gl.deleteProgram(this.#program);
     gl.deleteVertexArray(this.#array);
     gl.deleteTransformFeedback(this.#feedback);
