@@ -56,11 +56,14 @@ const define = { WASM_MODULE: JSON.stringify(await pack(compileCore())) };
  * @param sourceMap - options of terser
  */
 async function shrink(script, isReadable = false, sourceMap = undefined) {
-  const { code, map } = await minify(script, {
+  // esbuild writes classes as expressions; their names are those of their variables, or "_" and those.
+  const classes = [...script.matchAll(/\b(\w+) = class\b/g)].map(([, name]) => name);
+  const named = isReadable ? script.replace(/\b_(\w+)\b/g, (all, name) => (classes.includes(name) ? name : all)) : script;
+  const { code, map } = await minify(named, {
     module: true,
     ecma: 2020,
     compress: { passes: 3 },
-    mangle: { keep_classnames: isReadable },
+    mangle: { keep_classnames: isReadable, reserved: isReadable ? classes : [] },
     keep_classnames: isReadable,
     // Node prints the line of an error, which must not be the whole script.
     format: { comments: /webpackIgnore|@vite-ignore/, beautify: isReadable, indent_level: 0 },
@@ -106,7 +109,7 @@ const embedEngine = (isReadable) => ({
         bundle: true,
         minify: !isReadable,
         write: false,
-        outfile: join(dist, "engine.js"), // sources of the map are relative to it
+        outfile: join(here, "src/file/engine.js"), // sources of the map are relative to it
         sourcemap: "external",
         format: "esm",
         // An old target: bundlers that lower newer syntax would add helpers outside of the function.
@@ -116,7 +119,7 @@ const embedEngine = (isReadable) => ({
       const wrapped = `export function startEngine(port) {\n${script}}`;
       const shifted = JSON.stringify({ ...JSON.parse(map), mappings: `;${JSON.parse(map).mappings}` });
       const { code } = await shrink(wrapped, isReadable, { content: shifted, url: "inline" });
-      return { contents: code, resolveDir: dist };
+      return { contents: code };
     });
   },
 });
