@@ -61,6 +61,8 @@ const RANGE_FAULTS = {
     setRange(reply, Math.max(0, reply.range.start - 10), size, file),
   shortRange: (reply, size, file) =>
     setRange(reply, reply.range.start, size, file, reply.range.start + 5000),
+  longRange: (reply, size, file) =>
+    setRange(reply, reply.range.start, size, file, reply.range.end + 50_000),
   oldRange: (reply, size, file) => setRange(reply, 0, size, file, 100),
   /** The whole file as body, with the header of the requested range. */
   wholeBody: (reply, size, file) => (reply.body = file),

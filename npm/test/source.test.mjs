@@ -389,7 +389,7 @@ describe("a server with faulty responses", { concurrency: true }, () => {
     { fault: "lengthLonger" },
     { fault: "lengthShorter" },
     { fault: "refused" },
-    { fault: "earlierRange", faultFrom: 1 },
+    { fault: "longRange", faultFrom: 1 },
     { fault: "whole", faultFrom: 1 },
     { fault: "whole", faultFrom: 2, chunked: "yes" },
   ];
@@ -417,6 +417,8 @@ describe("a server with faulty responses", { concurrency: true }, () => {
     [{ fault: "noRange", faultFrom: 1 }, /request for bytes=100000-109999 returned HTTP 206 .*do not match/],
     [{ fault: "oddRange", faultFrom: 1 }, /Content-Range "bytes 1-0\/0, 9+".*do not match/],
     [{ fault: "laterRange", faultFrom: 1 }, /Content-Range "bytes 100010-109999\/200000".*do not match/],
+    [{ fault: "earlierRange", faultFrom: 1 }, /Content-Range "bytes 99990-109999\/200000".*do not match/],
+    [{ fault: "longRange", faultFrom: 1, chunked: "yes" }, /Content-Range "bytes 100000-159999\/.*do not match/],
     [{ fault: "oldRange", faultFrom: 1 }, /Content-Range "bytes 0-99\/200000".*do not match/],
     [{ fault: "wholeBody", faultFrom: 1 }, /Content-Length "200000".*do not match/],
     [{ fault: "wholeBody", faultFrom: 1, chunked: "yes" }, /sent more bytes than it announced, 10000;/],

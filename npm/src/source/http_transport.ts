@@ -68,7 +68,11 @@ export class HttpTransport implements Transport {
     }
     if (!response.ok) throw this.statusError(status);
     if (part) this.checkVersion({ etag, modified, size: part.size });
-    if (!part || part.start > first || (status === 206 && part.end! <= start)) {
+    const isRange = status === 206;
+    const isOther = part && (isRange ? part.start !== first || part.end! <= start : part.start > first);
+    // A longer range is read up to the requested byte, if its length is certain.
+    const isTooLong = part && isRange && !part.isFramed && part.end! > end;
+    if (!part || isOther || isTooLong) {
       const quote = (header: string) => `${header} "${headers.get(header) ?? ""}"`;
       throw new SourceError(
         `${this.name}: the request for ${range ?? "the file"} returned HTTP ${status} with` +
