@@ -58,6 +58,7 @@ PAGE_FUNCTIONS = (
     "meshreel_surface_of",
     "meshreel_track_of",
     "meshreel_triangles",
+    "page_check_image",
     "page_open",
 )
 

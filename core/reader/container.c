@@ -213,13 +213,37 @@ static void reset_outline(reel_outline *outline) {
     outline->longest = 0;
 }
 
+/* In a web page a model is shown before its images have arrived: their bytes are read on demand, and
+   `page_check_image` verifies them. */
+#ifdef __wasm__
+#define DEFERS_IMAGES true
+#else
+#define DEFERS_IMAGES false
+#endif
+
+/* Announce sections that precede the first block. */
+static int announce_leading(reel_call *call, reel_range range) {
+    return DEFERS_IMAGES || !range.length ? MESHREEL_OK : reel_announce(call, range);
+}
+
+/* Verify a section that precedes the first block. */
+static int check_leading(reel_call *call, const reel_section *section) {
+    if (DEFERS_IMAGES) {
+        if (section->id == REEL_IMAGE) {
+            return MESHREEL_OK;
+        }
+        REEL_TRY(reel_announce(call, (reel_range){section->at, section->end - section->at}));
+    }
+    return reel_section_check(call, section);
+}
+
 static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline, uint64_t begin,
                         uint64_t end) {
-    REEL_TRY(begin < end ? reel_announce(call, (reel_range){begin, end - begin}) : MESHREEL_OK);
+    REEL_TRY(announce_leading(call, (reel_range){begin, begin < end ? end - begin : 0}));
     for (uint64_t at = begin; at < end;) {
         reel_section section;
         REEL_TRY(reel_section_at(call, at, end, &section));
-        REEL_TRY(reel_section_check(call, &section));
+        REEL_TRY(check_leading(call, &section));
         if (reel_is_known(section.id)) {
             REEL_TRY(add_leading(call, pool, outline, &section));
         }
@@ -533,9 +557,9 @@ static int begin_segment(reel_call *call, const reel_section *section, const ree
 /* Read the section SEGMENT of a segment other than the first, found earlier by index or scan. */
 static int read_beginning(reel_call *call, const reel_outline *file, const reel_segment *segment,
                           uint64_t limit, reel_section *section, reel_outline *outline) {
-    REEL_TRY(reel_announce(call, (reel_range){segment->at, limit - segment->at}));
+    REEL_TRY(announce_leading(call, (reel_range){segment->at, limit - segment->at}));
     REEL_TRY(reel_section_at(call, segment->at, limit, section));
-    REEL_TRY(reel_section_check(call, section));
+    REEL_TRY(check_leading(call, section));
     REEL_CORRUPT_IF(section->id != REEL_SEGMENT, segment->at,
                     "no segment begins where the index lists one");
     REEL_TRY(begin_segment(call, section, file, outline));
@@ -618,14 +642,14 @@ static int add_range(reel_call *call, reel_pool *pool, const shared_range *range
                      reel_outline *outline) {
     const reel_segment *to = range->to;
     uint64_t limit = to->first_block ? to->first_block : to->end, at = to->at;
-    REEL_TRY(reel_announce(call, (reel_range){at, limit - at}));
+    REEL_TRY(announce_leading(call, (reel_range){at, limit - at}));
     for (uint64_t i = 0; i < range->n_skipped + range->n_sections;) {
         reel_section section = {.id = REEL_BLOCK};
         REEL_TRY(at < limit ? reel_section_at(call, at, limit, &section) : MESHREEL_OK);
         REEL_CORRUPT_IF(is_after_leading(&section, to->at), from,
                         "a segment refers to more sections than the other one has");
         if (i >= range->n_skipped && is_of_mesh(section.id)) {
-            REEL_TRY(reel_section_check(call, &section));
+            REEL_TRY(check_leading(call, &section));
             REEL_TRY(add_leading(call, pool, outline, &section));
         }
         i += is_of_mesh(section.id);

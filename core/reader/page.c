@@ -2,7 +2,7 @@
    that is not fetched yet fails as MESHREEL_UNREADABLE; the page then fetches it and calls
    again. */
 
-#include "call.h"
+#include "file.h"
 
 #ifdef __wasm__
 
@@ -43,6 +43,17 @@ int page_open(double size, double memory_limit, meshreel_file **file, meshreel_e
     meshreel_host host = {.allocate = allocate, .release = release,
                           .memory_limit = (uint64_t)memory_limit};
     return meshreel_open(&source, &host, file, error);
+}
+
+/* Verify the checksum of an image, whose number is valid. */
+int page_check_image(const meshreel_file *file, uint32_t number, meshreel_error *error) {
+    reel_call call = reel_begin_call(&file->source, &file->host, 0);
+    const reel_section *section = file->outline.leading;
+    for (; section->id != REEL_IMAGE || number; section++) {
+        number -= section->id == REEL_IMAGE;
+    }
+    int failed = reel_announce(&call, (reel_range){section->at, section->end - section->at});
+    return reel_end_call(&call, failed ? failed : reel_section_check(&call, section), error);
 }
 
 #endif

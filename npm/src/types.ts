@@ -204,12 +204,12 @@ export interface Attribute {
   readonly values: Uint8Array | Int32Array | Float32Array | Float64Array;
 }
 
-/** An encoded image file. */
+/** An encoded image file; `OpenReel.image` reads it. */
 export interface Image {
   readonly name: string;
   /** MIME type, such as "image/png". */
   readonly mediaType: string;
-  readonly bytes: Uint8Array;
+  readonly sizeBytes: number;
 }
 
 /** The texture of a slot of a material. */
@@ -288,6 +288,8 @@ export interface OpenReel {
   frame(index: number, options?: { signal?: AbortSignal }): Promise<Positions>;
   /** Decode a block for shaders. */
   fields(block: number, options?: { signal?: AbortSignal }): Promise<BlockFields>;
+  /** Read the bytes of an image; `index` is that in `Surface.images`. */
+  image(index: number, options?: { signal?: AbortSignal }): Promise<Uint8Array>;
   /** Return a track by name. @throws InvalidInputError if there is no track of this name. */
   track(name: string): OpenTrack;
   close(): void;

@@ -82,6 +82,15 @@ test("the segments used last stay open, and others are closed", async () => {
   assert.notEqual(await file.segment(1, signal), engines[1]);
 });
 
+test("concurrent calls open a segment once", async () => {
+  const { file, engine } = await openSegments(internals, segmentedBytes("returning"), { segment: 0 });
+  const [one, other] = await Promise.all([1, 1].map((number) => file.segment(number, signal)));
+  assert.equal(one, other);
+  assert.equal(one, await file.segment(1, signal));
+  await one.frame(0, 0, signal);
+  assert.equal(await file.segment(0, signal), engine);
+});
+
 test("hidden players lose their contexts in the order in which they were visible", () => {
   const suspended = [];
   const holders = Array.from({ length: MAX_CONTEXTS + 3 }, (_, number) => ({

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { openEngine, openSegments, loadInternals, newLibrary } from "./support/bundle.mjs";
-import { BLOCK, groupsOf, sectionBytes, sectionsOf } from "./support/container.mjs";
+import { BLOCK, groupsOf, IMAGE, sectionBytes, sectionsOf } from "./support/container.mjs";
 import { streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
 const internals = await loadInternals();
@@ -74,6 +74,21 @@ test("decoding a block needs only its bytes and those of its key block", async (
     const frame = await decodeWithout(all.filter((one) => !needed.includes(one)));
     assert.deepEqual(frame, await original.frame(0, start, signal));
   }
+});
+
+test("images are read on demand, and damage of one affects only it", async () => {
+  const bytes = streamBytes("everything");
+  const { images: expected, "hash of positions": hash } = expectedOf("everything");
+  const [damaged, intact] = sectionsOf(bytes).filter(({ id }) => id === IMAGE);
+  bytes[damaged.end - 5] ^= 1;
+  const engine = await openEngine(internals, bytes);
+  assert.equal(await framesHash(engine), hash);
+  assert.equal(sha(await engine.image(1, signal)), expected[1].hash);
+  await assert.rejects(engine.image(0, signal), {
+    name: "CorruptStreamError",
+    message: `a checksum does not match; fetch the file again (byte ${damaged.position})`,
+  });
+  assert.ok(intact.position > damaged.position);
 });
 
 test("memory is reused", async () => {

@@ -91,6 +91,16 @@ test("invalid frames and blocks are rejected", async () => {
   });
 });
 
+test("images are read once, by index", async () => {
+  await withReel(streamBytes("everything"), async (reel) => {
+    const hashes = expectedOf("everything").images.map(({ hash }) => hash);
+    const images = await Promise.all(hashes.map((_, index) => reel.image(index)));
+    assert.deepEqual(images.map((bytes) => sha(bytes)), hashes);
+    assert.equal(await reel.image(1), images[1]);
+    for (const index of [-1, hashes.length, 0.5]) await assert.rejects(reel.image(index), InvalidInputError);
+  });
+});
+
 test("fields and weights yield positions within 1e-5 of the diagonal", async () => {
   for (const name of ["sphere", "corrections", "max_error_in_blocks"]) {
     await withReel(streamBytes(name), async (reel) => {

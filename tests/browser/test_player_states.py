@@ -56,6 +56,7 @@ def files():
         "/large.reel": meshreel.encode(large, max_error=0.001, effort=1, block_frames=15),
         "/gold.reel": meshreel.encode(golden_sheet(), max_error=0.01, effort=5),
         "/red.reel": meshreel.encode(red_sheet(), max_error=0.01, effort=5),
+        "/noise.reel": meshreel.encode(noisy_sheet(), max_error=0.01, effort=5),
         "/index.html": b"<!DOCTYPE html><title>Not found</title>",
         "/model.glb": b"glTF\x02\x00\x00\x00" + bytes(64),
         "/pointer.reel": b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n",
@@ -79,10 +80,20 @@ def golden_sheet():
 
 def red_sheet():
     """A sheet whose material shows a red image."""
+    return painted_sheet(Image.new("RGB", (4, 4), (230, 20, 20)))
+
+
+def noisy_sheet():
+    """A sheet with an image of about 200,000 bytes."""
+    noise = np.random.default_rng(1).integers(0, 256, (260, 260, 3), np.uint8)
+    return painted_sheet(Image.fromarray(noise))
+
+
+def painted_sheet(picture):
     stored = io.BytesIO()
-    Image.new("RGB", (4, 4), (230, 20, 20)).save(stored, "png")
+    picture.save(stored, "png")
     material = Material("paint", base_color_texture=Texture(0, "st"), double_sided=True)
-    image = FileImage("red.png", "image/png", stored.getvalue())
+    image = FileImage("paint.png", "image/png", stored.getvalue())
     return with_material(moving_sheet(10), material, (image,))
 
 
@@ -104,6 +115,33 @@ def test_images_of_the_file_are_drawn_when_the_player_is_paused(shown):
     until(page, "player.mesh.material.map ?? player.mesh.material[0]?.map")
     page.wait_for_timeout(300)
     assert redness(page) > 0.05
+
+
+LARGE_IMAGES = """
+const given = window.fetch;
+window.ranges = [];
+window.gate = new Promise((resolve) => (window.release = resolve));
+window.fetch = async (request, ...more) => {
+  const [first, last] = (request.headers?.get("range") ?? "").match(/\\d+/g)?.map(Number) ?? [];
+  if (last) ranges.push([first, last - first + 1]);
+  if (last - first > 100000) await gate;
+  return given(request, ...more);
+};
+"""
+"""Delays requests of more than 100,000 bytes until `release` is called."""
+
+
+def test_the_first_picture_does_not_wait_for_images(shown):
+    page = shown('<reel-player src="/noise.reel"></reel-player>', script=LARGE_IMAGES)
+    settled(page)
+    assert 0.05 < (np.abs(picture(page) - 255).max(axis=2) > 12).mean() < 0.9
+    hasImage = "[player.mesh.material].flat().some(({ map }) => map)"
+    assert not page.evaluate(hasImage)
+    page.evaluate("release()")
+    until(page, hasImage)
+    ranges = page.evaluate("ranges")
+    assert len(ranges) <= 4
+    assert min(size for _, size in ranges) > 1000
 
 
 def test_time_runs_forward_when_loop_is_removed_while_it_runs_back(shown):

@@ -35,6 +35,7 @@ interface Functions {
   meshreel_block_of(file: number, block: number, track: number, found: number): number;
   meshreel_track_of(file: number, track: number, found: number): number;
   page_open(size: number, memory: number, file: number, error: number): number;
+  page_check_image(file: number, number: number, error: number): number;
   meshreel_segment_of(file: number, number: number, found: number): number;
   meshreel_open_segment(file: number, number: number, segment: number, error: number): number;
   meshreel_close(file: number): void;

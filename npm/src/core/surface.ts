@@ -12,14 +12,12 @@ const ALPHA_MODES = ["opaque", "mask", "blend"] as const;
 const SLOTS = ["baseColor", "metallic", "roughness", "normal", "occlusion", "emissive"] as const;
 const NONE = 2 ** 32 - 1;
 
-/** An image and the range of its bytes in the file. */
-export interface StoredImage extends Omit<Image, "bytes"> {
+/** An image, and the position of its first byte in the file. */
+export interface StoredImage extends Image {
   readonly start: number;
-  readonly end: number;
 }
 
-/** A surface whose images have not been read. */
-export type StoredSurface = Omit<Surface, "images"> & { readonly images: readonly StoredImage[] };
+type StoredSurface = Omit<Surface, "images"> & { readonly images: readonly StoredImage[] };
 
 /** Copy the surface of a file that `meshreel_read_surface` has decoded. */
 export function readSurface(library: Library, { handle, info, nPolygons }: File): StoredSurface {
@@ -47,8 +45,7 @@ export function readSurface(library: Library, { handle, info, nPolygons }: File)
     materials: new Struct(buffer, materials).array(nMaterials, readMaterial),
     images: new Struct(buffer, images).array(nImages, (image) => {
       const [name, mediaType] = [image.text(), image.text()];
-      const [start, size] = [image.uint64(), image.uint64()];
-      return { name, mediaType, start, end: start + size };
+      return { name, mediaType, start: image.uint64(), sizeBytes: image.uint64() };
     }),
     hardEdges: nHardEdges ? uint32s(hardEdges, 2 * nHardEdges) : null,
   };

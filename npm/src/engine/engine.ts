@@ -4,7 +4,7 @@ import { type File, readFile } from "../core/file.js";
 import { type Library, MissingBytes } from "../core/library.js";
 import { readModes } from "../core/modes.js";
 import { copyNumbers, bytesPerNumber } from "../core/numbers.js";
-import { readSurface } from "../core/surface.js";
+import { readSurface, type StoredImage } from "../core/surface.js";
 import { SourceError } from "../errors.js";
 import { type Fields, fieldsOfModes, sliceFrames, markMissing } from "../fields/mode_fields.js";
 import { fieldsOfValues } from "../fields/value_fields.js";
@@ -38,6 +38,7 @@ export class Engine {
     /** Bytes read to open it. */
     private openingBytes: Ranges,
     readonly surface: Surface,
+    private readonly images: readonly StoredImage[],
   ) {
     this.pieces = splitBlocks(file);
     this.decoder = library.callForAddress((out, error) =>
@@ -69,10 +70,8 @@ export class Engine {
       library.check((error) => library.functions.meshreel_read_surface(handle, error));
       return readSurface(library, file);
     });
-    const images = await attempt(() =>
-      surface.images.map(({ start, end, ...named }) => ({ ...named, bytes: bytes.slice(start, end) })),
-    );
-    return new Engine(library, read, file, bytes, { ...surface, images });
+    const images = surface.images.map(({ start: _, ...image }) => image);
+    return new Engine(library, read, file, bytes, { ...surface, images }, surface.images);
   }
 
   /** Release the bytes that were read to open it: they are read again on demand. */
@@ -91,6 +90,16 @@ export class Engine {
   async frame(track: number, number: number, signal: AbortSignal): Promise<TrackValues> {
     this.recordRequest(track, number, 1);
     return this.attempt(signal, () => this.decodeFrames(track, number, 1)[0]);
+  }
+
+  /** Read an image, and verify its checksum. The index must be valid. */
+  async image(index: number, signal: AbortSignal): Promise<Uint8Array> {
+    const { library, file } = this;
+    const { start, sizeBytes } = this.images[index];
+    return this.attempt(signal, (bytes) => {
+      library.check((error) => library.functions.page_check_image(file.handle, index, error));
+      return bytes.slice(start, start + sizeBytes);
+    });
   }
 
   /** Decode columns of a track in a piece as fields for shaders. All indices must be valid. */
@@ -169,12 +178,12 @@ export class Engine {
     return Math.max(0, this.file.blocks.findLastIndex(({ start }) => start <= frame));
   }
 
-  private attempt<T>(signal: AbortSignal, work: () => T): Promise<T> {
+  private attempt<T>(signal: AbortSignal, work: (bytes: Ranges) => T): Promise<T> {
+    const bytes = new Ranges(this.openingBytes.list());
     const attempted = (): T => {
       if (this.isClosed) throw new DOMException("the segment was closed", "AbortError");
-      return work();
+      return work(bytes);
     };
-    const bytes = new Ranges(this.openingBytes.list());
     return fetchUntilDone(this.library, bytes, this.read, signal, attempted);
   }
 }

@@ -27,6 +27,7 @@ export interface Calls {
   open: OpenParameters & { segment: number | null; ranges?: readonly Range[] };
   ranges: object;
   segments: object;
+  image: { segment: number | null; image: number };
   frame: { segment: number | null; track: number; frame: number };
   fields: { segment: number | null; track: number; block: number; columns: readonly number[] };
 }
@@ -36,6 +37,7 @@ export interface Results {
   open: { file: FileInfo; info: ReelInfo; surface: Surface };
   ranges: readonly Range[];
   segments: readonly SegmentInfo[];
+  image: Uint8Array;
   frame: TrackValues;
   fields: TrackFields;
 }

@@ -95,7 +95,9 @@ export class SegmentsEngine {
         `the file has ${count} segments; open one of them: segment 0 to ${count - 1}`,
       );
     }
-    const engine = this.engines.get(index) ?? (await this.openSegment(index, signal));
+    const opened = this.engines.get(index) ?? (await this.openSegment(index, signal));
+    const engine = this.engines.get(index) ?? opened;
+    if (opened !== engine) opened.close(); // a concurrent call was faster
     this.engines.delete(index);
     this.engines.set(index, engine);
     const [oldest] = this.engines;
@@ -120,13 +122,14 @@ export class SegmentsEngine {
     const bytes = new Ranges(this.bytes.list());
     const gap = bytes.missing(offset, offset + Math.min(sizeBytes, HEAD_BYTES));
     if (gap) bytes.add(gap[0], await read(...gap, signal));
-    const handle = await fetchUntilDone(library, bytes, read, signal, () =>
+    const readOn = readAhead(read, offset + sizeBytes);
+    const handle = await fetchUntilDone(library, bytes, readOn, signal, () =>
       library.callForAddress((out, error) =>
         library.functions.meshreel_open_segment(this.handle, index, out, error),
       ),
     );
     try {
-      return await Engine.create(library, handle, bytes, read, read, signal);
+      return await Engine.create(library, handle, bytes, read, readOn, signal);
     } catch (error) {
       library.functions.meshreel_close(handle);
       throw error;

@@ -62,6 +62,7 @@ export function start(port: Port): void {
       const { info, surface } = engine;
       return { file: opened.info, info, surface };
     }
+    if (call === "image") return engine.image(args.image, signal);
     if (call === "frame") return engine.frame(args.track, args.frame, signal);
     const { track, block, columns } = args as Calls["fields"];
     return engine.fields(track, block, columns, signal);
@@ -95,7 +96,8 @@ export function start(port: Port): void {
     } else {
       const controller = new AbortController();
       aborts.set(data.id, controller);
-      queue = queue.then(() => respond(data, controller));
+      const responded = queue.then(() => respond(data, controller));
+      if (data.call !== "image") queue = responded; // frames do not wait for images
     }
   };
 }

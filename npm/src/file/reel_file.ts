@@ -40,6 +40,9 @@ export interface OpenOptions extends FileOptions {
  * reel.close();
  */
 export class ReelFile implements OpenReel {
+  /** Images that have been read, by index. */
+  private readonly images = new Map<number, Uint8Array>();
+
   private constructor(
     private readonly engines: FileEngines,
     private readonly index: number | null,
@@ -131,6 +134,23 @@ export class ReelFile implements OpenReel {
     requireIndex("block", block, this.info.blocks.length);
     const call = { segment: this.index, track: 0, block, columns: POSITION_COLUMNS };
     return this.engines.positions.call("fields", call, signal);
+  }
+
+  /**
+   * Read an image of a material; opening a file does not read images. The bytes stay in memory and
+   * must not be changed.
+   *
+   * @param index - Index in `surface.images`.
+   * @throws InvalidInputError if there is no such image.
+   * @throws CorruptStreamError if it is damaged; the rest can be decoded.
+   * @throws SourceError if the bytes cannot be read.
+   */
+  async image(index: number, { signal }: CallOptions = {}): Promise<Uint8Array> {
+    requireIndex("image", index, this.surface.images.length);
+    const call = { segment: this.index, image: index };
+    const bytes = this.images.get(index) ?? (await this.engines.positions.call("image", call, signal));
+    this.images.set(index, bytes);
+    return bytes;
   }
 
   /** Whether a worker decodes frames, rather than the calling thread. */

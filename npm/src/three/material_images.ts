@@ -3,7 +3,7 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../errors.js";
-import type { Image, Material, MaterialTexture } from "../types.js";
+import type { Material, MaterialTexture, OpenReel } from "../types.js";
 
 /** Dispatches an event of `ReelMesh`. */
 export type SendEvent = (
@@ -32,8 +32,9 @@ const WRAPS = [
 ] as const;
 
 /**
- * Assign the images of a file to materials as they are decoded.
+ * Read the images of a file, and assign each to materials once it is decoded.
  *
+ * @param reel - the file that contains the images
  * @param definitions - the materials of the file; undefined for materials that it does not define
  * @param uvNames - names of UV attributes, by channel
  * @param send - called with "change" when an image is shown, or with "error"
@@ -42,7 +43,7 @@ const WRAPS = [
 export async function applyImages(
   materials: readonly THREE.Material[],
   definitions: readonly (Material | undefined)[],
-  images: readonly Image[],
+  reel: OpenReel,
   uvNames: readonly string[],
   send: SendEvent,
   signal: AbortSignal,
@@ -62,9 +63,10 @@ export async function applyImages(
   const apply = async (material: THREE.Material, reference: MaterialTexture): Promise<void> => {
     const slot = SLOTS[reference.slot];
     if (!(slot in material)) return; // unlit materials have only the base color
-    const image = images[reference.image];
+    const { name, mediaType } = reel.surface.images[reference.image];
+    const load = async () => decode(await reel.image(reference.image, { signal }), mediaType);
     try {
-      const shared = await (decodedImages[reference.image] ??= decode(image));
+      const shared = await (decodedImages[reference.image] ??= load());
       if (signal.aborted) return;
       const channel = uvNames.indexOf(reference.uv);
       if (channel < 0) throw new Error(`there is no UV attribute ${reference.uv}`);
@@ -82,7 +84,7 @@ export async function applyImages(
       send({ type: "change" });
     } catch (thrown) {
       if (signal.aborted) return;
-      send({ type: "error", error: new InvalidInputError(`cannot show ${image.name}: ${thrown}`), block: null });
+      send({ type: "error", error: new InvalidInputError(`cannot show ${name}: ${thrown}`), block: null });
     }
   };
   await Promise.all(
@@ -91,7 +93,7 @@ export async function applyImages(
 }
 
 /** Decode an image with v up and without color conversion. */
-async function decode({ bytes, mediaType }: Image): Promise<THREE.Texture> {
+async function decode(bytes: Uint8Array, mediaType: string): Promise<THREE.Texture> {
   const blob = new Blob([bytes as Uint8Array<ArrayBuffer>], { type: mediaType });
   const bitmap = await createImageBitmap(blob, {
     imageOrientation: "flipY",

@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 
-import type { Material, Surface } from "../types.js";
+import type { Material, OpenReel } from "../types.js";
 import type { Drawing } from "./drawing.js";
 import { applyImages, type SendEvent } from "./material_images.js";
 
@@ -11,17 +11,18 @@ type Standard = THREE.MeshStandardMaterial;
 /** Color of faces without a material. */
 const DEFAULT_COLOR = 0x9eb0c4;
 
-/** The materials of a surface; their images are assigned as they are decoded. */
+/** The materials of a surface; `loadImages` adds their images. */
 export class Materials {
   /** By `materialIndex` of the drawing. */
   readonly list: (Standard | THREE.MeshBasicMaterial)[];
-  /** Resolves when all images that can be decoded are shown. */
-  readonly imagesReady: Promise<void>;
+  readonly #startImages: () => Promise<void>;
+  #imagesReady: Promise<void> | null = null;
   /** Aborted by `dispose`. */
   readonly #lifetime = new AbortController();
 
   /** @param send - called with "change" when an image is shown, or with "error" */
-  constructor(surface: Surface, drawing: Drawing, isFlat: boolean | undefined, send: SendEvent) {
+  constructor(reel: OpenReel, drawing: Drawing, isFlat: boolean | undefined, send: SendEvent) {
+    const { surface } = reel;
     const hasColors = surface.attributes.some(({ kind }) => kind === "color");
     const definitions = drawing.materialNames.map((name) => surface.materials.find((material) => material.name === name));
     this.list = definitions.map((definition) => {
@@ -31,7 +32,12 @@ export class Materials {
       return material;
     });
     const { signal } = this.#lifetime;
-    this.imagesReady = applyImages(this.list, definitions, surface.images, drawing.uvNames, send, signal);
+    this.#startImages = () => applyImages(this.list, definitions, reel, drawing.uvNames, send, signal);
+  }
+
+  /** Load the images, once; resolves when all that can be decoded are shown. */
+  loadImages(): Promise<void> {
+    return (this.#imagesReady ??= this.#startImages());
   }
 
   dispose(): void {

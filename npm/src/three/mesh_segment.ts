@@ -46,7 +46,7 @@ export class MeshSegment {
     const [x, y, z] = reel.info.center;
     this.shift = [x - origin[0], y - origin[1], z - origin[2]];
     this.#createGeometry();
-    this.materials = material ? null : new Materials(reel.surface, this.drawing, flat, send);
+    this.materials = material ? null : new Materials(reel, this.drawing, flat, send);
   }
 
   /** The materials of the file as `THREE.Mesh` expects them. */

@@ -146,6 +146,7 @@ export class ReelMesh extends THREE.Mesh<
           this.#colors?.show(moment);
           this.#readableMesh = null;
           segment.geometry.setDrawRange(0, Infinity);
+          void segment.materials?.loadImages(); // the first picture does not wait for them
           if (segment !== this.#current) this.#showSegment(segment);
         },
       },
@@ -541,7 +542,7 @@ export class ReelMesh extends THREE.Mesh<
   /** Create a segment, prepare its images, and add it in place of an unused one. */
   async #prepareSegment(number: number, reel: OpenReel, signal: AbortSignal): Promise<MeshSegment> {
     const segment = new MeshSegment(number, reel, this.#options, this.#send);
-    await segment.materials?.imagesReady;
+    await segment.materials?.loadImages();
     if (signal.aborted) segment.dispose();
     signal.throwIfAborted();
     const unused = [...this.#segments.values()].find((other) => other !== this.#current && !other.nBlocks);

@@ -9,6 +9,7 @@ export const VALUES = 24;
 export const MISSING = 25;
 export const INDEX = 130;
 export const PARTS = 134;
+export const IMAGE = 137;
 export const TRACK = 138;
 export const HARD_EDGES = 139;
 

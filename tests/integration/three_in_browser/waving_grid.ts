@@ -165,7 +165,7 @@ async function surfaceOf(): Promise<Surface> {
       { ...look, name: "board", baseColor: [1, 1, 1, 1], textures: [texture] },
       { ...look, name: "hem", baseColor: [0.1, 0.02, 0.3, 1], textures: [] },
     ],
-    images: [{ name: "board", mediaType: "image/png", bytes: await picture() }],
+    images: [{ name: "board", mediaType: "image/png", sizeBytes: (await picture()).length }],
   };
 }
 
@@ -220,6 +220,7 @@ export async function wavingGrid(options: GridOptions = {}): Promise<OpenReel> {
       }
       return structuredClone(BLOCKS[number]);
     },
+    image: () => picture(),
     track: (name) =>
       gridTrack(name as TrackName, surface, BLOCKS, [COLUMNS, ROWS], options.damagedTracks),
     close() {},

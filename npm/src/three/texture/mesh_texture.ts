@@ -76,7 +76,7 @@ export async function applyTexture(
   const channel = findChannel(drawing.uvNames, options.uv);
   const kind = validateOptions(source, options);
   const { crossOrigin = "anonymous" } = options;
-  await materials?.imagesReady;
+  await materials?.loadImages();
   signal.throwIfAborted();
   if (kind === "video") {
     const isOwned = typeof source === "string";
