@@ -193,6 +193,7 @@ def test_long_errors_can_be_read_in_narrow_players(shown):
         }"""
     )
     picture, alert, button, text, text_at_end = edges
+    assert text[1] <= button[0]
     assert picture[0] <= alert[0] <= text[0]
     assert text_at_end[1] <= alert[1] <= picture[1]
     assert button[1] <= alert[1]

@@ -183,6 +183,11 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
 .alert p { flex: 1 1 200px; margin: auto 0; }
 .alert button { position: sticky; bottom: 0; background: var(--panel); text-decoration: underline; }
 .alert button:hover { color: var(--accent); }
+@container (max-width: 519px) {
+  .alert:not(:empty) { flex-flow: column; inset: 6px 6px auto; max-height: calc(100% - 12px); padding-block: 6px; }
+  .alert p { flex: 0 1 auto; margin: 0; overflow: auto; }
+  .alert button { flex: none; align-self: end; min-height: 32px; padding-block: 4px; }
+}
 @media (prefers-reduced-motion: reduce) {
   .waiting:not(:empty)::before { animation: none; }
 }
