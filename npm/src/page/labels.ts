@@ -13,8 +13,8 @@ export class Labels {
    * @param isPortrait - whether views are stacked vertically
    * @param lacksTrack - whether the original lacks the track that colors the decoded mesh
    */
-  update(arrangement: Arrangement, isUpright: boolean, lacksTrack: boolean): void {
-    const key = `${arrangement} ${isUpright} ${lacksTrack}`;
+  update(arrangement: Arrangement, isPortrait: boolean, lacksTrack: boolean): void {
+    const key = `${arrangement} ${isPortrait} ${lacksTrack}`;
     if (key === this.shown) return;
     this.shown = key;
     const texts = {
@@ -22,7 +22,7 @@ export class Labels {
       beside: ["decoded", lacksTrack ? "original, which lacks these values" : "original"],
       over: ["decoded", "original, as lines"],
     }[arrangement];
-    const isBelow = arrangement === "beside" && isUpright;
+    const isBelow = arrangement === "beside" && isPortrait;
     byId("labels").replaceChildren(
       ...texts.map((text, i) => {
         const label = createElement("span", i === 1 ? "original" : "", text);

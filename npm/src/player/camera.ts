@@ -98,6 +98,16 @@ export class PlayerCamera {
     return eye.distanceTo(target);
   }
 
+  /** Size of the framed points in a view of this width and height, relative to that in other views. */
+  scaleIn(width: number, height: number): number {
+    const { aspect } = this.camera;
+    this.camera.aspect = width / height;
+    const scale = height / this.distanceTo(this.#points);
+    this.camera.aspect = aspect;
+    this.camera.updateProjectionMatrix();
+    return scale;
+  }
+
   /** Return to the initial view. */
   reset(): void {
     this.#isUserControlled = false;

@@ -520,7 +520,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     const box = autoRotate ? boxCorners([side, extents[1], side]) : boxCorners(extents);
     const { matrixWorld } = view.world;
     const framed = view.framedPoints?.map((point) => point.clone().applyMatrix4(matrixWorld));
-    view.camera.frame(framed ?? box, { ...camera, target: this.#worldTarget(camera.target) });
+    view.frame(framed ?? box, { ...camera, target: this.#worldTarget(camera.target) });
   }
 
   /** Convert `camera-target` to the coordinates of the view; null if it is the center of the model. */

@@ -10,7 +10,7 @@ import {
   Vector3,
   WebGLRenderer,
 } from "../webgl/index.js";
-import { PlayerCamera } from "./camera.js";
+import { type CameraPose, PlayerCamera } from "./camera.js";
 import { type ContextHolder, releaseContext, acquireContext } from "./context_pool.js";
 import type { HalfExtents } from "./half_extents.js";
 
@@ -135,8 +135,13 @@ export class View implements ContextHolder {
   /** Set half the size of the model, from which the depth range follows. */
   setExtents(extents: HalfExtents): void {
     this.#extents = extents;
-    if (this.#panes) this.#updateAspect();
     this.invalidate();
+  }
+
+  /** Frame points from an initial view. */
+  frame(points: readonly Vector3[], pose: CameraPose): void {
+    this.camera.frame(points, pose);
+    if (this.#panes) this.#updateAspect();
   }
 
   /** Show several views with the same camera, each with some objects of `model`; null: one view. */
@@ -153,10 +158,10 @@ export class View implements ContextHolder {
    */
   get isPortrait(): boolean {
     const { clientWidth, clientHeight } = (this.canvas.getRootNode() as ShadowRoot).host;
-    const [x, y, z] = this.#extents;
     const n = this.#panes?.length ?? 1;
-    const scale = (width: number, height: number) => Math.min(width / Math.hypot(x, z), height / y);
-    return scale(clientWidth, clientHeight / n) > scale(clientWidth / n, clientHeight);
+    if (n === 1) return false;
+    const { camera } = this;
+    return camera.scaleIn(clientWidth, clientHeight / n) > camera.scaleIn(clientWidth / n, clientHeight);
   }
 
   /** Return the ray through a position on the page; null outside of the canvas. */
