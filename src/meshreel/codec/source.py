@@ -226,6 +226,8 @@ class Source:
         Extent of the whole sequence if this one is a segment of it.
     edit : MeshEdit, optional
         See `CodedMesh`.
+    origin : tuple of 3 floats, optional
+        Instead of the center of the bounding box.
     """
 
     sequence: FrameSource
@@ -235,6 +237,7 @@ class Source:
     tracks: Sequence["CodedTrack"] = ()
     whole_extent: Extent | None = None
     edit: MeshEdit | None = None
+    origin: tuple[float, ...] | None = None
 
     @property
     def extent(self) -> Extent:
@@ -255,7 +258,8 @@ class Source:
     @cached_property
     def frame(self) -> BoundingFrame:
         """Center and diagonal of the bounding box."""
-        return bounding_frame(self.extent)
+        frame = bounding_frame(self.extent)
+        return frame if self.origin is None else replace(frame, origin=self.origin)
 
     @property
     def model_size(self) -> float:

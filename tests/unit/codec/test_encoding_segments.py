@@ -11,7 +11,7 @@ from meshreel.errors import InvalidInputError, MemoryLimitError
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count
-from samples.meshes import quad_sheet, waving_grid
+from samples.meshes import quad_sheet, torus_faces, waving_grid
 
 GRID, SHEET = (one.replace(fps=25.0) for one in (waving_grid(12, 9, 8), quad_sheet(5)))
 SMALL = SHEET.replace(vertices=0.25 * SHEET.vertices)
@@ -82,6 +82,33 @@ def test_segments_of_one_frame_are_on_a_grid(options):
     data = meshreel.encode(FRAMES, **options)
     assert all(meshreel.info(data, segment=i).method == "grid" for i in range(10))
     assert largest_error(FRAMES, data) < 0.1
+
+
+def quantized(digits, n_frames=3):
+    """Tori, each on its own grid of 8 bits, with coordinates rounded to significant digits."""
+    faces, frames = torus_faces(40, 30), []
+    around, along = np.meshgrid(np.linspace(0, 6, 40), np.linspace(0, 6, 30), indexing="ij")
+    ring = 9 + 3 * np.cos(along)
+    shape = np.stack([ring * np.cos(around), ring * np.sin(around), 3 * np.sin(along)], axis=2)
+    for number in range(n_frames):
+        step, low = np.float32(24.7 / 255), np.float32([0.31, -400.7, 8.2]) * (number + 1)
+        integers = np.rint(shape.reshape(-1, 3) / step).astype(np.float32)
+        texts = [f"{value:.{digits}g}" for value in (low + integers * step).ravel()]
+        vertices = np.array(texts, np.float32).reshape(1, -1, 3)
+        frames.append(MeshSequence(vertices, faces[number:]))
+    return meshreel.concatenate(frames)
+
+
+@pytest.mark.parametrize(("digits", "tolerance"), [(6, 6e-3), (7, 6e-4), (9, 3e-4)])
+def test_grid_of_the_input_is_found_through_the_rounding_of_its_text(digits, tolerance):
+    frames = quantized(digits)
+    data = meshreel.encode(frames, quality=99)
+    assert data == meshreel.encode(frames, quality=95)
+    assert len(data) < len(meshreel.encode(frames, lossless=True)) / 3
+    for one, one_hat in decoded_pairs(frames, data):
+        assert np.abs(one_hat.vertices - one.vertices).max() <= tolerance
+    bounded = meshreel.encode(frames, max_error=1e-4)
+    assert largest_error(frames, bounded) <= 1e-4
 
 
 def test_options_of_modes_keep_modes_in_segments_of_one_frame():

@@ -16,6 +16,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_coder import largest_rounding
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
+from meshreel.codec.reel.encoding.stored_grid import stored_grid
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_frame, write_grid_positions
@@ -208,4 +209,8 @@ def _allowed(step: float) -> float:
 def _encoded(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
+    found = stored_grid(sequence.read(0, 1)[0]) if source.n_frames == 1 else None
+    if found is not None and found[0] > coder.grid.step * source.frame.scale:
+        source = replace(source, origin=found[1])  # exact, and coarser
+        coder = replace(coder, grid=PositionGrid(found[0] / source.frame.scale, source.frame))
     return stream_of(source, coder, progress, engine)

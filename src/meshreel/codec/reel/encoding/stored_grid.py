@@ -1,0 +1,80 @@
+"""The grid on which a quantizer left positions, found through the rounding of floats and text."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats
+
+MIN_STEP = 8
+"""Smallest step of a grid, in tolerances; finer ones are the last digit of text."""
+
+TEXT_DIGITS = range(4, 8)
+"""Significant digits that text may have left of a float."""
+
+
+def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float, ...]] | None:
+    """Return the step, and a grid point near the center, of positions on a grid; None without one.
+
+    Parameters
+    ----------
+    vertices : array of shape (V, 3)
+        Within half a unit of their last digit, and their precision, of a grid with one step.
+    """
+    columns = [np.unique(column) for column in vertices.T]
+    if sum(map(len, columns)) > len(vertices):
+        return None
+    tolerance = _tolerance(np.concatenate(columns))
+    exact = [column.astype(np.float64) for column in columns]
+    step = _common_step([column - column[0] for column in exact], 2.0 * tolerance)
+    if step is None:
+        return None
+    origin = []
+    for column in exact:
+        rest = column - np.rint((column - column[0]) / step) * step
+        if np.ptp(rest) > 2.0 * tolerance:
+            return None
+        near = (rest.min() + rest.max()) / 2
+        origin.append(near + round((column[0] + column[-1] - 2 * near) / 2 / step) * step)
+    return step, tuple(map(float, origin))
+
+
+def _tolerance(values: npt.NDArray[np.floating]) -> float:
+    """Half a unit of the last digit of the largest value, plus roundings to the number type."""
+    largest = float(np.abs(values).max())
+    rounding = 2.0 * float(np.finfo(values.dtype).eps) * largest
+    for digits in TEXT_DIGITS:
+        if all(values.dtype.type(f"{value:.{digits - 1}e}") == value for value in values):
+            unit: float = 10.0 ** (np.floor(np.log10(largest or 1.0)) + 1 - digits)
+            return unit / 2 + rounding
+    return rounding
+
+
+def _common_step(columns: list[Floats], tolerance: float) -> float | None:
+    """Return the step of which all offsets are multiples, each within a tolerance."""
+    offsets = np.unique(np.concatenate(columns))[1:]
+    if not len(offsets):
+        return None
+    gap = min(float(np.diff(column).min(initial=np.inf)) for column in columns)
+    low, high = gap - tolerance, gap + tolerance
+    n_known = 0
+    while n_known < len(offsets):
+        if low <= MIN_STEP * tolerance / 2 or low > high:
+            return None
+        # Multiples are unambiguous up to where the interval of the step is a quarter of it.
+        middle = (low + high) / 2
+        n_clear = int(np.searchsorted(offsets, middle * middle / (high - low + 1e-300) / 2))
+        if n_clear <= n_known:
+            return None
+        n_known = n_clear
+        multiples = np.maximum(np.rint(offsets[:n_known] / middle), 1.0)
+        low = max(low, float(((offsets[:n_known] - tolerance) / multiples).max()))
+        high = min(high, float(((offsets[:n_known] + tolerance) / multiples).min()))
+    if low > high:
+        return None
+    middle = (low + high) / 2
+    numbers: list[Any] = [np.rint(column / middle) for column in columns]
+    numbers = [number - number.mean() for number in numbers]
+    square = sum(float(number @ number) for number in numbers)
+    return sum(float(n @ c) for n, c in zip(numbers, columns, strict=True)) / square
