@@ -74,7 +74,7 @@ def test_encoding_notes_solver_state(folder):
     sequence = meshreel.MeshSequence(GRID.vertices, GRID.faces, 25, tracks={"vlast": track})
     meshreel.save(sequence, "sim.npz")
     [note] = json.loads(run("encode", "sim.npz", "-o", "b.reel", "--json").stdout)["notes"]
-    assert "vlast (" in note
+    assert "vlast; tracks by size: vlast (" in note
     dropped = run("encode", "sim.npz", "-o", "c.reel", "--track", "vlast=drop", "--json")
     assert json.loads(dropped.stdout)["notes"] == []
 

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable
 
 from meshreel.codec.inspect import TrackInfo
+from meshreel.runtime.counting import size_text
 
 SOLVER_STATE = frozenset(
     {
@@ -20,7 +21,7 @@ The first eight are positions, velocities, orientations and angular velocities o
 
 
 def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -> str | None:
-    """Describe the tracks of a stream that contain solver state, with their bytes.
+    """Name the tracks of a stream that contain solver state, and all with their sizes.
 
     Parameters
     ----------
@@ -33,13 +34,13 @@ def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -
     str or None
         None without such tracks.
     """
-    state = [
-        track for track in tracks if track.name in SOLVER_STATE and track.name not in requested
-    ]
+    found = [track for track in tracks if track.name not in requested]
+    state = [track.name for track in found if track.name in SOLVER_STATE]
     if not state:
         return None
-    sizes = ", ".join(f"{track.name} ({track.size_bytes} bytes)" for track in state)
+    found.sort(key=lambda track: -track.size_bytes)
+    sizes = ", ".join(f"{track.name} ({size_text(track.size_bytes)})" for track in found)
     return (
-        f"by their names, these tracks contain the state of a Houdini solver: {sizes}; if nothing "
-        "reads them later, drop these tracks"
+        f"by their names, these tracks contain the state of a Houdini solver: {', '.join(state)}; "
+        f"tracks by size: {sizes}; if nothing reads them later, drop these tracks"
     )

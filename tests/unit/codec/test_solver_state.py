@@ -1,5 +1,7 @@
 """Notes about tracks of solver state."""
 
+from dataclasses import replace
+
 import meshreel
 from meshreel.codec.solver_state import solver_state_note
 from samples.meshes import waving_grid
@@ -14,11 +16,12 @@ def tracks_of(*names):
     return meshreel.info(meshreel.encode(sequence)).tracks
 
 
-def test_tracks_of_solver_state_are_noted_with_their_bytes():
+def test_tracks_of_solver_state_are_noted_with_all_sizes():
     tracks = tracks_of(*NAMES)
-    sizes = {track.name: track.size_bytes for track in tracks}
-    note = solver_state_note(tracks, ())
-    assert f"pprevious ({sizes['pprevious']} bytes), oldP ({sizes['oldP']} bytes);" in note
+    heavy, light = replace(tracks[2], size_bytes=182_091), replace(tracks[0], size_bytes=1_200)
+    note = solver_state_note([light, replace(tracks[1], size_bytes=26_694), heavy], ())
+    assert ": pprevious, oldP; tracks by size: " in note
+    assert "previous (182 kB), oldP (26.7 kB), pprevious (1.2 kB);" in note
     assert note.endswith("drop these tracks")
 
 

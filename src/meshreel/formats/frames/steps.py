@@ -183,6 +183,7 @@ class Step:
         notes: list[str] = []
         for what in self.left_out:
             note_left_out(notes, what)
+        self.surface.note_interior(notes)
         fields: dict[Key, tuple[Values, Field]] = {}
         attributes = []
         for array in self.arrays:
@@ -254,7 +255,9 @@ class StepFrames:
 
     def surface(self, index: int) -> Surface:
         """Return the arrays of a step that are the same in all frames read so far."""
-        return self._read(index).attributes(self.constant_arrays(index), self._notes)
+        step = self._read(index)
+        step.surface.note_interior(self._notes)
+        return step.attributes(self.constant_arrays(index), self._notes)
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
         """Return the other arrays as tracks of consecutive steps that share their faces."""

@@ -153,7 +153,9 @@ class _States:
         layout, _ = self._states[index]
         if "coordinates" not in layout.sections:
             note_left_out(self._notes, "motion: the states contain no positions")
-        numbers = layout.part_numbers[self._surface(index).cells].astype(np.int32)
+        surface = self._surface(index)
+        surface.note_interior(self._notes)
+        numbers = layout.part_numbers[surface.cells].astype(np.int32)
         return Surface(groups=(FaceGroups(PARTS, layout.part_names, numbers),))
 
     def _surface(self, index: int) -> CellSurface:

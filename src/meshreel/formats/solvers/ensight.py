@@ -468,6 +468,7 @@ class _PartFrames:
             return values[surface.source_rows[key[0]]]
 
         surface = self._surface(frames.start)
+        surface.note_interior(self._notes)
         n_verts = surface.n_verts(self._steps.part(frames.start, self._number).n_nodes)
         sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(surface.cells)}
         return field_tracks([fields] * len(frames), sizes, read, self._notes)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.sequence import Vertices
@@ -101,12 +102,23 @@ class CellSurface:
         The source cell of each polygon.
     kept : int64 array or slice
         Points that become vertices, in order: all, or the boundary points of solid cells.
+    n_solids, n_interior : int
+        Numbers of solid cells, and of their points that are no corner of a polygon.
     """
 
     counts: npt.NDArray[np.int64]
     corners: npt.NDArray[np.int32]
     cells: npt.NDArray[np.int64]
     kept: npt.NDArray[np.int64] | slice
+    n_solids: int = 0
+    n_interior: int = 0
+
+    def note_interior(self, notes: list[str]) -> None:
+        """Note that only the surface of solid cells is kept; nothing without solid cells."""
+        if self.n_solids:
+            cells, nodes = counted(self.n_solids, "solid cell"), counted(self.n_interior, "node")
+            text = f"left out: the inside of {cells}, with {nodes} that their surface does not use"
+            add_note(notes, NoteKind.LEFT_OUT, "the inside of solid cells", text)
 
     @property
     def source_rows(self) -> Mapping[Domain, npt.NDArray[np.int64] | slice]:
@@ -140,7 +152,8 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     none = [(np.empty(0, np.int64),) * 3]
     faces = [_faces_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
     counts, corners, owners = map(np.concatenate, zip(*(faces or none), strict=True))
-    is_solid = np.isin(cells.types[owners], [*SOLID_CELL_FACES, POLYHEDRON])
+    is_solid_cell = np.isin(cells.types, [*SOLID_CELL_FACES, POLYHEDRON])
+    is_solid = is_solid_cell[owners]
     # Building a mesh without positions validates the indices before they are used for lookups.
     polygon_mesh(np.empty((n_points, 0)), counts, corners)
     shown = np.sort(
@@ -148,13 +161,26 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     )
     order = shown[np.argsort(owners[shown], kind="stable")]
     first = np.cumsum(counts) - counts
+    is_interior = np.zeros(n_points, bool)
+    is_interior[corners] = True
+    is_listed = np.repeat(is_solid_cell & (cells.types != POLYHEDRON), cells.counts)
+    listed = cells.points[is_listed]  # also those between corners
+    is_interior[listed[(listed >= 0) & (listed < n_points)]] = True
     corners = corners[ragged_indices(first[order], counts[order])]
+    is_interior[corners] = False
     kept: npt.NDArray[np.int64] | slice = slice(None)
     if is_solid.any():
         kept, corners = np.unique(corners, return_inverse=True)
     if len(order) == 0:
         raise FormatError("contains solid cells without a boundary; there is no surface")
-    return CellSurface(counts[order], corners.astype(np.int32), owners[order], kept)
+    return CellSurface(
+        counts[order],
+        corners.astype(np.int32),
+        owners[order],
+        kept,
+        int(is_solid_cell.sum()),
+        int(is_interior.sum()),
+    )
 
 
 def used_points(surface: CellSurface) -> CellSurface:

@@ -155,7 +155,9 @@ def test_polygons_that_change_become_segments_with_their_arrays(tmp_path, write)
 @pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
 def test_boundaries_of_solid_cells_that_change_become_segments(tmp_path, write):
     source = write(tmp_path, [stack(frame) for frame in range(len(N_LAYERS))])
-    loaded = load(source, fps=1 / STEP_S)
+    notes = []
+    loaded = load(source, fps=1 / STEP_S, notes=notes)
+    assert any("the inside of 2 solid cells, with 0 nodes" in note for note in notes)
     assert loaded.starts == STARTS
     for segment, start in zip(loaded.segments, STARTS, strict=False):
         n_layers = N_LAYERS[start]
