@@ -47,9 +47,17 @@ def test_register_continues_after_a_failure(raw, tmp_path):
 def test_register_prints_a_table_and_no_advice(raw, tmp_path):
     done = run("register", raw, "-o", tmp_path / "walk.reel", "--tolerance", "0.5%")
     measured = "D1 and D2 PSNR", "2 of 4 frames: "
-    for text in ("relative to the raw capture", "met in every frame", "surface PSNR", *measured):
+    met = "met in every frame by 99 % of the area"
+    for text in ("relative to the raw capture", met, "surface PSNR", *measured):
         assert text in done.stdout
     assert ADVICE not in done.stderr
+
+
+def test_register_without_measuring_prints_the_registered_distance(raw, tmp_path):
+    given = ("register", raw, "-o", tmp_path / "walk.reel", "--tolerance", "0.5%", "--no-measure")
+    figures = run_json(*given)
+    assert "decoded" not in figures
+    assert any("1 segment; distance from the raw surface" in note for note in figures["notes"])
 
 
 @pytest.mark.slow

@@ -23,6 +23,9 @@ from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.threads import in_threads
 
+REGISTERING = "registering"
+"""Stage of progress of the first meshes of all keys."""
+
 KEY_MARGIN = 0.25
 """A key is in the middle of a run of frames: not within this fraction of either end."""
 
@@ -204,7 +207,7 @@ def grow_segments(
     topologies: list[Topology | None],
     tolerance: Tolerance,
     store: TemporaryStore,
-    report: Callable[[int], None],
+    report: Callable[[str, int], None],
 ) -> list[Segment]:
     """Divide all frames into segments.
 
@@ -217,14 +220,14 @@ def grow_segments(
     store : TemporaryStore
         Holds the registered frames; a `FolderStore` may contain some already.
     report : callable
-        Called with the number of finished frames.
+        Called with the stage and its number of finished frames. A refined key begins again.
     """
     free = {number for number, topology in enumerate(topologies) if topology is not None}
     segments: list[Segment] = []
     n_empty = len(topologies) - len(free)
 
-    def report_after(n_done: int, n_frames: int) -> None:
-        report(n_done + n_frames)
+    def report_after(n_done: int, stage: str, n_frames: int) -> None:
+        report(stage, n_done + n_frames)
 
     while free:
         run = max((run for _, run in consecutive_runs(np.array(sorted(free)))), key=len)
@@ -233,7 +236,7 @@ def grow_segments(
         segment = _longest(frames, key, run, tolerance, store, partial(report_after, n_done))
         free -= set(segment.numbers)
         segments.append(segment)
-    report(frames.n_frames - n_empty)
+    report(REGISTERING, frames.n_frames - n_empty)
     return sorted(segments, key=lambda segment: segment.first)
 
 
@@ -256,22 +259,18 @@ def _longest(
     run: range,
     tolerance: Tolerance,
     store: TemporaryStore,
-    report: Callable[[int], None],
+    report: Callable[[str, int], None],
 ) -> Segment:
     """Return the segment of a key within a run; of a refined key if frames then cost less."""
     key_mesh = KeyMesh.of_mesh(frames.mesh(key))
-    segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, report)
+    first, again = partial(report, REGISTERING), partial(report, "registering a refined mesh")
+    segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, first)
     if not segment.may_lack_vertices:
         return segment
     refined = key_mesh.refined(MAX_SAGITTA * tolerance.length)
     if len(refined.mesh.vertices) == len(key_mesh.mesh.vertices):
         return segment
-
-    def report_more(n_frames: int) -> None:
-        if n_frames > segment.n_frames:
-            report(n_frames)
-
-    other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, report_more)
+    other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, again)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
 
 

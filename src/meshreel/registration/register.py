@@ -144,6 +144,7 @@ class Registration:
         """
         errors: list[FrameErrors] = []
         n_folded, n_frames = 0, sum(segment.n_frames for segment in self.segments)
+        progress("measuring", Count(0, n_frames, "frames"))
         for segment in self.segments:
             folds = Folds(self._mesh(sequence, segment.key))
             for number in segment.numbers:
@@ -251,7 +252,7 @@ def register(
             topologies,
             limit,
             store,
-            lambda n_done: progress("registering", Count(n_done, frames.n_frames, "frames")),
+            lambda stage, n_done: progress(stage, Count(n_done, frames.n_frames, "frames")),
         )
     registered = MeshSequence.of_segments(
         _sequences(sequence, segments, frames), sequence.name, sequence.start_s

@@ -91,6 +91,6 @@ def test_a_refined_key_is_kept_if_frames_need_fewer_vertices(
     frames = growing.Frames(1, lambda _: key.mesh, np.zeros(3), 1.0, raw.dtype)
     topologies = [growing.Topology(1, 2)]
     (segment,) = growing.grow_segments(
-        frames, topologies, Tolerance(0.004), TemporaryStore(), lambda _: None
+        frames, topologies, Tolerance(0.004), TemporaryStore(), lambda *_: None
     )
     assert segment.key_mesh.is_refined == is_kept

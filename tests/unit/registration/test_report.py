@@ -52,6 +52,14 @@ def test_surface_psnr_is_close_to_that_of_compare(registered):
     assert report.decoded.max_percent == pytest.approx(expected.worse.max_percent, rel=0.05)
 
 
+def test_progress_of_each_stage_begins_before_its_work_and_ends_with_it(registered):
+    calls = []
+    Report.measured(registered, registered.sequence, lambda stage, n: calls.append((stage, n)))
+    stages = [calls[i][0] for i in range(len(calls)) if calls[i][1] == 0]
+    assert stages == ["measuring", "measuring D1 and D2", "measuring D1 and D2"]
+    assert calls[-1][1] == 1
+
+
 @pytest.mark.slow
 def test_the_measured_frames_are_few_and_named():
     result = register(capture(7, 0.5), ErrorBound(0.5))

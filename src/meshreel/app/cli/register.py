@@ -56,6 +56,14 @@ def register_command(
             metavar="FILE",
         ),
     ] = None,
+    measure: Annotated[
+        bool,
+        Option(
+            "Measure the distances of the decoded surface, and D1 and D2. The tolerance is met in "
+            "either case.",
+            flag="--measure/--no-measure",
+        ),
+    ] = True,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -132,7 +140,8 @@ def register_command(
         registration = register(raw, bound, progress, folder)
         if job is not None:
             registration = job.prepared(registration, notes)
-        notes += [*registration.changes, *registration.listed_cuts()]
+        listed = [*registration.changes, *registration.listed_cuts()]
+        notes += listed if measure else registration.notes()
         result = encode_file(
             registration.sequence,
             path,
@@ -143,20 +152,21 @@ def register_command(
             name=target.name(path),
         )
         with open_reel(path) as reel:
-            report = Report.measured(registration, reel, progress)
+            report = Report.measured(registration, reel, progress) if measure else None
             if job is not None:
                 job.write(registration, reel, progress)
         shutil.rmtree(folder)
     print_notes(notes)
     if as_json:
-        figures = result.figures() | report.figures()
+        figures = result.figures() | (report.figures() if report else {})
         if job is not None:
             figures["texture"] = {"output": target.name(job.output), "size_px": list(job.size)}
         print_json({**figures, "notes": notes})
         return
     result.show()
-    rows = report.rows(result.encoded.stream.size_bytes)
+    rows = report.rows(result.encoded.stream.size_bytes) if report else {}
     if job is not None:
         width, height = job.size
         rows["textures"] = f"{target.name(job.output)}, {width} x {height} texels"
-    print_table("relative to the raw capture", rows)
+    if rows:
+        print_table("relative to the raw capture", rows)
