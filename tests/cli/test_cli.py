@@ -54,6 +54,16 @@ def test_encode_meets_its_target(grid, tmp_path, target, limit):
     assert achieved[target] <= limit
 
 
+def test_encode_prints_the_error_that_shading_shows(grid, tmp_path):
+    output = tmp_path / "a.reel"
+    printed = run_json("encode", grid, "-o", output, "--quality", "40")["normal_angle_mean_deg"]
+    quality = run_json("compare", grid, tmp_path / "a.reel")
+    assert printed == pytest.approx(quality["normal_angle_mean_deg"], rel=0.2) != 0
+    shown = run("encode", grid, "-o", output, "--sted", "0.02", "--force").stdout
+    assert "degrees, seen in shading" in shown
+    assert "shape of edges (STED)" in shown
+
+
 @pytest.mark.parametrize(
     ("options", "keywords"),
     [

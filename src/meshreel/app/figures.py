@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 Cell = str | list[str]
 """Text of a table cell, or its lines."""
 
+STED = "shape of edges (STED)"
+"""Name of the error that the default is tuned for."""
+
 SEGMENT_HEADINGS = ("segment", "frames", "vertices", "faces", "size")
 MAX_SEGMENTS = 12
 """Maximum number of segments in the table."""
@@ -51,9 +54,11 @@ def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
         "KG error": f"{achieved.kg_error_percent:.4f} %",
         "largest error": error_text(achieved.max_error_percent, stream.diagonal),
     }
+    if achieved.normal_angle_mean_deg is not None:
+        rows["normal error"] = f"mean {achieved.normal_angle_mean_deg:.2f} degrees, seen in shading"
     rows |= _bound_rows(stream)
     if achieved.sted is not None:
-        rows["STED"] = f"{achieved.sted:.5f}"
+        rows[STED] = f"{achieved.sted:.5f}"
     bounds = {track.name: track.bound for track in stream.tracks}
     return rows | track_error_rows(achieved.tracks, bounds)
 
@@ -163,7 +168,7 @@ def quality_rows(quality: "Quality") -> dict[str, str]:
     """Quality figures with their units."""
     return {
         "KG error": f"{quality.kg_error_percent:.4f} %",
-        "STED": f"{quality.sted:.5f}  (spatial {quality.sted_spatial:.5f}, "
+        STED: f"{quality.sted:.5f}  (spatial {quality.sted_spatial:.5f}, "
         f"temporal {quality.sted_temporal:.5f})",
         "NMSVE, mean": f"{quality.nmsve_mean:.3e}",
         "largest error": error_text(quality.max_error_percent, quality.diagonal),
@@ -257,7 +262,7 @@ def measured_rows(measured: "Measured") -> dict[str, str]:
         "largest error": f"{errors.max_error_percent:.4f} % of the diagonal",
         "RMS error": f"{errors.rms_error_percent:.4f} % of the diagonal",
         "overall error (KG error)": f"{errors.kg_error_percent:.4f} %",
-        "distortion of edges (STED)": f"{measured.sted_spatial:.5f} (spatial part)",
+        STED: f"{measured.sted_spatial:.5f} (spatial part)",
         "visual error, mean (NMSVE)": f"{measured.nmsve_mean:.3e}",
     }
 

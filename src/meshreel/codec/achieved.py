@@ -16,6 +16,7 @@ from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.surface.payloads import surface_in_order
 from meshreel.codec.surface.uv_grid import is_quantized
+from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import ErrorSums, add_blocks
 from meshreel.metrics.reference import reference_of_extent
 from meshreel.metrics.sted import sted
@@ -27,6 +28,9 @@ from meshreel.runtime.progress import Count, Progress, silent
 
 Vertices = npt.NDArray[np.floating]
 
+NORMAL_FRAMES = 10
+"""Frames, evenly spaced, in which normals are compared: all would take longer than encoding."""
+
 
 @dataclass(frozen=True)
 class Achieved:
@@ -36,12 +40,16 @@ class Achieved:
     ----------
     sted : float or None
         None if it was not requested.
+    normal_angle_mean_deg : float or None
+        Mean angle between normals of faces, in up to `NORMAL_FRAMES` frames. None if it was not
+        requested.
     """
 
     kg_error_percent: float
     max_error_percent: float
     sted: float | None
     tracks: dict[str, TrackErrors]
+    normal_angle_mean_deg: float | None = None
 
 
 def measure_stream(
@@ -49,6 +57,7 @@ def measure_stream(
     data: bytes,
     *,
     with_sted: bool = False,
+    with_normals: bool = False,
     extent: Extent | None = None,
     progress: Progress = silent,
 ) -> Achieved:
@@ -58,6 +67,8 @@ def measure_stream(
     ----------
     with_sted : bool, default False
         Whether to measure STED too, which keeps all frames in memory; not of several segments.
+    with_normals : bool, default False
+        Whether to measure normals too.
     extent : Extent, optional
         Extent whose diagonal errors are relative to. Default: that of the original.
     progress : callable, optional
@@ -67,15 +78,26 @@ def measure_stream(
     tracks: dict[str, list[TrackErrors]] = {}
     segments = sequence.segments
     n_frames, first_frame = sequence.n_frames, 0
+    n_chosen = min(NORMAL_FRAMES, n_frames) if with_normals else 0
+    chosen = {(2 * i + 1) * n_frames // (2 * n_chosen) for i in range(n_chosen)}
+    angles: list[float] = []
     for number, segment in enumerate(segments):
 
         def decoded_blocks(
-            reel: ReelFile, internal: Integers | None, first: int = first_frame
+            reel: ReelFile,
+            internal: Integers | None,
+            first: int = first_frame,
+            segment: FrameSource = segment,
         ) -> Iterator[Vertices]:
             for start, frames in reel.pieces():
                 given = frames if internal is None else frames[:, internal]
                 if with_sted:
                     runs.append(given)
+                for index in range(len(given)):
+                    if first + start + index in chosen:
+                        original = segment.read(start + index, start + index + 1)
+                        pair = original, given[index : index + 1]
+                        angles.append(normal_angles(*pair, segment.faces).mean_deg)
                 yield given
                 progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 
@@ -98,6 +120,7 @@ def measure_stream(
         of_positions.max_error_percent,
         measured_sted,
         {name: joined_errors(several) for name, several in tracks.items()},
+        sum(angles) / len(angles) if angles else None,
     )
 
 
