@@ -227,7 +227,7 @@ static int announce_leading(reel_call *call, reel_range range) {
 }
 
 /* Verify a section that precedes the first block. */
-static int check_leading(reel_call *call, const reel_section *section) {
+static int verify_leading(reel_call *call, const reel_section *section) {
     if (DEFERS_IMAGES) {
         if (section->id == REEL_IMAGE) {
             return MESHREEL_OK;
@@ -243,7 +243,7 @@ static int read_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     for (uint64_t at = begin; at < end;) {
         reel_section section;
         REEL_TRY(reel_section_at(call, at, end, &section));
-        REEL_TRY(check_leading(call, &section));
+        REEL_TRY(verify_leading(call, &section));
         if (reel_is_known(section.id)) {
             REEL_TRY(add_leading(call, pool, outline, &section));
         }
@@ -559,7 +559,7 @@ static int read_beginning(reel_call *call, const reel_outline *file, const reel_
                           uint64_t limit, reel_section *section, reel_outline *outline) {
     REEL_TRY(announce_leading(call, (reel_range){segment->at, limit - segment->at}));
     REEL_TRY(reel_section_at(call, segment->at, limit, section));
-    REEL_TRY(check_leading(call, section));
+    REEL_TRY(verify_leading(call, section));
     REEL_CORRUPT_IF(section->id != REEL_SEGMENT, segment->at,
                     "no segment begins where the index lists one");
     REEL_TRY(begin_segment(call, section, file, outline));
@@ -649,7 +649,7 @@ static int add_range(reel_call *call, reel_pool *pool, const shared_range *range
         REEL_CORRUPT_IF(is_after_leading(&section, to->at), from,
                         "a segment refers to more sections than the other one has");
         if (i >= range->n_skipped && is_of_mesh(section.id)) {
-            REEL_TRY(check_leading(call, &section));
+            REEL_TRY(verify_leading(call, &section));
             REEL_TRY(add_leading(call, pool, outline, &section));
         }
         i += is_of_mesh(section.id);
