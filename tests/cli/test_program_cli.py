@@ -1,6 +1,7 @@
 """Start of the program, its imports, shell completion and help."""
 
 import os
+import re
 import subprocess
 import sys
 
@@ -153,6 +154,23 @@ def test_help_is_ascii_when_the_terminal_requires_it():
     text = done.stdout.decode("ascii")
     assert "\n  - meshreel encode sim.vtkhdf --track stress=500Pa" in text
     assert "\n    --track velocity=0.1% --track id=exact" in text
+
+
+def test_help_shows_common_options_and_help_all_every_one():
+    shown, every = run_ok("encode", "--help").stdout, run_ok("encode", "--help-all").stdout
+    flags = re.compile(r"^  (?:-\w, )?(--[a-z-]+)", re.MULTILINE)
+    common, all_flags = (
+        {*flags.findall(text)} - {"--help", "--help-all"} for text in (shown, every)
+    )
+    assert len(common) <= 16
+    assert {"--output", "--quality", "--max-error", "--lossless", "--fps", "--track"} <= common
+    assert {*all_flags} == {
+        max(param.opts, key=len)
+        for param in command_named("encode").params
+        if param.name != "inputs"
+    } - {"--help-all"}
+    assert "The paper's methods" not in shown
+    assert "The paper's methods" in every
 
 
 @pytest.mark.parametrize("command", COMMANDS)

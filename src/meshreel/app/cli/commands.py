@@ -30,6 +30,8 @@ COMMANDS = (
 
 NUMBER = re.compile(r"\d*\.?\d+(e[+-]?\d+)?")
 
+HELP_ALL = "--help-all"
+
 WITH_ADDRESSES = frozenset({"encode", "register", "batch", "decode", "convert", "info", "compare"})
 """Commands that accept addresses of remote files."""
 
@@ -43,7 +45,7 @@ class Command(click.Command):
         from meshreel.runtime.stores.address import refuse_address
 
         _refuse_split_values(ctx, args)
-        if "--help" not in args and not ctx.resilient_parsing:
+        if not {"--help", HELP_ALL} & {*args} and not ctx.resilient_parsing:
             check_output_position(self, ctx, args)
         if self.name not in WITH_ADDRESSES:
             for arg in args:
@@ -119,6 +121,14 @@ def _flag_of_synonym(option_name: str) -> str:
     return next((option.flag for option in all_options() if name in option.synonyms), "")
 
 
+def _show_all(ctx: click.Context, _param: click.Parameter, given: bool) -> None:
+    """Print the help with all options, and exit."""
+    if given and not ctx.resilient_parsing:
+        ctx.meta[HELP_ALL] = True
+        click.echo(ctx.get_help(), color=ctx.color)
+        ctx.exit()
+
+
 def command(function: Callable[..., Any]) -> click.Command:
     """Decorator: turn a function into a command with its annotated parameters.
 
@@ -127,6 +137,14 @@ def command(function: Callable[..., Any]) -> click.Command:
     from meshreel.app.cli.parameters import with_parameters
 
     params, callback = with_parameters(function)
+    if n_rare := sum(getattr(param, "is_rare", False) for param in params):
+        text = f"Show this message with {n_rare} more options, and exit."
+        params.append(
+            click.Option(
+                [HELP_ALL], is_flag=True, is_eager=True, expose_value=False, callback=_show_all,
+                help=text,
+            )
+        )  # fmt: skip
     name = function.__name__.removesuffix("_command")
     return Command(name, params=params, callback=callback, help=inspect.getdoc(function))
 

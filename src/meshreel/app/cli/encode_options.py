@@ -10,6 +10,9 @@ from meshreel.app.cli.parameters import Group
 from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
 
+COMMON = ("quality", "max_error", "unit", "size", "lossless", "order", "effort")
+"""Options that `--help` shows."""
+
 Encoding = dict[str, Any]
 """Values of the options for encoding, by name."""
 
@@ -24,7 +27,11 @@ def encoding(**other_help: str) -> Group:
     """
     options = all_options()
     shown = [replace(row, help=other_help.get(row.name, row.help)) for row in options]
-    return Group(shown, lambda values: {row.name: _value(row, values[row.name]) for row in options})
+
+    def record(values: dict[str, Any]) -> Encoding:
+        return {row.name: _value(row, values[row.name]) for row in options}
+
+    return Group(shown, record, COMMON)
 
 
 ENCODING = encoding()

@@ -46,6 +46,8 @@ def _panels(command: click.Command, context: click.Context) -> dict[str, list[Ro
             row = param.make_metavar(context), _meaning(param, getattr(param, "help", ""))
             panels["Arguments"].append(row)
         elif isinstance(param, click.Option) and not param.hidden:
+            if getattr(param, "is_rare", False) and "--help-all" not in context.meta:
+                continue
             title = getattr(param, "panel", "") or "Options"
             row = _names(param, context), _meaning(param, param.help)
             panels.setdefault(title, []).append(row)

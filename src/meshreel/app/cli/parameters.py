@@ -9,7 +9,7 @@
 """
 
 import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import UnionType
@@ -44,10 +44,13 @@ class Group:
         With their names, annotations and defaults.
     record : callable
         Makes the value from a dictionary of those of the options.
+    common : collection of str, optional
+        Names of the options that `--help` shows; `--help-all` shows all. Default: all.
     """
 
     options: Sequence[Option]
     record: Callable[[dict[str, Any]], Any]
+    common: Collection[str] | None = None
 
 
 ForceOption = Annotated[bool, Option("Replace existing outputs.", flag="--force -f")]
@@ -90,9 +93,13 @@ class Number(click.ParamType):  # type: ignore[type-arg]  # not generic in older
 
 
 class ClickOption(click.Option):
-    """An option with the title of its help panel; the first panel of options if empty."""
+    """An option with the title of its help panel; the first panel of options if empty.
+
+    `--help` omits it if it is rare.
+    """
 
     panel = ""
+    is_rare = False
 
 
 class ClickArgument(click.Argument):
@@ -111,7 +118,10 @@ def with_parameters(
         annotation, described = get_args(parameter.annotation)
         if isinstance(described, Group):
             groups[parameter.name] = described
-            parameters += map(click_option, described.options)
+            common = described.common
+            for option in described.options:
+                is_rare = common is not None and option.name not in common
+                parameters.append(click_option(option, is_rare=is_rare))
         elif isinstance(described, Argument):
             is_required = parameter.default is inspect.Parameter.empty
             parameters.append(
@@ -139,7 +149,7 @@ def with_parameters(
     return parameters, called
 
 
-def click_option(option: Option, *, required: bool = False) -> click.Option:
+def click_option(option: Option, *, required: bool = False, is_rare: bool = False) -> ClickOption:
     """The option as Click defines it."""
     help_text = option.help_naming(flag_of)
     if option.names and not option.metavar:
@@ -160,7 +170,7 @@ def click_option(option: Option, *, required: bool = False) -> click.Option:
         shell_complete=_completing(option.names) if option.names else None,
         **({} if required else {"default": option.default}),
     )
-    made.panel = option.group
+    made.panel, made.is_rare = option.group, is_rare
     return made
 
 

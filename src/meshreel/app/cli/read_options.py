@@ -105,6 +105,10 @@ _OPTIONS = {
 """By name in `ReadOptions`."""
 
 
+COMMON = ("fps", "object", "merge", "attributes", "memory")
+"""Options that `--help` shows."""
+
+
 def reading(*names: str) -> Group:
     """Options for reading, in the order of the help; a command receives a `ReadOptions`.
 
@@ -116,7 +120,7 @@ def reading(*names: str) -> Group:
     options = [
         replace(_OPTIONS[name], name=name, flag=f"--{name.replace('_', '-')}") for name in names
     ]
-    return Group(options, _read_options)
+    return Group(options, _read_options, COMMON)
 
 
 def _read_options(values: dict[str, Any]) -> "ReadOptions":
