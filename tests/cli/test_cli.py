@@ -153,8 +153,9 @@ def test_compare_accepts_a_reel_as_either_input(grid, reel):
 def test_demo_writes_stream_and_picture(tmp_path):
     figures = run_json("demo", "--out", tmp_path / "demo", "--frames", 4)
     assert {path.name for path in (tmp_path / "demo").iterdir()} == {
-        "flag.npz", "flag.png", "flag.reel",
+        "flag.html", "flag.npz", "flag.png", "flag.reel",
     }  # fmt: skip
+    assert "window.MESHREEL=" in (tmp_path / "demo" / "flag.html").read_text("utf-8")
     assert figures["kg_error_percent"] < 2
     assert figures["size_bytes"] == (tmp_path / "demo" / "flag.reel").stat().st_size
     original = meshreel.load(tmp_path / "demo" / "flag.npz").vertices

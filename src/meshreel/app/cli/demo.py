@@ -26,8 +26,8 @@ def demo_command(
 ) -> None:
     """Simulate a flag, compress and decompress it, and show the error.
 
-    Writes flag.npz (the original), flag.reel and, if the extra [render] is installed, flag.png
-    (original and decoded side by side).
+    Writes flag.npz (the original), flag.reel, flag.html (a page that plays it, in any browser and
+    offline) and, if the extra [render] is installed, flag.png (original and decoded side by side).
 
     Example:
 
@@ -35,10 +35,14 @@ def demo_command(
     """
     from meshreel.app.cli.console import print_json, print_table, progress_bar
     from meshreel.app.cli.messages import print_line
+    from meshreel.app.cli.player import opened_player
     from meshreel.app.figures import quality_rows, size_figures, size_rows
+    from meshreel.app.viewer.export import export_page
+    from meshreel.app.viewer.page import built_page
     from meshreel.codec.decoder import decode
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
+    from meshreel.formats.options import ReadOptions
     from meshreel.formats.save import save
     from meshreel.metrics.compare import compare
     from meshreel.model.flag import simulate_flag
@@ -49,8 +53,8 @@ def demo_command(
 
     check_output_folder(out)
     out.mkdir(parents=True, exist_ok=True)
-    raw, reel, picture = (out / f"flag.{extension}" for extension in ("npz", "reel", "png"))
-    outputs = {"original": raw, "stream": reel}
+    raw, reel, page, picture = (out / f"flag.{kind}" for kind in ("npz", "reel", "html", "png"))
+    outputs = {"original": raw, "stream": reel, "page": page}
     if RENDER.is_installed:
         outputs["picture"] = picture
     for path in outputs.values():
@@ -61,6 +65,8 @@ def demo_command(
         data = encode(sequence, progress=progress)
         with replace_when_done(reel, overwrite=force) as temporary:
             temporary.write_bytes(data)
+        with opened_player(reel, None, ReadOptions(progress=progress)) as player:
+            export_page(player, page, page=built_page(), overwrite=force, progress=progress)
         decoded = decode(data, progress=progress)
         quality = compare(sequence, decoded, progress=progress)
         stream = info(data)
@@ -85,7 +91,8 @@ def demo_command(
     if not poses:
         paths["picture"] = f"not drawn; {RENDER.command}"
     print_table("Written", paths)
-    print_line(f"To see it move: meshreel view {reel} --original {raw}")
+    print_line(f"To see it move, open {page}; beside the original, with a map of the error:")
+    print_line(f"meshreel view {reel} --original {raw}")
 
 
 def _draw(
