@@ -190,6 +190,7 @@ def test_existing_output_is_replaced_with_force(grid, tmp_path):
     [
         (["encode", "missing.npz", "-o", "a.reel"], ["missing.npz"]),
         (["encode", "{grid}", "--max-error", "0.5mm"], ["has no length unit", "--unit", "0.5u"]),
+        (["encode", "{grid}", "--max-error", "500%"], ["at most 100%", "got 500%", "5u is"]),
         (["encode", "{grid}", "--unit", "mm"], ["--unit", "--max-error", "give both"]),
         (["decode", "{reel}", "-o", "a.glb", "--unit", "mm"], ["--unit", "--max-error"]),
         (["encode", "{grid}", "-o", "no/such/a.reel"], ["no/such", "does not exist"]),

@@ -78,11 +78,23 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
         Workers that encode blocks of `reel` in parallel, to the same bytes. Not used by searches
         for an error (`kg`, `sted`) or by other methods.
 
+    Returns
+    -------
+    bytes
+        The contents of a `.reel` file, for `meshreel.decode`; `meshreel.save` writes it.
+
     Raises
     ------
     InvalidInputError
         If an option is out of range or has no effect, the mesh is too large for the method, or
         no stream meets the target.
+
+    Examples
+    --------
+    >>> flag = meshreel.simulate_flag(30)
+    >>> data = meshreel.encode(flag, max_error="0.1%")
+    >>> meshreel.decode(data).n_frames
+    30
 
     References
     ----------

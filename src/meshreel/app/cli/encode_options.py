@@ -13,6 +13,9 @@ from meshreel.codec.options import all_options
 COMMON = ("quality", "max_error", "unit", "size", "lossless", "order", "effort")
 """Options that `--help` shows."""
 
+MAX_PERCENT = 100
+"""A larger error bound on the command line is a mistake; in Python any is allowed."""
+
 Encoding = dict[str, Any]
 """Values of the options for encoding, by name."""
 
@@ -39,8 +42,21 @@ ENCODING = encoding()
 
 def _value(row: Option, value: Any) -> Any:
     """The value of an option, with a list of numbers parsed."""
+    if row.name == "max_error" and value and _percent(value) > MAX_PERCENT:
+        raise click.UsageError(
+            f"{row.flag} must be at most {MAX_PERCENT}%, the size of the model; got {value}; "
+            "0.1% is invisible on most models, 1% visible; 5u is 5 model units"
+        )
     is_list = any(get_origin(kind) is Sequence for kind in row.types)
     return _numbers(row, value) if is_list and value is not None else value
+
+
+def _percent(text: str) -> float:
+    """The percentage that a text states; 0 if it has another unit."""
+    try:
+        return float(text.removesuffix("%"))
+    except ValueError:
+        return 0.0
 
 
 def _numbers(row: Option, text: str) -> float | list[int]:
