@@ -81,7 +81,7 @@ def decode(
     ----------
     data : bytes, path, or ReelFile
         A complete stream from `encode`, its file, or its address, such as
-        ``s3://bucket/walk.reel`` (extra ``[remote]``).
+        ``s3://bucket/walk.reel`` (extra ``[s3]``).
     frames : slice, optional
         Frames to return, a Python slice without a step; only the blocks that contain them are
         decoded. Default: all.

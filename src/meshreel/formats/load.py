@@ -43,7 +43,7 @@ def load(
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        Local files, or addresses such as ``s3://bucket/walk.abc`` (extra ``[remote]``), which are
+        Local files, or addresses such as ``s3://bucket/walk.abc`` (extra ``[s3]``), which are
         downloaded. A file with a whole animation, such as ``.npz .reel .abc .usd .glb``
         (`meshreel formats` lists all); one static mesh (``.obj .ply .off .stl``), which gives one
         frame; a folder of frames with one file extension; a pattern such as ``dir/*.obj``; or a

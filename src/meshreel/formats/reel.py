@@ -51,7 +51,7 @@ def open(
     Parameters
     ----------
     path : str or path
-        A file, or an address such as ``s3://bucket/walk.reel`` (extra ``[remote]``): then only the
+        A file, or an address such as ``s3://bucket/walk.reel`` (extra ``[s3]``): then only the
         required blocks are fetched, with one request each.
     n_modes : int, optional
         Decode only the first `n_modes` modes of each block, for a coarser animation; other modes,

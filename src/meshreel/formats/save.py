@@ -62,7 +62,7 @@ def save(
     output : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them), or such an address, like ``s3://bucket/walk.glb``
-        (extra ``[remote]``); a pattern with a number field such as ``dir/frame_%04d.obj`` for one
+        (extra ``[s3]``); a pattern with a number field such as ``dir/frame_%04d.obj`` for one
         file per frame, whose folder is created if it is missing; ``name.obj`` for a sequence of
         one frame; or ``name.vat`` for a folder of vertex animation textures. Images of
         ``name.usdc`` are written to a folder ``name_textures``.

@@ -8,10 +8,8 @@ from typing import Any
 from meshreel.errors import MeshReelError, StoreError
 from meshreel.runtime.stores.address import is_web, scheme_of
 
-_EXTRA = "pip install 'meshreel[remote]'"
-
-_SCHEMES_OF_EXTRA = frozenset({"s3", "s3a", "gs", "gcs", "http", "https"})
-"""Schemes whose libraries the extra installs."""
+_EXTRAS = {"s3": "s3", "s3a": "s3", "gs": "gcs", "gcs": "gcs", "http": "remote", "https": "remote"}
+"""The extra with the library of each scheme."""
 
 _CREDENTIALS = {
     "s3": "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE; for a public bucket, "
@@ -41,11 +39,14 @@ def filesystem_of(address: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise StoreError(f"{address} needs fsspec, which is not installed: {_EXTRA}") from None
+        extra = _EXTRAS.get(scheme_of(address), "remote")
+        needed = f"{address} needs fsspec, which is not installed"
+        raise StoreError(f"{needed}: pip install 'meshreel[{extra}]'") from None
     try:
         filesystem, path = url_to_fs(address)
     except ImportError as error:
-        advice = f"; {_EXTRA}" if scheme_of(address) in _SCHEMES_OF_EXTRA else ""
+        extra = _EXTRAS.get(scheme_of(address))
+        advice = f"; pip install 'meshreel[{extra}]'" if extra else ""
         raise StoreError(f"{address} cannot be reached: {error}{advice}") from None
     except ValueError as error:
         raise StoreError(f"{address} cannot be reached: {error}") from None

@@ -190,7 +190,7 @@ def test_web_server_is_rejected_as_output(walk):
 
 def test_missing_library_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "fsspec.core", None)
-    with pytest.raises(meshreel.StoreError, match=r"needs fsspec.*meshreel\[remote\]"):
+    with pytest.raises(meshreel.StoreError, match=r"needs fsspec.*meshreel\[s3\]"):
         meshreel.open("s3://bucket/walk.reel")
 
 
@@ -198,7 +198,7 @@ def test_missing_library_of_a_scheme_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "s3fs", None)
     classes = sys.modules["fsspec.registry"]._registry
     monkeypatch.delitem(classes, "s3", raising=False)
-    with pytest.raises(meshreel.StoreError, match=r"s3fs.*meshreel\[remote\]"):
+    with pytest.raises(meshreel.StoreError, match=r"s3fs.*meshreel\[s3\]"):
         meshreel.open("s3://bucket/walk.reel")
 
 

@@ -20,7 +20,7 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def bucket():
     """Address of an empty bucket, configured by environment variables."""
-    pytest.importorskip("s3fs", reason="the extra [remote] is not installed")
+    pytest.importorskip("s3fs", reason="the extra [s3] is not installed")
     server_of = pytest.importorskip("moto.server", reason="moto is not installed")
     server = server_of.ThreadedMotoServer(port=0, verbose=False)
     server.start()
