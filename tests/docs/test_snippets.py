@@ -1,4 +1,7 @@
-"""Snippets run unchanged, page by page in order, after `meshreel demo`."""
+"""Snippets run unchanged, page by page in order, after `meshreel demo`.
+
+Those of the README, the tutorial and the guides share a folder, as a reader may use one.
+"""
 
 import re
 import shutil
@@ -15,7 +18,7 @@ from meshreel.app.cli import main
 from meshreel.model import flag
 from meshreel.rendering import films, stills
 from samples.figures import coarse_figures
-from samples.pages import PAGES, name_of, parts_of, shares_variables, snippets
+from samples.pages import PAGES, README, ROOT, name_of, parts_of, shares_variables, snippets
 
 N_FRAMES = 60
 """Frames of the flag, enough for all snippets; the demo has 300."""
@@ -27,6 +30,9 @@ PICTURE_PX = (480, 300)
 """Default size of pictures and films, a tenth of the real one."""
 
 DEMO = ["meshreel", "demo"]
+
+TOGETHER = [README, ROOT / "docs/tutorial.md", *sorted((ROOT / "docs/guides").glob("*.md"))]
+GROUPS = [TOGETHER, *([page] for page in PAGES if page not in TOGETHER and snippets(page))]
 
 
 def run_program(words, monkeypatch):
@@ -96,14 +102,15 @@ def test_snippets_that_do_not_run_state_their_requirements():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_grid_lines")
-@pytest.mark.parametrize("page", [page for page in PAGES if snippets(page)], ids=name_of)
-def test_snippets_run_in_order(page, demo, tmp_path, monkeypatch):
+@pytest.mark.parametrize("pages", GROUPS, ids=lambda pages: name_of(pages[0]))
+def test_snippets_run_in_order(pages, demo, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for module, name in ((films, "FILM_PX"), (films, "GIF_PX"), (stills, "STILL_PX")):
         monkeypatch.setattr(module, name, PICTURE_PX)
     shutil.copytree(demo, tmp_path / demo.name)
-    main, is_shared = {"__name__": "__main__"}, shares_variables(page)
-    for snippet in snippets(page):
-        if snippet.language in ("bash", "python") and not snippet.needs:
-            with coarse_figures():
-                run_snippet(snippet, main if is_shared else dict(main), monkeypatch)
+    for page in pages:
+        main, is_shared = {"__name__": "__main__"}, shares_variables(page)
+        for snippet in snippets(page):
+            if snippet.language in ("bash", "python") and not snippet.needs:
+                with coarse_figures():
+                    run_snippet(snippet, main if is_shared else dict(main), monkeypatch)
