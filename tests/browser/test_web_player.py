@@ -76,6 +76,7 @@ def files(tmp_path_factory):
         "/walk.webm": film,
         "/stress.reel": meshreel.encode(stressed_flag(), max_error=0.02, effort=5),
         "/walk.reel": meshreel.encode(walking_post(), max_error=0.02, effort=5),
+        "/run.reel": meshreel.encode(walking_post(heights=6), max_error=0.02, effort=5),
     }
 
 
@@ -91,11 +92,11 @@ def stressed_flag():
     return meshreel.MeshSequence(flag.vertices, flag.faces, fps=24, tracks=tracks)
 
 
-def walking_post():
-    """Return a thin post far from the origin, which moves sideways by half its height."""
+def walking_post(heights=0.5):
+    """Return a thin post far from the origin, which moves sideways by some of its heights."""
     post = meshreel.simulate_flag(45, n_rows=20, n_columns=30)
     vertices = np.array(post.vertices) * [0.3, 3, 1] + [700, 0, -300]
-    vertices[..., 0] += np.linspace(0, np.ptp(vertices[..., 1]) / 2, 45)[:, None]
+    vertices[..., 0] += np.linspace(0, heights * np.ptp(vertices[..., 1]), 45)[:, None]
     return meshreel.MeshSequence(vertices, post.faces, fps=post.fps)
 
 
@@ -680,6 +681,29 @@ def test_whole_motion_is_visible_and_fills_the_picture(shown, size, up, least):
     assert not seen[:, [0, -1]].any()
     rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
     assert max(np.ptp(rows) / len(seen), np.ptp(columns) / len(seen[0])) > least
+
+
+@pytest.mark.parametrize("attributes", ["", "auto-rotate"])
+def test_the_camera_follows_a_model_that_moves_far(shown, attributes):
+    page = shown(f'<reel-player src="/run.reel" {attributes}></reel-player>')
+    page.emulate_media(reduced_motion="reduce")
+    targets = []
+    for frame in (0, 20, 44):
+        page.evaluate(f"player.mesh.seek({{ frame: {frame} }})")
+        settled(page)
+        drawn = (np.abs(picture(page) - 255) > 12).any(axis=2)
+        rows, columns = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
+        assert 0.6 * len(drawn) < np.ptp(rows) < len(drawn) - 2
+        assert abs(columns.mean() / len(drawn[0]) - 0.5) < 0.1
+        targets.append(page.evaluate("player.getCameraTarget().x"))
+    height = page.evaluate("player.file.info.diagonal") / 6
+    assert targets[2] - targets[1] > height
+    page.evaluate("player.cameraTarget = '700 auto auto'")
+    settled(page)
+    assert page.evaluate("player.getCameraTarget().x") == pytest.approx(700)
+    page.evaluate("player.mesh.seek({ frame: 0 })")
+    settled(page)
+    assert page.evaluate("player.getCameraTarget().x") == pytest.approx(700)
 
 
 def test_a_video_is_synchronized_and_pauses_off_screen(shown):

@@ -8,7 +8,7 @@ import type { ColorLegend } from "../three/color/track_colors.js";
 import type { ReelMesh } from "../three/reel_mesh.js";
 import { BufferAttribute, DynamicDrawUsage, Mesh, Vector3 } from "../webgl/index.js";
 
-import { extremePoints } from "./extreme_points.js";
+import { extremePoints } from "../player/extreme_points.js";
 import { uniqueEdges } from "./edges.js";
 import type { Reel, TrackSettings } from "./facts.js";
 import { colorUv } from "../three/color/color_map.js";

@@ -14,7 +14,7 @@ import { Legend, trackTitle } from "./legend.js";
 import { Messages } from "./messages.js";
 import type { CameraOrbit } from "./orbit_controls.js";
 import { createElement, IconButton } from "./dom.js";
-import { type HalfExtents, boxCorners, estimateHalfExtents } from "./half_extents.js";
+import { type Framing, estimateFraming, turned, unknownFraming } from "./framing.js";
 import { ATTRIBUTE_NAMES, type PlayerSettings, parseSettings } from "./settings.js";
 import { playerStyleSheet } from "./style_sheet.js";
 import { View } from "./view.js";
@@ -30,6 +30,9 @@ const APPEARANCE_KEYS = [
 
 /** Settings of the view: a change frames the model again. */
 const VIEW_KEYS = ["up", "camera", "autoRotate"] as const;
+
+/** The camera follows a model that moves if that brings it closer by this factor. */
+const FOLLOW_RATIO = 1.15;
 
 /** Distance to the viewport at which a player with `loading="lazy"` opens its file. */
 const LAZY_MARGIN = "400px";
@@ -112,7 +115,7 @@ export class ReelPlayerElement extends PlayerAttributes {
   #settings: PlayerSettings | null = null;
   #loading: AbortController | null = null;
   #mesh: ReelMesh | null = null;
-  #extents: HalfExtents = [1, 1, 1];
+  #framing: Framing = unknownFraming(1);
   #srcObject: Exclude<SourceInput, string | URL> | null = null;
   /** What is open or opening: an address or an object. */
   #openedSource: SourceInput | null = null;
@@ -465,11 +468,10 @@ export class ReelPlayerElement extends PlayerAttributes {
       const from = typeof source === "string" ? new URL(source, document.baseURI) : source;
       file = await SegmentedReelFile.open(from, { signal });
       // Errors of frames are reported when they are shown.
-      const extents = await estimateHalfExtents(file, settings.start, { signal }).catch(() => null);
+      const framing = await estimateFraming(file, settings.start, { signal }).catch(() => null);
       signal.throwIfAborted();
       const { center, diagonal } = file.info;
-      const radius = diagonal / 2;
-      this.#extents = extents ?? [radius, radius, radius];
+      this.#framing = framing ?? unknownFraming(diagonal / 2);
       mesh = new ReelMesh(file, { origin: center, ownsReel: true });
     } catch (error) {
       file?.close();
@@ -507,20 +509,26 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#updateUi();
   }
 
-  /** Frame the model in the initial view. */
+  /** Frame the model in the initial view. The camera follows a model that moves far. */
   #frameModel({ up, camera, autoRotate }: PlayerSettings): void {
     const { view } = this.#ui as PlayerParts;
+    const { swept, figure } = this.#framing;
     view.world.setRotationX(up === "z" ? -Math.PI / 2 : 0);
     view.world.updateMatrixWorld();
-    const [x, y, z] = this.#extents;
-    const extents: HalfExtents = up === "z" ? [x, z, y] : [x, y, z];
-    view.setExtents(extents);
-    // While it rotates, all of a cylinder must stay in view.
-    const side = Math.hypot(extents[0], extents[2]);
-    const box = autoRotate ? boxCorners([side, extents[1], side]) : boxCorners(extents);
-    const { matrixWorld } = view.world;
-    const framed = view.framedPoints?.map((point) => point.clone().applyMatrix4(matrixWorld));
-    view.frame(framed ?? box, { ...camera, target: this.#worldTarget(camera.target) });
+    view.follow(null);
+    view.radius = Math.max(...swept.map((point) => point.length()));
+    const framed = (points: readonly Vector3[]): Vector3[] => {
+      const placed = points.map((point) => point.clone().applyMatrix4(view.world.matrixWorld));
+      return autoRotate ? turned(placed) : placed;
+    };
+    const points = framed(view.framedPoints ?? swept);
+    const target = this.#worldTarget(camera.target);
+    view.frame(points, { ...camera, target });
+    if (view.framedPoints || !figure || target || camera.distance !== null) return;
+    const pose = framed(figure);
+    if (view.camera.distanceTo(points) < FOLLOW_RATIO * view.camera.distanceTo(pose)) return;
+    view.follow(this.#mesh);
+    view.frame(pose, { ...camera, target });
   }
 
   /** Convert `camera-target` to the coordinates of the view; null if it is the center of the model. */

@@ -12,7 +12,6 @@ import {
 } from "../webgl/index.js";
 import { type CameraPose, PlayerCamera } from "./camera.js";
 import { type ContextHolder, releaseContext, acquireContext } from "./context_pool.js";
-import type { HalfExtents } from "./half_extents.js";
 
 /** Limit of canvas pixels per CSS pixel: more take time without a visible gain. */
 const MAX_PIXEL_RATIO = 2;
@@ -39,6 +38,12 @@ export interface ViewDelegate {
   onContextRestored(): void;
 }
 
+/** A mesh that the camera can follow. */
+export interface Followed {
+  /** Set a vector to the mean of the vertices, and return it. */
+  getCentroid(target: Vector3): Vector3;
+}
+
 /** A canvas with a scene. */
 export class View implements ContextHolder {
   readonly canvas = document.createElement("canvas");
@@ -50,10 +55,12 @@ export class View implements ContextHolder {
   readonly model = new Group();
   /** Called before each drawing. */
   onDraw: (() => void) | null = null;
-  /** Points of `model` to frame in place of its box; null: the box. */
+  /** Points of `model` to frame in place of those that the player estimates; null: the latter. */
   framedPoints: readonly Vector3[] | null = null;
+  /** Largest distance of the model from the center of the file, from which the depth range follows. */
+  radius = 1;
   readonly #scene = new Scene();
-  #extents: HalfExtents = [1, 1, 1];
+  #followed: Followed | null = null;
   /** Objects of `model` in each of several views; null: one view of all. */
   #panes: readonly (readonly Object3D[])[] | null = null;
   readonly #resizeObserver: ResizeObserver;
@@ -132,10 +139,10 @@ export class View implements ContextHolder {
     this.invalidate();
   }
 
-  /** Set half the size of the model, from which the depth range follows. */
-  setExtents(extents: HalfExtents): void {
-    this.#extents = extents;
-    this.invalidate();
+  /** Keep the centroid of a mesh at the origin; null: the center of the file. */
+  follow(mesh: Followed | null): void {
+    this.#followed = mesh;
+    if (!mesh) this.model.position.set(0, 0, 0);
   }
 
   /** Frame points from an initial view. */
@@ -176,6 +183,7 @@ export class View implements ContextHolder {
 
   remove(mesh: Mesh): void {
     mesh.removeFromParent();
+    this.follow(null);
     this.invalidate();
   }
 
@@ -184,8 +192,9 @@ export class View implements ContextHolder {
     this.#isStale = false;
     const renderer = this.#renderer;
     if (!renderer) return;
+    this.#followed?.getCentroid(this.model.position).negate();
     this.onDraw?.();
-    const radius = DEPTH_RATIO * Math.hypot(...this.#extents);
+    const radius = DEPTH_RATIO * this.radius;
     this.camera.setDepthRange(this.model.getWorldPosition(new Vector3()), radius);
     const { width, height } = this.canvas;
     const ratio = renderer.getPixelRatio();

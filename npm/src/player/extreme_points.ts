@@ -8,7 +8,7 @@ const DIRECTIONS = [-1, 0, 1]
   .slice(14);
 
 /** Return the extreme positions of (V, 3) along 13 lines, which suffice to frame all. */
-export function extremePoints(positions: Float32Array): Vector3[] {
+export function extremePoints(positions: Float32Array | Float64Array): Vector3[] {
   const point = (offset: number) => new Vector3().fromArray(positions, offset);
   return DIRECTIONS.flatMap(({ x, y, z }) => {
     let [lowest, highest, low, high] = [0, 0, Infinity, -Infinity];
