@@ -18,13 +18,11 @@ static bool fits_triangles(const reel_outline *outline, const int32_t *above) {
 int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *outline,
                          reel_faces *faces) {
     reel_range payload, left;
-    uint32_t n_sections = reel_count_sections(outline, REEL_POLYGONS, &payload);
     uint64_t n_polygons;
     *faces = (reel_faces){.outline = outline};
-    if (!n_sections) {
+    if (!reel_count_sections(outline, REEL_POLYGONS, &payload)) {
         return MESHREEL_OK;
     }
-    REEL_CORRUPT_IF(n_sections > 1, payload.at, "the file has more than one section POLYGONS");
     left = payload;
     REEL_TRY(reel_read_varint(call, &left, &n_polygons));
     REEL_CORRUPT_IF(n_polygons != outline->n_polygons || n_polygons > outline->n_faces, payload.at,

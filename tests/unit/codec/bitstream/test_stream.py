@@ -110,7 +110,7 @@ def test_index_entry_that_points_to_an_unknown_section_is_refused():
     index = write_index([BlockPlace(2, len(before), (len(unknown),))])
     stream = Stream(ended(before + unknown, index))
     assert stream.file.block(0).n_frames == 2
-    with pytest.raises(CorruptStreamError, match="a block has no sections"):
+    with pytest.raises(CorruptStreamError, match="a block does not end with COEFFICIENTS"):
         stream.file.group(0)
 
 
