@@ -20,6 +20,8 @@ compare           errors between two sequences: Quality; SurfaceQuality (Surface
 info              contents of a stream, and its bytes by section: StreamInfo
 open              a .reel file whose frames are decoded on demand: ReelFile
 Encoder           encodes frames as they arrive
+from_pyvista, to_pyvista, from_trimesh, to_trimesh
+                  meshes of these libraries to a sequence, and a frame as such a mesh
 simulate_flag     a synthetic sequence for experiments
 paper             the paper's seven methods for experiments: their streams as arrays, their steps
 MeshReelError     base class of all errors: InvalidInputError, FormatError, CorruptStreamError,
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
         UnsupportedVersionError,
         WorkerDiedError,
     )
+    from meshreel.formats.interop import from_pyvista, from_trimesh, to_pyvista, to_trimesh
     from meshreel.formats.load import load
     from meshreel.formats.reel import open
     from meshreel.formats.save import save
@@ -105,12 +108,16 @@ __all__ = [
     "corner_normals",
     "decode",
     "encode",
+    "from_pyvista",
+    "from_trimesh",
     "info",
     "load",
     "open",
     "register",
     "save",
     "simulate_flag",
+    "to_pyvista",
+    "to_trimesh",
 ]
 
 _SURFACE = ("Attribute", "Domain", "FaceGroups", "Kind", "Part", "Surface")
@@ -122,6 +129,9 @@ _MODULES = {
     **dict.fromkeys(("MeshFrame", "MeshSequence", "concatenate"), "model.sequence"),
     "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",
+    **dict.fromkeys(
+        ("from_pyvista", "from_trimesh", "to_pyvista", "to_trimesh"), "formats.interop"
+    ),
     "load": "formats.load",
     "open": "formats.reel",
     "Quality": "metrics.compare",

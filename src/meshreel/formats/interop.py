@@ -1,0 +1,124 @@
+"""Meshes of trimesh and PyVista as sequences, and frames of sequences as their meshes.
+
+    import pyvista
+
+    sequence = meshreel.from_pyvista([pyvista.read(path) for path in paths], fps=25)
+    meshreel.to_pyvista(sequence, frame=3).plot()
+
+Both libraries are optional. PyVista's meshes pass through VTK files, so that polygons and arrays of
+points and cells are kept as those formats keep them.
+"""
+
+from collections.abc import Iterable
+from importlib import import_module
+from itertools import groupby
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from meshreel.errors import InvalidInputError
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from meshreel.model.sequence import MeshSequence, concatenate
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
+
+
+def from_pyvista(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
+    """Return the sequence of one PyVista mesh per frame, with their arrays.
+
+    Parameters
+    ----------
+    meshes : iterable of pyvista.PolyData or pyvista.UnstructuredGrid
+        Arrays that change from frame to frame become tracks.
+    fps : float, default 0
+        Frames per second; 0 if unknown.
+
+    Raises
+    ------
+    FormatError, InvalidInputError
+        If a mesh has no faces, or there is none.
+    """
+    with TemporaryDirectory(prefix="meshreel-") as folder:
+        for number, mesh in enumerate(meshes):
+            extension = "vtp" if type(mesh).__name__ == "PolyData" else "vtu"
+            mesh.save(Path(folder) / f"frame_{number:06}.{extension}")
+        sequence = load(folder, fps=fps or None)
+        return sequence.replace(name="")
+
+
+def to_pyvista(sequence: MeshSequence, frame: int = 0) -> Any:
+    """Return a frame as `pyvista.PolyData`, with polygons, attributes and values of tracks.
+
+    Raises
+    ------
+    InvalidInputError
+        If PyVista is not installed.
+    IndexError
+        If there is no such frame.
+    """
+    pyvista = _imported("pyvista")
+    number = range(sequence.n_frames)[frame]
+    with TemporaryDirectory(prefix="meshreel-") as folder:
+        [path] = save(sequence[number : number + 1], Path(folder) / "frame.vtp")
+        return pyvista.read(path)
+
+
+def from_trimesh(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
+    """Return the sequence of one `trimesh.Trimesh` per frame, with colors of vertices.
+
+    Parameters
+    ----------
+    meshes : iterable of trimesh.Trimesh
+        Consecutive ones of equal faces become a segment. Other attributes are not kept.
+    fps : float, default 0
+        Frames per second; 0 if unknown.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no mesh, or one has no faces.
+    """
+    parts = []
+    for _, run in groupby(meshes, lambda mesh: (len(mesh.vertices), mesh.faces.tobytes())):
+        first, *others = run
+        colors: tuple[Attribute, ...] = ()
+        if first.visual.kind == "vertex":
+            values = np.array(first.visual.vertex_colors, np.uint8)
+            colors = (Attribute("color", Kind.COLOR, Domain.VERTEX, values),)
+        vertices = np.stack([np.asarray(mesh.vertices) for mesh in (first, *others)])
+        surface = Surface(attributes=colors)
+        parts.append(MeshSequence(vertices, np.asarray(first.faces), fps, surface=surface))
+    return concatenate(parts)
+
+
+def to_trimesh(sequence: MeshSequence, frame: int = 0) -> Any:
+    """Return a frame as `trimesh.Trimesh`, with colors of vertices; nothing is merged.
+
+    Raises
+    ------
+    InvalidInputError
+        If trimesh is not installed.
+    IndexError
+        If there is no such frame.
+    """
+    trimesh = _imported("trimesh")
+    number = range(sequence.n_frames)[frame]
+    [segment] = sequence[number : number + 1].segments
+    colors = segment.surface.of_kind(Kind.COLOR)
+    of_vertices = [one.per_item() for one in colors if one.domain is Domain.VERTEX]
+    return trimesh.Trimesh(
+        np.asarray(segment.read(0, 1)[0]),
+        np.asarray(segment.faces),
+        process=False,
+        vertex_colors=of_vertices[0] if of_vertices else None,
+    )
+
+
+def _imported(name: str) -> ModuleType:
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise InvalidInputError(f"this needs {name} ({error}): pip install {name}") from error
