@@ -687,6 +687,7 @@ def test_whole_motion_is_visible_and_fills_the_picture(shown, size, up, least):
 def test_the_camera_follows_a_model_that_moves_far(shown, attributes):
     page = shown(f'<reel-player src="/run.reel" {attributes}></reel-player>')
     page.emulate_media(reduced_motion="reduce")
+    settled(page)
     targets = []
     for frame in (0, 20, 44):
         page.evaluate(f"player.mesh.seek({{ frame: {frame} }})")

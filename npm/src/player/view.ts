@@ -129,13 +129,13 @@ export class View implements ContextHolder {
     this.model.add(mesh);
   }
 
-  /** Light a mesh: metals need a studio to reflect; others are lit by a hemisphere light. */
+  /** Light a mesh: metals need a studio to reflect; others are lit by a key, a rim and a hemisphere light. */
   setLights(mesh: Mesh): void {
     const hasMetal = [mesh.material].flat().some((material) => "metalness" in material && material.metalness);
     this.#scene.hasStudio = hasMetal;
-    // Of such intensities that a white surface that faces the camera appears white.
-    this.#scene.skyIntensity = hasMetal ? 0 : Math.PI / 2;
-    this.#scene.keyIntensity = Math.PI / 2;
+    // Of such intensities that no white surface without gloss is overexposed.
+    this.#scene.skyIntensity = hasMetal ? 0 : 0.32 * Math.PI;
+    this.#scene.keyIntensity = (hasMetal ? 0.5 : 0.75) * Math.PI;
     this.invalidate();
   }
 

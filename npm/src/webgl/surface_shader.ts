@@ -176,20 +176,24 @@ void main() {
   float nv = saturate(dot(n, v));
   vec2 dfg = albedo(rough, nv);
 
-  // The key light, which moves with the camera.
-  vec3 l = normalize(vec3(-0.5, 1.0, 2.0));
-  vec3 h = normalize(l + v);
-  float nl = saturate(dot(n, l));
-  float vh = saturate(dot(v, h));
-  float alpha2 = pow2(pow2(rough));
-  float toViewer = nl * sqrt(alpha2 + (1.0 - alpha2) * nv * nv);
-  float toLight = nv * sqrt(alpha2 + (1.0 - alpha2) * nl * nl);
-  float visible = 0.5 / max(toViewer + toLight, 1e-6);
-  float facets = alpha2 / (PI * pow2(pow2(saturate(dot(n, h))) * (alpha2 - 1.0) + 1.0));
-  float fresnel = exp2((-5.55473 * vh - 6.98316) * vh);
+  // The lights that move with the camera: the key, and unless the studio lights the model, a rim light
+  // from behind.
   vec3 lost = 1.0 + f0 * (1.0 / (dfg.x + dfg.y) - 1.0);
-  vec3 key = (f0 * (1.0 - fresnel) + fresnel) * visible * facets * lost + matte / PI * 0.96 * (1.0 - fresnel);
-  vec3 light = keyIntensity * nl * key;
+  float alpha2 = pow2(pow2(rough));
+  vec3 light = vec3(0.0);
+  for (int i = 0; i < 2; i++) {
+    vec3 l = normalize(i == 0 ? vec3(-1.2, 1.4, 2.0) : vec3(1.6, 0.6, -0.8));
+    vec3 h = normalize(l + v);
+    float nl = saturate(dot(n, l));
+    float vh = saturate(dot(v, h));
+    float toViewer = nl * sqrt(alpha2 + (1.0 - alpha2) * nv * nv);
+    float toLight = nv * sqrt(alpha2 + (1.0 - alpha2) * nl * nl);
+    float visible = 0.5 / max(toViewer + toLight, 1e-6);
+    float facets = alpha2 / (PI * pow2(pow2(saturate(dot(n, h))) * (alpha2 - 1.0) + 1.0));
+    float fresnel = exp2((-5.55473 * vh - 6.98316) * vh);
+    vec3 shine = (f0 * (1.0 - fresnel) + fresnel) * visible * facets * lost;
+    light += (i == 0 ? keyIntensity : skyIntensity) * nl * (shine + matte / PI * 0.96 * (1.0 - fresnel));
+  }
 
   // The sky and the studio.
   vec3 single;
