@@ -32,7 +32,7 @@ const APPEARANCE_KEYS = [
 const VIEW_KEYS = ["up", "camera", "autoRotate"] as const;
 
 /** The camera follows a model that moves if that brings it closer by this factor. */
-const FOLLOW_RATIO = 1.15;
+const FOLLOW_RATIO = 1.1;
 
 /** Distance to the viewport at which a player with `loading="lazy"` opens its file. */
 const LAZY_MARGIN = "400px";

@@ -5,7 +5,7 @@ import { Vector3 } from "../webgl/index.js";
 import { extremePoints } from "./extreme_points.js";
 
 /** Limits of the sampled frames and positions, which keep the time below a tenth of a second. */
-const [MAX_FRAMES, MAX_POSITIONS] = [16, 2 ** 19];
+const [MAX_FRAMES, MAX_POSITIONS] = [32, 2 ** 19];
 
 /** Margin around the sampled poses of a followed figure, so that the poses between them fit too. */
 const POSE_MARGIN = 1.06;
