@@ -10,11 +10,13 @@ from meshreel.model.tracks import MAX_COLUMNS, TrackKind, TrackPart, value_range
 from samples.meshes import grid_faces
 
 QUADS = Surface(face_sizes=np.full(9, 4, np.int32))
+FANS = np.array([0, 4, 5, 0, 5, 1]) + [[i] for i in range(11) if i % 4 < 3]
+FANS = FANS.reshape(-1, 3)
 
 
 def sequence(surface=None, tracks=None, **named):
     given = {} if surface is None else {"surface": surface}
-    faces = grid_faces(4, 4)
+    faces = grid_faces(4, 4) if surface is None else FANS
     return meshreel.MeshSequence(np.zeros((5, 16, 3)), faces, tracks=tracks or named, **given)
 
 

@@ -157,6 +157,7 @@ async function surfaceOf(): Promise<Surface> {
   return {
     triangles: Uint32Array.from(triangles),
     faceSizes: null,
+    triangleCorners: null,
     attributes: [
       { name: "uv", kind: "uv", domain: "corner", width: 2, values: Float32Array.from(uv) },
     ],
@@ -187,7 +188,8 @@ export async function wavingGrid(options: GridOptions = {}): Promise<OpenReel> {
   const triangular = await surfaceOf();
   const nQuads = triangular.triangles.length / 6;
   const faceSizes = options.hasQuads ? new Uint32Array(nQuads).fill(4) : null;
-  const surface = { ...triangular, faceSizes };
+  const corners = triangular.triangles.map((_, i) => 4 * Math.floor(i / 6) + [0, 1, 2, 0, 2, 3][i % 6]);
+  const surface = { ...triangular, faceSizes, triangleCorners: faceSizes && corners };
   const bare = { ...surface, attributes: [], groups: [], materials: [], images: [] };
   let low = [Infinity, Infinity, Infinity];
   let high = [-Infinity, -Infinity, -Infinity];

@@ -32,6 +32,9 @@ NUMBER = re.compile(r"\d*\.?\d+(e[+-]?\d+)?")
 
 HELP_ALL = "--help-all"
 
+MAX_SHOWN = 30
+"""Largest number of options that `--help` shows whether or not they are common."""
+
 WITH_ADDRESSES = frozenset({"encode", "register", "batch", "decode", "convert", "info", "compare"})
 """Commands that accept addresses of remote files."""
 
@@ -137,7 +140,8 @@ def command(function: Callable[..., Any]) -> click.Command:
     from meshreel.app.cli.parameters import with_parameters
 
     params, callback = with_parameters(function)
-    if n_rare := sum(getattr(param, "is_rare", False) for param in params):
+    n_rare = sum(getattr(param, "is_rare", False) for param in params)
+    if len(params) > MAX_SHOWN and n_rare:
         text = f"Show this message with {n_rare} more options, and exit."
         params.append(
             click.Option(

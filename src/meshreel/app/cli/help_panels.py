@@ -5,6 +5,8 @@ from pathlib import Path
 
 import click
 
+HELP_ALL = "--help-all"
+
 CODE = re.compile(r"`([^`]+)`")
 """An item of a list that is a command, between backticks."""
 
@@ -41,12 +43,15 @@ def _write_description(text: str, formatter: click.HelpFormatter) -> None:
 def _panels(command: click.Command, context: click.Context) -> dict[str, list[Row]]:
     """Rows of each panel by its title: arguments, options, groups of options, commands."""
     panels: dict[str, list[Row]] = {"Arguments": [], "Options": []}
+    offers_all = HELP_ALL not in context.meta and any(
+        HELP_ALL in param.opts for param in command.params
+    )
     for param in command.get_params(context):
         if isinstance(param, click.Argument):
             row = param.make_metavar(context), _meaning(param, getattr(param, "help", ""))
             panels["Arguments"].append(row)
         elif isinstance(param, click.Option) and not param.hidden:
-            if getattr(param, "is_rare", False) and "--help-all" not in context.meta:
+            if offers_all and getattr(param, "is_rare", False):
                 continue
             title = getattr(param, "panel", "") or "Options"
             row = _names(param, context), _meaning(param, param.help)

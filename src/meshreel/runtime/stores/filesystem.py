@@ -45,8 +45,8 @@ def filesystem_of(address: str) -> tuple[Any, str]:
     try:
         filesystem, path = url_to_fs(address)
     except ImportError as error:
-        extra = _EXTRAS.get(scheme_of(address))
-        advice = f"; pip install 'meshreel[{extra}]'" if extra else ""
+        known = _EXTRAS.get(scheme_of(address))
+        advice = f"; pip install 'meshreel[{known}]'" if known else ""
         raise StoreError(f"{address} cannot be reached: {error}{advice}") from None
     except ValueError as error:
         raise StoreError(f"{address} cannot be reached: {error}") from None
