@@ -573,6 +573,7 @@ def test_served_page_starts_a_video_with_sound_muted(new_page, tmp_path):
     with viewing(tmp_path / "sheet.reel", *options) as (_, address):
         page = new_page(address, is_at_rest=False)
         wait_until(page, "player.state().frame > 5")
+        wait_until(page, "document.querySelector('reel-player').mesh.video")
         assert page.evaluate("document.querySelector('reel-player').mesh.video.muted")
         red, _, blue = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
         assert (np.abs(red - blue) > 40).mean() > 0.02
