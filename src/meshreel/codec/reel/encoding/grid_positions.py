@@ -209,8 +209,19 @@ def _allowed(step: float) -> float:
 def _encoded(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
-    found = stored_grid(sequence.read(0, 1)[0]) if source.n_frames == 1 else None
-    if found is not None and found[0] > coder.grid.step * source.frame.scale:
-        source = replace(source, origin=found[1])  # exact, and coarser
-        coder = replace(coder, grid=PositionGrid(found[0] / source.frame.scale, source.frame))
+    if source.n_frames == 1:
+        source, coder = _on_stored_grid(source, coder)
     return stream_of(source, coder, progress, engine)
+
+
+def _on_stored_grid(source: Source, coder: GridPositionCoder) -> tuple[Source, GridPositionCoder]:
+    """Return both for the grid on which a frame lies, if that is coarser and meets the bound."""
+    frame = source.sequence.read(0, 1)
+    found = stored_grid(frame[0])
+    if found is None or found[0] <= coder.grid.step * source.frame.scale:
+        return source, coder
+    step, origin = found
+    moved = replace(source, origin=origin)
+    stored = replace(coder, grid=PositionGrid(step / moved.frame.scale, moved.frame))
+    meets_bound = stored._meets_bound(stored.grid.coordinates(frame), frame)
+    return (moved, stored) if meets_bound else (source, coder)
