@@ -68,27 +68,23 @@ static bool attach_triangles(outline *result, const int32_t *triangles, int32_t 
     return true;
 }
 
-static int64_t largest(const int32_t *sizes, int64_t n_polygons) {
-    int64_t size = 3;
-    for (int64_t i = 0; i < n_polygons; i++) {
-        size = sizes[i] > size ? sizes[i] : size;
-    }
-    return size;
-}
-
 size_t reel_triangle_corners_memory(int64_t max_size) {
     return 4 * reel_array_bytes((size_t)max_size, sizeof(int32_t));
 }
 
 int64_t reel_triangle_corners(void *memory, size_t memory_size, const int32_t *triangles,
-                              const int32_t *sizes, int64_t n_polygons, int32_t *corners) {
+                              const int32_t *sizes, int64_t n_polygons, int64_t max_size,
+                              int32_t *corners) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     outline result;
     int32_t first = 0;
-    if (!allocate_outline(&arena, largest(sizes, n_polygons), &result)) {
+    if (!allocate_outline(&arena, max_size, &result)) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     for (int64_t i = 0; i < n_polygons; i++) {
+        if (sizes[i] > max_size) {
+            return reel_failure(REEL_NO_MEMORY, 0);
+        }
         if (!attach_triangles(&result, triangles, sizes[i], first, corners)) {
             return reel_failure(REEL_CORRUPT, (uint64_t)i);
         }

@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 19 /* changes whenever a function or struct below changes */
+#define REEL_ABI 20 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -347,7 +347,8 @@ REEL_API int64_t reel_twins(void *memory, size_t memory_size, const int32_t *fac
    REEL_CORRUPT at the first polygon whose triangles do not adjoin. */
 REEL_API size_t reel_triangle_corners_memory(int64_t max_size);
 REEL_API int64_t reel_triangle_corners(void *memory, size_t memory_size, const int32_t *triangles,
-                                       const int32_t *sizes, int64_t n_polygons, int32_t *corners);
+                                       const int32_t *sizes, int64_t n_polygons, int64_t max_size,
+                                       int32_t *corners);
 
 /* Cut polygons into triangles (triangulate.c); `corners` are their vertices, polygon by polygon,
    and `positions` three coordinates of each vertex. Returns the number of polygons whose triangles

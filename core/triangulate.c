@@ -209,7 +209,7 @@ static void copy_vertices(const polygon *of, const int32_t *vertices, int32_t si
    vertices. */
 static bool is_readable(const polygon *of, void *memory, size_t memory_size, int32_t size,
                         const int32_t *triangles, int32_t *found) {
-    if (reel_triangle_corners(memory, memory_size, triangles, &size, 1, found) < 0) {
+    if (reel_triangle_corners(memory, memory_size, triangles, &size, 1, size, found) < 0) {
         return false;
     }
     return reel_equal_bytes((const uint8_t *)found, (const uint8_t *)of->corners,

@@ -254,13 +254,15 @@ void fuzz_polygons(void) {
     FUZZ_CHECK(result >= 0 && result <= n_polygons);
     fuzz_hash(triangles, n_corners, sizeof *triangles);
     size_t size = reel_triangle_corners_memory(max_size);
-    result = reel_triangle_corners(FUZZ_MEMORY(size), triangles, sizes, n_polygons, found);
+    result = reel_triangle_corners(FUZZ_MEMORY(size), triangles, sizes, n_polygons, max_size,
+                                   found);
     FUZZ_CHECK(result == n);
     for (int64_t i = 0; i < n_corners; i++) {
         FUZZ_CHECK(triangles[i] == corners[found[i]]);
     }
     triangles[fuzz_below(n_corners)] = (int32_t)fuzz_below(n_verts);
-    result = reel_triangle_corners(FUZZ_MEMORY(size), triangles, sizes, n_polygons, found);
+    result = reel_triangle_corners(FUZZ_MEMORY(size), triangles, sizes, n_polygons, max_size,
+                                   found);
     fuzz_check_code(result);
     fuzz_hash(found, result < 0 ? 0 : n_corners, sizeof *found);
 }

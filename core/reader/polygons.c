@@ -63,7 +63,7 @@ int reel_find_triangle_corners(reel_call *call, reel_pool *pool, reel_faces *fac
     REEL_NEED(corners && memory);
     int64_t n_corners = reel_triangle_corners(memory, size, (const int32_t *)faces->triangles,
                                               (const int32_t *)faces->sizes,
-                                              (int64_t)outline->n_polygons, corners);
+                                              (int64_t)outline->n_polygons, max_size, corners);
     REEL_CORRUPT_IF(n_corners < 0, payload.at, "the triangles of a polygon do not adjoin");
     faces->corners = corners;
     reel_drop_scratch(call, mark);

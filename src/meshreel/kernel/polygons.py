@@ -57,6 +57,7 @@ def triangle_corners(sizes: AnyIntegers, triangles: AnyIntegers) -> Integers:
     InvalidInputError
         If the triangles of a polygon do not adjoin.
     """
+    max_size = int(sizes.max(initial=3))
     corners = np.empty((len(triangles), 3), np.int32)
     try:
         call(
@@ -64,9 +65,10 @@ def triangle_corners(sizes: AnyIntegers, triangles: AnyIntegers) -> Integers:
             int32s(triangles),
             int32s(sizes),
             len(sizes),
+            max_size,
             corners,
             what="polygons",
-            memory_of=("reel_triangle_corners_memory", int(sizes.max(initial=3))),
+            memory_of=("reel_triangle_corners_memory", max_size),
         )
     except CorruptStreamError as error:
         raise InvalidInputError(
