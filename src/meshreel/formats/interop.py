@@ -24,6 +24,7 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence, concatenate
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.tracks import Track, TrackKind
 
 
 def from_pyvista(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
@@ -39,7 +40,7 @@ def from_pyvista(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
     Raises
     ------
     FormatError, InvalidInputError
-        If a mesh has no faces, or there is none.
+        If there is no mesh, or one without faces.
     """
     with TemporaryDirectory(prefix="meshreel-") as folder:
         for number, mesh in enumerate(meshes):
@@ -60,9 +61,8 @@ def to_pyvista(sequence: MeshSequence, frame: int = 0) -> Any:
         If there is no such frame.
     """
     pyvista = _imported("pyvista")
-    number = range(sequence.n_frames)[frame]
     with TemporaryDirectory(prefix="meshreel-") as folder:
-        [path] = save(sequence[number : number + 1], Path(folder) / "frame.vtp")
+        [path] = save(_part(sequence, frame), Path(folder) / "frame.vtp")
         return pyvista.read(path)
 
 
@@ -72,25 +72,34 @@ def from_trimesh(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
     Parameters
     ----------
     meshes : iterable of trimesh.Trimesh
-        Consecutive ones of equal faces become a segment. Other attributes are not kept.
+        Consecutive ones of equal faces become a segment. Colors that change become a track. Texture
+        coordinates, materials and other attributes are not kept.
     fps : float, default 0
         Frames per second; 0 if unknown.
 
     Raises
     ------
     InvalidInputError
-        If there is no mesh, or one has no faces.
+        If there is no mesh, or one without faces.
     """
+
+    def constant(mesh: Any) -> tuple[Any, ...]:
+        return len(mesh.vertices), mesh.faces.tobytes(), mesh.visual.kind == "vertex"
+
     parts = []
-    for _, run in groupby(meshes, lambda mesh: (len(mesh.vertices), mesh.faces.tobytes())):
-        first, *others = run
-        colors: tuple[Attribute, ...] = ()
-        if first.visual.kind == "vertex":
-            values = np.array(first.visual.vertex_colors, np.uint8)
-            colors = (Attribute("color", Kind.COLOR, Domain.VERTEX, values),)
-        vertices = np.stack([np.asarray(mesh.vertices) for mesh in (first, *others)])
-        surface = Surface(attributes=colors)
-        parts.append(MeshSequence(vertices, np.asarray(first.faces), fps, surface=surface))
+    for (_, _, has_colors), run in groupby(meshes, constant):
+        several = list(run)
+        vertices = np.stack([np.asarray(mesh.vertices) for mesh in several])
+        surface, tracks = Surface(), {}
+        if has_colors:
+            colors = np.stack([np.asarray(mesh.visual.vertex_colors) for mesh in several])
+            if (colors == colors[0]).all():
+                color = Attribute("color", Kind.COLOR, Domain.VERTEX, colors[0])
+                surface = Surface(attributes=(color,))
+            else:
+                tracks = {"color": Track(colors, Domain.VERTEX, TrackKind.COLOR)}
+        faces = np.asarray(several[0].faces)
+        parts.append(MeshSequence(vertices, faces, fps, surface=surface, tracks=tracks))
     return concatenate(parts)
 
 
@@ -105,8 +114,7 @@ def to_trimesh(sequence: MeshSequence, frame: int = 0) -> Any:
         If there is no such frame.
     """
     trimesh = _imported("trimesh")
-    number = range(sequence.n_frames)[frame]
-    [segment] = sequence[number : number + 1].segments
+    [segment] = _part(sequence, frame).segments
     colors = segment.surface.of_kind(Kind.COLOR)
     of_vertices = [one.per_item() for one in colors if one.domain is Domain.VERTEX]
     return trimesh.Trimesh(
@@ -115,6 +123,12 @@ def to_trimesh(sequence: MeshSequence, frame: int = 0) -> Any:
         process=False,
         vertex_colors=of_vertices[0] if of_vertices else None,
     )
+
+
+def _part(sequence: MeshSequence, frame: int) -> MeshSequence:
+    """Return a frame as a sequence; negative numbers count from the end, as those of lists."""
+    number = range(sequence.n_frames)[frame]
+    return sequence[number : number + 1]
 
 
 def _imported(name: str) -> ModuleType:

@@ -24,6 +24,14 @@ def test_frames_of_trimesh_become_segments_of_equal_faces():
     assert found.segments[0].surface.attributes == ()
 
 
+def test_colors_of_trimesh_that_change_become_a_track():
+    pytest.importorskip("trimesh")
+    meshes = [meshreel.to_trimesh(quad_sheet(2), frame) for frame in (0, 1)]
+    meshes[1].visual.vertex_colors = np.full((30, 4), 7, np.uint8)
+    colors = meshreel.from_trimesh(meshes).tracks["color"].values
+    assert np.array_equal(colors, [mesh.visual.vertex_colors for mesh in meshes])
+
+
 def test_frames_of_pyvista_keep_polygons_and_arrays():
     pytest.importorskip("pyvista")
     sheet = quad_sheet(3)
