@@ -84,8 +84,8 @@ def _write(
     notes = stream.notes
 
     def note_losses(mesh: FrameStream) -> None:
-        fans = describe_triangles(mesh.surface.sizes(len(mesh.faces)))
-        add_once(notes, filter(None, [*describe_losses(mesh.surface), fans]))
+        cut = describe_triangles(mesh.surface.sizes(len(mesh.faces)))
+        add_once(notes, filter(None, [*describe_losses(mesh.surface), cut]))
 
     sharing, _ = sharing_materials(stream, note_losses)
     times_s = _times(stream)

@@ -83,9 +83,8 @@ def obj_encoder(
         if smoothing is not None:
             groups.append(smoothing)
         else:
-            counts = surface.sizes(len(faces))
             n_verts = int(max(faces.max(), surface.hard_edges.max())) + 1
-            shading = RowNormals(faces, counts, surface.hard_edges, n_verts)
+            shading = RowNormals.of_surface(faces, surface, n_verts)
             rows = replace(rows, normal=shading.rows.of_corner + 1)
     texture = "" if uv is None else _lines("vt", uv.values)
     objects = list(_objects(surface, _face_lines(faces, surface, rows), groups))

@@ -151,8 +151,8 @@ def _note_losses(stream: FrameStream) -> float:
     """Note what the folder cannot store, and return the frame rate to write."""
     notes, surface = stream.notes, stream.surface
     notes.extend(describe_losses(surface))
-    if fans := describe_triangles(surface.sizes(len(stream.faces))):
-        notes.append(fans)
+    if cut := describe_triangles(surface.sizes(len(stream.faces))):
+        notes.append(cut)
     if surface.parts:
         notes.append(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
     if stream.start_s:
