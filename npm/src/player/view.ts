@@ -200,8 +200,9 @@ export class View implements ContextHolder {
     const ratio = renderer.getPixelRatio();
     const panes = this.#panes ?? [this.model.children];
     const [n, w, h] = [panes.length, width / ratio, height / ratio];
+    const { isPortrait } = this;
     panes.forEach((objects, i) => {
-      if (this.isPortrait) renderer.setViewport(0, h - ((i + 1) * h) / n, w, h / n, n > 1);
+      if (isPortrait) renderer.setViewport(0, h - ((i + 1) * h) / n, w, h / n, n > 1);
       else renderer.setViewport((i * w) / n, 0, w / n, h, n > 1);
       if (this.#panes) for (const object of this.model.children) object.visible = objects.includes(object);
       renderer.render(this.#scene, this.camera.camera);
