@@ -60,7 +60,7 @@ def test_encode_prints_the_error_that_shading_shows(grid, tmp_path):
     quality = run_json("compare", grid, tmp_path / "a.reel")
     assert printed == pytest.approx(quality["normal_angle_mean_deg"], rel=0.2) != 0
     shown = run("encode", grid, "-o", output, "--sted", "0.02", "--force").stdout
-    assert "degrees, seen in shading" in shown
+    assert "degrees, seen in shading; in 10 frames" in shown
     assert "shape of edges (STED)" in shown
 
 

@@ -55,7 +55,10 @@ def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
         "largest error": error_text(achieved.max_error_percent, stream.diagonal),
     }
     if achieved.normal_angle_mean_deg is not None:
-        rows["normal error"] = f"mean {achieved.normal_angle_mean_deg:.2f} degrees, seen in shading"
+        sample = f"in {counted(achieved.n_normal_frames, 'frame')}"
+        rows["normal error"] = (
+            f"mean {achieved.normal_angle_mean_deg:.2f} degrees, seen in shading; {sample}"
+        )
     rows |= _bound_rows(stream)
     if achieved.sted is not None:
         rows[STED] = f"{achieved.sted:.5f}"

@@ -41,8 +41,9 @@ class Achieved:
     sted : float or None
         None if it was not requested.
     normal_angle_mean_deg : float or None
-        Mean angle between normals of faces, in up to `NORMAL_FRAMES` frames. None if it was not
-        requested.
+        Mean angle between normals of faces. None if it was not requested.
+    n_normal_frames : int
+        Number of frames of which `normal_angle_mean_deg` is the mean.
     """
 
     kg_error_percent: float
@@ -50,6 +51,7 @@ class Achieved:
     sted: float | None
     tracks: dict[str, TrackErrors]
     normal_angle_mean_deg: float | None = None
+    n_normal_frames: int = 0
 
 
 def measure_stream(
@@ -121,6 +123,7 @@ def measure_stream(
         measured_sted,
         {name: joined_errors(several) for name, several in tracks.items()},
         sum(angles) / len(angles) if angles else None,
+        len(angles),
     )
 
 

@@ -75,6 +75,7 @@ def test_manifest_contains_the_figures_of_compare_and_info(inputs, out):
     assert results["state"] == "done"
     assert results["kg_error_percent"] == pytest.approx(quality.kg_error_percent)
     assert results["max_error_percent"] == pytest.approx(quality.max_error_percent)
+    assert results["normal_angle_mean_deg"] == pytest.approx(quality.normal_angle_mean_deg, rel=0.2)
     assert results["size_bytes"] == stream.size_bytes == (out / "walk.reel").stat().st_size
     assert results["raw_size_bytes"] == stream.raw_size_bytes
     assert results["ratio"] == pytest.approx(stream.ratio)
