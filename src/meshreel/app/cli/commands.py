@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from meshreel.app.cli.help_panels import HELP_ALL, write_help
+
 COMMANDS = (
     "encode",
     "register",
@@ -29,8 +31,6 @@ COMMANDS = (
 """In the order of the help. Module `meshreel.app.cli.encode` defines `encode_command`."""
 
 NUMBER = re.compile(r"\d*\.?\d+(e[+-]?\d+)?")
-
-HELP_ALL = "--help-all"
 
 MAX_SHOWN = 30
 """Largest number of options that `--help` shows whether or not they are common."""
@@ -66,8 +66,6 @@ class Command(click.Command):
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the help in panels."""
-        from meshreel.app.cli.help_panels import write_help
-
         write_help(self, ctx, formatter)
 
 
@@ -97,8 +95,6 @@ class Program(click.Group):
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the help in panels."""
-        from meshreel.app.cli.help_panels import write_help
-
         write_help(self, ctx, formatter)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from meshreel.app.cli.commands import HELP_ALL
+HELP_ALL = "--help-all"
 
 CODE = re.compile(r"`([^`]+)`")
 """An item of a list that is a command, between backticks."""
