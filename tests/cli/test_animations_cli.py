@@ -47,6 +47,7 @@ def test_info_lists_the_animations(man):
     assert printed["meshes"][0]["n_frames"] == 3
 
 
+@pytest.mark.slow
 def test_compare_render_and_export_read_the_named_animation_of_the_original(man, tmp_path):
     reel, chosen = tmp_path / "jump.reel", ("--animation", "jump")
     run_json("encode", man, "-o", reel, *chosen)

@@ -68,6 +68,7 @@ def test_batch_accepts_relative_folders(inputs, out):
     assert states(out) == {"walk.npz": "done", "a": "done"}
 
 
+@pytest.mark.slow
 def test_batch_exits_with_1_and_one_line_per_failure(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     done = run(inputs, out, "--workers", 1, "--fps", 25)

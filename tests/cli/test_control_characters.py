@@ -189,6 +189,7 @@ def test_file_name_is_escaped_in_titles(folder):
     assert escaped(name) == run("info", name).stdout.split("\n")[0]
 
 
+@pytest.mark.slow
 def test_program_prints_file_names_that_are_not_unicode(folder):
     name = os.fsencode(folder) + b"/\xff\x1b.reel"
     try:

@@ -99,6 +99,7 @@ def with_track(tmp_path):
     return tmp_path / "warm.npz"
 
 
+@pytest.mark.slow
 def test_evaluate_measures_the_named_track(with_track, tmp_path):
     options = ("--track", "height", "--peers", "pco", "--quick")
     done = run("warm.npz", *options, "--out", "r", "--json", cwd=tmp_path)
@@ -127,6 +128,7 @@ def test_evaluate_fails_with_one_line_when_a_track_cannot_be_measured(
     assert not (tmp_path / "r").exists()
 
 
+@pytest.mark.slow
 def test_evaluate_measures_surfaces_if_faces_change(tmp_path, monkeypatch, few_grid_lines):
     monkeypatch.setattr(surfaces, "N_SAMPLES", 300)
     for name, rows in (("a", 6), ("b", 5)):

@@ -67,6 +67,7 @@ def flickering(tmp_path):
     return str(tmp_path / "*.ply")
 
 
+@pytest.mark.slow
 def test_info_and_encode_describe_segments_and_distinct_meshes(flickering, tmp_path):
     text = "29 frames in 15 segments with 2 distinct meshes, up to 36 vertices and 50 faces"
     assert text in in_one_line(run("info", flickering).stdout)

@@ -36,6 +36,7 @@ def test_encode_suggests_convert_when_the_output_is_not_a_stream(folder, output,
     assert contents(folder) == before
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize("force", [[], ["--force"]])
 @pytest.mark.parametrize(
@@ -198,6 +199,7 @@ def test_files_have_the_numbers_of_the_selected_frames(folder, command, source, 
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "frames"),
     [

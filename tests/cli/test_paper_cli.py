@@ -71,7 +71,7 @@ def test_paper_names_the_methods_when_one_is_unknown(tmp_path):
 
 
 def test_paper_names_the_extra_before_any_work_when_matplotlib_is_missing(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert_fails(run("--out", tmp_path / "r"), "pip install 'meshreel[plot]'")
     assert not (tmp_path / "r").exists()
 

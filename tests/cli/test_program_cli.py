@@ -78,6 +78,7 @@ def test_version_imports_no_heavy_modules():
     assert not HEAVY & modules
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in COMMANDS)])
 def test_help_imports_no_heavy_modules(words):
     modules = imported(*words)
@@ -97,6 +98,7 @@ def test_info_of_other_formats_imports_no_codec(folder):
     assert not {"scipy", "DracoPy"} & modules
 
 
+@pytest.mark.slow
 def test_info_of_a_stream_imports_no_decoder(folder):
     modules = imported("info", folder / "walk.reel")
     assert not {"scipy", "meshreel.codec.reel.encoding.whole", "meshreel.codec.encoder"} & modules

@@ -34,6 +34,7 @@ def test_register_writes_one_segment_and_prints_both_distances(raw, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["walk.reel"]
 
 
+@pytest.mark.slow
 def test_register_continues_after_a_failure(raw, tmp_path):
     output = tmp_path / "walk.reel"
     failing = ("register", raw, "-o", output, "--tolerance", "0.5%", "--size", "10B")
@@ -44,6 +45,7 @@ def test_register_continues_after_a_failure(raw, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["walk.reel"]
 
 
+@pytest.mark.slow
 def test_register_prints_a_table_and_no_advice(raw, tmp_path):
     done = run("register", raw, "-o", tmp_path / "walk.reel", "--tolerance", "0.5%")
     measured = "D1 and D2 PSNR", "2 of 4 frames: "
@@ -53,6 +55,7 @@ def test_register_prints_a_table_and_no_advice(raw, tmp_path):
     assert ADVICE not in done.stderr
 
 
+@pytest.mark.slow
 def test_register_without_measuring_prints_the_registered_distance(raw, tmp_path):
     given = ("register", raw, "-o", tmp_path / "walk.reel", "--tolerance", "0.5%", "--no-measure")
     figures = run_json(*given)

@@ -39,6 +39,7 @@ def test_render_draws_a_contact_sheet_by_default(flag, tmp_path):
     assert 0.3 < picture.mean() < 0.9
 
 
+@pytest.mark.slow
 def test_render_fills_the_picture_with_a_single_frame(flag, tmp_path):
     options = ["--frames", 7, "--size", "320x240", "--view", "front", "--background", "#ffffff"]
     made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png", *options)
@@ -181,6 +182,7 @@ def test_render_colors_the_mesh_by_a_track(warm, tmp_path):
     assert vivid[0] > 0.2 > vivid[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("colormap", "ends"), [(None, DIVERGING), ("diverging", DIVERGING), ("sequential", HEAT)]
 )
@@ -194,6 +196,7 @@ def test_color_bar_has_the_colors_of_the_map(warm, tmp_path, colormap, ends):
         assert (picture == color).all(axis=2).sum() > 10
 
 
+@pytest.mark.slow
 def test_render_shows_the_error_of_a_track_with_an_original(warm, tmp_path):
     run_json(
         "render", warm / "warm.reel", "-o", tmp_path / "a.gif", "--frames", "2:4",
@@ -257,6 +260,7 @@ def test_render_films_frames_whose_faces_change(capture, tmp_path):
         assert len(list(ImageSequence.Iterator(image))) == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["keep.reel", "drop.reel"])
 def test_render_shows_distances_of_frames_whose_faces_change(capture, tmp_path, source):
     options = ["--original", capture / "frames", "--heatmap", "distance", *SMALL]

@@ -123,6 +123,7 @@ def test_preview_does_not_affect_later_frames():
         assert same(decoder.frames(n_modes=2), preview)
 
 
+@pytest.mark.slow
 def test_modes_of_a_block_reproduce_its_values():
     rng = np.random.default_rng(6)
     n_checked = 0
@@ -361,6 +362,7 @@ def test_decoder_requires_the_mesh():
 # ---- memory ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VARIED)
 def test_failing_allocations_leak_nothing(name):
     data = stored(name)

@@ -196,6 +196,7 @@ def test_every_call_names_what_is_wrong(name):
     assert message.replace("\\", "") in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [indexed, scanned])
 def test_many_segments_are_read(make):
     further, entries = whole()
@@ -226,6 +227,7 @@ def test_an_index_is_read_by_few_calls_however_long_it_is():
     assert counts[1] - counts[0] < 4 + len(whole()[1]) / 4096
 
 
+@pytest.mark.slow
 def test_references_to_many_sections_are_read():
     n = draws(1000)
     data = scanned(references(n))
@@ -250,6 +252,7 @@ def test_shared_meshes_count_once_against_the_memory_limit():
         meshreel.decode(data, memory=needed - 1)
 
 
+@pytest.mark.slow
 def test_a_sequence_of_many_tiny_meshes_is_encoded_and_decoded():
     rng = np.random.default_rng(4)
     meshes = [np.array(TETRAHEDRON), np.array(TETRAHEDRON)[:, [0, 2, 1]]]

@@ -241,6 +241,7 @@ def test_sections_of_a_file_span_all_segments():
         assert ids[-2:] == [130, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("streams", [meshes, one_frame_each])
 def test_a_truncated_stream_keeps_all_complete_blocks(streams):
     data = join_streams(streams())
@@ -293,6 +294,7 @@ def test_failing_allocations_leak_nothing():
         assert everything_of(data, Host(), by_calls(data)) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("streams", [meshes, one_frame_each])
 def test_failing_reads_are_not_reported_as_damage(streams):
     data = join_streams(streams())

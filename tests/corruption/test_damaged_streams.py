@@ -266,6 +266,7 @@ SHORT = {
 """Short sections, which the general test rarely hits."""
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", SHORT)
 def test_damaged_short_sections_with_valid_checksums_raise_our_errors_or_decode(name):

@@ -156,6 +156,7 @@ def refusal_of(data, host=None):
     return Code.OK
 
 
+@pytest.mark.slow
 def test_a_block_decodes_within_a_limit_that_the_whole_exceeds():
     data = encode(waving_grid(500, 8, 8), step=0.01, block_frames=5)
     limit = 300_000  # enough for the mesh and a block
@@ -173,6 +174,7 @@ def test_a_block_decodes_within_a_limit_that_the_whole_exceeds():
             reel[:]
 
 
+@pytest.mark.slow
 def test_the_limit_covers_frames_and_tracks_together():
     grid = waving_grid(300, 4, 5)
     still = Track(np.zeros((300, 20, 9), np.float32), "vertex", "other")

@@ -19,17 +19,20 @@ def file_changes(function):
     return module.file_changes(function)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("options", "most"), [({}, 125), ({"max_error": 0.5}, 475)], ids=str)
 def test_encoding_rarely_changes_file(options, most):
     sequence = meshreel.simulate_flag(30, n_rows=20, n_columns=20)
     assert file_changes(partial(meshreel.encode, sequence, **options)).total() <= most
 
 
+@pytest.mark.slow
 def test_decoding_rarely_changes_file():
     data = meshreel.encode(meshreel.simulate_flag(30, n_rows=20, n_columns=20))
     assert file_changes(partial(meshreel.decode, data)).total() <= 30
 
 
+@pytest.mark.slow
 def test_loading_gltf_rarely_changes_file(tmp_path):
     sequence = meshreel.simulate_flag(60, n_rows=20, n_columns=20)
     meshreel.save(sequence, tmp_path / "flag.glb")

@@ -178,6 +178,7 @@ def test_tables_have_a_row_for_each_sequence():
     assert anchors[0] == ("walk", "12", "0.5, 1", "+50.0 %, -25.0 %", "-, -")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_rows", [1, 6])
 def test_search_over_rows_is_drawn(n_rows, tmp_path):
     points = [

@@ -91,6 +91,7 @@ def test_rows_are_searched_up_to_the_number_of_frames():
     assert {point["bits"] for point in points} == {7, 8}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_grid")
 def test_blocks_have_equal_lengths_and_each_number_its_own_rows():
     result = figures(waving_grid(60), "blocks")
@@ -109,6 +110,7 @@ def test_numbers_of_blocks_are_limited_by_frames():
     assert {one["blocks"] for one in result["points"]} == {1, 2}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_grid")
 def test_stored_searches_are_reused(tmp_path, monkeypatch):
     sequence = waving_grid(6, 5, 5)

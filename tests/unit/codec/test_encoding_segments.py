@@ -128,6 +128,7 @@ def test_quality_of_one_frame_is_about_that_of_modes():
     assert 0.5 < np.sqrt(errors[1] / errors[0]) < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize("target", [{"kg": 0.2}, {"size": 6000}, {"bpvf": 80.0}], ids=str)
 def test_targets_hold_over_segments_of_one_frame(target):
@@ -220,6 +221,7 @@ def test_folders_of_changing_meshes_are_encoded_as_segments(tmp_path):
     assert meshreel.load(tmp_path).starts == (0, 2, 4, 6)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_segments_that_are_read(tmp_path):
     grid = waving_grid(60, 50, 12).replace(fps=25.0)  # a frame outweighs a segment's index entry
     frames = [grid.replace(vertices=grid.vertices[i : i + 1]) for i in range(12)]
@@ -238,6 +240,7 @@ def test_memory_does_not_grow_with_the_segments_that_are_read(tmp_path):
     assert peak(4) < 1.5 * peak(1)
 
 
+@pytest.mark.slow
 def test_memory_limit_holds_for_all_segments_together():
     long = GRID.replace(vertices=np.tile(GRID.vertices, (5, 1, 1)))
     sequence = meshreel.concatenate(25 * [long, SMALL])

@@ -190,6 +190,7 @@ def test_each_segment_has_its_tracks():
         assert np.abs(values - heat[number]).max() <= 0.01 * (number + 1) * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_memory_is_bounded_by_a_block_while_faces_change(monkeypatch):
     """Every frame begins a segment: nothing but the last mesh is kept."""
     import gc
@@ -210,6 +211,7 @@ def test_memory_is_bounded_by_a_block_while_faces_change(monkeypatch):
     assert encoder.n_segments > 30
 
 
+@pytest.mark.slow
 def test_a_file_in_segments_is_encoded_within_its_memory_limit(tmp_path):
     grids = [waving_grid(200, 5 + n, 6) for n in range(12)]
     path = tmp_path / "a.reel"

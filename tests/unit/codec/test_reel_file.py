@@ -259,6 +259,7 @@ class Paused(BytesIO):
         return result
 
 
+@pytest.mark.slow
 def test_threads_can_read_bytes_and_frames_concurrently(method):
     file = Paused(STREAMS[method])
     with ReelFile(file) as reel, ThreadPoolExecutor(2) as pool:

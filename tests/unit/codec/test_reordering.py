@@ -115,6 +115,7 @@ def test_other_meshes_and_data_are_not_joined(change):
     assert without_reordering(sequence, "drop") is sequence
 
 
+@pytest.mark.slow
 def test_streams_of_reordered_frames_have_one_segment_and_keep_their_bound():
     plain = textured(12).replace(tracks={})
     sequence = in_orders(plain, *(range(n, n + 1) for n in range(12)))

@@ -129,6 +129,7 @@ def test_stored_run_is_reused_unless_it_is_damaged(small_flag, tmp_path):
     assert json.loads(path.read_text())["codec"] == "npz"
 
 
+@pytest.mark.slow
 def test_failure_of_a_package_is_reported(results):
     refused = [result for result in results.measured if "refused" in result]
     assert [result["codec"] for result in refused] == ["broken"]
@@ -187,6 +188,7 @@ def test_seconds_table_counts_the_settings_of_each_codec(results):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_plots_are_not_blank(evaluation):
     pictures = evaluation.measured[0][1]
     assert len(pictures) == 3

@@ -29,6 +29,7 @@ def changing():
     return meshreel.concatenate(grids)
 
 
+@pytest.mark.slow
 def test_a_report_of_changing_faces_has_figures_of_reel_and_draco(changing, tmp_path):
     pytest.importorskip("DracoPy")
     study = surfaces.compare_surface_codecs(

@@ -70,6 +70,7 @@ def results(evaluation):
     return evaluation.measured[0][0]
 
 
+@pytest.mark.slow
 def test_result_of_reel_is_that_of_the_track_in_a_stream(waving, results):
     (result,) = [
         run for run in results.measured if run["codec"] == "reel" and run["params"] == "0.1%"

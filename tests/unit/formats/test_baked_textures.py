@@ -32,6 +32,7 @@ def test_images_are_read_in_natural_order(as_source, raw, folder):
         assert np.array_equal(result, given)
 
 
+@pytest.mark.slow
 def test_register_writes_images_of_each_frame(raw, folder, tmp_path):
     output = tmp_path / "new" / "baked_%02d.png"
     sequence = meshreel.register(raw[0], tolerance=0.5, texture=folder, texture_output=output)
@@ -93,6 +94,7 @@ def test_inputs_are_never_replaced(raw, tmp_path):
         TextureJob.checked(images, tmp_path / "frame_%d.png", raw[0], overwrite=True)
 
 
+@pytest.mark.slow
 def test_files_that_are_not_images_are_errors(raw, tmp_path):
     for name in ("mesh.obj", "film.mp4"):
         (tmp_path / name).write_text("v 0 0 0")

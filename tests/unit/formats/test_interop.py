@@ -32,6 +32,7 @@ def test_colors_of_trimesh_that_change_become_a_track():
     assert np.array_equal(colors, [mesh.visual.vertex_colors for mesh in meshes])
 
 
+@pytest.mark.slow
 def test_frames_of_pyvista_keep_polygons_and_arrays():
     pytest.importorskip("pyvista")
     sheet = quad_sheet(3)

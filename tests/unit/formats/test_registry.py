@@ -76,6 +76,7 @@ def loaded_modules(path):
     return output_of(sys.executable, "-c", LOADING, path).split()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("extension", "own"),
     slow_but(

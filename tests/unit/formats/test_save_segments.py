@@ -153,6 +153,7 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path):
     assert len(notes) == len(set(notes)) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "extension", [".vtkhdf", ".abc", ".usdc", ".usda", ".usdz", ".pvd", ".xdmf"]
 )

@@ -164,6 +164,7 @@ def faces_alone(data, n_verts, n_faces):
     return read_faces(data, n_verts, n_faces)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize(
     "faces",

@@ -65,6 +65,7 @@ def test_plain_reader_decodes_the_same_values(name, dtype):
     assert_read_alike(values[:1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
 def test_plain_reader_decodes_nan_and_infinity(dtype):
     values = kinds_of_values()["waves"].astype(dtype)

@@ -66,6 +66,7 @@ def test_plain_reader_decodes_the_same_fields_with_neighbors_in_the_same_pass():
     assert_read_alike(lively_fields(1.0, 12), passes)
 
 
+@pytest.mark.slow
 def test_plain_reader_decodes_the_same_long_rows():
     """Covers halved sums, the slowest adaptation, and distant weights."""
     fields = np.zeros((6, 3000), int)

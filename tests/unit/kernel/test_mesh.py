@@ -74,6 +74,7 @@ def smooth_fields_of_the_format(graph, time):
     return after[:-1]
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize(("n_columns", "time"), [(64, 12), (65, 40)])
 def test_smooth_fields_follow_the_format(n_columns, time):

@@ -34,6 +34,7 @@ def cores(request, monkeypatch):
     monkeypatch.setattr(threads, "_core_limit", request.param)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.usefixtures("cores")
 def test_segments_decoded_together_equal_those_decoded_alone(method):
@@ -52,6 +53,7 @@ def test_segments_decoded_together_equal_those_decoded_alone(method):
             np.testing.assert_array_equal(values, alone.tracks[name].values)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("cores")
 def test_ranges_of_frames_and_modes_are_those_of_single_segments():
     data = meshreel.encode(segments_of(n_frames=8))
@@ -63,6 +65,7 @@ def test_ranges_of_frames_and_modes_are_those_of_single_segments():
     np.testing.assert_array_equal(part[-1].read(0, 6), last.vertices)
 
 
+@pytest.mark.slow
 def test_groups_contain_consecutive_segments(monkeypatch):
     given = segments_of(with_tracks=False)
     data = meshreel.encode(given)

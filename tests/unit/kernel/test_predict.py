@@ -42,6 +42,7 @@ def test_plain_reader_predicts_the_same_bits(sequence, size):
     np.testing.assert_array_equal(decode_values(mesh, residuals, 4), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_learned", [0, 2, 9])
 def test_plain_reader_predicts_the_same_bits_with_weights_of_a_key_block(n_learned):
     mesh, residuals = sample(waving_grid(1, 8, 9))
@@ -102,6 +103,7 @@ def test_prepared_weights_give_the_same_bits(size, has_key, monkeypatch):
         np.testing.assert_array_equal(ours, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_modes", [1, 2, 5, 8, 9, 19, 40])
 @pytest.mark.parametrize("n_learned", [0, 3, 16])
 def test_plain_reader_predicts_the_same_bits_of_many_modes(n_modes, n_learned):

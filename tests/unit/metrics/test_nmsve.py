@@ -37,6 +37,7 @@ def slow_nmsve(original, decoded, faces):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", ["soup", "tube"])
 def test_nmsve_equals_the_definition_in_loops(mesh, request):
     original, decoded, faces = request.getfixturevalue(mesh)

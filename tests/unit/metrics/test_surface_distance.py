@@ -224,6 +224,7 @@ def test_figures_do_not_depend_on_the_number_of_threads(monkeypatch):
     np.testing.assert_array_equal(*results)
 
 
+@pytest.mark.slow
 def test_quantiles_hardly_change_when_samples_of_many_frames_are_thinned(monkeypatch):
     shapes = [torus(9, 15)] * 4, [torus(9, 15, bend=0.02)] * 4
     whole = compare(*shapes).to_decoded

@@ -88,6 +88,7 @@ def test_grid_meets_corners_and_edges_of_a_cube_once():
     assert on_cube(points).all()
 
 
+@pytest.mark.slow
 def test_projected_area_predicts_the_number_of_grid_points():
     triangles = triangles_of(*torus())
     low, step = triangles.vertices.min(axis=0), 0.005

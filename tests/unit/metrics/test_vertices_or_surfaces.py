@@ -48,6 +48,7 @@ def test_surfaces_are_compared_if_face_counts_differ(sheet):
     assert quality.to_original.max_percent == 0
 
 
+@pytest.mark.slow
 def test_surfaces_are_compared_if_faces_differ(sheet):
     quality = meshreel.compare(sheet, with_faces(sheet, sheet.faces[:, ::-1]))
     assert quality.reason == "the faces differ"

@@ -37,6 +37,7 @@ def rest_positions(n_rows, n_columns):
     return np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
 
 
+@pytest.mark.slow
 def test_simulate_flag_is_reproducible(small_flag):
     again = simulate_flag(20, **SMALL)
     assert again.vertices.tobytes() == small_flag.vertices.tobytes()
@@ -59,6 +60,7 @@ def test_simulate_flag_stretches_no_edge_by_a_tenth_and_compresses_none_by_a_fif
     assert 0.8 < stretch.min() <= stretch.max() < 1.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [0, 60])
 def test_simulate_flag_moves_its_whole_free_edge_also_late(flag, side, first):
     free_edge = flag.vertices[first:, side - 1 :: side]
@@ -100,7 +102,6 @@ def test_simulate_flag_has_float32_positions_at_30_fps_by_default():
     assert (flag.fps, flag.name) == (30.0, "flag")
 
 
-@pytest.mark.every_case
 @pytest.mark.parametrize("shape", [(3, 3), (120, 5), (31, 4), (3, 40), (8, 12)])
 @pytest.mark.parametrize("fps", [30, 24, 1.0, 1000])
 def test_simulate_flag_stays_bounded_when_grid_or_frame_rate_are_unusual(shape, fps):

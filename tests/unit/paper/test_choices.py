@@ -137,6 +137,7 @@ def test_frames_round_trip_with_cotangent_weights(method):
     assert kg_error_percent(sequence.vertices, decode(data).vertices) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize(
     ("method", "names"),

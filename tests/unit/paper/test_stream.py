@@ -81,6 +81,7 @@ def rebuilt(stream, n_modes=None):
     return np.concatenate(frames)
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize(
     ("method", "name", "options"),

@@ -88,6 +88,7 @@ def test_serial_and_parallel_decoding_agree(n_frames, block_frames, anchors):
     np.testing.assert_allclose(serial.vertices, parallel.vertices, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in OURS])
 def test_one_frame_equals_that_of_the_whole_bit_for_bit(name):
     grid = waving_grid(37, 9, 11, dtype=np.float64)

@@ -62,6 +62,7 @@ def assert_colors(segment, images):
     assert np.quantile(errors, 0.99) < 15
 
 
+@pytest.mark.slow
 def test_the_texture_moves_with_the_surface(textured, registered):
     ready, n_made = with_atlases(registered, SIZE)
     images = list(bake(ready, ready.sequence, textured[1], SIZE))
@@ -102,6 +103,7 @@ def test_texture_coordinates_that_overlap_are_replaced(textured, registered):
     assert_colors(made, list(bake(ready, ready.sequence, textured[1], SIZE)))
 
 
+@pytest.mark.slow
 def test_frames_that_keep_their_mesh_keep_their_image(textured):
     raw, images = textured
     apart = raw.segments[0].vertices[:, :, ::-1].copy()
@@ -113,6 +115,7 @@ def test_frames_that_keep_their_mesh_keep_their_image(textured):
     assert np.array_equal(baked[2], images[0].resize((64, 64)))
 
 
+@pytest.mark.slow
 def test_texture_coordinates_may_change_while_the_faces_do_not(textured):
     raw, images = textured
     (first,), (uv,) = raw.segments[:1], raw.segments[0].surface.attributes

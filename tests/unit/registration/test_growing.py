@@ -118,6 +118,7 @@ def test_attempts_follow_each_other_while_faces_fold(
     assert result.n_folded == n_folded
 
 
+@pytest.mark.slow
 def test_folds_are_restored_only_within_the_tolerance(plane):
     """The key has a bump that the surface lacks: restored, it is farther than a small tolerance."""
     radii = np.linalg.norm(plane.vertices[:, :2] - [0.5, 0.5], axis=1)
@@ -152,6 +153,7 @@ def test_a_frame_that_is_near_is_not_tried_from_a_stiff_start(plane, n_attempts)
     assert n_attempts == UNLESS_NEAR[:2]
 
 
+@pytest.mark.slow
 def test_a_frame_out_of_reach_is_tried_in_all_ways(plane, n_attempts):
     follower = Follower(plane, TOLERANCE)
     far = TriangleMesh(plane.vertices * [1.0, 1.0, -1.0] + [0.0, 0.0, 0.9], plane.faces[:, ::-1])
@@ -159,6 +161,7 @@ def test_a_frame_out_of_reach_is_tried_in_all_ways(plane, n_attempts):
     assert n_attempts == UNLESS_NEAR
 
 
+@pytest.mark.slow
 def test_more_steps_are_tried_where_the_first_ones_nearly_suffice(plane, n_attempts):
     """The key has no vertex at the hill, which exceeds the tolerance by little."""
     follower = Follower(TriangleMesh(*square(0.0, 6)), TOLERANCE)
@@ -167,6 +170,7 @@ def test_more_steps_are_tried_where_the_first_ones_nearly_suffice(plane, n_attem
     assert n_attempts == list(ATTEMPTS[:3])
 
 
+@pytest.mark.slow
 def test_a_frame_that_folds_keep_from_the_tolerance_is_followed(plane, monkeypatch):
     """A patch is mirrored above the surface: normals disagree, so the fit does not move it back."""
     is_patch = np.abs(plane.vertices[:, :2] - 0.5).max(axis=1) < 0.105
@@ -181,6 +185,7 @@ def test_a_frame_that_folds_keep_from_the_tolerance_is_followed(plane, monkeypat
     assert follower._attempted(state, plane, ATTEMPTS[0]).errors.exceeds(TOLERANCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joins", [False, True])
 def test_only_a_key_with_the_components_of_the_next_frame_may_lack_vertices(plane, joins):
     """More vertices help a key to follow a spike, but not a frame that joins its components."""

@@ -95,6 +95,7 @@ def test_frames_without_a_surface_stay_as_they_are(raw):
     assert any("without a surface" in note for note in result.changes)
 
 
+@pytest.mark.slow
 def test_a_frame_inside_out_is_named(raw):
     frames = [
         MeshSequence(segment.read(0, 1), segment.faces, segment.fps) for segment in raw.segments
@@ -144,6 +145,7 @@ def test_distances_of_a_decoded_sequence_include_those_of_coding(raw, registered
     assert registered.distances_of(decoded).mean_percent > registered.distances.mean_percent
 
 
+@pytest.mark.slow
 def test_notes_state_the_result_and_the_cuts(raw):
     other = as_frames([capsule(20, 20)]).segments[0]
     apart = MeshSequence(other.read(0, 1)[:, :, ::-1].copy(), other.faces, fps=25.0)
@@ -169,6 +171,7 @@ def test_tolerances_are_lengths_or_percent(raw):
         meshreel.register(raw, tolerance="5mm")
 
 
+@pytest.mark.slow
 def test_progress_counts_cleaned_and_registered_frames(raw):
     calls = []
     register(raw, TOLERANCE, lambda stage, share: calls.append((stage, float(share))))
@@ -191,6 +194,7 @@ def with_values(segment):
     )
 
 
+@pytest.mark.slow
 def test_values_of_raw_vertices_become_tracks(raw):
     result = register(meshreel.concatenate([with_values(one) for one in raw.segments]), TOLERANCE)
     segment = only_segment(result)
@@ -206,6 +210,7 @@ def test_values_of_raw_vertices_become_tracks(raw):
     assert change == "left out tracks that are not on the vertices of all frames: of faces"
 
 
+@pytest.mark.slow
 def test_values_of_frame_files_become_tracks(raw, tmp_path):
     frames = [with_values(one) for one in raw.segments]
     meshreel.save(meshreel.concatenate(frames), tmp_path / "frame_%d.ply")
@@ -214,6 +219,7 @@ def test_values_of_frame_files_become_tracks(raw, tmp_path):
     assert [attribute.name for attribute in segment.surface.attributes] == ["of_faces"]
 
 
+@pytest.mark.slow
 def test_colors_that_differ_in_type_stay_those_of_the_key(raw):
     first, *others = (with_values(one) for one in raw.segments)
     (color,) = first.surface.attributes

@@ -27,6 +27,7 @@ def moved_beside_the_key(registered):
     return meshreel.concatenate([segment.replace(vertices=positions)])
 
 
+@pytest.mark.slow
 def test_d1_and_d2_are_those_of_compare(registered):
     decoded = moved_beside_the_key(registered)
     report = Report.measured(registered, decoded)
@@ -43,6 +44,7 @@ def test_d1_and_d2_are_those_of_compare(registered):
     assert report.decoded_points.d1_psnr_db < report.registered_points.d1_psnr_db
 
 
+@pytest.mark.slow
 def test_surface_psnr_is_close_to_that_of_compare(registered):
     decoded = moved_beside_the_key(registered)
     report = Report.measured(registered, decoded)

@@ -52,6 +52,7 @@ def test_an_interrupted_registration_continues_with_equal_results(raw, tmp_path)
     assert "continued an earlier run" in registered.changes
 
 
+@pytest.mark.slow
 def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
     first = register(raw, TOLERANCE, folder=tmp_path)
     again = register(raw, TOLERANCE, folder=tmp_path)
@@ -61,6 +62,7 @@ def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
     assert not list(tmp_path.glob("*frame*"))
 
 
+@pytest.mark.slow
 def test_without_a_folder_frames_are_in_a_file_without_a_name(raw, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     (segment,) = register(raw, TOLERANCE).sequence.segments

@@ -52,6 +52,7 @@ def test_gif_lasts_as_long_as_the_frames_despite_rounding(grid, tmp_path, fps, n
     assert sum(durations) == pytest.approx(1000 * 12 / fps, abs=5.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", ["gif", "mp4"])
 def test_film_is_reproducible(grid, tmp_path, extension):
     pytest.importorskip("imageio_ffmpeg")

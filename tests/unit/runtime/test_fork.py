@@ -192,6 +192,7 @@ def path(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_children_read_all_frames_of_an_inherited_file(path):
     with meshreel.open(path) as reel:
 

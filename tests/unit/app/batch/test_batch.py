@@ -453,6 +453,7 @@ class TightExecutor(InlineExecutor):
         return super().submit(call)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("error", "shares"),
     [

@@ -55,6 +55,7 @@ def angles(one, other):
     return np.degrees(2 * np.arcsin(np.clip(apart / 2, 0, 1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 def test_velocities_are_predicted_by_matching_differences(coding, order):
@@ -82,6 +83,7 @@ def test_rate_is_estimated_for_another_unit_of_time():
     assert (result.coding, result.rate) == (Coding.CENTRAL, pytest.approx(FPS / 7.5, rel=1e-6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coding", [Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD])
 def test_rate_is_estimated_in_short_blocks(coding):
     sheet = quad_sheet(14)
@@ -142,6 +144,7 @@ def test_unrelated_velocities_are_not_predicted():
         assert headers(meshreel.encode(sequence))["wind"].coding is Coding.MODES
 
 
+@pytest.mark.slow
 def test_predicted_tracks_keep_missing_velocities():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.BACKWARD)
@@ -157,6 +160,7 @@ def test_predicted_tracks_keep_missing_velocities():
     assert apart.max() <= headers(data)["v"].bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block_frames", [None, 5])
 @pytest.mark.parametrize("domain", list(Domain))
 def test_normals_are_coded_as_rotations_of_surface_normals(domain, block_frames):
@@ -208,6 +212,7 @@ def disturbed(values, how):
     return values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["none where the surface has one", "opposite", "missing in part"])
 def test_unreachable_normals_disable_prediction(how):
     sheet = quad_sheet(12)
@@ -219,6 +224,7 @@ def test_unreachable_normals_disable_prediction(how):
     assert np.all(decoded[5, 8] == 0) == (how == "none where the surface has one")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["keep", "drop"])
 def test_velocities_of_live_frames_are_predicted(order):
     sheet = quad_sheet(20)
@@ -264,6 +270,7 @@ def with_normals(sheet):
     return with_tracks(sheet, n=Track(normals_of(sheet).astype(np.float32), kind="normal"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [{"quality": 40}, {"max_error": 1.0}, {"kg": 0.5}])
 def test_positions_are_finer_when_that_saves_bytes_of_tracks(target, monkeypatch):
     sequence = with_normals(quad_sheet(14))

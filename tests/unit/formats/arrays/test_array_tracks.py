@@ -208,6 +208,7 @@ def test_error_names_a_missing_track_array(tmp_path):
         load(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", ["npz", "h5"])
 def test_damaged_files_with_tracks_raise_only_meshreel_errors(tmp_path, extension):
     pytest.importorskip("h5py")

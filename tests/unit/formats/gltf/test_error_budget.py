@@ -52,6 +52,7 @@ def stated(notes):
     return float(result[1]), float(result[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"max_error": 0.2}, {"max_error": 0.12}, {"targets": 5}])
 def test_stated_error_against_the_original_holds(waves, stream_path, tmp_path, options):
     with meshreel.open(stream_path) as reel:

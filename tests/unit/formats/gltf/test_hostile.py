@@ -36,6 +36,7 @@ def crowded_gltf():
     return file
 
 
+@pytest.mark.slow
 def test_load_raises_only_our_errors_for_changed_values(tmp_path):
     file, rng = crowded_gltf(), np.random.default_rng(0)
     document = {**file.json, "buffers": [{"byteLength": len(file.data)}]}
@@ -216,6 +217,7 @@ def test_load_rejects_an_animation_with_too_many_frames(tmp_path):
         load(file.save(tmp_path / "a.glb"))
 
 
+@pytest.mark.slow
 def test_load_uses_little_memory_for_a_small_file_with_huge_counts(tmp_path):
     file = Gltf()
     zeros = file.add("accessors", componentType=5126, count=1 << 24, type="VEC3")

@@ -157,6 +157,7 @@ def test_load_describes_what_is_wrong_with_instances(read, attributes, message):
         read(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n_instances", "n_verts"), [(1 << 30, 3), (1 << 18, 3000), (1 << 20, 99)])
 def test_load_uses_little_memory_for_a_small_file_with_many_instances(
     tmp_path, n_instances, n_verts

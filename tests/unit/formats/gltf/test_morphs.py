@@ -30,6 +30,7 @@ def test_fit_morphs_meets_the_bound(flag, bound):
     np.testing.assert_allclose(result.errors, distances.max(axis=1), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_fit_morphs_needs_fewer_targets_than_components(flag):
     result = fit_morphs(flag, 0.005)
     assert plain_error(flag, len(result.targets)) > 1.5 * 0.005

@@ -24,6 +24,7 @@ def angles_deg(fitted, vertices, faces):
     return np.degrees(np.arccos(np.clip((normals * expected).sum(axis=2), -1, 1)))
 
 
+@pytest.mark.slow
 def test_normals_follow_a_fluttering_flag():
     flag = simulate_flag(30, n_rows=16, n_columns=16)
     options = MorphOptions(None, 0.002, normals=True)
@@ -55,6 +56,7 @@ def test_normals_of_degenerate_faces_point_along_z():
     np.testing.assert_array_equal(result.base, np.tile(np.float32([0, 0, 1]), (3, 1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("choice", [None, True])
 def test_stated_angle_is_that_of_the_stored_normals(choice):
     flag = simulate_flag(24, n_rows=12, n_columns=12)

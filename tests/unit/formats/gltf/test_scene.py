@@ -51,6 +51,7 @@ def test_scene_with_only_roots_has_no_note(read):
     assert read(family())[1] == []
 
 
+@pytest.mark.slow
 def test_scene_that_lists_every_node_of_a_deep_hierarchy_is_read_fast(read):
     file, depth = Gltf(), 20_000
     file.json["nodes"] = [{"children": [number + 1]} for number in range(depth - 1)] + [{}]

@@ -57,6 +57,7 @@ def test_default_bound_is_a_tenth_of_a_percent(tmp_path):
     assert largest_error_percent(sequence, written(tmp_path, sequence).world("grid")) <= 0.1
 
 
+@pytest.mark.slow
 def test_larger_bounds_need_fewer_targets(tmp_path):
     counts = [
         written(tmp_path, grid(), max_error=percent).weights("grid")[1].shape[1]

@@ -55,6 +55,7 @@ SURFACES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", SURFACES)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

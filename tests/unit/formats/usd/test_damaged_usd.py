@@ -51,6 +51,7 @@ def test_load_rejects_truncated_files(tmp_path, whole_files, extension):
             load(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", ["usda", "usdz"])
 def test_load_raises_only_our_errors_for_changed_bytes(tmp_path, whole_files, extension):
     data, path = whole_files[extension], tmp_path / f"x.{extension}"

@@ -26,6 +26,7 @@ def change(path, place, values, starts=None):
             file[f"VTKHDF/Steps/{side}Offsets/{name}"] = starts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_frames", [1, 6])
 @pytest.mark.parametrize("read", [load, open_source])
 def test_vtkhdf_tracks_round_trip_exactly(tmp_path, n_frames, read):
@@ -38,6 +39,7 @@ def test_vtkhdf_tracks_round_trip_exactly(tmp_path, n_frames, read):
     assert notes == []
 
 
+@pytest.mark.slow
 def test_tracks_do_not_need_the_meshreel_group(tmp_path):
     sheet = tracked_sheet(6, DOMAINS)
     [path] = save(sheet, tmp_path / "a.vtkhdf")
@@ -46,6 +48,7 @@ def test_tracks_do_not_need_the_meshreel_group(tmp_path):
     assert_same_tracks(load(path).tracks, sheet.tracks)
 
 
+@pytest.mark.slow
 def test_corner_tracks_are_left_out_with_a_note(tmp_path):
     notes = []
     [path] = save(tracked_sheet(), tmp_path / "a.vtkhdf", notes=notes)

@@ -413,6 +413,7 @@ def test_load_names_a_damaged_vtkhdf_called_hdf_once(tmp_path):
     assert str(error.value).count(str(path)) == 1
 
 
+@pytest.mark.slow
 def test_damaged_files_raise_only_meshreel_errors(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.vtkhdf")
     read_damaged(

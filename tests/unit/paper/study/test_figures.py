@@ -81,6 +81,7 @@ def _noisy(n_frames, n_rows=9, n_columns=11):
     return MeshSequence((sequence.vertices + noise).astype(np.float32), sequence.faces)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n_blocks", "n_panels"), [(1, 1), (2, 3), (7, 9)])
 def test_fig_6_shows_five_dictionaries_at_most_and_their_differences(tmp_path, n_blocks, n_panels):
     sequence = _noisy(n_blocks * BLOCK_FRAMES + 3)
@@ -101,6 +102,7 @@ def test_near_zero_percentage_is_relative_to_the_largest_entry():
     assert near_zero_percent(np.zeros((2, 3)), 0.01) == 100
 
 
+@pytest.mark.slow
 def test_caption_of_fig_2_counts_the_entries_near_zero(tmp_path):
     sequence = _noisy(8)
     magnitudes = projected_deltas(sequence)

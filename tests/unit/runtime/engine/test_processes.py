@@ -45,6 +45,7 @@ def has_ended(process):
     return False
 
 
+@pytest.mark.slow
 def test_submit_uses_the_requested_number_of_processes(executor):
     processes = {outcome.result(60) for outcome in [executor.submit(process_id) for _ in range(20)]}
     assert 1 <= len(processes) <= 2
@@ -167,6 +168,7 @@ def test_process_is_killed_when_it_does_not_exit():
     assert has_ended(process)
 
 
+@pytest.mark.slow
 def test_running_calls_finish_when_the_executor_is_closed():
     with ProcessExecutor(1) as executor:
         outcomes = [executor.submit(slow_square, number, 0.1) for number in range(3)]
@@ -184,6 +186,7 @@ def interrupted_executor(results):
             results.extend([process, outcomes])
 
 
+@pytest.mark.slow
 def test_running_calls_stop_when_an_exception_leaves_the_executor():
     results = []
     with pytest.raises(KeyboardInterrupt):

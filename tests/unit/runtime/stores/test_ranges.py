@@ -44,6 +44,7 @@ def n_gets(web):
     return sum(method == "GET" for method, _, _ in web.requests)
 
 
+@pytest.mark.slow
 def test_opening_fetches_the_ends_only(web, reel, groups):
     with meshreel.open(reel) as opened:
         assert opened.n_frames == N_FRAMES

@@ -70,6 +70,7 @@ def contexts_of(order):
     return [dict(pairs[start:stop]) for start, stop in pairwise(order.pass_starts.tolist())]
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", MESHES)
 def test_hierarchy_equals_that_of_the_plain_reader(name):
