@@ -54,6 +54,7 @@ def test_encode_meets_its_target(grid, tmp_path, target, limit):
     assert achieved[target] <= limit
 
 
+@pytest.mark.slow
 def test_encode_prints_the_error_that_shading_shows(grid, tmp_path):
     output = tmp_path / "a.reel"
     printed = run_json("encode", grid, "-o", output, "--quality", "40")["normal_angle_mean_deg"]
@@ -96,6 +97,7 @@ def test_encode_uses_its_options(grid, tmp_path):
     assert (tmp_path / "a.reel").read_bytes() == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", ["obj", "ply", "off"])
 def test_frame_files_round_trip_when_encoded_from_a_folder(tmp_path, extension):
     frames = tmp_path / "frames"

@@ -65,6 +65,7 @@ def test_compare_refuses_what_it_cannot_compare(files, words, message):
     assert message in with_options(done.exception.message)
 
 
+@pytest.mark.slow
 def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):
     folder, stream = tmp_path / "frames", tmp_path / "a.reel"
     sheets = [meshreel.load(path) for path in files[:2]]
@@ -87,6 +88,7 @@ def test_compare_matches_the_vertices_of_a_stream_without_its_order(files, tmp_p
     assert "the order of vertices differs" in run(files[0], stream).stderr
 
 
+@pytest.mark.slow
 def test_compare_shows_errors_of_vertices_of_segments(files, tmp_path):
     folder, stream = tmp_path / "frames", tmp_path / "a.reel"
     for name, path in zip("ab", files[:2], strict=True):

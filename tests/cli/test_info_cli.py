@@ -79,6 +79,7 @@ def test_info_and_encode_describe_segments_and_distinct_meshes(flickering, tmp_p
     assert (figures["n_segments"], figures["n_meshes"]) == (15, 2)
 
 
+@pytest.mark.slow
 def test_info_of_a_stream_lists_twelve_segments_and_json_all(flickering, tmp_path):
     run("encode", flickering, "-o", tmp_path / "a.reel")
     shown = run("info", tmp_path / "a.reel").stdout

@@ -110,6 +110,7 @@ def test_register_bakes_textures(tmp_path):
     assert (tmp_path / "film.mp4").stat().st_size > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -482,6 +482,7 @@ def test_failed_reads_can_be_repeated(name):
             assert results == wanted
 
 
+@pytest.mark.slow
 def test_failing_reads_are_not_reported_as_damage():
     data = stored("two_frames")
     for place in range(len(data)):

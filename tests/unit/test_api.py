@@ -189,6 +189,7 @@ def test_help_begins_with_the_whole_api():
     assert [name for name in meshreel.__all__ if name not in head] == []
 
 
+@pytest.mark.slow
 def test_help_contains_docstrings_of_functions_and_classes():
     text = pydoc.plain(pydoc.render_doc(meshreel))
     assert "Encode a sequence to the bytes of a `.reel` stream." in text

@@ -73,6 +73,7 @@ def test_every_row_names_a_home_and_a_test_that_exist():
     assert missing == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("equation", "home", "test"), EQUATIONS)
 def test_ledger_names_the_module_of_an_equation(equation, home, test):
     assert homes(equation) == {home}

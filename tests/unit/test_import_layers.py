@@ -88,6 +88,7 @@ def test_module_imports_point_downward(path):
     assert forbidden(unit_of(name_of(path)), source) == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("unit", "other"), [("paper", "evaluation"), ("evaluation", "paper")])
 def test_evaluation_and_paper_do_not_import_each_other(unit, other):
     for path in FILES:

@@ -32,6 +32,7 @@ def test_removed_and_renamed_parameters_break_the_interface():
     assert interface.broken(released, released[:1]) == released[1:]
 
 
+@pytest.mark.slow
 def test_interface_lists_names_of_every_kind():
     lines = interface.described()
     for line in (

@@ -135,6 +135,7 @@ def test_sets_of_anchors_are_equally_large_and_reach_every_component(choice, mon
     assert len(set(labels[anchors])) == 2
 
 
+@pytest.mark.slow
 def test_anchors_are_compared_with_farthest_points_of_three_rates(monkeypatch):
     some = {name: ANCHOR_CHOICES[name] for name in ("random 1", "optimized")}
     monkeypatch.setattr(search, "ANCHOR_CHOICES", some)

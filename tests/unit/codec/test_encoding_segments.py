@@ -99,6 +99,7 @@ def quantized(digits, n_frames=3):
     return meshreel.concatenate(frames)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("digits", "tolerance"), [(6, 6e-3), (7, 6e-4), (9, 3e-4)])
 def test_grid_of_the_input_is_found_through_the_rounding_of_its_text(digits, tolerance):
     frames = quantized(digits)

@@ -93,6 +93,7 @@ def test_a_mesh_that_is_no_edit_is_the_next_base():
     assert edits_of_stream.edit_to(holes, N_VERTS) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"lossless": True}, {"block_frames": 1}])
 def test_edited_meshes_share_connectivity_and_order(options):
     holes = np.delete(SHEET, slice(100, 160), axis=0)

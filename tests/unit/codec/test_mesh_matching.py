@@ -219,6 +219,7 @@ def ensight_of(folder, nodes, quads, exists):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", [d3plot_of, ensight_of])
 def test_eroded_elements_of_solvers_are_edits(tmp_path, write):
     loaded = meshreel.load(write(tmp_path, *eroded_quads(4)))
@@ -234,6 +235,7 @@ def test_eroded_elements_of_solvers_are_edits(tmp_path, write):
         np.testing.assert_array_equal(segment.faces, original.faces)
 
 
+@pytest.mark.slow
 def test_eroded_segments_share_their_connectivity():
     faces = irregular()
     frames = np.random.default_rng(0).normal(size=(2, N_VERTS, 3)).astype(np.float32)

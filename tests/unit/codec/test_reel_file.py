@@ -126,6 +126,7 @@ def values_of(modes, n_frames):
     return result
 
 
+@pytest.mark.slow
 def test_modes_reproduce_all_frames_and_tracks():
     n_checked = 0
     for path in sorted(CONFORMANCE.glob("*.reel")):

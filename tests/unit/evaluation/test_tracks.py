@@ -119,6 +119,7 @@ def test_tables_have_sizes_and_ratios(results):
     assert run["bits_per_number"] == pytest.approx(8 * run["size_bytes"] / (12 * 72))
 
 
+@pytest.mark.slow
 def test_report_contains_plot_tables_and_bytes_of_positions(evaluation, results):
     text = evaluation.markdown.read_text(encoding="utf-8")
     for part in (

@@ -112,6 +112,7 @@ def test_textures_need_an_output(raw, folder):
         meshreel.register(raw[0], texture=folder)
 
 
+@pytest.mark.slow
 def test_grayscale_images_are_baked_as_rgb(raw, tmp_path):
     images = [tmp_path / f"{number}.png" for number in range(3)]
     for path in images:

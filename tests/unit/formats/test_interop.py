@@ -47,6 +47,7 @@ def test_frames_of_pyvista_keep_polygons_and_arrays():
     assert found.fps == 24
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("convert", [meshreel.to_trimesh, meshreel.to_pyvista])
 def test_frames_that_do_not_exist_are_refused(convert):
     pytest.importorskip(convert.__name__.removeprefix("to_"))

@@ -232,6 +232,7 @@ def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
     assert_data_as_of_single_segments(loaded, expected, tmp_path, f"a{extension}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", [".glb", ".gltf"])
 def test_gltf_shows_the_mesh_of_each_segment(textured, tmp_path, extension):
     notes = []
@@ -302,6 +303,7 @@ def test_gltf_keeps_materials_of_each_segment(tmp_path):
     assert len(document["images"]) == len(sheets[0].surface.images)
 
 
+@pytest.mark.slow
 def test_error_bound_of_gltf_holds_for_decoded_segments(changing, tmp_path):
     data = meshreel.encode(changing, max_error=0.05)
     (tmp_path / "a.reel").write_bytes(data)

@@ -62,6 +62,7 @@ def test_folder_is_checked_before_frames_are_read(tmp_path):
         save(stored(waving_grid(5), read), tmp_path / "none/a.npz")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output", ["f_%03d.ply", "f_%03d.stl", "a.npz"])
 def test_saving_stored_frames_needs_a_tenth_of_the_memory(tmp_path, output):
     n_frames, n_verts = 200, 3000

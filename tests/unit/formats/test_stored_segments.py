@@ -72,6 +72,7 @@ def test_stored_segments_have_the_selected_attributes(path):
         opened(path, attributes="skin")
 
 
+@pytest.mark.slow
 def test_few_segments_are_decoded_at_a_time_while_a_file_is_written(tmp_path, monkeypatch):
     grids = [waving_grid(2, 4 + number, 5) for number in range(12)]
     data = meshreel.encode(meshreel.concatenate(grids), lossless=True)
@@ -116,6 +117,7 @@ def test_a_damaged_segment_is_named_with_its_file_when_it_is_read(path):
         result.segments[2].read(0, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("limit", "n_decodings"), [(1 << 26, 1), (0, 3)])
 def test_meshes_are_decoded_once_if_they_are_small(path, tmp_path, monkeypatch, limit, n_decodings):
     monkeypatch.setattr(frame_stream, "MAX_KEPT_BYTES", limit)

@@ -34,6 +34,7 @@ def sample(sequence, size=7, n_modes=6, seed=3):
     return mesh, np.rint(rng.laplace(scale=scales, size=(n_modes, mesh.n_verts))).astype(np.int32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 7, 16])
 @pytest.mark.parametrize("sequence", [waving_grid(1, 8, 9), irregular_sequence(1)])
 def test_plain_reader_predicts_the_same_bits(sequence, size):

@@ -32,6 +32,7 @@ def coded(values, faces):
     return data, decode_on_surface(data, values.shape, faces, twins)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FACES)
 def test_tables_round_trip_on_any_faces(name):
     shapes = st.tuples(st.integers(30, 40), st.integers(1, MAX_COLUMNS))

@@ -33,6 +33,7 @@ def test_diameter_equals_the_largest_distance_of_two_points(kind, rng):
     assert diameter(points) == pytest.approx(pdist(points).max(), rel=1e-14, abs=0)
 
 
+@pytest.mark.slow
 def test_diameter_of_many_small_clouds_is_exact(rng):
     for n_points in rng.integers(2, 20, size=300):
         points = rng.normal(size=(n_points, 3)) * 10.0 ** rng.integers(-3, 1, size=3)

@@ -50,6 +50,7 @@ def slow_sted(original, decoded, faces):
     return spatial, temporal, math.sqrt(spatial**2 + (9.144e-5 * temporal) ** 2)
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize("mesh", ["soup", "tube"])
 @pytest.mark.parametrize("n_frames", [1, 2, 5, 9, 14])

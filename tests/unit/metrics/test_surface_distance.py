@@ -156,6 +156,7 @@ def test_swapping_the_arguments_swaps_the_directions():
         assert one.normal_angle_mean_deg == pytest.approx(other.normal_angle_mean_deg, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scale", "shift"), [(1, 1e6), (1e-30, 0), (1e200, 0), (1e5, 1e9)])
 def test_figures_are_invariant_to_scale_and_translation(scale, shift):
     shapes = torus(9, 15), torus(9, 16, bend=0.02)
@@ -214,6 +215,7 @@ def test_connectivity_may_change_from_frame_to_frame():
     assert quality.psnr_db == pytest.approx(np.mean(levels))
 
 
+@pytest.mark.slow
 def test_figures_do_not_depend_on_the_number_of_threads(monkeypatch):
     original = [torus(6, n) for n in (8, 9, 10, 11, 12)]
     decoded = [torus(7, n, bend=0.01) for n in (9, 8, 12, 10, 11)]

@@ -83,6 +83,7 @@ def test_comparison_that_is_not_defined_is_rejected(original, other, options, me
         meshreel.compare(original, other, **options)
 
 
+@pytest.mark.slow
 def test_surfaces_of_segments_are_compared_frame_by_frame(sheet):
     others = meshreel.MeshSequence.of_segments([sheet, split(sheet)])
     quality = meshreel.compare(SEGMENTS, others, n_samples=2000)
@@ -131,6 +132,7 @@ def test_a_mesh_with_another_order_of_vertices_is_compared_by_its_surface(sheet)
     assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 def test_vertices_of_segments_are_compared_as_well_as_surfaces(sheet, order):
     segments = [in_another_order(sheet), in_another_order(waving_grid(2, 5, 6))]

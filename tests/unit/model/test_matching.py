@@ -243,6 +243,7 @@ def test_face_that_coincides_with_another_may_be_missing():
     assert (matched.n_verts, len(matched.faces)) == (99, len(SHEET.faces) + 1)
 
 
+@pytest.mark.slow
 def test_faces_that_are_each_missing_somewhere_leave_nothing_to_match_by():
     faces = np.tile(np.array([[0, 1, 2]]), (60, 1)) + 3 * np.arange(60)[:, None]
     uvs = Attribute("uv", Kind.UV, Domain.CORNER, RNG.random((180, 2)).astype(np.float32))

@@ -66,6 +66,7 @@ def test_only_anchor_of_a_component_is_exchanged_within_it():
     assert squared_error(mesh, result, errors) < squared_error(mesh, [0, 20], errors)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "block_frames"), [("pca-qp", None), ("blocks", 10)])
 def test_optimized_anchors_reduce_the_error_at_equal_rate(method, block_frames):
     sequence = waving_grid(20, 30, 30)

@@ -74,6 +74,7 @@ def test_range_of_frames_equals_that_of_the_whole(name):
     np.testing.assert_allclose(part, decode(data).vertices[6:9], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize(
     ("n_frames", "block_frames", "anchors"),

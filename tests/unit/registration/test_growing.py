@@ -53,6 +53,7 @@ def n_attempts(monkeypatch):
     return counted
 
 
+@pytest.mark.slow
 def test_folds_at_a_crease_are_opened_within_the_tolerance(plane):
     creased = lifted(plane, np.abs(plane.vertices[:, 0] - 0.5))
     is_patch = np.abs(creased.vertices[:, :2] - 0.5).max(axis=1) < 0.13
@@ -71,6 +72,7 @@ def test_folds_at_a_crease_are_opened_within_the_tolerance(plane):
     assert not fit.errors.exceeds(TOLERANCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_steps", "repaired", "restored", "n_attempts", "chosen", "n_folded"),
     [

@@ -62,6 +62,7 @@ def test_a_mesh_that_is_fine_enough_stays(key):
     assert not same.is_refined
 
 
+@pytest.mark.slow
 def test_texture_coordinates_are_interpolated_on_a_refined_key(monkeypatch):
     identity = KeyMesh.of_mesh
     monkeypatch.setattr(KeyMesh, "of_mesh", lambda mesh: identity(mesh).refined(0.002))

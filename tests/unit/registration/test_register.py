@@ -61,6 +61,7 @@ def test_the_mesh_follows_the_material(registered):
         assert np.linalg.norm(positions - expected, axis=1).mean() < 0.05
 
 
+@pytest.mark.slow
 def test_times_are_those_of_the_raw_frames(raw):
     parts = [
         frame.replace(start_s=7 + number / raw.fps) for number, frame in enumerate(raw.segments)
@@ -70,6 +71,7 @@ def test_times_are_those_of_the_raw_frames(raw):
     assert meshreel.decode(meshreel.encode(result.sequence)).start_s == 7.0
 
 
+@pytest.mark.slow
 def test_registration_is_deterministic(raw, registered):
     again = only_segment(register(raw, TOLERANCE))
     assert np.array_equal(again.vertices, only_segment(registered).vertices)
@@ -87,6 +89,7 @@ def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
     assert any("does not continue the mesh" in line for line in result.cuts())
 
 
+@pytest.mark.slow
 def test_frames_without_a_surface_stay_as_they_are(raw):
     empty = as_frames([(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))])
     result = register(meshreel.concatenate([empty, raw, empty]), TOLERANCE)
@@ -118,6 +121,7 @@ def test_nothing_to_register_is_an_error():
         register(empty)
 
 
+@pytest.mark.slow
 def test_texture_coordinates_of_the_key_are_kept_at_corners(raw):
     def textured(segment):
         uv = segment.vertices[0][:, :2].copy()

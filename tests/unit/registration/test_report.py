@@ -72,6 +72,7 @@ def test_the_measured_frames_are_few_and_named():
     assert report.rows(1)["D1 and D2 of"] == f"2 of 7 frames: {', '.join(map(str, frames))}"
 
 
+@pytest.mark.slow
 def test_keys_are_measured_if_there_are_no_other_frames():
     vertices, faces = capsule(20, 20)
     result = register(as_frames([(vertices, faces), (vertices[:, ::-1].copy(), faces)]))

@@ -30,6 +30,7 @@ def read_gif(path):
     return pictures, durations
 
 
+@pytest.mark.slow
 def test_gif_contains_every_picture(grid, tmp_path):
     grid_film = make_film(grid)
     save_gif(grid_film, tmp_path / "a.gif")
@@ -41,6 +42,7 @@ def test_gif_contains_every_picture(grid, tmp_path):
         assert np.abs(actual - picture).max() < 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fps", "n_pictures"), [(25.0, 12), (24.0, 12), (30.0, 12), (60.0, 6), (120.0, 4)]
 )
@@ -70,6 +72,7 @@ def test_gif_of_a_static_mesh_shows_it_in_every_picture(grid, tmp_path):
     np.testing.assert_array_equal(pictures[0][mesh], pictures[2][mesh])
 
 
+@pytest.mark.slow
 def test_mp4_has_every_picture_at_its_rate(grid, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     grid_film = make_film(grid, fps=12.5)

@@ -166,6 +166,7 @@ def test_corner_colors_give_sharp_edges_between_faces():
     assert {tuple(color) for color in seen.tolist()} == {(255, 0, 0), (0, 0, 255)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("smooth", [True, False])
 def test_supersampled_render_equals_a_reduced_larger_picture(smooth):
     sequence = simulate_flag(8, n_rows=12, n_columns=16)

@@ -28,6 +28,7 @@ def test_single_frame_fills_the_still(grid):
     assert 0.9 < picture.sum() / box <= 1.01  # a sheet from the front is a rectangle
 
 
+@pytest.mark.slow
 def test_still_has_a_mesh_for_each_frame(grid):
     single, several = (
         inked(still(Scene(grid), numbers, FRONT, size=(640, 480))).mean()

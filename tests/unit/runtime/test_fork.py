@@ -124,12 +124,14 @@ def test_pool_encodes_and_decodes_after_the_parent_did(start, in_parent):
             assert np.array_equal(sequence.vertices, FRAMES)
 
 
+@pytest.mark.slow
 def test_child_codes_after_its_parent_used_threads():
     in_threads(lambda piece: None, range(4))
     in_background(lambda: None).result(LIMIT_S)
     assert_succeeds_in_child(assert_codes)
 
 
+@pytest.mark.slow
 def test_grandchild_codes_after_both_parents_used_threads():
     def code_and_fork():
         assert_codes()
@@ -208,6 +210,7 @@ def test_children_read_all_frames_of_an_inherited_file(path):
         assert [end_of(child, "a reader") for child in children] == [0, 0, 0, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lock_of",
     [

@@ -85,6 +85,7 @@ def test_manifest_contains_the_figures_of_compare_and_info(inputs, out):
     assert results["version"] == meshreel.__version__
 
 
+@pytest.mark.slow
 def test_input_whose_faces_change_becomes_segments(tmp_path, out):
     folder = tmp_path / "in" / "scan"
     folder.mkdir(parents=True)
@@ -129,6 +130,7 @@ def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits,
     assert ("has no texture coordinates for uv_bits to quantize" in results["notes"]) == noted
 
 
+@pytest.mark.slow
 def test_manifest_lists_non_default_options(inputs, out):
     run(inputs, out, EncodeOptions(config_of(sted=0.05, order="drop"), ReadOptions(fps=12.0)))
     assert facts(out)["walk.npz"]["options"] == {"sted": 0.05, "order": "drop", "fps": 12.0}
@@ -173,6 +175,7 @@ def mark_pending(inputs, out):
     (out / MANIFEST_NAME).write_text(head + '"walk.npz"' + tail.replace("done", "pending", 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change", [change_input, touch_input, remove_output, cut_output, mark_failed, mark_pending]
 )
@@ -482,6 +485,7 @@ def test_input_without_memory_for_small_blocks_fails_alone(inputs, out):
     assert "not enough memory, even with smaller blocks" in report.failed["walk.npz"].error
 
 
+@pytest.mark.slow
 def test_long_inputs_are_encoded_first(inputs, out):
     for name, n_frames in (("b", 30), ("c", 60), ("d", 20)):
         meshreel.save(waving_grid(n_frames), inputs / f"{name}.npz")

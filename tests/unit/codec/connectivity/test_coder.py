@@ -19,6 +19,7 @@ def coded_and_decoded(mesh, order):
     return coded, internal, *decode_order(coded.order_payload, internal, n_verts)
 
 
+@pytest.mark.slow
 @pytest.mark.every_case
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
 def test_triangles_are_lossless_in_the_promised_order(mesh, order):

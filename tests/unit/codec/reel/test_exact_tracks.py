@@ -55,6 +55,7 @@ def test_constant_integers_are_lossless_and_cost_almost_nothing():
     assert meshreel.info(data).tracks[0].size_bytes < ids.nbytes / 12
 
 
+@pytest.mark.slow
 def test_missing_values_stay_missing_and_others_keep_their_bound():
     n_verts = n_items("vertex")
     heat = (300 + 20 * np.sin(np.arange(12)[:, None] / 3 + np.arange(n_verts) / 9)).astype("f4")

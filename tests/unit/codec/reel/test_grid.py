@@ -72,6 +72,7 @@ def test_positions_are_lossless_when_the_grid_is_too_fine():
     assert (meshreel.decode(data).vertices == sequence.vertices).all()
 
 
+@pytest.mark.slow
 def test_max_error_selects_the_grid_when_it_takes_fewer_bytes():
     sequence = noisy()
     data = meshreel.encode(sequence, max_error=1e-4)
@@ -91,6 +92,7 @@ def test_max_error_keeps_modes_when_they_take_fewer_bytes():
     assert meshreel.info(meshreel.encode(waving_grid(60), max_error=0.1)).method == "reel"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("percent", [1e-3, 2e-5])
 def test_grid_never_takes_more_bytes_than_lossless(percent):
     sequence = noisy()

@@ -140,6 +140,7 @@ def test_tracks_are_lossless_by_default():
     assert 0 < apart.max() <= 0.25
 
 
+@pytest.mark.slow
 def test_velocities_within_a_bound_follow_from_the_exact_positions():
     grid = waving_grid(12)
     velocity = (25 * np.gradient(grid.vertices, axis=0)).astype(SINGLE)

@@ -258,6 +258,7 @@ def test_single_frames_of_a_predicted_track_equal_the_decoded_whole():
                 )
 
 
+@pytest.mark.slow
 def test_size_target_is_met_when_tracks_are_predicted():
     sheet = quad_sheet(14)
     values = velocities(sheet.vertices, Coding.CENTRAL).astype(np.float32)

@@ -53,6 +53,7 @@ def test_error_bound_holds_with_reused_fields():
     assert 0.01 < meshreel.compare(LOOPED, meshreel.decode(data)).max_error_percent <= 0.05
 
 
+@pytest.mark.slow
 def test_error_target_is_met_with_reused_fields():
     data = meshreel.encode(LOOPED, kg=1.0, block_frames=12)
     assert any(layout.n_reused for layout in layouts(data))
@@ -82,6 +83,7 @@ def test_workers_give_the_same_bytes_with_several_key_blocks():
         assert meshreel.encode(HELD_FIRST, engine=engine, **OPTIONS) == alone
 
 
+@pytest.mark.slow
 def test_pushed_frames_reuse_fields_and_keep_tracks_across_key_blocks():
     velocity = 25 * np.gradient(HELD_FIRST.vertices, axis=0)
     tracks = {"velocity": meshreel.Track(velocity, kind="velocity")}

@@ -68,6 +68,7 @@ def decoded(data):
     return meshreel.decode(data).tracks["x"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "values", "bound", "coding"),
     [
@@ -119,6 +120,7 @@ def test_shared_values_of_corners_are_lossless(dtype, has_seams):
     assert result.values.tobytes() == values.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block_frames", [None, 4])
 def test_values_with_seams_are_within_their_bound_and_cost_less_than_those_of_corners(block_frames):
     values = with_seams(waves(SHEET.n_verts, 2))
@@ -136,6 +138,7 @@ def test_values_with_seams_are_within_their_bound_and_cost_less_than_those_of_co
     assert len(data) < len(other)
 
 
+@pytest.mark.slow
 def test_normals_with_seams_are_predicted_from_the_surface():
     values = normals()[:, VERTICES]
     values[:, SIDE, 1] *= -1
@@ -218,6 +221,7 @@ def test_corners_of_live_frames_have_separate_values():
     assert np.abs(decoded(data).values - values).max() <= 0.001 * np.ptp(values[:4])
 
 
+@pytest.mark.slow
 def test_static_values_of_many_corners_are_decoded():
     grid = waving_grid(40, 30, 30)
     values = np.ones((40, 3 * grid.n_faces, 8), np.float32)

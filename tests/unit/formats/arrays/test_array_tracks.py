@@ -48,6 +48,7 @@ def test_tracks_round_trip_exactly(tmp_path, extension, n_frames, read):
     assert notes == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", ["npz", "h5"])
 def test_save_part_writes_the_tracks_of_its_frames(tmp_path, extension):
     pytest.importorskip("h5py")

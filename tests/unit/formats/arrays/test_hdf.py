@@ -252,6 +252,7 @@ def test_load_rejects_heaps_with_empty_objects(tmp_path):
         load(path)
 
 
+@pytest.mark.slow
 def test_damaged_files_raise_only_meshreel_errors(tmp_path):
     [path] = save(surfaced_sequence(), tmp_path / "a.h5")
     read_damaged(

@@ -63,6 +63,7 @@ def test_stated_error_against_the_original_holds(waves, stream_path, tmp_path, o
     assert measured <= total <= options.get("max_error", math.inf)
 
 
+@pytest.mark.slow
 def test_targets_use_the_rest_of_a_total_bound(stream_path, tmp_path):
     counts = {}
     with meshreel.open(stream_path) as reel:

@@ -52,6 +52,7 @@ def test_error_measured_in_the_file_meets_the_bound(tmp_path, percent):
     assert notes[0].startswith(f"the largest error is {error:.4f} % of the diagonal, in frame ")
 
 
+@pytest.mark.slow
 def test_default_bound_is_a_tenth_of_a_percent(tmp_path):
     sequence = grid()
     assert largest_error_percent(sequence, written(tmp_path, sequence).world("grid")) <= 0.1
@@ -99,6 +100,7 @@ def test_options_out_of_range_are_rejected(tmp_path, options, message):
         written(tmp_path, grid(2), **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fps", [24.0, 25.0, 30000 / 1001, 60.0])
 @pytest.mark.parametrize("start_s", [0.0, 2.5])
 def test_times_have_frame_rate_and_start_of_the_sequence(tmp_path, fps, start_s):
@@ -148,6 +150,7 @@ def test_single_point_is_a_static_mesh(tmp_path):
     np.testing.assert_array_equal(written(tmp_path, sequence).world("point")[0], np.ones((4, 3)))
 
 
+@pytest.mark.slow
 def test_float64_positions_far_from_the_origin_meet_the_bound(tmp_path):
     near = grid(dtype=np.float64)
     sequence = near.replace(vertices=near.vertices + 1e6)
@@ -276,6 +279,7 @@ def test_positions_beyond_float32_are_rejected(tmp_path):
         written(tmp_path, sequence)
 
 
+@pytest.mark.slow
 def test_gltf_has_the_same_contents_as_glb(tmp_path):
     glb = written(tmp_path, grid(), targets=4)
     notes = []

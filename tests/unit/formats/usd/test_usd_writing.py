@@ -183,6 +183,7 @@ def test_save_replaces_an_open_file(tmp_path):
     assert before.shape[0] == 3
 
 
+@pytest.mark.slow
 def test_save_writes_long_sequences_in_pieces(tmp_path, monkeypatch):
     monkeypatch.setattr("meshreel.formats.usd.writing.UNSAVED_BYTES", 1000)
     expected = sheets(40)

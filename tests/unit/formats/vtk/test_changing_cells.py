@@ -146,6 +146,7 @@ def write_vtkhdf(folder, meshes):
     return folder / "a.vtkhdf"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
 def test_polygons_that_change_become_segments_with_their_arrays(tmp_path, write):
     source = write(tmp_path, [sheet(frame) for frame in range(len(ROWS))])
@@ -210,6 +211,7 @@ def item(values):
     )
 
 
+@pytest.mark.slow
 def test_array_that_only_later_steps_of_vtkhdf_have_is_left_out_with_a_note(tmp_path):
     """VTK stores fewer offsets then, and not for which steps they are."""
     meshes = [sheet(frame) for frame in range(len(ROWS))]

@@ -137,6 +137,7 @@ def test_vtk_reads_xdmf_data_of_every_step(tmp_path, dtype, width):
             assert np.array_equal(vtk_to_numpy(array).reshape(values[frame].shape), values[frame])
 
 
+@pytest.mark.slow
 @EXTENSIONS
 @pytest.mark.parametrize("n_frames", [1, N_FRAMES])
 @pytest.mark.parametrize("read", [load, open_source])

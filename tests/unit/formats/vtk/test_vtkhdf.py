@@ -206,6 +206,7 @@ def test_load_joins_partitions(tmp_path):
     assert notes == []
 
 
+@pytest.mark.slow
 def test_load_lists_the_blocks_of_a_collection(tmp_path):
     sequence = surfaced_sequence()
     [path] = save(sequence, tmp_path / "a.vtkhdf")
@@ -285,6 +286,7 @@ def split_into_partitions(path, n_frames):
         del file["meshreel"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_offsets", [0, 1, 2])
 def test_load_reads_partitions_that_share_cells_and_empty_groups(tmp_path, n_offsets):
     sequence = surfaced_sequence(surface=Surface(COUNTS))

@@ -64,6 +64,7 @@ def test_motion_is_the_rms_displacement_from_frame_to_frame():
     assert motion == pytest.approx(100 * 0.02 / diagonal, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_sequence_is_repeated_until_it_is_long(monkeypatch):
     assert runs.LONG_FRAMES > 1000
     monkeypatch.setattr(runs, "LONG_FRAMES", 120)  # eigenvectors of 1,200 frames take seconds

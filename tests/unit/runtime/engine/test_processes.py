@@ -52,6 +52,7 @@ def test_submit_uses_the_requested_number_of_processes(executor):
     assert os.getpid() not in processes
 
 
+@pytest.mark.slow
 def test_submit_raises_the_error_of_the_call_with_its_location(executor):
     with pytest.raises(ValueError, match="no such thing") as caught:
         executor.submit(fail, "no such thing").result(60)
@@ -69,6 +70,7 @@ def test_submit_raises_when_the_call_cannot_be_pickled(executor):
     assert executor.submit(square, 3).result(60) == 9
 
 
+@pytest.mark.slow
 def test_map_in_order_keeps_the_order_when_later_calls_end_first(executor):
     items = [(number, 0.2 if number == 0 else 0.0) for number in range(12)]
     assert list(Engine(executor, 2).map_in_order(slow_square, items)) == [n * n for n in range(12)]
@@ -107,6 +109,7 @@ def test_map_in_order_recovers_when_workers_are_killed_in_the_middle(executor, t
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.mark.slow
 def test_call_is_abandoned_when_it_killed_two_workers(executor):
     with pytest.raises(WorkerDiedError, match="2 worker processes died during this call"):
         executor.submit(die_always).result(60)
@@ -148,6 +151,7 @@ def test_worker_has_all_cores_when_it_is_the_only_one():
         assert executor.submit(cores_and_blas_threads).result(60)[0] == n_cores()
 
 
+@pytest.mark.slow
 def test_ctrl_c_does_not_end_a_worker(executor):
     survivor = executor.submit(ignores_ctrl_c, 0.1).result(60)
     assert survivor in {child.pid for child in multiprocessing.active_children()}

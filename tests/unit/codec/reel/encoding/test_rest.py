@@ -113,6 +113,7 @@ def test_rests_are_found_with_reused_fields():
     np.testing.assert_array_equal(decoded[41:50], np.repeat(decoded[40:41], 9, axis=0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bound", [0.02, 0.2])
 def test_error_bound_holds_for_resting_frames(bound):
     sequence = held(moving=0.002)

@@ -77,6 +77,7 @@ def test_hierarchy_equals_that_of_the_plain_reader(name):
     assert_follows_the_format(*MESHES[name])
 
 
+@pytest.mark.slow
 def test_sample_meshes_have_full_and_short_stencils():
     """The tests above are not vacuous."""
     resolutions = assert_follows_the_format(*MESHES["components"])
@@ -98,6 +99,7 @@ def tangled_meshes(draw):
     return faces % n_verts, n_verts
 
 
+@pytest.mark.slow
 @given(tangled_meshes())
 @settings(max_examples=draws(60))
 def test_hierarchy_of_random_meshes_equals_that_of_the_plain_reader(mesh):
