@@ -45,7 +45,13 @@ from conformance.sources import (
 )
 from conformance.surface import placed, read_on_surface
 from meshreel.codec.bitstream import container as stream_container
-from meshreel.codec.bitstream.container import Header, write_sections, write_stream, write_varint
+from meshreel.codec.bitstream.container import (
+    Header,
+    write_sections,
+    write_stream,
+    write_varint,
+    write_varints,
+)
 from meshreel.codec.bitstream.layout import MAX_NAME_BYTES, Section, VertexType
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.corrections import Corrections
@@ -763,6 +769,19 @@ encoded(
 )
 
 
+def quantized(faces, dtype=np.float32):
+    """One frame on a grid, of coordinates written as text with six digits; some are -0."""
+    sheet = moving(faces, 1, rough=0.01)
+    step = np.float32(np.ptp(sheet.vertices) / 9)
+    rounded = np.rint(sheet.vertices / step).astype(np.float32) * step - np.float32(3) * step
+    text = [-0.0 if value == 0 else float(f"{value:.6g}") for value in rounded.ravel()]
+    return MeshSequence(np.array(text, dtype).reshape(rounded.shape), faces)
+
+
+encoded("grid_rounded", lambda: quantized(grid(14, 15)), method="grid", max_error=1, order="drop")
+encoded("lossless_rounded", lambda: quantized(grid(14, 15)), lossless=True, order="keep")
+
+
 @stream
 def attributes_on_surface():
     """Integers of vertices and of corners of polygons, two of them by a divisor, on the surface."""
@@ -1042,9 +1061,9 @@ def with_adaptive_cosines():
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 
 
-def with_section(number, *sections, n_replaced=0):
-    """Return the worked example without INDEX, with sections before the one of this number."""
-    payload = Payload(example())
+def with_section(number, *sections, n_replaced=0, of=None):
+    """Return a stream, or the worked example, without INDEX, with sections before a number."""
+    payload = Payload((of or example)())
     read_header(payload)
     head = payload.data[: payload.position]
     parts = [(Section[name], data) for _, name, data in read_sections(payload)][:-2]
@@ -1064,6 +1083,25 @@ REFUSED["start_twice"] = partial(with_section, 1, START, START)
 REFUSED["start_in_a_block"] = partial(with_section, 2, START)
 REFUSED["missing_of_positions"] = partial(with_section, 2, (Section.MISSING, b""))
 REFUSED["basis_after_coefficients"] = partial(with_section, 3, 4, 3, n_replaced=2)
+no_rounding = write_varints(0, 0, 0) + encode_integers(
+    [np.zeros(1, int)] * 3 + [np.zeros(0, int)] * 3
+)
+for reason, payload in {
+    "missing": b"",
+    "short": no_rounding[:2],
+    "longer_than_the_mesh": write_varints(211, 0, 0) + no_rounding[3:],
+}.items():
+    REFUSED[f"rounding_{reason}"] = partial(
+        *(with_section, 3, (Section.ROUNDING, payload)),
+        of=STREAMS["lossless_rounded"],
+        n_replaced=1,
+    )
+REFUSED["rounding_of_modes"] = partial(with_section, 2, (Section.ROUNDING, no_rounding))
+REFUSED["rounding_without_grid"] = partial(
+    *(with_section, 3, (Section.ROUNDING, no_rounding), (Section.VALUES, bytes(24))),
+    of=STREAMS["lossless_rounded"],
+    n_replaced=2,
+)
 for reason, payload in {
     "short": bytes(7),
     "long": np.float64(1.0).tobytes() + b"\0",

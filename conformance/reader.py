@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from conformance import paper, predicted
-from conformance.bits import Memory, need
+from conformance.bits import Memory, integers, need
 from conformance.container import (
     OF_EXACT_VALUES,
     OF_MODES,
@@ -293,7 +293,8 @@ def read_reel_tracks(container, mesh, polygons, memory):
         for block, n_frames in zip(container.blocks, lengths, strict=True):
             check_modes(block[number], n_values, len(placed.origin) * n_frames, memory)
             read = read_exact_block if predicted.is_exact(coding) else read_reel_block
-            if track is positions and header.method == "grid":
+            may_be_grid = track is positions and read is read_exact_block
+            if may_be_grid and (header.method == "grid" or "ROUNDING" in block[0]):
                 read = read_grid_block
             integers, numbers = read(block[number], n_frames, placed, blocks, items, coding)
             if coding > EXACT:
@@ -409,10 +410,12 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
     (step,) = struct.unpack("<d", group["VALUES"][:8])
     need(0 <= step <= 1, "the step of a grid is not in 0..1")
     rest = {**group, "VALUES": group["VALUES"][8:]}
+    offsets = read_rounding(rest.pop("ROUNDING", None), n_frames * items.n)
+    need(step > 0 or not offsets, "there is no grid to round")
     if step == 0:
         return read_exact_block(rest, n_frames, placed, blocks, items, coding)
     if n_frames == 1:
-        need_no_modes(group)
+        need_no_modes(rest)
         rows = read_surface_integers(rest["VALUES"], items.n, 3, items.faces, items.twins)
         block = {"frames": 1, "modes": 0}
         integers = [number for item in items.order for number in rows[item]]
@@ -423,8 +426,35 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
     for i, n in enumerate(integers):
         value = n * step * placed.scale + placed.origin[i % 3]
         numbers.append(single(value) if placed.number_type == 4 else value)
+        offset = offsets[i % 3].get(n, 0) if offsets else 0
+        if offset:
+            numbers[i] = moved_float(numbers[i], offset, LETTERS[placed.number_type])
     need(all(map(math.isfinite, numbers)), "positions are not finite")
     return block, numbers
+
+
+def read_rounding(payload, n_positions):
+    """Return the offsets by coordinate of each axis, or nothing."""
+    if payload is None:
+        return []
+    payload = Payload(payload)
+    counts = [payload.varint() for _ in range(3)]
+    need(max(counts) <= n_positions, "there are more rounded coordinates than positions")
+    *lowest, x, y, z = integers(payload.rest(), [1, 1, 1, *counts])
+    return [
+        {low + i: offset for i, offset in enumerate(row)}
+        for (low,), row in zip(lowest, (x, y, z), strict=True)
+    ]
+
+
+def moved_float(number, offset, letter):
+    """Return the float whose integer, as in "Patterns", is greater by an offset."""
+    size = struct.calcsize(letter)
+    sign, every = 1 << (8 * size - 1), (1 << 8 * size) - 1
+    bits = int.from_bytes(struct.pack("<" + letter, number), "little")
+    place = (~bits & every if bits & sign else bits | sign) + offset & every
+    bits = place ^ sign if place & sign else ~place & every
+    return struct.unpack("<" + letter, bits.to_bytes(size, "little"))[0]
 
 
 def without_missing(values, group, shape, items):

@@ -520,9 +520,17 @@ static void put_fields(stream *s, int64_t number, int64_t n_frames, int64_t n_mo
     end_section(s, REEL_COEFFICIENTS, payload);
 }
 
-static void put_exact(stream *s, bool is_grid) {
+static void put_exact(stream *s, bool is_grid, bool has_rounding) {
     size_t payload = s->size;
-    if (is_grid) {
+    if (has_rounding) {
+        for (int axis = 0; axis < 3; axis++) {
+            put_varint(s, (uint64_t)fuzz_below(4));
+        }
+        put_bits(s);
+        end_section(s, REEL_ROUNDING, payload);
+        payload = s->size;
+    }
+    if (is_grid || has_rounding) {
         put_double(s, fuzz_one_in(4) ? 0.0 : 0x1p-20);
     }
     put_bits(s);
@@ -540,7 +548,7 @@ static void put_block(stream *s, int64_t number, int64_t n_frames) {
     if (s->method == REEL_METHOD_REEL) {
         put_fields(s, number, n_frames, n_modes, false);
     } else {
-        put_exact(s, s->method == REEL_METHOD_GRID);
+        put_exact(s, s->method == REEL_METHOD_GRID, fuzz_one_in(4));
     }
     s->ends[number][0] = s->size;
     for (int i = 1; i < s->n_tracks; i++) {
@@ -551,7 +559,7 @@ static void put_block(stream *s, int64_t number, int64_t n_frames) {
         put_varint(s, (uint64_t)n_modes);
         end_section(s, REEL_TRACK_BLOCK, payload);
         if (is_exact) {
-            put_exact(s, false);
+            put_exact(s, false, false);
         } else {
             put_fields(s, number, n_frames, n_modes, true);
         }

@@ -551,6 +551,9 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
     const reel_group *group = &state->current.group;
+    uint64_t n_positions = group->n_frames * decoder->file->outline.n_verts;
+    REEL_TRY(reel_read_rounding(call, &state->current.pool, group, n_positions,
+                                &state->current.rounding));
     uint32_t size = definition->size;
     enum reel_type type = definition->is_float    ? REEL_FLOATS
                           : definition->is_signed ? REEL_SIGNED_INTEGERS

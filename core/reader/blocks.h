@@ -28,6 +28,7 @@ typedef struct {
     uint8_t *packed;  /* fields packed in output order; NULL until needed */
     int32_t *rows;    /* row of `fields` of each output item; NULL until needed */
     reel_corrections corrections;
+    reel_rounding rounding;
     void *exact;      /* n_frames x n_items x n_coded */
     uint8_t *missing; /* flags of missing values, of the same shape, or NULL */
     reel_block_fields fields;

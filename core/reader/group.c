@@ -4,7 +4,7 @@
 #include "group.h"
 
 #define FIRST_ID REEL_BLOCK
-#define N_IDS (REEL_ANCHOR_RESIDUALS + 1 - FIRST_ID)
+#define N_IDS (REEL_ROUNDING + 1 - FIRST_ID)
 #define MAX_LEARNED 255U
 #define MAX_STEP 1e6F
 #define WITH_RESTS 16 /* flags added to the layout */
@@ -188,17 +188,21 @@ static int read_corrections(reel_call *call, reel_range left, reel_group *group)
                : reel_corrupt(call, at, "the step or the counts of corrections are out of range");
 }
 
-static int read_values(reel_call *call, bool is_grid, reel_range left, reel_group *group) {
+/* Positions are on a grid in the method `grid`, and in `lossless` if they have a rounding. */
+static int read_values(reel_call *call, bool is_grid, const payloads *all, reel_group *group) {
+    reel_range left = *payload(all, REEL_VALUES);
     REEL_CORRUPT_IF(!left.at, REEL_UNKNOWN, "a block has no section VALUES");
     uint64_t at = left.at;
-    if (is_grid) {
+    if (is_grid || payload(all, REEL_ROUNDING)->at) {
         REEL_TRY(reel_read_bytes(call, &left, &group->grid, sizeof group->grid));
     }
     group->values = left;
-    bool is_valid = group->grid >= 0.0 && group->grid <= 1.0;
-    return is_valid
+    group->rounding = *payload(all, REEL_ROUNDING);
+    REEL_CORRUPT_IF(!(group->grid >= 0.0 && group->grid <= 1.0), at,
+                    "the step of a grid is not between 0 and 1 diagonal");
+    return group->grid > 0.0 || !group->rounding.at
                ? MESHREEL_OK
-               : reel_corrupt(call, at, "the step of a grid is not between 0 and 1 diagonal");
+               : reel_corrupt(call, group->rounding.at, "there is no grid to round");
 }
 
 int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
@@ -208,12 +212,13 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     *group = (reel_group){0};
     uint32_t first = number ? REEL_TRACK_BLOCK : REEL_BLOCK;
     bool is_exact = track->info.is_exact || track->info.coding == REEL_EXACT;
-    uint32_t others = is_exact ? EXACT_IDS : MODES_IDS | (number ? BIT(REEL_MISSING) : 0);
+    bool is_grid = !number && outline->method == REEL_METHOD_GRID;
+    uint32_t others = is_exact ? EXACT_IDS | (number ? 0 : BIT(REEL_ROUNDING))
+                               : MODES_IDS | (number ? BIT(REEL_MISSING) : 0);
     REEL_TRY(find_payloads(call, bytes, first, others, is_checked, &all));
     REEL_TRY(read_counts(call, &all, number, track, outline->blocks[block].n_frames, group));
     if (is_exact) {
-        bool is_grid = !number && outline->method == REEL_METHOD_GRID;
-        return read_values(call, is_grid, *payload(&all, REEL_VALUES), group);
+        return read_values(call, is_grid, &all, group);
     }
     REEL_TRY(read_fields(call, *payload(&all, REEL_FIELDS), group));
     REEL_TRY(read_corrections(call, *payload(&all, REEL_CORRECTIONS), group));
@@ -352,6 +357,39 @@ int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *gr
         starts[t] = starts[t - 1];
     }
     starts[0] = 0;
+    reel_drop_scratch(call, mark);
+    return MESHREEL_OK;
+}
+
+/* ---- numbers on a grid ---- */
+
+int reel_read_rounding(reel_call *call, reel_pool *pool, const reel_group *group, uint64_t max_rows,
+                       reel_rounding *result) {
+    reel_range left = group->rounding;
+    int64_t lengths[6] = {1, 1, 1}, n_all = 0;
+    int32_t tables[6] = {0, 1, 2, 3, 4, 5}, *values;
+    *result = (reel_rounding){{0}, {0}, {NULL}};
+    if (!left.at) {
+        return MESHREEL_OK;
+    }
+    for (uint32_t axis = 0; axis < 3; axis++) {
+        uint64_t count;
+        REEL_TRY(reel_read_varint(call, &left, &count));
+        REEL_CORRUPT_IF(count > max_rows, group->rounding.at,
+                        "there are more rounded coordinates than positions");
+        lengths[3 + axis] = result->n[axis] = (int64_t)count;
+        n_all += result->n[axis];
+    }
+    const reel_chunk *mark = call->scratch.last;
+    REEL_TRY(reel_decode_rows(call, left, lengths, tables, 6, 6, &values));
+    int32_t *offsets = reel_pool_allocate(call, pool, (uint64_t)n_all, sizeof *offsets);
+    REEL_NEED(offsets);
+    reel_copy(offsets, values + 3, (size_t)n_all * sizeof *offsets);
+    for (uint32_t axis = 0; axis < 3; axis++) {
+        result->lowest[axis] = values[axis];
+        result->offsets[axis] = offsets;
+        offsets += result->n[axis];
+    }
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;
 }

@@ -27,7 +27,7 @@ typedef struct {
     reel_range corrections;
     /* Exact values: the step of a grid of positions, or 0; and the bits. */
     double grid;
-    reel_range values, missing;
+    reel_range values, rounding, missing;
 } reel_group;
 
 /* Parse the sections of track `number` in a block, with `is_checked` also their checksums. The
@@ -56,5 +56,16 @@ typedef struct {
 int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *group,
                           uint32_t n_columns, uint64_t n_items, const int32_t *inverse,
                           reel_corrections *result);
+
+/* Offsets of the numbers on a grid, for the coordinates lowest[axis]..lowest[axis] + n[axis] - 1 of
+   each axis. */
+typedef struct {
+    int64_t lowest[3], n[3];
+    int32_t *offsets[3];
+} reel_rounding;
+
+/* Decode the offsets into memory of `pool`; `max_rows` bounds those of an axis. */
+int reel_read_rounding(reel_call *call, reel_pool *pool, const reel_group *group, uint64_t max_rows,
+                       reel_rounding *result);
 
 #endif

@@ -40,15 +40,15 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
     REEL_CORRUPT_IF(reel_count_sections(outline, REEL_CONNECTIVITY, &coded) != 1, outline->begin,
                     "there is not exactly one section CONNECTIVITY");
     mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
-    bool is_grid = outline->method == REEL_METHOD_GRID;
-    if (is_grid) {
+    bool may_be_on_grid = outline->method > REEL_METHOD_REEL;
+    if (may_be_on_grid) {
         mesh->twins = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
     }
     const reel_chunk *mark = call->scratch.last;
     size_t memory_size = reel_connectivity_decode_memory(n_verts, n_faces);
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
-    if (!mesh->internal_faces || (is_grid && !mesh->twins) || !memory) {
+    if (!mesh->internal_faces || (may_be_on_grid && !mesh->twins) || !memory) {
         return call->error.code;
     }
     REEL_TRY(reel_view(call, coded, &bytes));
@@ -60,9 +60,9 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
 
 int reel_find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
                     reel_mesh_data *mesh) {
-    bool is_grid = outline->method == REEL_METHOD_GRID;
+    bool may_be_on_grid = outline->method > REEL_METHOD_REEL;
     mesh->graph = (reel_graph){.n_items = (uint32_t)outline->n_verts};
-    return is_grid && outline->longest == 1 && outline->n_tracks == 1
+    return may_be_on_grid && outline->longest == 1 && outline->n_tracks == 1
                ? MESHREEL_OK
                : reel_find_neighbors(call, pool, mesh->internal_faces, outline->n_faces,
                                      (uint32_t)outline->n_verts, &mesh->graph);

@@ -14,7 +14,7 @@ typedef struct {
 
 typedef struct {
     int32_t *internal_faces; /* n_faces x 3 internal vertices */
-    int32_t *twins;          /* of their half-edges; NULL unless the method is grid */
+    int32_t *twins;          /* of their half-edges; NULL unless the method is lossless or grid */
     uint32_t *triangles;     /* n_faces x 3 output vertices */
     int32_t *to_internal;    /* internal number of each output vertex */
     int32_t *to_output;      /* output number of each internal vertex */

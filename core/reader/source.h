@@ -29,6 +29,7 @@ enum reel_section_id {
     REEL_VALUES = 24,
     REEL_MISSING = 25,
     REEL_ANCHOR_RESIDUALS = 26,
+    REEL_ROUNDING = 27,
     REEL_ERROR_BOUND = 129,
     REEL_INDEX = 130,
     REEL_POLYGONS = 131,

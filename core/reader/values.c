@@ -108,17 +108,48 @@ static void put_number(void *numbers, uint32_t size, uint64_t i, double value) {
     }
 }
 
+/* Convert the bits of a float, sign-extended, to its index in the order of its type, or back. */
+static int64_t flipped(int64_t bits, uint32_t size) {
+    return bits ^ ((bits >> 63) & (size == 4 ? INT32_MAX : INT64_MAX));
+}
+
+/* Put the float that is `offset` floats of its type after `value`, modulo their number. */
+static void put_float_after(void *numbers, uint32_t size, uint64_t i, double value,
+                            int64_t offset) {
+    if (size == 4) {
+        float single = (float)value;
+        int32_t bits;
+        reel_copy(&bits, &single, sizeof bits);
+        bits = (int32_t)flipped((int32_t)(flipped(bits, size) + offset), size);
+        reel_copy((uint8_t *)numbers + 4 * i, &bits, sizeof bits);
+    } else {
+        int64_t bits;
+        reel_copy(&bits, &value, sizeof bits);
+        bits = flipped((int64_t)((uint64_t)flipped(bits, size) + (uint64_t)offset), size);
+        reel_copy((uint8_t *)numbers + 8 * i, &bits, sizeof bits);
+    }
+}
+
 /* ---- positions ---- */
 
-static void store_grid(const reel_track_state *state, const double *placement, uint32_t stored,
-                       const int32_t *units, uint64_t n_items, uint32_t size, void *out) {
+/* The offset of the number at a coordinate. */
+static int32_t rounding_at(const reel_rounding *rounding, uint32_t axis, int32_t coordinate) {
+    int64_t i = (int64_t)coordinate - rounding->lowest[axis];
+    return i >= 0 && i < rounding->n[axis] ? rounding->offsets[axis][i] : 0;
+}
+
+static void store_grid(const reel_loaded_block *block, const int32_t *order,
+                       const double *placement, uint32_t stored, const int32_t *units,
+                       uint64_t n_items, uint32_t size, void *out) {
     for (uint64_t i = 0; i < n_items; i++) {
-        const int32_t *item = units + 3 * (uint64_t)state->items.order[i];
+        const int32_t *item = units + 3 * (uint64_t)order[i];
         for (uint32_t axis = 0; axis < 3; axis++) {
-            double value = (double)item[axis] * state->current.group.grid;
+            double value = (double)item[axis] * block->group.grid;
             value = value * placement[0] + placement[1 + axis];
-            value = stored == 4 ? (double)(float)value : value;
-            put_number(out, size, 3 * i + axis, value);
+            double number;
+            put_float_after(&number, stored, 0, value,
+                            rounding_at(&block->rounding, axis, item[axis]));
+            put_number(out, size, 3 * i + axis, number_at(&number, stored, 0));
         }
     }
 }
@@ -129,7 +160,7 @@ static void store_exact(const meshreel_decoder *decoder, const reel_track_state 
     uint64_t n_items = state->items.graph.n_items;
     uint32_t stored = outline->number_bytes;
     if (state->current.group.grid > 0.0) {
-        store_grid(state, outline->placement, stored,
+        store_grid(&state->current, state->items.order, outline->placement, stored,
                    (const int32_t *)state->current.exact + 3 * n_items * frame, n_items, size, out);
         return;
     }
@@ -233,31 +264,6 @@ static double difference(const position_window *p, uint32_t kind, uint64_t frame
     return (coordinate(p, frame + 1, i) - coordinate(p, frame - 1, i)) / 2.0;
 }
 
-/* Index of a float in the order of its type, and back. */
-static int64_t float_index(double value, uint32_t size) {
-    if (size == 4) {
-        float single = (float)value;
-        int32_t bits;
-        reel_copy(&bits, &single, sizeof bits);
-        return bits >= 0 ? bits : -((int64_t)1 << 31) - 1 - bits;
-    }
-    int64_t bits;
-    reel_copy(&bits, &value, sizeof bits);
-    return bits ^ ((bits >> 63) & INT64_MAX);
-}
-
-static void put_float_at(void *numbers, uint32_t size, uint64_t i, uint64_t index) {
-    if (size == 4) {
-        int32_t bits = (int32_t)(uint32_t)index;
-        bits ^= (bits >> 31) & INT32_MAX;
-        reel_copy((uint8_t *)numbers + 4 * i, &bits, sizeof bits);
-    } else {
-        int64_t bits = (int64_t)index;
-        bits ^= (bits >> 63) & INT64_MAX;
-        reel_copy((uint8_t *)numbers + 8 * i, &bits, sizeof bits);
-    }
-}
-
 static bool is_number(double value, uint32_t size) {
     if (size == 4) {
         float single = (float)value;
@@ -272,7 +278,7 @@ static void put_difference(const reel_track_state *state, uint32_t size, uint64_
     expected = is_number(expected, size) ? expected : 0.0;
     int64_t difference_value = size == 4 ? ((const int32_t *)state->current.exact)[decoded]
                                          : ((const int64_t *)state->current.exact)[decoded];
-    put_float_at(out, size, i, (uint64_t)float_index(expected, size) + (uint64_t)difference_value);
+    put_float_after(out, size, i, expected, difference_value);
 }
 
 static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_state *state,

@@ -35,6 +35,7 @@ class Section(IntEnum):
     VALUES = 24
     MISSING = 25
     ANCHOR_RESIDUALS = 26
+    ROUNDING = 27
     ERROR_BOUND = OPTIONAL | 1
     INDEX = OPTIONAL | 2
     POLYGONS = OPTIONAL | 3

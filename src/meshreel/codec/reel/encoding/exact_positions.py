@@ -13,13 +13,16 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
+from meshreel.codec.reel.encoding.stored_grid import on_stored_grid
 from meshreel.codec.reel.encoding.tracks import encode_tracks, live_track_coders
-from meshreel.codec.reel.normative.blocks import write_exact_positions
+from meshreel.codec.reel.normative.blocks import write_exact_positions, write_grid_frame
+from meshreel.codec.reel.normative.grid import PositionGrid
 from meshreel.codec.source import CodedMesh, Piece, Source
 from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import SolverError
 from meshreel.kernel.exact import decode_exact
 from meshreel.kernel.mesh import Neighbors, neighbors
+from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.sequence import Faces
 from meshreel.model.tracks import Track
 from meshreel.runtime.engine.engine import Engine
@@ -76,7 +79,18 @@ class PositionCoder(ABC):
 
 @dataclass(frozen=True)
 class ExactPositionCoder(PositionCoder):
-    """Encodes blocks of positions losslessly."""
+    """Encodes blocks of positions losslessly.
+
+    Attributes
+    ----------
+    twins : int32 array of shape (3 M,), optional
+        The other side at the edge of each side, or the side itself. Needed with `grid`.
+    grid : PositionGrid, optional
+        The grid on which a quantizer left the only frame.
+    """
+
+    twins: npt.NDArray[np.int32] | None = None
+    grid: PositionGrid | None = None
 
     @property
     def is_exact(self) -> bool:
@@ -98,7 +112,19 @@ class ExactPositionCoder(PositionCoder):
                 "positions do not come back bit for bit; nothing is written; please report this "
                 "sequence"
             )
-        return [block, values]
+        exact = [block, values]
+        on_grid = self._on_grid(vertices)
+        return exact if on_grid is None else min(exact, on_grid, key=_size_bytes)
+
+    def _on_grid(self, vertices: Vertices) -> list[tuple[Section, bytes]] | None:
+        """Encode the frame on its grid, with the rounding of its values."""
+        if self.grid is None or self.twins is None:
+            return None
+        coordinates = self.grid.coordinates(vertices)
+        rounding = self.grid.rounding(coordinates, vertices)
+        if rounding is None or np.abs(coordinates).max() > MAX_VALUE:
+            return None
+        return write_grid_frame(coordinates, self.grid.step, self.faces, self.twins, rounding)
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
@@ -120,7 +146,14 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     """
     source = replace(source, tracks=encode_tracks(source, progress))
     coder = ExactPositionCoder(source.mesh.faces, source.mesh.n_verts)
+    if source.n_frames == 1 and (found := on_stored_grid(source)):
+        source, grid = found
+        coder = replace(coder, twins=source.mesh.twins, grid=grid)
     return stream_of(source, coder, progress, engine)
+
+
+def _size_bytes(sections: list[tuple[Section, bytes]]) -> int:
+    return sum(len(payload) for _, payload in sections)
 
 
 def stream_of(

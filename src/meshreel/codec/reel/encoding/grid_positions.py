@@ -16,7 +16,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_coder import largest_rounding
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
-from meshreel.codec.reel.encoding.stored_grid import stored_grid
+from meshreel.codec.reel.encoding.stored_grid import on_stored_grid
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_frame, write_grid_positions
@@ -39,6 +39,10 @@ SLACK = 1e-5
 """Share of a bound that is reserved for rounding in double precision."""
 
 
+MAX_ROUNDING_BYTES = 1 / 16
+"""Size of a rounding per number of a frame, above which positions are not exact."""
+
+
 @dataclass(frozen=True)
 class GridPositionCoder(PositionCoder):
     """Codes blocks of positions on a grid, or losslessly.
@@ -50,11 +54,14 @@ class GridPositionCoder(PositionCoder):
     grid : PositionGrid
     bound : float or None
         Largest error of a position, in diagonals; None guarantees nothing.
+    is_stored : bool
+        Whether a quantizer left the only frame on this grid, so that it may be exact.
     """
 
     twins: npt.NDArray[np.int32]
     grid: PositionGrid
     bound: float | None
+    is_stored: bool = False
 
     @property
     def is_exact(self) -> bool:
@@ -74,7 +81,10 @@ class GridPositionCoder(PositionCoder):
         coordinates = self.grid.coordinates(vertices)
         meets_bound = self._meets_bound(coordinates, vertices)
         if len(vertices) == 1 and meets_bound and np.abs(coordinates).max() <= MAX_VALUE:
-            return write_grid_frame(coordinates, self.grid.step, self.faces, self.twins)
+            rounding = self.grid.rounding(coordinates, vertices) if self.is_stored else None
+            if rounding and len(rounding) > vertices.size * MAX_ROUNDING_BYTES:
+                rounding = None
+            return write_grid_frame(coordinates, self.grid.step, self.faces, self.twins, rounding)
         exact = write_grid_positions(vertices, NO_GRID, self.graph)
         if len(vertices) == 1 or not meets_bound:
             return exact
@@ -161,11 +171,7 @@ def encode_frame(source: Source, progress: Progress, step: float | None) -> byte
     InvalidInputError
         If a bound cannot be guaranteed.
     """
-    changes: dict[str, Any] = {"method": "grid", "block_frames": None}
-    if step is not None:
-        changes |= {kind.value: None for kind in TargetKind} | {"step": _allowed(step)}
-    config = replace(source.config, **changes)
-    return encode(replace(source, config=config), progress, None)
+    return encode(_of_one_frame(source, step), progress, None)
 
 
 def frame_error(source: Source, vertices: Vertices, step: float) -> float:
@@ -201,6 +207,24 @@ def encode_on_grid(source: Source, progress: Progress, engine: Engine | None) ->
     return _encoded(replace(source, config=config), progress, engine)
 
 
+def encode_on_stored_grid(source: Source, progress: Progress) -> bytes | None:
+    """Return a stream of one frame of `reel` on the grid of its quantizer; None without one."""
+    found = on_stored_grid(source) if source.n_frames == 1 and _takes_grid(source.config) else None
+    if found is None:
+        return None
+    moved, grid = found
+    coder = replace(step_coder(moved.mesh, moved.frame, grid.step), is_stored=True)
+    return stream_of(_of_one_frame(moved, grid.step), coder, progress, None)
+
+
+def _of_one_frame(source: Source, step: float | None) -> Source:
+    """Return the source with the method `grid`, and a step in diagonals unless that is None."""
+    changes: dict[str, Any] = {"method": "grid", "block_frames": None}
+    if step is not None:
+        changes |= {kind.value: None for kind in TargetKind} | {"step": _allowed(step)}
+    return replace(source, config=replace(source.config, **changes))
+
+
 def _allowed(step: float) -> float:
     """Limit a step in diagonals to those of the format and its coordinates."""
     return min(max(step, 1.0 / MAX_COORDINATE), 1.0)
@@ -216,12 +240,11 @@ def _encoded(source: Source, progress: Progress, engine: Engine | None) -> bytes
 
 def _on_stored_grid(source: Source, coder: GridPositionCoder) -> tuple[Source, GridPositionCoder]:
     """Return both for the grid on which a frame lies, if that is coarser and meets the bound."""
-    frame = source.sequence.read(0, 1)
-    found = stored_grid(frame[0])
-    if found is None or found[0] <= coder.grid.step * source.frame.scale:
+    found = on_stored_grid(source)
+    if found is None or found[1].step <= coder.grid.step:
         return source, coder
-    step, origin = found
-    moved = replace(source, origin=origin)
-    stored = replace(coder, grid=PositionGrid(step / moved.frame.scale, moved.frame))
-    meets_bound = stored._meets_bound(stored.grid.coordinates(frame), frame)
+    moved, grid = found
+    stored = replace(coder, grid=grid, is_stored=True)
+    frame = source.sequence.read(0, 1)
+    meets_bound = stored._meets_bound(grid.coordinates(frame), frame)
     return (moved, stored) if meets_bound else (source, coder)

@@ -1,17 +1,35 @@
 """The grid on which a quantizer left positions, found through the rounding of floats and text."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.codec.reel.normative.grid import PositionGrid
+from meshreel.codec.source import Source
 
 MIN_STEP = 8
 """Smallest step of a grid, in tolerances; finer ones are the last digit of text."""
 
 TEXT_DIGITS = range(4, 8)
 """Significant digits that text may have left of a float."""
+
+
+def on_stored_grid(source: Source) -> tuple[Source, PositionGrid] | None:
+    """Return the grid of a source of one frame, and the source with its origin; None without one.
+
+    Parameters
+    ----------
+    source : Source
+    """
+    found = stored_grid(source.sequence.read(0, 1)[0])
+    if found is None:
+        return None
+    step, origin = found
+    moved = replace(source, origin=origin)
+    return moved, PositionGrid(step / moved.frame.scale, moved.frame)
 
 
 def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float, ...]] | None:
@@ -41,13 +59,16 @@ def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float,
 
 
 def _tolerance(values: npt.NDArray[np.floating]) -> float:
-    """Half a unit of the last digit of the largest value, plus roundings to the number type."""
+    """Half a unit of the last digit of the largest value, plus roundings to the number type.
+
+    Text was usually written from float32.
+    """
     largest = float(np.abs(values).max())
     rounding = 2.0 * float(np.finfo(values.dtype).eps) * largest
     for digits in TEXT_DIGITS:
         if all(values.dtype.type(f"{value:.{digits - 1}e}") == value for value in values):
             unit: float = 10.0 ** (np.floor(np.log10(largest or 1.0)) + 1 - digits)
-            return unit / 2 + rounding
+            return unit / 2 + 2.0 * float(np.finfo(np.float32).eps) * largest
     return rounding
 
 

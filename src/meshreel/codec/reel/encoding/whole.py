@@ -22,6 +22,7 @@ from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.grid_positions import (
     encode_frame,
     encode_on_grid,
+    encode_on_stored_grid,
     may_use_grid,
     suits_one_frame,
 )
@@ -82,9 +83,11 @@ def encode(
     if following is not None:
         step = sequence.step_for_tracks(following, step, bound)
     data = sequence.stream(step, bound)
-    other = None
+    other: bytes | None
     if bound is not None and may_use_grid(source, len(data)):
         other = encode_on_grid(source, progress, engine)
+    else:
+        other = encode_on_stored_grid(source, progress)
     if following is not None:
         data = following.stream(data)
     if other is not None:

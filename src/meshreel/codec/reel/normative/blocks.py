@@ -80,9 +80,13 @@ def write_grid_positions(
 
 
 def write_grid_frame(
-    values: Numbers, step: float, faces: Faces, twins: npt.NDArray[np.int32]
+    values: Numbers,
+    step: float,
+    faces: Faces,
+    twins: npt.NDArray[np.int32],
+    rounding: bytes | None = None,
 ) -> list[tuple[Section, bytes]]:
-    """Return the sections of a block of one frame of the method `grid`.
+    """Return the sections of a block of one frame on a grid.
 
     Parameters
     ----------
@@ -94,9 +98,12 @@ def write_grid_frame(
         In internal order.
     twins : int32 array of shape (3 M,)
         The other side at the edge of each side, or the side itself.
+    rounding : bytes or None
+        As of `PositionGrid.rounding`, so that positions are exact.
     """
     return [
         (Section.BLOCK, write_block_counts(1, 0)),
+        *([] if rounding is None else [(Section.ROUNDING, rounding)]),
         (Section.VALUES, write_step(step) + encode_on_surface(values[0], faces, twins)),
     ]
 

@@ -6,8 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.bitstream.container import write_varints
+from meshreel.codec.reel.normative.expected import places_of
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError
+from meshreel.kernel.integers import MAX_MAGNITUDE, encode_integers
 
 Vertices = npt.NDArray[np.floating]
 Coordinates = npt.NDArray[np.int32]
@@ -55,6 +58,36 @@ class PositionGrid:
                 f"{rounded.dtype}"
             )
         return rounded
+
+    def rounding(self, coordinates: Coordinates, vertices: Vertices) -> bytes | None:
+        """Encode how values at the coordinates were rounded, so that positions decode exactly.
+
+        Parameters
+        ----------
+        coordinates : int32 array of shape (T, V, 3)
+        vertices : float array of shape (T, V, 3)
+
+        Returns
+        -------
+        bytes or None
+            The payload of ROUNDING; None if an axis has two values at one coordinate, or more
+            coordinates than positions.
+        """
+        places = places_of(self.positions(coordinates, vertices.dtype)).astype(np.int64)
+        offsets = places_of(np.ascontiguousarray(vertices)) - places
+        if not -MAX_MAGNITUDE <= offsets.min() <= offsets.max() <= MAX_MAGNITUDE:
+            return None
+        lowest, rows = coordinates.min(axis=(0, 1)), []
+        for axis, low in enumerate(lowest):
+            at, of_axis = coordinates[..., axis].astype(np.int64) - low, offsets[..., axis]
+            if at.max() >= at.size:
+                return None
+            row = np.zeros(at.max() + 1, np.int64)
+            row[at] = of_axis
+            if not np.array_equal(row[at], of_axis):
+                return None
+            rows.append(row)
+        return write_varints(*map(len, rows)) + encode_integers([*lowest.reshape(3, 1), *rows])
 
 
 def write_step(step: float) -> bytes:
