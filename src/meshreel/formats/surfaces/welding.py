@@ -93,7 +93,7 @@ def weld_rows(blocks: Iterable[npt.NDArray[Any]]) -> tuple[Numbers, Numbers]:
 
 def _split(labels: Numbers, bits: npt.NDArray[np.unsignedinteger]) -> tuple[Numbers, Numbers]:
     """Split groups wherever `bits` differ; groups are numbered by their first row."""
-    order = np.lexsort((*bits.T[::-1], labels))
+    order = np.lexsort((*bits.T, labels))
     labels, bits = labels[order], bits[order]
     differs = (labels[1:] != labels[:-1]) | (bits[1:] != bits[:-1]).any(axis=1)
     new = np.concatenate([[True], differs])

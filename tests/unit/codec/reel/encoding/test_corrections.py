@@ -6,12 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from meshreel.codec.corrections import Corrections
+from meshreel.codec.reel.encoding import corrections as module
+from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.corrections import (
     FLOOR,
     allowed_error,
+    corrections_of_block,
     find_corrections,
     least_bound,
 )
+from meshreel.codec.subspace.trajectories import BoundingFrame
 
 
 def some_errors(n_frames=7, n_verts=11, size=1.0, seed=0):
@@ -87,6 +91,21 @@ def test_corrections_are_ordered_by_vertex_then_frame():
     corrections = find_corrections(some_errors(), 1.2, 0.0)
     places = corrections.vertices * 7 + corrections.frames
     assert np.all(np.diff(places) > 0)
+
+
+def test_corrections_found_in_several_passes_are_those_of_one(monkeypatch):
+    vertices = np.ascontiguousarray(some_errors().transpose(1, 2, 0))
+    block = BlockFrames(vertices, BoundingFrame((0.0, 0.0, 0.0), 1.0))
+
+    def at_origin(piece):
+        return np.zeros((3, piece.stop - piece.start, block.n_verts))
+
+    whole = corrections_of_block(block, at_origin, 1.2, 0.0)
+    assert 0 < len(whole.vertices) < block.n_frames * block.n_verts
+    monkeypatch.setattr(module, "MAX_POSITIONS_PER_PASS", 3 * block.n_verts)
+    parts = corrections_of_block(block, at_origin, 1.2, 0.0)
+    for name in ("vertices", "frames", "offsets"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
 
 
 def test_corrections_use_the_step_as_decoded():
