@@ -3,6 +3,7 @@
 import inspect
 import re
 from collections.abc import Callable
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,7 @@ class Command(click.Command):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse arguments; refuse misplaced outputs, split values, and addresses if unsupported."""
         from meshreel.app.cli.output_position import check_output_position
+        from meshreel.app.cli.standard_streams import STREAM_OPTIONS, refuse_standard_streams
         from meshreel.runtime.stores.address import refuse_address
 
         _refuse_split_values(ctx, args)
@@ -53,6 +55,8 @@ class Command(click.Command):
         if self.name not in WITH_ADDRESSES:
             for arg in args:
                 refuse_address(arg, f"every file of `meshreel {self.name}`")
+        if self.name not in STREAM_OPTIONS:
+            refuse_standard_streams(ctx, args)
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as error:
@@ -63,6 +67,13 @@ class Command(click.Command):
                     message = f"{error.message} Did you mean {meant!r}?"
                     raise click.UsageError(message, ctx) from None
             raise
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command, with ``-`` as standard input and output."""
+        from meshreel.app.cli.standard_streams import STREAM_OPTIONS, standard_streams
+
+        with standard_streams(ctx) if self.name in STREAM_OPTIONS else nullcontext():
+            return super().invoke(ctx)
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the help in panels."""
@@ -133,9 +144,12 @@ def command(function: Callable[..., Any]) -> click.Command:
 
     Its docstring is the help.
     """
-    from meshreel.app.cli.parameters import with_parameters
+    from meshreel.app.cli.parameters import click_option, with_parameters
+    from meshreel.app.cli.standard_streams import OPTIONS, STREAM_OPTIONS
 
+    name = function.__name__.removesuffix("_command")
     params, callback = with_parameters(function)
+    params += (click_option(OPTIONS[one], is_rare=True) for one in STREAM_OPTIONS.get(name, ()))
     n_rare = sum(getattr(param, "is_rare", False) for param in params)
     if len(params) > MAX_SHOWN and n_rare:
         text = f"Show this message with {n_rare} more options, and exit."
@@ -145,7 +159,6 @@ def command(function: Callable[..., Any]) -> click.Command:
                 help=text,
             )
         )  # fmt: skip
-    name = function.__name__.removesuffix("_command")
     return Command(name, params=params, callback=callback, help=inspect.getdoc(function))
 
 

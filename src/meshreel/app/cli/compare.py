@@ -18,7 +18,7 @@ def compare_command(
         Argument(
             "ORIGINAL",
             "A file that holds an animation (see `meshreel formats`), a frame file, a folder or a "
-            "quoted glob.",
+            "quoted glob. One of both may be - for standard input.",
         ),
     ],
     decoded: Annotated[str, Argument("DECODED", "A file or frames, as above.")],
@@ -51,6 +51,8 @@ def compare_command(
     - `meshreel compare frames/ decoded.npz --json`
 
     - `meshreel compare scan.abc remeshed.abc --surface --samples 200000`
+
+    - `meshreel compare walk.npz - < walk.reel`
     """
     from dataclasses import replace
 

@@ -32,7 +32,7 @@ def info_command(
             "FILE...",
             "A .reel or another animation file (see `meshreel formats`), a folder or a quoted glob "
             "of frames, or the frame files. Or an address (s3://, gs://, https://); of a .reel "
-            "only its index and section headers are downloaded.",
+            "only its index and section headers are downloaded. Or - for standard input.",
         ),
     ],
     reading: Annotated["ReadOptions", reading("fps", *MESHES, "topology", "dataset", "memory")],
@@ -50,6 +50,8 @@ def info_command(
     - `meshreel info shot.abc`
 
     - `meshreel info frames/ --json`
+
+    - `meshreel info - < walk.reel`
     """
     from dataclasses import replace
 
