@@ -254,3 +254,11 @@ def test_error_of_a_block_is_raised_when_the_next_one_is_complete():
     encoder.push(far[4])
     with pytest.raises(InvalidInputError, match="cannot be guaranteed"):
         encoder.close()
+
+
+@pytest.mark.parametrize("max_error", [1e-9, 1e-12])
+def test_bounds_finer_than_the_integers_of_a_stream_are_kept(max_error):
+    sequence = waving_grid(6, dtype=np.float64)
+    data = recorded(sequence, block_frames=3, max_error=max_error)
+    errors = np.linalg.norm(decode(data).vertices - sequence.vertices, axis=2)
+    assert errors.max() <= max_error / 100 * info(data).diagonal

@@ -203,3 +203,12 @@ def test_block_of_a_track_beyond_the_memory_limit_is_refused():
         reel.read(0, reel.n_frames)
         with pytest.raises(MemoryLimitError, match=r"would take .* MB .* may take 3 MB; "):
             reel.track("wide").read(0, 1)
+
+
+def test_bounds_finer_than_the_integers_of_a_stream_are_kept():
+    sheet = waving_grid(6)
+    values = np.random.default_rng(1).random((6, sheet.n_verts))
+    both = sheet.replace(tracks={"heat": Track(values)})
+    data = meshreel.encode(both, tracks={"heat": "1e-10%"})
+    decoded = meshreel.decode(data).tracks["heat"].values
+    assert 0 < np.abs(np.squeeze(decoded) - values).max() <= 1e-12 * np.ptp(values)

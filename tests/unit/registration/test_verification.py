@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.registration.triangle_mesh import TriangleMesh
-from meshreel.registration.verification import Tolerance, measure
+from meshreel.registration.verification import Tolerance, largest_patch, measure
 from samples.shapes import square
 
 
@@ -43,3 +43,13 @@ def test_separate_patches_do_not_add_up():
     vertices[vertices[:, 0] > 0.5, 2] = 0
     other = measure(TriangleMesh(vertices, faces), plane(n=41), Tolerance(0.05)).patch_area
     assert one == pytest.approx(other)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "area"), [([1, 0, 1, 0], 1.0), ([1, 1, 0, 1], 2.0), ([0, 0, 0, 0], 0.0)]
+)
+def test_patches_are_connected_by_chosen_faces_only(chosen, area):
+    """A strip of four triangles of area 1."""
+    vertices = np.array([[i // 2 * 2.0, i % 2, 0.0] for i in range(6)])
+    strip = TriangleMesh(vertices, np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]))
+    assert largest_patch(strip, np.array(chosen, bool)) == pytest.approx(area)

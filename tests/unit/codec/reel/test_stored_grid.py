@@ -23,7 +23,7 @@ SHEET = rough_sheet()
 
 
 def quantized(digits=None, dtype=np.float32):
-    """The sheet on a grid of 9 bits, without -0; if digits are given, from text of so many."""
+    """Return the sheet on a grid of 9 bits, without -0, optionally read from text of few digits."""
     step = np.ptp(SHEET.vertices) / 511
     values = (np.rint(SHEET.vertices / step) * step).astype(np.float32) + np.float32(0)
     if digits is not None:

@@ -174,13 +174,15 @@ def test_results_at_nodes_are_tracks(tmp_path):
     assert loaded.tracks["velocity"].kind == "velocity"
 
 
-def test_tables_of_particles_are_skipped(tmp_path):
+@pytest.mark.parametrize("version", [0, 3, 4])
+def test_tables_of_particles_are_skipped(tmp_path, version):
     """Two SPH particles with 3 values, and an airbag of 4 particles with 2 values."""
     model = sheet()
     model.part_ids, model.ten_nodes = (1,), ""
-    model.control |= {37: 2, 54: 1}
+    model.control |= {37: 2, 54: 1000 * version + 1}
     sph = [11, 1, 1, *[0] * 8]
     variables = [4, 2, 4, 2]  # of geometry, particles, their number, and of the bag in a state
+    variables += [1] * (version == 4)  # chambers
     model.more = (sph, variables, [1] * 8, [65] * 64)
     model.last = ([1, 1, 2, 1], [1, 4, 9, 1])
     states = [

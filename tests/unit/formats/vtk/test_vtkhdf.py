@@ -207,6 +207,17 @@ def test_load_joins_partitions(tmp_path):
 
 
 @pytest.mark.slow
+def test_load_joins_partitions_of_a_file_without_steps(tmp_path):
+    points = np.random.default_rng(0).random((1, 8, 3), np.float32)
+    corners = [0, 1, 2, 0, 1, 2, 3, 3, 2, 1]
+    path = store_grid(tmp_path / "a.vtkhdf", points, [5, 9, 5], [[3, 4], [3]], corners)
+    with h5py.File(path, "r+") as file:
+        del file["VTKHDF/Steps"]
+    loaded = load(path)
+    assert loaded.vertices.tobytes() == points.tobytes()
+    assert loaded.surface.face_sizes.tolist() == [3, 4, 3]
+
+
 def test_load_lists_the_blocks_of_a_collection(tmp_path):
     sequence = surfaced_sequence()
     [path] = save(sequence, tmp_path / "a.vtkhdf")

@@ -78,6 +78,16 @@ def test_position_follows_seek_and_read(address):
     assert file.seek(-20) == 0
 
 
+def test_another_process_opens_the_remote_file_again(address, monkeypatch):
+    file, connections = RangedFile(address), []
+    connect = file._connect
+    monkeypatch.setattr(file, "_connect", lambda: (connections.append(1), connect()))
+    assert (requests_of(file, *FIRST), len(connections)) == (1, 0)
+    monkeypatch.setattr("os.getpid", lambda: -1)
+    assert (requests_of(file, *SECOND), len(connections)) == (1, 1)
+    assert (requests_of(file, *THIRD), len(connections)) == (1, 1)
+
+
 def test_close_releases_the_remote_file(address, monkeypatch):
     closed = []
     file = RangedFile(address)
