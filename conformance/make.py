@@ -1086,16 +1086,11 @@ REFUSED["basis_after_coefficients"] = partial(with_section, 3, 4, 3, n_replaced=
 no_rounding = write_varints(0, 0, 0) + encode_integers(
     [np.zeros(1, int)] * 3 + [np.zeros(0, int)] * 3
 )
-for reason, payload in {
-    "missing": b"",
-    "short": no_rounding[:2],
-    "longer_than_the_mesh": write_varints(211, 0, 0) + no_rounding[3:],
-}.items():
-    REFUSED[f"rounding_{reason}"] = partial(
-        *(with_section, 3, (Section.ROUNDING, payload)),
-        of=STREAMS["lossless_rounded"],
-        n_replaced=1,
-    )
+REFUSED["rounding_longer_than_the_mesh"] = partial(
+    *(with_section, 3, (Section.ROUNDING, write_varints(211, 0, 0) + no_rounding[3:])),
+    of=STREAMS["lossless_rounded"],
+    n_replaced=1,
+)
 REFUSED["rounding_of_modes"] = partial(with_section, 2, (Section.ROUNDING, no_rounding))
 REFUSED["rounding_without_grid"] = partial(
     *(with_section, 3, (Section.ROUNDING, no_rounding), (Section.VALUES, bytes(24))),
