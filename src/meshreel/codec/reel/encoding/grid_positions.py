@@ -80,10 +80,11 @@ class GridPositionCoder(PositionCoder):
         """
         coordinates = self.grid.coordinates(vertices)
         meets_bound = self._meets_bound(coordinates, vertices)
-        if len(vertices) == 1 and meets_bound and np.abs(coordinates).max() <= MAX_VALUE:
-            rounding = self.grid.rounding(coordinates, vertices) if self.is_stored else None
-            if rounding and len(rounding) > vertices.size * MAX_ROUNDING_BYTES:
-                rounding = None
+        rounding = self.grid.rounding(coordinates, vertices) if self.is_stored else None
+        if rounding and meets_bound and len(rounding) > vertices.size * MAX_ROUNDING_BYTES:
+            rounding = None
+        is_precise = meets_bound or rounding is not None
+        if len(vertices) == 1 and is_precise and np.abs(coordinates).max() <= MAX_VALUE:
             return write_grid_frame(coordinates, self.grid.step, self.faces, self.twins, rounding)
         exact = write_grid_positions(vertices, NO_GRID, self.graph)
         if len(vertices) == 1 or not meets_bound:
@@ -246,5 +247,6 @@ def _on_stored_grid(source: Source, coder: GridPositionCoder) -> tuple[Source, G
     moved, grid = found
     stored = replace(coder, grid=grid, is_stored=True)
     frame = source.sequence.read(0, 1)
-    meets_bound = stored._meets_bound(grid.coordinates(frame), frame)
-    return (moved, stored) if meets_bound else (source, coder)
+    coordinates = grid.coordinates(frame)
+    is_precise = stored._meets_bound(coordinates, frame) or grid.rounding(coordinates, frame)
+    return (moved, stored) if is_precise else (source, coder)
