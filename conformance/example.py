@@ -13,7 +13,7 @@ from conformance.fields import FieldReader
 from conformance.hierarchy import passes_of, resolutions_of
 
 HEADER = (
-    *(("magic", 8), ("version", 2), ("frames", 4), ("vertices", 4), ("faces", 4), ("fps", 8)),
+    *(("magic", 8), ("version", 2), ("frames, vertices, faces", 12), ("fps", 8)),
     *(("vertex type, method, Laplacian, order", 4), ("origin", 24), ("scale", 8)),
     *(("name length", 2), ("checksum", 4)),
 )

@@ -59,10 +59,14 @@ def offset(prediction, by, letter):
         rounded = struct.unpack("<" + letter, struct.pack("<" + letter, prediction))[0]
     except OverflowError:
         rounded = math.inf
-    (bits,) = struct.unpack(INTEGERS[letter], struct.pack("<" + letter, rounded))
+    return float_after(rounded if math.isfinite(rounded) else 0.0, by, letter)
+
+
+def float_after(number, by, letter):
+    """Return the float whose ordinal is `by` after that of a number of its type, modulo all."""
+    (bits,) = struct.unpack(INTEGERS[letter], struct.pack("<" + letter, number))
     half = 2 ** (8 * struct.calcsize("<" + letter) - 1)
-    ordinal = flipped(bits if math.isfinite(rounded) else 0, half)
-    ordinal = (ordinal + by + half) % (2 * half) - half
+    ordinal = (flipped(bits, half) + by + half) % (2 * half) - half
     return float_of(flipped(ordinal, half), letter)
 
 

@@ -428,7 +428,7 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
         numbers.append(single(value) if placed.number_type == 4 else value)
         offset = offsets[i % 3].get(n, 0) if offsets else 0
         if offset:
-            numbers[i] = moved_float(numbers[i], offset, LETTERS[placed.number_type])
+            numbers[i] = predicted.float_after(numbers[i], offset, LETTERS[placed.number_type])
     need(all(map(math.isfinite, numbers)), "positions are not finite")
     return block, numbers
 
@@ -445,16 +445,6 @@ def read_rounding(payload, n_positions):
         {low + i: offset for i, offset in enumerate(row)}
         for (low,), row in zip(lowest, (x, y, z), strict=True)
     ]
-
-
-def moved_float(number, offset, letter):
-    """Return the float whose integer, as in "Patterns", is greater by an offset."""
-    size = struct.calcsize(letter)
-    sign, every = 1 << (8 * size - 1), (1 << 8 * size) - 1
-    bits = int.from_bytes(struct.pack("<" + letter, number), "little")
-    place = (~bits & every if bits & sign else bits | sign) + offset & every
-    bits = place ^ sign if place & sign else ~place & every
-    return struct.unpack("<" + letter, bits.to_bytes(size, "little"))[0]
 
 
 def without_missing(values, group, shape, items):

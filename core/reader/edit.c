@@ -190,8 +190,8 @@ int reel_read_edited_mesh(reel_call *call, reel_pool *pool, const reel_outline *
     REEL_TRY(reel_finish_order(call, order));
     REEL_TRY(apply_edit(call, outline, &base, reel_order_corners(order), mesh));
     reel_drop_scratch(call, mark);
-    return outline->method == REEL_METHOD_REEL
-               ? MESHREEL_OK
-               : reel_find_twins(call, pool, mesh->internal_faces, outline->n_faces,
-                                 outline->n_verts, &mesh->twins);
+    return reel_may_be_on_grid(outline)
+               ? reel_find_twins(call, pool, mesh->internal_faces, outline->n_faces,
+                                 outline->n_verts, &mesh->twins)
+               : MESHREEL_OK;
 }

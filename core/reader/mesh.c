@@ -40,7 +40,7 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
     REEL_CORRUPT_IF(reel_count_sections(outline, REEL_CONNECTIVITY, &coded) != 1, outline->begin,
                     "there is not exactly one section CONNECTIVITY");
     mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
-    bool may_be_on_grid = outline->method > REEL_METHOD_REEL;
+    bool may_be_on_grid = reel_may_be_on_grid(outline);
     if (may_be_on_grid) {
         mesh->twins = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
     }
@@ -60,9 +60,8 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
 
 int reel_find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
                     reel_mesh_data *mesh) {
-    bool may_be_on_grid = outline->method > REEL_METHOD_REEL;
     mesh->graph = (reel_graph){.n_items = (uint32_t)outline->n_verts};
-    return may_be_on_grid && outline->longest == 1 && outline->n_tracks == 1
+    return reel_may_be_on_grid(outline) && outline->longest == 1 && outline->n_tracks == 1
                ? MESHREEL_OK
                : reel_find_neighbors(call, pool, mesh->internal_faces, outline->n_faces,
                                      (uint32_t)outline->n_verts, &mesh->graph);

@@ -25,8 +25,13 @@ typedef struct {
 int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
                              reel_mesh_data *mesh);
 
-/* Find the neighbors of vertices. Single frames on a grid do not need them: then `starts` is
-   NULL. */
+/* Whether blocks of positions may be on a grid, whose single frames need twins. */
+REEL_INLINE bool reel_may_be_on_grid(const reel_outline *outline) {
+    return outline->method == REEL_METHOD_LOSSLESS || outline->method == REEL_METHOD_GRID;
+}
+
+/* Find the neighbors of vertices. Single frames that may be on a grid wait for their block, which
+   may not need them: then `starts` is NULL. */
 int reel_find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
                     reel_mesh_data *mesh);
 
