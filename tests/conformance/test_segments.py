@@ -1,5 +1,7 @@
 """Streams of several segments: contents, refusals, and the C library."""
 
+from itertools import chain
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,8 @@ from conformance import segments
 from conformance.bits import DamagedError
 from conformance.by_core import read_all_by_core, reported_by_core
 from conformance.check import differences
+from conformance.container import read_container
+from conformance.edit import read_mesh
 from conformance.reader import read_all
 from conformance.segments import (
     FOLDER,
@@ -16,6 +20,7 @@ from conformance.segments import (
     of_one_look,
     one_frame_each,
     returning,
+    with_edit,
     without_end,
 )
 from meshreel.codec.bitstream.container import write_header
@@ -83,6 +88,79 @@ def test_segments_equal_the_joined_streams():
     data = join_streams(streams)
     assert everything_of(data) == list(map(bits_of, streams))
     assert everything_of(stored("two_meshes_no_index")) == everything_of(data)
+
+
+VERTEX_ROWS = ("verts_kept", "verts_dropped", "verts_new")
+FACE_ROWS = ("kept", "dropped", "new")
+EDITS = {
+    "every kind of step": {
+        "verts_kept": [5, 1],
+        "verts_dropped": [0, 1],
+        "verts_new": [0, 1],
+        "kept": [3, 2, 1],
+        "dropped": [1, 1, 2],
+        "new": [0, 2, 2],
+        "corners": [0, 7, -1, 0, -6, 1, 0, 1, 5, 0, -7, 1],
+    },
+    "all faces anew": {
+        "kept": [0],
+        "dropped": [12],
+        "new": [12],
+        "corners": [7, -7, 1, *33 * [0]],
+    },
+    "as many steps as allowed": {
+        **{name: 16 * [0] for name in VERTEX_ROWS},
+        **{name: 24 * [0] for name in FACE_ROWS},
+    },
+}
+"""Edits of a box of 8 vertices and 12 faces that lead to a mesh of as many."""
+
+
+def edit_with(rows, numbers=(8, 12)):
+    """Return the edit of a box with these rows; the counts of steps and faces follow from them."""
+    n_steps = (len(rows.get(names[0], ())) for names in (VERTEX_ROWS, FACE_ROWS))
+    return with_edit(*numbers, *n_steps, len(rows.get("corners", ())) // 3, **rows)
+
+
+def one_off(rows):
+    """Yield the rows with one number 1 smaller, 1 larger or huge, and with a step more."""
+    for name, row in rows.items():
+        for index in range(len(row)):
+            for number in (row[index] - 1, row[index] + 1, 1 << 30):
+                yield rows | {name: [*row[:index], number, *row[index + 1 :]]}
+    for names in (VERTEX_ROWS, FACE_ROWS):
+        yield rows | {name: [*rows.get(name, ()), 0] for name in names}
+
+
+def plain_mesh(data):
+    """Return internal faces, output faces and order, or None if the plain reader refuses them."""
+    try:
+        internal, _, order, faces = read_mesh(read_container(data))
+    except DamagedError:
+        return None
+    return list(map(list, internal)), list(map(list, faces)), order
+
+
+def mesh_of_core(data):
+    """Return the same as `plain_mesh`, from the core."""
+    try:
+        opened = whole_stream(data)
+        return opened.internal_faces.tolist(), opened.faces.tolist(), opened.order.tolist()
+    except CorruptStreamError:
+        return None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EDITS)
+def test_readers_agree_on_edits_whose_numbers_are_one_off(name):
+    """The bounds of an edit: the core refuses what the plain reader refuses, and nothing else."""
+    meshes_read = []
+    for rows in chain([EDITS[name]], one_off(EDITS[name])):
+        data = edit_with(rows)
+        meshes_read.append(plain_mesh(data))
+        assert mesh_of_core(data) == meshes_read[-1], rows
+    assert meshes_read[0] is not None
+    assert None in meshes_read[1:]
 
 
 @pytest.mark.slow

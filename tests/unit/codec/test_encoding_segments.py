@@ -275,3 +275,30 @@ def test_kg_error_of_all_frames_meets_the_target_with_little_memory_too(sequence
     assert 0.4 < kg_error(sequence, data) <= 0.5
     monkeypatch.setattr(whole, "CACHED_POSITION_BYTES", 1 << 30)
     assert meshreel.encode(sequence, kg=0.5, memory="1GB") == data
+
+
+@pytest.mark.parametrize(("share", "n_readings"), [(0.99, 1), (1.01, None)])
+def test_segments_are_cached_in_half_of_the_memory(share, n_readings, sequence, monkeypatch):
+    """All trials of a step share one reading if the blocks fit, else each reads again."""
+    read, readings, limit = segments._searches, [], 2e9
+
+    def searches(sources):
+        readings.append(len(sources))
+        return read(sources)
+
+    n_positions = sum(one.n_frames * one.n_verts for one in sequence.segments)
+    monkeypatch.setattr(whole, "CACHED_POSITION_BYTES", share * limit / 2 / n_positions)
+    monkeypatch.setattr(segments, "_searches", searches)
+    meshreel.encode(sequence, kg=0.5, memory=f"{limit:.0f}B")
+    assert readings == n_readings * [3] if n_readings else len(readings) > 2
+
+
+def test_blocks_are_cached_in_half_of_the_memory(monkeypatch):
+    """STED compares frames of different blocks, so it is refused if they are not kept."""
+    n_positions, limit = GRID.n_frames * GRID.n_verts, 2e9
+    options = {"sted": 1.0, "block_frames": 3, "memory": f"{limit:.0f}B"}
+    monkeypatch.setattr(whole, "CACHED_POSITION_BYTES", 0.99 * limit / 2 / n_positions)
+    assert len(meshreel.decode(meshreel.encode(GRID, **options))) == GRID.n_frames
+    monkeypatch.setattr(whole, "CACHED_POSITION_BYTES", 1.01 * limit / 2 / n_positions)
+    with pytest.raises(InvalidInputError, match="do not fit into the memory allowed"):
+        meshreel.encode(GRID, **options)
