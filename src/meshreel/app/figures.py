@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from meshreel.runtime.counting import counted, size_text
+from meshreel.runtime.counting import change_text, counted, size_text
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.measuring import Measured
@@ -43,7 +43,7 @@ def size_rows(stream: "StreamInfo", n_meshes: int | None = None) -> dict[str, st
         "method": method_text(stream),
         "raw": size_text(stream.raw_size_bytes),
         "file": size_text(stream.size_bytes),
-        "ratio": f"{stream.ratio:.1f} x smaller",
+        "ratio": change_text(stream.raw_size_bytes, stream.size_bytes),
         "rate": f"{stream.rate_bpvf:.3f} bits per vertex and frame",
     }
 

@@ -18,6 +18,7 @@ from meshreel.model.surface_description import (
     describe_materials,
 )
 from meshreel.model.tracks import TrackKind
+from meshreel.runtime.counting import change_text, counted
 
 CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.EDIT, Section.REFERENCE)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.ERROR_BOUND)
@@ -187,11 +188,13 @@ class StreamInfo:
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
         cut = "" if self.is_whole else ", cut off"
+        change = change_text(self.raw_size_bytes, self.size_bytes)
         several = f" in {len(self.segments)} segments" if len(self.segments) > 1 else ""
         return (
-            f"<StreamInfo{name}: {self.n_frames} frames{several}, {self.n_verts} vertices, "
-            f"{self.n_faces} faces, {self.fps:g} fps, {self.vertex_type}; {self.method}, "
-            f"{self.size_bytes} bytes, {self.ratio:.1f} x smaller, {self.rate_bpvf:.3g} bpvf{cut}>"
+            f"<StreamInfo{name}: {counted(self.n_frames, 'frame')}{several}, "
+            f"{counted(self.n_verts, 'vertex')}, {counted(self.n_faces, 'face')}, "
+            f"{self.fps:g} fps, {self.vertex_type}; {self.method}, "
+            f"{self.size_bytes} bytes, {change}, {self.rate_bpvf:.3g} bpvf{cut}>"
         )
 
     def as_dict(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 from meshreel.metrics.surface_distance import point_psnr_db
 from meshreel.model.sequence import MeshFrame, Segmented
 from meshreel.registration.register import Distances, Registration
-from meshreel.runtime.counting import counted, size_text
+from meshreel.runtime.counting import change_text, counted, size_text
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import in_threads
 
@@ -85,7 +85,7 @@ class Report:
         return {
             "raw": f"{size_text(raw.raw_size_bytes)} in {counted(raw.n_segments, 'segment')}",
             "ratio": (
-                f"{raw.raw_size_bytes / size_bytes:.1f} x smaller, in "
+                f"{change_text(raw.raw_size_bytes, size_bytes)}, in "
                 f"{counted(registered.n_segments, 'segment')}"
             ),
             "tolerance": (

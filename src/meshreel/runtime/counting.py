@@ -39,6 +39,13 @@ def size_text(size_bytes: float) -> str:
     return f"{size_bytes:.3g} {SIZE_UNITS[unit]}"
 
 
+def change_text(before: float, after: float) -> str:
+    """A change of a positive size: from 460 to 100 bytes gives '4.6 x smaller'."""
+    if 0 < before < after:
+        return f"{after / before:.1f} x larger"
+    return f"{before / after:.1f} x smaller"
+
+
 def duration_text(seconds: float) -> str:
     """A duration in seconds, minutes or hours: 150 gives '2 minutes'."""
     if seconds < 120:

@@ -2,7 +2,14 @@
 
 import pytest
 
-from meshreel.runtime.counting import counted, duration_text, plural, singular, size_text
+from meshreel.runtime.counting import (
+    change_text,
+    counted,
+    duration_text,
+    plural,
+    singular,
+    size_text,
+)
 
 NOUNS = ["frame", "vertex", "mesh", "morph target", "face", "entry", "frequency"]
 
@@ -41,3 +48,16 @@ def test_sizes_use_the_unit_with_the_fewest_digits(size_bytes, text):
 )
 def test_durations_have_a_unit_that_fits(seconds, text):
     assert duration_text(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "text"),
+    [
+        (460, 100, "4.6 x smaller"),
+        (100, 100, "1.0 x smaller"),
+        (90, 180, "2.0 x larger"),
+        (0, 40, "0.0 x smaller"),
+    ],
+)
+def test_change_is_smaller_or_larger(before, after, text):
+    assert change_text(before, after) == text

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshreel.codec.config import EncoderConfig
-from meshreel.runtime.counting import size_text
+from meshreel.runtime.counting import change_text, size_text
 
 if TYPE_CHECKING:
     from meshreel.app.encoding import Encoded
@@ -58,8 +58,7 @@ class EncodedFile:
         if not self.input_bytes:
             return {}
         size, raw = self.encoded.stream.size_bytes, self.encoded.stream.raw_size_bytes
-        ratio = self.input_bytes / size
-        change = f"{ratio:.1f} x smaller" if ratio >= 1 else f"{1 / ratio:.1f} x larger"
+        change = change_text(self.input_bytes, size)
         rows = {"size": f"{size_text(self.input_bytes)} -> {size_text(size)}, {change}"}
         if self.input_bytes < MAX_COMPACT_SHARE * raw:
             rows["input"] = "compact already: it stores less than all positions of all frames"
