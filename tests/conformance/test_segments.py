@@ -1,7 +1,5 @@
 """Streams of several segments: contents, refusals, and the C library."""
 
-from itertools import chain
-
 import numpy as np
 import pytest
 
@@ -116,10 +114,10 @@ EDITS = {
 """Edits of a box of 8 vertices and 12 faces that lead to a mesh of as many."""
 
 
-def edit_with(rows, numbers=(8, 12)):
+def edit_with(rows):
     """Return the edit of a box with these rows; the counts of steps and faces follow from them."""
     n_steps = (len(rows.get(names[0], ())) for names in (VERTEX_ROWS, FACE_ROWS))
-    return with_edit(*numbers, *n_steps, len(rows.get("corners", ())) // 3, **rows)
+    return with_edit(8, 12, *n_steps, len(rows.get("corners", ())) // 3, **rows)
 
 
 def one_off(rows):
@@ -155,7 +153,7 @@ def mesh_of_core(data):
 def test_readers_agree_on_edits_whose_numbers_are_one_off(name):
     """The bounds of an edit: the core refuses what the plain reader refuses, and nothing else."""
     meshes_read = []
-    for rows in chain([EDITS[name]], one_off(EDITS[name])):
+    for rows in (EDITS[name], *one_off(EDITS[name])):
         data = edit_with(rows)
         meshes_read.append(plain_mesh(data))
         assert mesh_of_core(data) == meshes_read[-1], rows
