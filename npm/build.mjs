@@ -85,7 +85,7 @@ async function shrinkFile(path, isReadable) {
 const shrinkTexts = {
   name: "shrink texts",
   setup(bundler) {
-    const filter = /src[\\/](webgl[\\/]surface_shader|three[\\/]gpu[\\/]\w+|player[\\/]style_sheet|page[\\/]shading[\\/]\w+)\.ts$/;
+    const filter = /src[\\/](webgl[\\/]surface_shader|three[\\/]gpu[\\/]\w+|player[\\/](style_sheet|contact_shadow)|page[\\/]shading[\\/]\w+)\.ts$/;
     bundler.onLoad({ filter }, ({ path }) => {
       const shrinkLine = (line) => (line.startsWith("#") ? line : line.replace(/ *([=*/<>,;{}?|&]) */g, "$1"));
       const shrinkText = (text) => {

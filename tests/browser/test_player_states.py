@@ -381,6 +381,19 @@ def test_metals_have_something_to_reflect(shown):
     assert (red - blue).mean() > 20
 
 
+def test_models_have_a_soft_shadow_on_the_floor(shown):
+    page = shown(
+        '<reel-player src="/flag.reel" up="z" camera-orbit="0deg 70deg auto"></reel-player>'
+    )
+    settled(page)
+    seen = picture(page)
+    shadow = seen[(np.ptp(seen, axis=2) < 3) & (seen[..., 0] < 250)]  # the flag is bluish
+    assert 0.01 < len(shadow) / seen[..., 0].size < 0.3
+    assert 60 < shadow.min() < 235
+    levels = np.unique(shadow)
+    assert len(levels) > (levels[-1] - levels[0]) / 2  # fades out
+
+
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "web.md"
 
 

@@ -1,6 +1,7 @@
 // The camera of a player and its controls.
 
 import { PerspectiveCamera, Vector3 } from "../webgl/index.js";
+import { boundsOf } from "./framing.js";
 import { type CameraOrbit, MIN_PHI, OrbitControls, sphericalAround } from "./orbit_controls.js";
 import type { CameraSettings } from "./settings.js";
 
@@ -215,8 +216,7 @@ export class PlayerCamera {
 
 /** Middle of the bounding box of points. */
 function middleOf(points: readonly Vector3[]): Vector3 {
-  const low = points.reduce((least, point) => least.min(point), points[0].clone());
-  const high = points.reduce((most, point) => most.max(point), points[0].clone());
+  const { low, high } = boundsOf(points);
   return low.add(high).multiplyScalar(0.5);
 }
 

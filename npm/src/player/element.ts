@@ -523,12 +523,12 @@ export class ReelPlayerElement extends PlayerAttributes {
     };
     const points = framed(view.framedPoints ?? swept);
     const target = this.#worldTarget(camera.target);
-    view.frame(points, { ...camera, target });
+    view.frame(points, points, { ...camera, target });
     if (view.framedPoints || !figure || target || camera.distance !== null) return;
     const pose = framed(figure);
     if (view.camera.distanceTo(points) < FOLLOW_RATIO * view.camera.distanceTo(pose)) return;
     view.follow(this.#mesh);
-    view.frame(pose, { ...camera, target });
+    view.frame(pose, points, { ...camera, target });
   }
 
   /** Convert `camera-target` to the coordinates of the view; null if it is the center of the model. */

@@ -70,10 +70,16 @@ export function unknownFraming(radius: number): Framing {
   return { swept: boxCorners(new Vector3(), half, half, half), figure: null };
 }
 
-/** Return points around all that a turn about a vertical axis in their middle sweeps. */
-export function turned(points: readonly Vector3[]): Vector3[] {
+/** Return the bounding box of points. */
+export function boundsOf(points: readonly Vector3[]): { low: Vector3; high: Vector3 } {
   const low = points.reduce((least, point) => least.min(point), points[0].clone());
   const high = points.reduce((most, point) => most.max(point), points[0].clone());
+  return { low, high };
+}
+
+/** Return points around all that a turn about a vertical axis in their middle sweeps. */
+export function turned(points: readonly Vector3[]): Vector3[] {
+  const { low, high } = boundsOf(points);
   const center = low.clone().add(high).multiplyScalar(0.5);
   const side = Math.max(...points.map(({ x, z }) => Math.hypot(x - center.x, z - center.z)));
   return boxCorners(center, side, high.y - center.y, side);

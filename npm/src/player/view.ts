@@ -11,6 +11,7 @@ import {
   WebGLRenderer,
 } from "../webgl/index.js";
 import { type CameraPose, PlayerCamera } from "./camera.js";
+import { ContactShadow } from "./contact_shadow.js";
 import { type ContextHolder, releaseContext, acquireContext } from "./context_pool.js";
 
 /** Limit of canvas pixels per CSS pixel: more take time without a visible gain. */
@@ -60,6 +61,7 @@ export class View implements ContextHolder {
   /** Largest distance of the model from the center of the file, from which the depth range follows. */
   radius = 1;
   readonly #scene = new Scene();
+  readonly #shadow = new ContactShadow();
   #followed: Followed | null = null;
   /** Objects of `model` in each of several views; null: one view of all. */
   #panes: readonly (readonly Object3D[])[] | null = null;
@@ -87,7 +89,7 @@ export class View implements ContextHolder {
       delegate.onCameraChange(isByUser);
     });
     this.world.add(this.model);
-    this.#scene.add(this.camera.camera, this.world);
+    this.#scene.add(this.camera.camera, this.world, this.#shadow.floor);
     this.#resizeObserver = new ResizeObserver(() => this.#resize());
     this.#resizeObserver.observe(this.canvas);
     this.#visibilityObserver = new IntersectionObserver(([...entries]) => {
@@ -145,9 +147,14 @@ export class View implements ContextHolder {
     if (!mesh) this.model.position.set(0, 0, 0);
   }
 
-  /** Frame points from an initial view. */
-  frame(points: readonly Vector3[], pose: CameraPose): void {
+  /**
+   * Frame points from an initial view.
+   *
+   * @param swept - points of all frames: the lowest is on the floor
+   */
+  frame(points: readonly Vector3[], swept: readonly Vector3[], pose: CameraPose): void {
     this.camera.frame(points, pose);
+    this.#shadow.place(points, swept);
     if (this.#panes) this.#updateAspect();
   }
 
@@ -195,16 +202,18 @@ export class View implements ContextHolder {
     this.#followed?.getCentroid(this.model.position).negate();
     this.onDraw?.();
     const radius = DEPTH_RATIO * this.radius;
-    this.camera.setDepthRange(this.model.getWorldPosition(new Vector3()), radius);
+    const center = this.model.getWorldPosition(new Vector3());
+    this.camera.setDepthRange(center, radius);
     const { width, height } = this.canvas;
     const ratio = renderer.getPixelRatio();
     const panes = this.#panes ?? [this.model.children];
     const [n, w, h] = [panes.length, width / ratio, height / ratio];
     const { isPortrait } = this;
     panes.forEach((objects, i) => {
+      if (this.#panes) for (const object of this.model.children) object.visible = objects.includes(object);
+      this.#shadow.update(renderer, this.#scene, center.y);
       if (isPortrait) renderer.setViewport(0, h - ((i + 1) * h) / n, w, h / n, n > 1);
       else renderer.setViewport((i * w) / n, 0, w / n, h, n > 1);
-      if (this.#panes) for (const object of this.model.children) object.visible = objects.includes(object);
       renderer.render(this.#scene, this.camera.camera);
     });
   }

@@ -95,6 +95,8 @@ export class Group extends Object3D {}
 
 /** The root of what is drawn, with its lights. */
 export class Scene extends Object3D {
+  /** Whether only the nearness of surfaces is drawn, from 0 at the far plane to 1 at the near one. */
+  isShadow = false;
   /** Whether a studio surrounds standard materials. */
   hasStudio = false;
   /** Intensity of the light of the sky, with a gray ground. */

@@ -151,8 +151,11 @@ export class WebGLRenderer {
     gl.depthMask(true);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const { isShadow } = scene as Scene;
+    gl.blendEquation(isShadow ? gl.MAX : gl.FUNC_ADD);
     for (const item of items) {
       const { mesh, material } = item;
+      if (isShadow && (isRaw(material) || mesh.mode !== gl.TRIANGLES)) continue;
       mesh.onBeforeRender(this);
       const [program, values] = this.#programOf(material, scene as Scene);
       const modelViewMatrix = new Matrix4().multiplyMatrices(viewMatrix, mesh.matrixWorld);
@@ -160,6 +163,10 @@ export class WebGLRenderer {
       const matrices = { viewMatrix, modelViewMatrix, projectionMatrix, modelMatrix: mesh.matrixWorld };
       program.use({ ...values, ...matrices }, (texture, unit) => this.#textures.bind(texture, unit));
       this.#applyMaterial(material);
+      if (isShadow) {
+        gl.enable(gl.BLEND);
+        gl.disable(gl.CULL_FACE);
+      }
       const enabled = this.#bindAttributes(mesh.geometry, program);
       if (material.transparent && material.side === DoubleSide && !isRaw(material)) {
         gl.enable(gl.CULL_FACE);
@@ -171,6 +178,9 @@ export class WebGLRenderer {
       for (const location of enabled) gl.disableVertexAttribArray(location);
     }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    if (!target?.texture.generateMipmaps) return;
+    this.#textures.bind(target.texture);
+    gl.generateMipmap(gl.TEXTURE_2D);
   }
 
   /** Free all resources; the context is lost. */
@@ -195,7 +205,7 @@ export class WebGLRenderer {
     }
     const surface = material as Surface;
     const macros = surfaceMacros(surface, scene);
-    const program = this.#program(macros + (surface.glsl ?? ""), () => surfaceShaders(surface, macros));
+    const program = this.#program(macros + (surface.glsl ?? ""), () => surfaceShaders(surface, macros, scene));
     return [program, surfaceUniforms(surface, scene)];
   }
 

@@ -85,6 +85,11 @@ void main() {
   shown = vec4(toSrgb(light), base.a);
 }`;
 
+const SHADOW_MAIN = `
+void main() {
+  shown = vec4(baseColor().a * (1.0 - gl_FragCoord.z));
+}`;
+
 // What metals reflect: a neutral studio, brighter at the top, with two area lights; angles in degrees. A
 // rough surface blurs it, and for light that is scattered its roughness is 1.
 const STUDIO = `
@@ -227,10 +232,10 @@ void main() {
 export type Surface = Material & Partial<Omit<MeshStandardMaterial, keyof Material> & Pick<MeshBasicMaterial, "glsl">>;
 
 /** Return the macros of a material, which together with its own GLSL identify its shader. */
-export function surfaceMacros(surface: Surface, { hasStudio }: Scene): string {
+export function surfaceMacros(surface: Surface, { hasStudio, isShadow }: Scene): string {
   const isStandard = "roughness" in surface;
   const names = [
-    isStandard ? "STANDARD" : "BASIC",
+    isShadow ? "SHADOW" : isStandard ? "STANDARD" : "BASIC",
     ...SLOTS.map((slot) => surface[slot] && `${slot.toUpperCase()} ${uvName(surface[slot])}`),
     surface.vertexColors && "COLOR",
     surface.alphaTest > 0 && "ALPHA_TEST",
@@ -243,7 +248,7 @@ export function surfaceMacros(surface: Surface, { hasStudio }: Scene): string {
 }
 
 /** Return the vertex and the fragment shader of a material. */
-export function surfaceShaders(surface: Surface, macros: string): [string, string] {
+export function surfaceShaders(surface: Surface, macros: string, { isShadow }: Scene): [string, string] {
   const slots = SLOTS.filter((slot) => surface[slot]);
   const channels = new Set(slots.map((slot) => uvName(surface[slot] as Texture)));
   const lines = (line: (slot: (typeof SLOTS)[number]) => string) => slots.map(line).join("\n");
@@ -251,7 +256,8 @@ export function surfaceShaders(surface: Surface, macros: string): [string, strin
   const matrices = lines((slot) => `uniform mat3 ${slot}Matrix;out vec2 ${slot}Uv;`);
   const transforms = lines((slot) => `${slot}Uv = (${slot}Matrix * vec3(${slot.toUpperCase()}, 1.0)).xy;`);
   const samplers = lines((slot) => `uniform sampler2D ${slot};in vec2 ${slot}Uv;`);
-  const main = "roughness" in surface ? STUDIO + STANDARD_MAIN : BASIC_MAIN.replace("GLSL", surface.glsl ?? "");
+  const ofBasic = BASIC_MAIN.replace("GLSL", surface.glsl ?? "");
+  const main = isShadow ? SHADOW_MAIN : "roughness" in surface ? STUDIO + STANDARD_MAIN : ofBasic;
   return [
     macros + VERTEX.replace("IN_OUT", inputs + matrices).replace("UVS", transforms),
     macros + BASE.replace("IN_OUT", samplers) + main,

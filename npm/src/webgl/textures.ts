@@ -93,6 +93,8 @@ export interface RenderTargetOptions {
   readonly format?: number;
   readonly internalFormat?: string;
   readonly depthBuffer: false;
+  /** Whether mipmaps are rebuilt after each drawing. */
+  readonly generateMipmaps?: boolean;
   readonly minFilter?: number;
   readonly magFilter?: number;
 }
