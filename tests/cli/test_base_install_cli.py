@@ -14,7 +14,7 @@ from samples.meshes import waving_grid
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
 
 OPTIONAL = (
-    "scipy", "cholespy", "igl", "xatlas", "matplotlib", "PIL", "imageio_ffmpeg", "DracoPy",
+    "scipy", "igl", "xatlas", "matplotlib", "PIL", "imageio_ffmpeg", "DracoPy",
     "blosc2", "fpzip", "pcodec", "pysz", "zfpy", "meshoptimizer", "distributed", "alembic3d",
     "imath", "pxr", "h5py", "fsspec", "imagecodecs", "OpenEXR", "torch",
 )  # fmt: skip
@@ -129,4 +129,4 @@ def test_missing_extras_are_an_error_of_one_line_that_names_all(tmp_path):
 
 def test_base_dependencies_exclude_those_of_extras():
     stated = " ".join(PROJECT["project"]["dependencies"])
-    assert not [name for name in ("scipy", "cholespy", "pillow") if name in stated]
+    assert not [name for name in ("scipy", "pillow") if name in stated]

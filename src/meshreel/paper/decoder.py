@@ -24,6 +24,7 @@ from meshreel.paper.blocks import (
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
+from meshreel.paper.reconstruction_system import factor_bytes
 from meshreel.paper.variants import METHODS, Variant, variant_named
 from meshreel.runtime.threads import fork_safe_lock
 
@@ -167,6 +168,8 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
     """The mesh model of a stream: connectivity and anchors, in internal order."""
     anchors, shape = np.zeros(0, np.int64), None
     if variant.has_anchors:
+        system = f"the factored system of {opened.n_verts} vertices"
+        opened.limit.require(factor_bytes(opened.n_verts), system)
         payload = only_section(opened, Section.ANCHOR_VERTICES)
         anchors = read_anchor_vertices(payload, opened.n_verts)
     if opened.laplacian is Laplacian.COTANGENT:

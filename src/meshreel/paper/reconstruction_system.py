@@ -1,16 +1,22 @@
 """Vertices from delta coordinates (paper Eq. 11, paper Eq. 12)."""
 
-from collections.abc import Callable
+import math
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse import block_array, csr_array, diags_array, eye_array
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from meshreel.arrays import Floats, Integers
 from meshreel.errors import SolverError
-from meshreel.runtime.threads import fork_safe_lock
 
-Solve = Callable[[Floats], Floats]
+MAX_ROW_ENTRIES = 100
+"""Rows of the Laplacian with more entries are not squared: their squares would be dense."""
+
+
+def factor_bytes(n_verts: int) -> int:
+    """Memory of a factored system, fitted to triangulated grids of up to 160,000 vertices."""
+    return round(200 * n_verts * math.log2(n_verts + 1))
 
 
 class ReconstructionSystem:
@@ -29,7 +35,8 @@ class ReconstructionSystem:
     Raises
     ------
     SolverError
-        If a component has no anchor, which leaves its translation undetermined.
+        If a component has no anchor, which leaves its translation undetermined, or if the
+        factorization fails.
     """
 
     def __init__(self, laplacian: csr_array, anchors: Integers) -> None:
@@ -38,8 +45,23 @@ class ReconstructionSystem:
         self._anchors = anchors
         selected = np.zeros(laplacian.shape[0])
         selected[anchors] = 1.0
-        matrix = csc_array(laplacian.T @ laplacian + diags_array(selected))
-        self._solver = CholeskySolver(matrix)
+        is_long = np.diff(laplacian.indptr) > MAX_ROW_ENTRIES
+        short, long = laplacian[~is_long], laplacian[is_long]
+        matrix = short.T @ short + diags_array(selected)
+        if is_long.any():  # y = long x, so that eliminating y adds long^T long
+            matrix = block_array([[matrix, long.T], [long, -eye_array(long.shape[0])]])
+        try:
+            self._factor = splu(
+                matrix.tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.01,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:
+            raise SolverError(
+                f"the reconstruction system cannot be factored ({error}); more anchors make it "
+                "better conditioned"
+            ) from error
 
     def solve(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Solve for the values at all vertices, for all columns at once.
@@ -53,10 +75,15 @@ class ReconstructionSystem:
         Returns
         -------
         float64 array of shape (V, K)
+
+        Raises
+        ------
+        SolverError
+            If it is not finite: the matrix is singular to working precision.
         """
         right = np.asarray(self._laplacian.T @ deltas)
         right[self._anchors] += anchor_values
-        return self._solver.solve(right)
+        return self._solve(right)
 
     def responses(self, vertices: Integers) -> Floats:
         """Columns of ``(L^T L + I_a^T I_a)^-1`` of these vertices, of shape (V, N).
@@ -65,7 +92,19 @@ class ReconstructionSystem:
         """
         units = np.zeros((self._laplacian.shape[0], len(vertices)))
         units[vertices, np.arange(len(vertices))] = 1.0
-        return self._solver.solve(units)
+        return self._solve(units)
+
+    def _solve(self, right: Floats) -> Floats:
+        n_verts, n_unknowns = len(right), self._factor.shape[0]
+        padded = np.zeros((n_unknowns, right.shape[1]))
+        padded[:n_verts] = right
+        solution = self._factor.solve(padded)[:n_verts]
+        if not np.isfinite(solution).all():
+            raise SolverError(
+                "the reconstruction system is singular to working precision: its solution is not "
+                "finite; more anchors make it better conditioned"
+            )
+        return solution
 
 
 def _check_anchored(laplacian: csr_array, anchors: Integers) -> None:
@@ -80,78 +119,3 @@ def _check_anchored(laplacian: csr_array, anchors: Integers) -> None:
             f"components have no anchor (the first of them has {sizes[0]} vertices), so their "
             "translation is undetermined; give every component at least one anchor"
         )
-
-
-class CholeskySolver:
-    """Factor of a sparse symmetric positive definite matrix, for any number of right-hand sides.
-
-    Uses cholespy if it is installed, else SciPy's sparse LU, which is slower.
-
-    Parameters
-    ----------
-    matrix : csc_array of shape (V, V)
-        Both triangles filled, float64.
-
-    Raises
-    ------
-    SolverError
-        If the factorization fails.
-    """
-
-    def __init__(self, matrix: csc_array) -> None:
-        self._solve = _cholespy_solve(matrix) or _splu_solve(matrix)
-
-    def solve(self, right: Floats) -> Floats:
-        """Solution of shape (V, K) for right-hand sides of shape (V, K).
-
-        Raises
-        ------
-        SolverError
-            If it is not finite: the matrix is singular to working precision.
-        """
-        solution = self._solve(np.ascontiguousarray(right, np.float64))
-        if not np.isfinite(solution).all():
-            raise SolverError(
-                "the reconstruction system is singular to working precision: its solution is not "
-                "finite; more anchors make it better conditioned"
-            )
-        return solution
-
-
-def _cholespy_solve(matrix: csc_array) -> Solve | None:
-    try:
-        from cholespy import CholeskySolverD, MatrixType
-    except ImportError:
-        return None
-    size = matrix.shape[0]
-    try:
-        factor = CholeskySolverD(
-            size,
-            matrix.indptr.astype(np.int32),
-            matrix.indices.astype(np.int32),
-            matrix.data.astype(np.float64),
-            MatrixType.CSC,
-        )
-    except (RuntimeError, ValueError) as error:
-        raise SolverError(
-            f"the reconstruction system cannot be factored ({error}); more anchors make it better "
-            "conditioned"
-        ) from error
-    lock = fork_safe_lock()  # CHOLMOD keeps its workspace with the factor
-
-    def solve(right: Floats) -> Floats:
-        solution = np.zeros_like(right)
-        with lock:
-            factor.solve(right, solution)
-        return solution
-
-    return solve
-
-
-def _splu_solve(matrix: csc_array) -> Solve:
-    from scipy.sparse.linalg import splu
-
-    try:
-        return splu(matrix).solve
-    except RuntimeError as error:
-        raise SolverError(f"the reconstruction system cannot be factored: {error}") from error
