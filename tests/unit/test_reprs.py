@@ -2,6 +2,7 @@
 
 from io import BytesIO
 
+import numpy as np
 import pytest
 
 import meshreel
@@ -54,3 +55,12 @@ def test_repr_of_encoder_contains_its_progress():
     encoder.close()
     assert repr(encoder).startswith("<Encoder, closed: 9 frames pushed")
     assert f"{encoder.size_bytes} bytes written" in repr(encoder)
+
+
+def test_repr_of_one_frame_is_in_the_singular():
+    frame = meshreel.MeshSequence(np.eye(3)[None], [[0, 1, 2]])
+    counts = "1 frame, 3 vertices, 1 face, "
+    assert repr(frame).startswith(f"<MeshSequence: {counts}")
+    assert repr(meshreel.ReelFile(BytesIO(meshreel.encode(frame)))).startswith(
+        f"<ReelFile: {counts}"
+    )

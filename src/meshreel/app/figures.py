@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from meshreel.runtime.counting import change_text, counted, size_text
+from meshreel.runtime.counting import change_text, counted, counts_text, size_text
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.measuring import Measured
@@ -287,10 +287,7 @@ def mesh_text(
             f"{counted(info.n_frames, 'frame')} in {n_segments} segments{meshes}, up to "
             f"{counted(info.n_verts, 'vertex')} and {counted(info.n_faces, 'face')}"
         )
-    return (
-        f"{counted(info.n_frames, 'frame')}, {counted(info.n_verts, 'vertex')}, "
-        f"{counted(info.n_faces, 'face')}"
-    )
+    return counts_text(frame=info.n_frames, vertex=info.n_verts, face=info.n_faces)
 
 
 def fps_text(fps: float) -> str:

@@ -37,6 +37,7 @@ from meshreel.model.sequence import (
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import track_by_name
+from meshreel.runtime.counting import counts_text
 from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
 from meshreel.runtime.threads import fork_safe_lock
 
@@ -449,10 +450,8 @@ class ReelFile:
         if self._only is None:
             mesh = f"{self.n_frames} frames in {self.n_segments} segments, {self.fps:g} fps"
         else:
-            mesh = (
-                f"{self.n_frames} frames, {self.n_verts} vertices, {self.n_faces} faces, "
-                f"{self.fps:g} fps, {self.dtype}"
-            )
+            counts = counts_text(frame=self.n_frames, vertex=self.n_verts, face=self.n_faces)
+            mesh = f"{counts}, {self.fps:g} fps, {self.dtype}"
         return f"<ReelFile{name}: {mesh}{cut}>"
 
 

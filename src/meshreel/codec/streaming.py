@@ -304,8 +304,9 @@ class Encoder:
         faces = np.atleast_1d(self._faces) if self._mesh is None else self._mesh.faces
         several = f" in {self.n_segments} segments" if self.n_segments > 1 else ""
         return (
-            f"<Encoder{name}, {state}: {self.n_frames} frames{several} pushed, "
-            f"{self.size_bytes} bytes written, {len(faces)} faces, {self._fps:g} fps>"
+            f"<Encoder{name}, {state}: {counted(self.n_frames, 'frame')}{several} pushed, "
+            f"{counted(self.size_bytes, 'byte')} written, "
+            f"{counted(len(faces), 'face')}, {self._fps:g} fps>"
         )
 
     def _release(self) -> None:

@@ -25,7 +25,7 @@ from meshreel.model.validation import (
     validate_start,
     validate_vertices,
 )
-from meshreel.runtime.counting import counted
+from meshreel.runtime.counting import counted, counts_text
 
 __all__ = [
     "Faces",
@@ -440,7 +440,7 @@ class MeshSequence:
             mesh = f"{self.n_frames} frames in {self.n_segments} segments"
             tracks = ""
         else:
-            mesh = f"{self.n_frames} frames, {self.n_verts} vertices, {self.n_faces} faces"
+            mesh = counts_text(frame=self.n_frames, vertex=self.n_verts, face=self.n_faces)
             tracks = f"; tracks {', '.join(self.tracks)}" if self.tracks else ""
         return f"<MeshSequence{name}: {mesh}, {self.fps:g} fps, {self.dtype}{tracks}>"
 

@@ -23,7 +23,7 @@ from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import BlockValues, Quantized, synthesise
 from meshreel.paper.quantization import Steps
 from meshreel.paper.variants import Basis, variant_named
-from meshreel.runtime.counting import counted
+from meshreel.runtime.counting import counted, counts_text
 
 Vertices = npt.NDArray[np.floating]
 
@@ -217,13 +217,13 @@ class PaperStream:
         return vertices
 
     def __repr__(self) -> str:
-        sizes = [
-            counted(self.n_frames, "frame"),
-            counted(self.n_verts, "vertex"),
-            counted(len(self.mesh.anchors), "anchor"),
-            counted(len(self.blocks), "block"),
-        ]
-        return f"<PaperStream {self.method}: {', '.join(sizes)}>"
+        counts = counts_text(
+            frame=self.n_frames,
+            vertex=self.n_verts,
+            anchor=len(self.mesh.anchors),
+            block=len(self.blocks),
+        )
+        return f"<PaperStream {self.method}: {counts}>"
 
     def _decoded(self, block: PaperBlock, n_modes: int | None) -> DecodedBlock:
         """Convert a block to the form of the decoder, which uses internal order."""

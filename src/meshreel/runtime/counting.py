@@ -17,6 +17,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {plural(noun) if number != 1 else noun}"
 
 
+def counts_text(**numbers: int) -> str:
+    """Numbers by their nouns, as in "1 frame, 12 vertices"."""
+    return ", ".join(counted(number, noun) for noun, number in numbers.items())
+
+
 def singular(noun: str) -> str:
     """The singular of a plural noun."""
     first, space, last = noun.rpartition(" ")

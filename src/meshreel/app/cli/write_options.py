@@ -222,7 +222,7 @@ def print_written(figures: dict[str, Any]) -> None:
     """Print the result of `written_figures` as a table."""
     from meshreel.app.cli.console import print_table
     from meshreel.formats.registry import FRAME_FORMATS
-    from meshreel.runtime.counting import counted, size_text
+    from meshreel.runtime.counting import counts_text, size_text
 
     names = figures["outputs"]
     first, last = Path(names[0]), Path(names[-1])
@@ -233,8 +233,9 @@ def print_written(figures: dict[str, Any]) -> None:
     print_table(
         title,
         {
-            "sequence": f"{counted(figures['n_frames'], 'frame')}, "
-            f"{counted(figures['n_verts'], 'vertex')}, {counted(figures['n_faces'], 'face')}",
+            "sequence": counts_text(
+                frame=figures["n_frames"], vertex=figures["n_verts"], face=figures["n_faces"]
+            ),
             "files": str(len(names)),
             "size": size_text(figures["size_bytes"]),
         },
