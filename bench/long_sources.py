@@ -14,6 +14,7 @@ import numpy.typing as npt
 import meshreel
 from meshreel.model.extent import Extent, bounding_boxes, extent_of_boxes
 from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.timing import Timing
 from meshreel.model.tracks import TrackSource
 
 Floats = npt.NDArray[np.float64]
@@ -113,7 +114,7 @@ class LongSequence:
         self, base: meshreel.MeshSequence, kind: str, n_frames: int, seed: int = 1
     ) -> None:
         self.n_frames, self.n_verts, self.faces = n_frames, base.n_verts, base.faces
-        self.fps, self.start_s, self.dtype = base.fps or 25.0, 0.0, np.dtype(np.float32)
+        self.timing, self.dtype = Timing(base.fps or 25.0), np.dtype(np.float32)
         self.name = f"{base.name}, {kind}"
         self.surface: Surface = PLAIN
         self.tracks: Mapping[str, TrackSource] = {}

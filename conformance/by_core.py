@@ -46,6 +46,7 @@ def read_by_core(data, segment=None):
         blocks=blocks,
         surface=surface_of(sequence.surface, sequence.faces),
         start=numbers[0],
+        times=None if opened.file.times is None else opened.file.times.tolist(),
         error_bound=numbers[1],
         anchors=anchors,
         shape=shape_of(opened),

@@ -41,6 +41,7 @@ NAMES = {
     137: "IMAGE",
     138: "TRACK",
     139: "HARD_EDGES",
+    140: "TIMES",
 }
 MAX_NAME_BYTES = 4096
 MAGIC = b"\x89REEL\r\n\x1a"
@@ -178,6 +179,7 @@ class Container:
     start: int = 0
     begins: list = field(default_factory=list)
     n_shared: int = 0
+    times: list | None = None
 
     def all_of(self, name):
         return [payload for other, payload in self.leading if other == name]
@@ -209,7 +211,8 @@ def read_containers(data):
     container = Container(read_header(payload), [], [])
     containers, index, end, after_segment = [container], (None, b""), None, None
     for start, name, section in read_sections(payload):
-        need(end is None or name == "END", "a section follows INDEX")
+        is_last = name == "END" or (name == "INDEX" and index[0] is None)
+        need(end is None or is_last, "a section follows INDEX or TIMES")
         if name == "unknown":
             continue
         if name == "SEGMENT":
@@ -232,6 +235,9 @@ def read_containers(data):
             group = container.blocks[-1][-1] if container.blocks else {}
             need(group and name not in group and LAST.isdisjoint(group), "a section is misplaced")
             group[name] = section
+        elif name == "TIMES" and container.blocks:
+            end = start
+            containers[0].leading.append((name, section))
         elif name in ("INDEX", "END"):
             end = start if end is None else end
             if name == "INDEX":
@@ -240,7 +246,8 @@ def read_containers(data):
                 need(section == (b"" if index[0] is None else struct.pack("<Q", index[0])))
         else:
             need(not container.blocks, "a section is misplaced after the blocks")
-            need(name != "START" or len(containers) == 1, "START is in a further segment")
+            is_of_file = name in ("START", "TIMES")
+            need(not is_of_file or len(containers) == 1, f"{name} is in a further segment")
             container.leading.append((name, section))
     for container in containers:
         names = [name for name, _ in container.leading if name not in REPEATED]
@@ -250,9 +257,54 @@ def read_containers(data):
         containers[0].header.n_frames in (0, sum(lengths)),
         "frames are missing",
     )
+    set_times(containers, lengths)
     if index[1]:
         check_index(containers, Payload(index[1]), end)
     return containers
+
+
+def set_times(containers, lengths):
+    """Give each segment the times of its frames, if the stream has TIMES."""
+    first = containers[0]
+    if not first.all_of("TIMES"):
+        return
+    need(not first.all_of("START"), "there are START and TIMES")
+    times = read_times(Payload(first.only("TIMES")), sum(lengths))
+    for container in containers:
+        n_frames = sum(lengths_of(container))
+        container.times, times = times[:n_frames], times[n_frames:]
+
+
+def read_times(payload, n_frames):
+    """Return the times of frames in seconds."""
+    times = []
+    for i in range(n_frames):
+        code = payload.varint()
+        if code == 0:
+            times.append(payload.number("d"))
+        else:
+            need(i >= 2, "one of the first two times is not stored as it is")
+            a, b = times[-1], times[-2]
+            z = code - 1
+            rank = rank_of(a + (a - b)) + (z // 2 if z % 2 == 0 else -(z + 1) // 2)
+            times.append(double_of(rank))
+        need(math.isfinite(times[-1] - times[0]), "a time is not finite")
+        need(i == 0 or times[-2] < times[-1], "the times do not ascend")
+    payload.end()
+    return times
+
+
+def rank_of(number):
+    """Return the number of a double among all in ascending order; 0 is that of 0."""
+    bits = struct.unpack("<q", struct.pack("<d", number))[0]
+    return bits if bits >= 0 else -(bits + 2**63)
+
+
+def double_of(rank):
+    """Return the double with a rank modulo 2^64."""
+    rank = (rank + 2**63) % 2**64 - 2**63
+    bits = rank if rank >= 0 else -(2**63) - rank
+    return struct.unpack("<d", struct.pack("<q", bits))[0]
 
 
 def referred_sections(containers, payload):

@@ -302,13 +302,37 @@ def example():
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)], name="")
 
 
-def pushed(sequence, **options):
+def pushed(sequence, times=None, **options):
     """Return a stream of frames that were pushed one by one."""
     file = BytesIO()
     with meshreel.Encoder(sequence.faces, file, **options) as encoder:
-        for frame in sequence.vertices:
-            encoder.push(frame)
+        for number, frame in enumerate(sequence.vertices):
+            encoder.push(frame, time=times and times[number])
     return file.getvalue()
+
+
+UNEVEN = [-1.5, -1e-300, 0.0, 0.005, 0.01, 0.015, 0.0175, 1e9, 1e9 + 2**-23]
+"""Across 0, almost even, and neighboring doubles."""
+
+encoded("times", lambda: moving(grid(4, 4), 9).replace(times=UNEVEN), order="drop", block_frames=4)
+
+
+@stream
+def times_without_index():
+    """Times before the first block."""
+    return with_section(0, of=STREAMS["times"])
+
+
+@stream
+def live_times():
+    """Written live; the times follow the blocks."""
+    return pushed(moving(grid(4, 4), 9), UNEVEN, block_frames=4)
+
+
+@stream
+def live_times_without_index():
+    """The same."""
+    return with_section(0, of=live_times)
 
 
 @stream
@@ -1061,6 +1085,16 @@ def with_adaptive_cosines():
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 
 
+def doubles(*numbers):
+    """Return times that are stored as they are."""
+    return b"".join(b"\0" + np.float64(number).tobytes() for number in numbers)
+
+
+def three_frames():
+    """A stream of three frames with few sections."""
+    return meshreel.encode(moving(grid(2, 2), 3, n_waves=1), order="drop")
+
+
 def with_section(number, *sections, n_replaced=0, of=None):
     """Return a stream, or the worked example, without INDEX, with sections before a number."""
     payload = Payload((of or example)())
@@ -1080,6 +1114,29 @@ REFUSED["long_name"] = with_long_name
 REFUSED["triangles_apart"] = with_triangles_apart
 START = (Section.START, bytes(8))
 REFUSED["start_twice"] = partial(with_section, 1, START, START)
+TIMES = (Section.TIMES, b"\0" + bytes(8))
+REFUSED["times_twice"] = partial(with_section, 1, TIMES, TIMES)
+REFUSED["times_and_start"] = partial(with_section, 1, TIMES, START)
+REFUSED["times_in_a_block"] = partial(with_section, 2, TIMES)
+REFUSED["block_behind_times"] = partial(with_section, 4, TIMES, 1, 2, 3)
+REFUSED["times_before_and_behind_blocks"] = partial(
+    with_section, 1, TIMES, 1, 2, 3, TIMES, n_replaced=3
+)
+for reason, numbers in {
+    "none": b"",
+    "descending": doubles(1, 0, 2),
+    "equal": doubles(0, 1, 1),
+    "infinite": doubles(0, 1, np.inf),
+    "without_number": doubles(0, np.nan, 2),
+    "too_far_apart": doubles(-1.7e308, 0, 1.7e308),
+    "predicted_too_early": doubles(0) + write_varint(1) + doubles(2),
+    "predicted_infinite": doubles(0, 1.7e308) + write_varint(1),
+    "cut": doubles(0, 1) + bytes(5),
+    "fewer": doubles(0, 1),
+    "more": doubles(0, 1, 2, 3),
+}.items():
+    times = Section.TIMES, numbers
+    REFUSED[f"times_{reason}"] = partial(with_section, 1, times, of=three_frames)
 REFUSED["start_in_a_block"] = partial(with_section, 2, START)
 REFUSED["missing_of_positions"] = partial(with_section, 2, (Section.MISSING, b""))
 REFUSED["basis_after_coefficients"] = partial(with_section, 3, 4, 3, n_replaced=2)

@@ -61,6 +61,7 @@ class Reel:
         Integers of each block by section, as lists or lists of rows.
     surface : dict
     start, error_bound : float, or None if absent
+    times : list of float, or None if absent
     anchors : list of int
     shape : tuple of list and list, or None
         Steps and integers of the shape of cotangent weights.
@@ -78,6 +79,7 @@ class Reel:
     blocks: list
     surface: dict
     start: float | None
+    times: list | None
     error_bound: float | None
     anchors: list
     shape: tuple | None
@@ -178,6 +180,7 @@ def read_segment(container, memory):
         anchors=anchors,
         shape=shape,
         start=number_of(container, "START"),
+        times=container.times,
         error_bound=number_of(container, "ERROR_BOUND"),
         positions=positions,
         tracks=tracks,

@@ -6,6 +6,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
+from io import BytesIO
 from pathlib import Path
 from unittest.mock import patch
 
@@ -16,6 +17,7 @@ from conformance.sources import grid, moving, of_boxes, of_everything
 from meshreel.codec import mesh_edits
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import (
+    StreamWriter,
     write_header,
     write_index,
     write_sections,
@@ -31,10 +33,12 @@ from meshreel.codec.joining import (
     separate_stream,
 )
 from meshreel.codec.open_stream import OpenStream, whole_stream
+from meshreel.codec.times import write_times
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.materials import Material
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
+from meshreel.model.timing import Timing
 from meshreel.model.tracks import Track
 
 FOLDER = Path(__file__).with_name("segments")
@@ -204,6 +208,22 @@ def sections_of(number):
     ]
 
 
+TIMES = [0.0, 0.005, 0.01, 0.015, 0.0175, 1.0, 1.1, 1.2, 1.25]
+
+
+def timed_behind():
+    """Join `meshes` with times behind the blocks."""
+    file = BytesIO()
+    writer = StreamWriter(file)
+    for header, leading, blocks in parts():
+        kept = [section for section in leading if section[0] is not Section.START]
+        writer.begin_segment(replace(header, n_frames=0), kept)
+        for block in blocks:
+            writer.write_block(*block)
+    writer.finish([(Section.TIMES, write_times(np.array(TIMES)))])
+    return file.getvalue()
+
+
 STREAMS: dict[str, Callable[[], bytes]] = {
     "two_meshes": lambda: join_streams(meshes()),
     "one_frame_each": lambda: join_streams(one_frame_each()),
@@ -215,6 +235,9 @@ STREAMS: dict[str, Callable[[], bytes]] = {
     "edited_grid": lambda: edited(1),
     "edited_exact": lambda: edited(2, lossless=True),
     "many_kinds": lambda: join_streams(of_many_kinds()),
+    "two_meshes_timed": lambda: join_streams(meshes(), timing=Timing.of_times(TIMES)),
+    "two_meshes_timed_no_index": lambda: without_end(timed_behind()),
+    "two_meshes_timed_behind": timed_behind,
     "two_meshes_no_index": lambda: without_index([sections_of(0), sections_of(1)]),
 }
 
@@ -258,6 +281,13 @@ def with_start():
     return written(parts(), n_frames=9)
 
 
+def with_times_in_the_second():
+    """Join `meshes`, the second with times."""
+    first, (header, leading, blocks) = parts()
+    times = Section.TIMES, write_times(np.array(TIMES[:4]))
+    return written([first, (header, [times, *leading], blocks)], n_frames=9)
+
+
 def in_all(n_frames):
     """Join `meshes` with another number of frames in the header."""
     first, (header, leading, blocks) = parts()
@@ -296,6 +326,7 @@ def with_blocks(further, change):
 
 
 REFUSED: dict[str, Callable[[], bytes]] = {
+    "times_in_the_second": with_times_in_the_second,
     "of_11_bytes": partial(with_section, lambda payload: payload[:11]),
     "of_45_bytes": partial(with_section, lambda payload: payload + b"\0"),
     "no_faces": partial(with_header, n_faces=0),

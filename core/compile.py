@@ -50,6 +50,7 @@ PAGE_FUNCTIONS = (
     "meshreel_decode",
     "meshreel_end",
     "meshreel_info_of",
+    "meshreel_times_of",
     "meshreel_load",
     "meshreel_modes_of",
     "meshreel_open_segment",

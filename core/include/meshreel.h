@@ -149,6 +149,13 @@ MESHREEL_API void meshreel_close(meshreel_file *file);
 /* Return the properties of a file. Owned by the file. */
 MESHREEL_API const meshreel_info *meshreel_info_of(const meshreel_file *file);
 
+/* Return the times of the n_frames frames, in seconds, finite and ascending; NULL if they are evenly
+   spaced: then frame i is at start_s + i / fps. Otherwise `fps` is the mean rate. Owned by the file. */
+MESHREEL_API const double *meshreel_times_of(const meshreel_file *file);
+
+/* Return the frame that is shown at a time: the last one that is due, else frame 0. */
+MESHREEL_API uint32_t meshreel_frame_at(const meshreel_file *file, double time_s);
+
 /* ---- Segments ---- */
 
 /* Frames are numbered across all segments of a file; in an open segment they begin at 0. */

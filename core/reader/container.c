@@ -170,6 +170,13 @@ static int check_leading(reel_call *call, reel_outline *outline, const reel_sect
     return MESHREEL_OK;
 }
 
+static int add_times(reel_call *call, reel_outline *outline, const reel_section *section) {
+    REEL_CORRUPT_IF(outline->times.length, section->at, "times are stored twice");
+    REEL_CORRUPT_IF(!section->payload.length, section->at, "there are fewer times than frames");
+    outline->times = section->payload;
+    return MESHREEL_OK;
+}
+
 static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
                        const reel_section *section) {
     REEL_TRY(check_leading(call, outline, section));
@@ -184,8 +191,12 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     if (section->id == REEL_EDIT) {
         return read_base(call, section, outline);
     }
-    REEL_CORRUPT_IF(section->id == REEL_START && !outline->is_first, section->at,
-                    "a start is stored behind the first segment");
+    bool is_of_file = section->id == REEL_START || section->id == REEL_TIMES;
+    REEL_CORRUPT_IF(is_of_file && !outline->is_first, section->at,
+                    "a start or times are stored behind the first segment");
+    if (section->id == REEL_TIMES) {
+        return add_times(call, outline, section);
+    }
     if (section->id == REEL_START) {
         return read_double(call, section, &outline->start_s);
     }
@@ -205,7 +216,7 @@ static void reset_outline(reel_outline *outline) {
     outline->start_s = outline->error_bound_percent = 0.0;
     outline->coded_verts = outline->n_verts;
     outline->coded_faces = outline->n_faces;
-    outline->edit = (reel_range){0, 0};
+    outline->edit = outline->times = (reel_range){0, 0};
     outline->n_polygons = outline->n_faces;
     outline->n_corners = 3 * outline->n_faces;
     outline->n_blocks = outline->n_frames = 0;
@@ -374,6 +385,20 @@ static int add_segment(reel_call *call, reel_pool *pool, reel_segments *segments
     return MESHREEL_OK;
 }
 
+/* Read TIMES if it is stored between the last block and the index. */
+static int read_trailing_times(reel_call *call, reel_outline *outline, uint64_t at,
+                               uint64_t index_at) {
+    if (at == index_at) {
+        return MESHREEL_OK;
+    }
+    reel_section section;
+    REEL_TRY(reel_section_at(call, at, index_at, &section));
+    REEL_TRY(reel_section_check(call, &section));
+    REEL_CORRUPT_IF(section.id != REEL_TIMES || section.end != index_at, index_at,
+                    "the index does not list all blocks");
+    return add_times(call, outline, &section);
+}
+
 /* Read the index: the first segment into `outline`, all into `segments`. */
 static int read_entries(reel_call *call, reel_pool *pool, reel_outline *outline,
                         const reel_section *index, reel_segments *segments) {
@@ -388,20 +413,14 @@ static int read_entries(reel_call *call, reel_pool *pool, reel_outline *outline,
         REEL_TRY(add_segment(call, pool, segments, segment));
         segment.at = segment.end;
     }
-    return segment.end == index->at
-               ? MESHREEL_OK
-               : reel_corrupt(call, index->at, "the index does not list all blocks");
+    return read_trailing_times(call, outline, segment.end, index->at);
 }
 
 /* Read the index from one copy of its bytes: it consists of many short numbers. */
 static int read_index(reel_call *call, reel_pool *pool, reel_outline *outline,
                       const reel_section *index, reel_segments *segments) {
     const reel_chunk *mark = call->scratch.last;
-    const uint8_t *bytes;
-    int failed = reel_view(call, index->payload, &bytes);
-    call->cached = failed ? NULL : bytes;
-    call->cached_at = index->payload.at;
-    call->cached_size = index->payload.length;
+    int failed = reel_cache(call, index->payload);
     failed = failed ? failed : read_entries(call, pool, outline, index, segments);
     call->cached = NULL;
     reel_drop_scratch(call, mark);
@@ -417,6 +436,7 @@ typedef struct {
     uint64_t *ends; /* row of the open block, or NULL */
     uint32_t n_groups, last;
     uint64_t index_at; /* offset of INDEX, or 0 */
+    bool has_trailing_times;
 } scan;
 
 static int open_block(scan *s, const reel_section *section) {
@@ -463,13 +483,17 @@ static int check_next(scan *s, const reel_section *section) {
 
 static int scan_section(scan *s, const reel_section *section) {
     uint32_t id = section->id;
+    bool is_trailing = id == REEL_TIMES && s->outline->n_blocks;
     s->last = id;
+    s->has_trailing_times |= is_trailing;
     s->index_at = id == REEL_INDEX ? section->at : s->index_at;
-    if (id == REEL_BLOCK || id == REEL_SEGMENT || id == REEL_INDEX || id == REEL_END) {
+    if (id == REEL_BLOCK || id == REEL_SEGMENT || id == REEL_INDEX || id == REEL_END ||
+        is_trailing) {
         REEL_TRY(s->ends ? close_block(s, section->at) : MESHREEL_OK);
         return id == REEL_END       ? check_end(s, section)
                : id == REEL_SEGMENT ? check_next(s, section)
                : id == REEL_BLOCK   ? open_block(s, section)
+               : is_trailing        ? add_times(s->call, s->outline, section)
                                     : MESHREEL_OK;
     }
     if (s->ends) {
@@ -497,8 +521,9 @@ static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline
         reel_section section;
         failed = reel_section_at(call, at, call->source->size, &section);
         failed = failed ? failed : reel_section_check(call, &section);
-        if (!failed && s.index_at && section.id != REEL_END) {
-            failed = reel_corrupt(call, at, "a section follows the index");
+        bool is_last = section.id == REEL_END || (section.id == REEL_INDEX && !s.index_at);
+        if (!failed && (s.index_at || s.has_trailing_times) && !is_last) {
+            failed = reel_corrupt(call, at, "a section follows the index or the times");
         } else if (!failed && reel_is_known(section.id)) {
             failed = scan_section(&s, &section);
         }
@@ -767,7 +792,10 @@ static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, re
         file->is_whole = outline.is_whole;
         file->end = outline.end;
         file->damage = outline.damage;
-        failed = add_scanned(call, pool, &outline, segments);
+        failed = file->times.length && outline.times.length
+                     ? reel_corrupt(call, outline.times.at, "times are stored twice")
+                     : add_scanned(call, pool, &outline, segments);
+        file->times = outline.times.length ? outline.times : file->times;
     }
     reel_drop_scratch(call, mark);
     return failed;

@@ -41,6 +41,7 @@ typedef struct {
     uint64_t n_verts, n_faces;
     uint64_t coded_verts, coded_faces; /* of CONNECTIVITY and ORDER; others if there is an edit */
     reel_range edit;                   /* payload of EDIT, or of length 0 */
+    reel_range times;                  /* payload of TIMES, or of length 0 */
     double fps, start_s, error_bound_percent;
     double placement[4]; /* scale, and origin of x, y and z */
     uint32_t number_bytes, method, laplacian, order;

@@ -6,6 +6,7 @@
 #include "edit.h"
 #include "group.h"
 #include "surfaces.h"
+#include "times.h"
 
 #if __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
 #error "the core requires a little-endian machine"
@@ -48,6 +49,13 @@ static void fill_info_of_mesh(meshreel_file *file) {
     info->n_tracks = outline->n_tracks;
 }
 
+/* Set start and mean rate from the times of frames. */
+static void set_timing(reel_outline *outline, const double *times, uint64_t n_frames) {
+    double fps = (double)(n_frames - 1) / (times[n_frames - 1] - times[0]);
+    outline->start_s = times[0];
+    outline->fps = reel_is_finite(fps) ? fps : outline->fps;
+}
+
 static int parse(reel_call *call, meshreel_file *file) {
     REEL_CORRUPT_IF(reel_is_of_paper(file) &&
                     (file->outline.n_tracks > 1 || file->outline.edit.length), file->outline.begin,
@@ -58,8 +66,24 @@ static int parse(reel_call *call, meshreel_file *file) {
     return MESHREEL_OK;
 }
 
+/* Read the times of frames, from which start and mean rate follow. */
+static int read_times(reel_call *call, meshreel_file *file) {
+    reel_outline *outline = &file->outline;
+    uint64_t n_frames = file->segments.n_frames;
+    if (!outline->times.length) {
+        return MESHREEL_OK;
+    }
+    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_START, NULL), outline->times.at,
+                    "there are a start and times");
+    REEL_TRY(reel_read_times(call, &file->pool, outline->times, n_frames, !outline->is_whole,
+                             &file->times));
+    set_timing(outline, file->times, n_frames);
+    return MESHREEL_OK;
+}
+
 static int parse_whole(reel_call *call, meshreel_file *file) {
     REEL_TRY(reel_read_outline(call, &file->pool, &file->outline, &file->segments));
+    REEL_TRY(read_times(call, file));
     if (file->segments.count == 1) {
         return parse(call, file);
     }
@@ -76,6 +100,13 @@ static int parse_segment(reel_call *call, meshreel_file *file, const meshreel_fi
     *segment = whole->segments.all[number];
     file->segments = (reel_segments){.all = segment, .count = 1, .n_frames = segment->n_frames};
     file->is_segment = true;
+    if (whole->times) {
+        file->times = reel_pool_allocate(call, &file->pool, segment->n_frames, sizeof *file->times);
+        REEL_NEED(file->times);
+        reel_copy(file->times, whole->times + segment->first_frame,
+                  segment->n_frames * sizeof *file->times);
+        set_timing(&file->outline, file->times, segment->n_frames);
+    }
     return parse(call, file);
 }
 
@@ -128,6 +159,28 @@ void meshreel_close(meshreel_file *file) {
 }
 
 const meshreel_info *meshreel_info_of(const meshreel_file *file) { return &file->info; }
+
+const double *meshreel_times_of(const meshreel_file *file) { return file->times; }
+
+uint32_t meshreel_frame_at(const meshreel_file *file, double time_s) {
+    const meshreel_info *info = &file->info;
+    double frame = (time_s - info->start_s) * info->fps;
+    uint32_t first = 0, end = info->n_frames;
+    if (!file->times) {
+        /* A frame is due a millionth of its duration before its time, for rounding errors. */
+        frame += 1e-6;
+        return !(frame >= 1.0) ? 0 : frame >= end ? end - 1 : (uint32_t)frame;
+    }
+    while (end - first > 1) {
+        uint32_t middle = first + (end - first) / 2;
+        if (file->times[middle] <= time_s) {
+            first = middle;
+        } else {
+            end = middle;
+        }
+    }
+    return first;
+}
 
 /* ---- segments ---- */
 

@@ -12,6 +12,7 @@ struct meshreel_file {
     meshreel_host host;
     reel_pool pool;
     meshreel_info info;
+    double *times; /* of frames that are not evenly spaced, or NULL */
     reel_outline outline;
     reel_segments segments;
     bool is_segment; /* one of several segments of the source */

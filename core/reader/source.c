@@ -123,6 +123,15 @@ static uint32_t update_long_crc(const crc_tables *tables, uint32_t sum, const ui
     return update_crc(sum, bytes + i, size - i);
 }
 
+int reel_cache(reel_call *call, reel_range range) {
+    const uint8_t *bytes;
+    REEL_TRY(reel_view(call, range, &bytes));
+    call->cached = bytes;
+    call->cached_at = range.at;
+    call->cached_size = range.length;
+    return MESHREEL_OK;
+}
+
 int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
     uint8_t piece[PIECE];
     crc_tables tables;
@@ -256,7 +265,7 @@ int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *
 }
 
 bool reel_is_known(uint32_t id) {
-    uint32_t last = id & REEL_OPTIONAL ? REEL_HARD_EDGES : REEL_ROUNDING;
+    uint32_t last = id & REEL_OPTIONAL ? REEL_TIMES : REEL_ROUNDING;
     bool is_gap = (id > REEL_EDIT && id < REEL_BLOCK) || id == REEL_OPTIONAL;
     return id <= last && !is_gap;
 }

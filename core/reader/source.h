@@ -40,7 +40,8 @@ enum reel_section_id {
     REEL_MATERIAL = 136,
     REEL_IMAGE = 137,
     REEL_TRACK = 138,
-    REEL_HARD_EDGES = 139
+    REEL_HARD_EDGES = 139,
+    REEL_TIMES = 140
 };
 
 /* A range of bytes of the file; readers consume it from the front. */
@@ -63,6 +64,10 @@ int reel_announce(reel_call *call, reel_range range);
 
 /* Return a range of the file: in place if it is in memory, else a copy in scratch memory. */
 int reel_view(reel_call *call, reel_range range, const uint8_t **result);
+
+/* Read a range from one copy of its bytes, which consist of many short numbers, until the caller sets
+   `call->cached` to NULL and drops the scratch memory. */
+int reel_cache(reel_call *call, reel_range range);
 
 /* Verify that `length` bytes are followed by their CRC-32. */
 int reel_check_crc(reel_call *call, uint64_t at, uint64_t length);

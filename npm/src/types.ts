@@ -23,10 +23,12 @@ export interface FileInfo {
   readonly name: string;
   /** Number of frames of all segments. */
   readonly nFrames: number;
-  /** Frames per second; 0 if unknown. */
+  /** Frames per second, the mean rate if there are `times`; 0 if unknown. */
   readonly fps: number;
   /** Time of the first frame in seconds. */
   readonly startS: number;
+  /** Time of each frame in seconds, ascending; null if they are evenly spaced. */
+  readonly times: Float64Array | null;
   /**
    * Center of the bounding box of all frames, in model units; of the first segment, if each segment
    * has its own box.

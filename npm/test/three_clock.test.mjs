@@ -118,3 +118,47 @@ test("leaving pingpong in reverse resumes forward playback", () => {
     near(it.time, before + 0.05);
   }
 });
+
+const TIMES = [5, 5.1, 5.3, 6];
+
+function uneven(options = {}) {
+  return Object.assign(new Clock(4, 3, TIMES), options);
+}
+
+test("frames are shown when they are due", () => {
+  for (const speed of [1, 2]) {
+    const it = uneven({ speed });
+    const shown = [];
+    for (let i = 0; i < 44; i++) {
+      shown.push([it.time, it.current(false).frame]);
+      it.advance(0.03 / speed);
+    }
+    for (const [time, frame] of shown) {
+      const due = TIMES.findLastIndex((one) => one - 5 <= time);
+      assert.equal(frame, due, `at ${time} s`);
+    }
+  }
+});
+
+test("times of uneven frames are found", () => {
+  const it = uneven();
+  near(it.duration, 1 + 1 / 3);
+  for (const [frame, time] of TIMES.entries()) near(it.positionAt(time - 5), frame);
+  near(it.positionAt(0.65), 2.5);
+  it.seek(2.5);
+  near(it.time, 0.65);
+});
+
+test("uneven frames loop, also backward and forward", () => {
+  const it = uneven();
+  assert.equal(it.advance(1.35), "loop");
+  near(it.time, 1.35 - 4 / 3);
+  const backward = uneven({ speed: -1, loop: false });
+  backward.goToEnd();
+  assert.equal(backward.advance(1), null);
+  near(backward.time, 1 / 3);
+  assert.equal(backward.advance(1), "ended");
+  const bouncing = uneven({ loop: "pingpong" });
+  assert.equal(bouncing.advance(1.2), "loop");
+  near(bouncing.time, 0.8);
+});

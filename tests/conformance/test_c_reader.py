@@ -11,8 +11,10 @@ import pytest
 import meshreel
 from conformance.container import METHODS, read_container
 from conformance.make import FOLDER, REFUSED_FOLDER, STREAMS
+from meshreel.codec.open_stream import timing_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import MeshReelError
+from meshreel.kernel.files import OpenFile
 from meshreel.kernel.library import library
 from meshreel.kernel.normals import surface_normals
 from samples import c_reader
@@ -240,10 +242,31 @@ def test_info_agrees_with_the_plain_reader():
                 len(container.blocks),
                 1 + len(container.all_of("TRACK")),
             ), name
-            assert (info.fps, info.order) == (header.fps, header.order), name
+            assert info.order == header.order, name
+            if container.times is None:
+                assert info.fps == header.fps, name
             assert (info.laplacian, str(info.name)) == (header.laplacian, header.name), name
             assert METHODS[info.method] == header.method, name
             assert info.is_whole, name
+
+
+@pytest.mark.parametrize("name", ["times", "live_times", "named", "two_frames"])
+def test_frames_are_found_by_time(name):
+    data = stored(name)
+    timing, n_frames = timing_of(OpenFile(data, np.inf)), len(meshreel.decode(data))
+    with File(data, mesh=False) as file:
+        assert file.times == (None if timing.times is None else timing.times.tolist())
+        seconds = [timing.at(frame) for frame in range(n_frames)]
+        if timing.fps:
+            assert [file.frame_at(time) for time in seconds] == list(range(n_frames))
+        for time in (
+            -np.inf,
+            -1e9,
+            *np.linspace(seconds[0] - 1, seconds[-1] + 1, 97),
+            np.inf,
+            np.nan,
+        ):
+            assert file.frame_at(time) == timing.frame_at(time, n_frames), time
 
 
 def test_sections_are_contiguous_up_to_the_end():

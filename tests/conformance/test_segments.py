@@ -276,6 +276,14 @@ def test_segments_report_frames_meshes_and_bytes():
         assert code_of(lambda: file.open_segment(2)) == Code.INVALID
 
 
+def test_times_of_a_segment_are_those_of_its_frames():
+    with File(stored("two_meshes_timed"), mesh=False) as file:
+        times = file.times
+        with file.open_segment(1) as segment:
+            assert segment.times == times[5:]
+            assert segment.frame_at(times[7]) == 2
+
+
 def test_an_open_segment_is_an_independent_file():
     data, host = stored("two_meshes"), Host()
     with File(data, host, mesh=False) as whole:

@@ -271,6 +271,16 @@ class File:
         """Number of the segment of a frame."""
         return returned("segment_of_frame", c_uint32, self.handle, c_uint32(frame))
 
+    @property
+    def times(self):
+        """Times of all frames in seconds, or None if they are evenly spaced."""
+        address = returned("times_of", c_void_p, self.handle)
+        return array_at(address, (self.info.n_frames,), np.float64).tolist() if address else None
+
+    def frame_at(self, time_s):
+        """Number of the frame that is shown at a time."""
+        return returned("frame_at", c_uint32, self.handle, c_double(time_s))
+
     def read_mesh(self):
         """Decode triangles and the order of vertices."""
         call("read_mesh", self.handle)

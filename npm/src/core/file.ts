@@ -3,7 +3,7 @@
 import { UnsupportedVersionError } from "../errors.js";
 import type { BlockInfo, FileInfo, ReelInfo, SegmentInfo, TrackInfo } from "../types.js";
 import type { Library } from "./library.js";
-import { NUMBER_TYPES } from "./numbers.js";
+import { copyNumbers, NUMBER_TYPES } from "./numbers.js";
 import { Struct } from "./struct.js";
 
 /** Methods that only the Python package decodes. The numbers of `METHODS` follow theirs. */
@@ -13,6 +13,7 @@ const FIRST_METHOD = 7;
 const KINDS = ["other", "vector", "velocity", "normal", "color", "uv", "scalar"] as const;
 const DOMAINS = ["vertex", "face", "corner"] as const;
 const STRUCT_BYTES = 64;
+const FLOAT64 = 8;
 
 /** Metadata of a track. */
 export interface Track {
@@ -42,7 +43,7 @@ export function readSegments(
   library: Library,
   handle: number,
 ): { info: FileInfo; segments: StoredSegment[] } {
-  const { nSegments, name, nFrames, fps, startS, center, diagonal, damage } = readInfo(library, handle);
+  const { nSegments, name, nFrames, fps, startS, times, center, diagonal, damage } = readInfo(library, handle);
   const segments = Array.from({ length: nSegments }, (_, number) =>
     library.withMemory(STRUCT_BYTES, (address) => {
       library.functions.meshreel_segment_of(handle, number, address);
@@ -51,7 +52,7 @@ export function readSegments(
       return { start, nFrames, nVerts, nFaces, offset: fields.uint64(), sizeBytes: fields.uint64() };
     }),
   );
-  return { info: { name, nFrames, fps, startS, center, diagonal, damage }, segments };
+  return { info: { name, nFrames, fps, startS, times, center, diagonal, damage }, segments };
 }
 
 /**
@@ -97,7 +98,9 @@ function readInfo(library: Library, handle: number) {
   const [, , isWhole, nSegments] = fields.uint32s(4);
   fields.uint32s(2); // code of the damage
   fields.float64s(2); // its offset and size
+  const times = library.functions.meshreel_times_of(handle) >>> 0;
   return {
+    times: times ? (copyNumbers(library.buffer, FLOAT64, times, nFrames) as Float64Array) : null,
     ...{ name, fps, startS, center: box.slice(0, 3) as [number, number, number], diagonal: box[3] },
     ...{ nFrames, nVerts, nFaces, nPolygons, nBlocks, nTracks, nSegments, method },
     errorBoundPercent: errorBoundPercent || null,

@@ -30,6 +30,7 @@ interface Functions {
   readonly __heap_base: WebAssembly.Global;
   meshreel_abi(): number;
   meshreel_info_of(file: number): number;
+  meshreel_times_of(file: number): number;
   meshreel_surface_of(file: number): number;
   meshreel_triangles(file: number): number;
   meshreel_block_of(file: number, block: number, track: number, found: number): number;

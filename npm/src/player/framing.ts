@@ -2,6 +2,7 @@
 
 import type { OpenReel, OpenSegments } from "../types.js";
 import { Vector3 } from "../webgl/index.js";
+import { Clock } from "../three/clock.js";
 import { extremePoints } from "./extreme_points.js";
 
 /** Limits of the sampled frames and positions, which keep the time below a tenth of a second. */
@@ -40,8 +41,8 @@ export async function estimateFraming(
   options?: { signal?: AbortSignal },
 ): Promise<Framing> {
   const { segments } = file;
-  const { center, diagonal, fps } = file.info;
-  const first = typeof start === "number" ? start * fps : start.frame;
+  const { center, diagonal, nFrames, fps, times } = file.info;
+  const first = typeof start === "number" ? new Clock(nFrames, fps, times).positionAt(start) : start.frame;
   const number = Math.max(0, segments.findLastIndex((one) => one.start <= first));
   const reel = await file.segment(number, options);
   const [swept, figure]: [Vector3[], Vector3[]] = [[], []];

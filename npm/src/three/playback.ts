@@ -109,7 +109,7 @@ export class Playback {
     const end = this.#blocks.at(-1);
     if (!end) throw new InvalidInputError(`the file ${file.info.name} has no frames`);
     this.nFrames = end.start + end.nFrames;
-    this.clock = new Clock(this.nFrames, file.info.fps || DEFAULT_FPS);
+    this.clock = new Clock(this.nFrames, file.info.fps || DEFAULT_FPS, file.info.times);
     this.#cache = new BlockCache(this.#blocks, {
       load: (played, signal) => this.#load(played, signal),
       release: ({ segment }, block) => display.release(segment, block),

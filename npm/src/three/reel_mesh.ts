@@ -235,7 +235,7 @@ export class ReelMesh extends THREE.Mesh<
    */
   seek(to: number | { frame: number }): void {
     const { clock } = this.#playback;
-    const position = typeof to === "number" ? to * clock.fps : to.frame;
+    const position = typeof to === "number" ? clock.positionAt(to) : to.frame;
     this.#playback.seek(Math.round(position * SEEK_STEPS_PER_FRAME) / SEEK_STEPS_PER_FRAME);
   }
 

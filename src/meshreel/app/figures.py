@@ -112,7 +112,7 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
     rows: dict[str, Cell] = {
         "name": stream.name or "-",
         **size_rows(stream),
-        "frame rate": fps_text(stream.fps),
+        **timing_rows(stream.fps, stream.times),
         "positions": stream.vertex_type,
         "Laplacian": stream.laplacian,
         "order": stream.order,
@@ -290,9 +290,11 @@ def mesh_text(
     return counts_text(frame=info.n_frames, vertex=info.n_verts, face=info.n_faces)
 
 
-def fps_text(fps: float) -> str:
-    """Text of a frame rate; 0 means unknown."""
-    return f"{fps:g} fps" if fps else "unknown"
+def timing_rows(fps: float, times: Sequence[float] | None) -> "dict[str, Cell]":
+    """Frame rate, 0 if unknown, or times of frames that are not evenly spaced."""
+    if times is None:
+        return {"frame rate": f"{fps:g} fps" if fps else "unknown"}
+    return {"times": f"{times[0]:.6g} to {times[-1]:.6g} s, uneven; on average {fps:.6g} fps"}
 
 
 def method_text(stream: "StreamInfo") -> str:

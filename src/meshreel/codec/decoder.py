@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from meshreel.codec.memory import MemoryLimit, memory_limit
 from meshreel.codec.methods import FrameReader
-from meshreel.codec.open_stream import OpenStream, whole_file
+from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.parts import SegmentFrames, decode_together
-from meshreel.model.frame_choice import frame_range, start_of
+from meshreel.model.frame_choice import frame_range
 from meshreel.model.sequence import Faces, MeshSequence, frames_by_segment
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
@@ -83,11 +83,12 @@ def decode(
         file = file.segment(segment)
     if file.info.n_segments > 1:
         selected = frame_range(frames, file.info.n_frames)
-        return MeshSequence.of_segments(_segments(file, selected, n_modes, limit, progress))
+        segments = _segments(file, selected, n_modes, limit, progress)
+        return MeshSequence.of_segments(segments, timing=timing_of(file).part(selected))
     opened = OpenStream(file, limit)
     opened.require_mesh()
     selected = frame_range(frames, opened.n_frames)
-    part = _Part(opened, selected, start_of(selected, opened.start_s, opened.fps))
+    part = _Part(opened, selected)
     return _decode_parts([part], n_modes, {}, progress)[0]
 
 
@@ -113,8 +114,7 @@ def _segments(
             keys.add(key)
             stop = starts[number] + selected.stop
             limit.require(needed_bytes, f"frames {requested.start}:{stop} of {number + 1} segments")
-            start_s = start_of(selected, opened.start_s, opened.fps)
-            yield _Part(opened, selected, start_s, key, has_new_mesh)
+            yield _Part(opened, selected, key, has_new_mesh)
 
     for group in _groups(parts()):
         n_meshes = len(meshes)
@@ -128,14 +128,13 @@ def _segments(
 
 @dataclass(frozen=True)
 class _Part:
-    """Frames of an open stream of one segment, and the time of the first.
+    """Frames of an open stream of one segment.
 
     Parts with the same `mesh_key` have the same mesh, which is decoded for the first of them.
     """
 
     opened: OpenStream
     frames: range
-    start_s: float
     mesh_key: Hashable = None
     has_new_mesh: bool = True
 
@@ -213,7 +212,12 @@ def _decode_parts(
                 tracks[track.name] = Track(out, domain, kind, track.unit)
             sequences.append(
                 MeshSequence.of_finite(
-                    vertices, faces, opened.fps, opened.name, part.start_s, surface, tracks
+                    vertices,
+                    faces,
+                    opened.name,
+                    opened.timing.part(part.frames),
+                    surface,
+                    tracks,
                 )
             )
         except InvalidInputError as error:

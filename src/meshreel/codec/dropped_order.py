@@ -7,7 +7,7 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.reordering import without_reordering
 from meshreel.metrics.compare import has_same_triangles
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, frames_of
-from meshreel.model.surface import Domain
+from meshreel.model.surface import PLAIN, Domain
 from meshreel.model.tracks import Track
 
 MATCHED = (
@@ -50,7 +50,7 @@ def match_order(
     matched = [_in_order_of(*pair) for pair in pairs]
     if all(reordered is segment for reordered, (_, segment) in zip(matched, pairs, strict=True)):
         return original, decoded, False
-    whole = MeshSequence.of_segments(matched, decoded.name, decoded.start_s)
+    whole = MeshSequence.of_segments(matched, decoded.name, decoded.timing)
     return original, whole, True
 
 
@@ -72,11 +72,6 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
         for name, track in loaded.tracks.items()
         if track.domain is Domain.VERTEX  # others need the order
     }
-    return MeshSequence(
-        loaded.vertices[:, numbers],
-        faces,
-        loaded.fps,
-        loaded.name,
-        loaded.start_s,
-        tracks=tracks,
+    return loaded.replace(
+        vertices=loaded.vertices[:, numbers], faces=faces, surface=PLAIN, tracks=tracks
     )

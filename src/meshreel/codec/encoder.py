@@ -186,7 +186,7 @@ def encode_segments(
         mesh = source.sequence.faces, source.sequence.n_verts
         edited.append(replace(source, edit=edits.edit_to(*mesh)) if keeps_order else source)
     streams = list(config.method_row.encode(edited, progress, engine))
-    return join_streams(streams, name=sequence.name, start_s=sequence.start_s)
+    return join_streams(streams, name=sequence.name, timing=sequence.timing)
 
 
 def _check_names(sequence: MeshSequence, attributes: Names, tracks: TrackTargets) -> None:

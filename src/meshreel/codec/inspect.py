@@ -8,7 +8,7 @@ from typing import Any
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.methods import LOSSLESS
-from meshreel.codec.open_stream import OpenStream, whole_file
+from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.files import OpenFile
@@ -126,6 +126,8 @@ class StreamInfo:
         False if the end is missing: the other attributes then describe the complete blocks.
     start_s : float
         Time of the first frame, in seconds.
+    times : tuple of float, or None
+        Time of each frame in seconds, if they are not evenly spaced; `fps` is then the mean rate.
     n_polygons : int
         Number of faces before triangulation.
     attributes : tuple of str
@@ -165,6 +167,7 @@ class StreamInfo:
     is_lossless: bool
     is_whole: bool
     start_s: float
+    times: tuple[float, ...] | None
     n_polygons: int
     attributes: tuple[str, ...]
     parts: tuple[str, ...]
@@ -265,9 +268,12 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
     parts["container"] += ending
     bounds = [segment.error_bound_percent for segment in segments]
     known_bounds = [bound for bound in bounds if bound is not None]
+    timing = timing_of(file)
     return replace(
         segments[0],
         n_frames=file.info.n_frames,
+        fps=timing.fps,
+        times=timing.uneven_times,
         **{name: largest(name) for name in ("n_verts", "n_faces", "n_polygons", "diagonal")},
         **{name: named(name) for name in ("method", "laplacian", "order", "vertex_type")},
         **{name: joined(name) for name in ("n_modes", "block_frames", "block_bytes")},
@@ -356,7 +362,7 @@ def stream_info(
         n_frames=opened.n_frames,
         n_verts=opened.n_verts,
         n_faces=opened.n_faces,
-        fps=opened.fps,
+        fps=opened.timing.fps,
         name=opened.name,
         method=opened.method.name,
         laplacian=opened.laplacian.name.lower(),
@@ -371,7 +377,8 @@ def stream_info(
         error_bound_percent=opened.error_bound_percent,
         is_lossless=opened.method.name == LOSSLESS,
         is_whole=opened.is_whole,
-        start_s=opened.start_s,
+        start_s=opened.timing.start_s,
+        times=opened.timing.uneven_times,
         diagonal=opened.frame.scale,
         tracks=tracks,
         segments=(

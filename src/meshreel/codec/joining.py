@@ -6,12 +6,13 @@ from dataclasses import replace
 from meshreel.codec.bitstream.container import Header, write_stream
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import OpenStream, whole_stream
-from meshreel.codec.surface.payloads import write_start
-from meshreel.errors import InvalidInputError, Keyword
+from meshreel.codec.times import TIMING_SECTIONS, timing_sections
+from meshreel.errors import InvalidInputError
+from meshreel.model.timing import Timing
 
 
 def join_streams(
-    streams: Sequence[bytes], *, name: str | None = None, start_s: float | None = None
+    streams: Sequence[bytes], *, name: str | None = None, timing: Timing | None = None
 ) -> bytes:
     """Join streams into one whose segments are their meshes, without re-encoding.
 
@@ -21,56 +22,50 @@ def join_streams(
         Complete streams of one segment each, at least one.
     name : str, optional
         Name of the sequence. Default: that of the first stream.
-    start_s : float, optional
-        Time of the first frame in seconds. Default: that of the first stream.
+    timing : Timing, optional
+        Default: `Timing.joined` of all streams.
 
     Raises
     ------
     InvalidInputError
-        If there is no stream, one has several segments, or their frames per second differ.
+        If there is no stream, one has several segments, or their times do not fit.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If one is not a complete stream that this build reads.
     """
     if not streams:
         raise InvalidInputError("there are no streams to join; give at least one")
-    first, *further = map(whole_stream, streams)
-    rates = {first.fps, *(stream.fps for stream in further)}
-    if len(rates) > 1:
-        raise InvalidInputError(
-            f"streams of {' and '.join(f'{rate:g}' for rate in sorted(rates))} frames per second "
-            "cannot be joined; encode them with the same ",
-            Keyword("fps"),
-        )
+    opened = [whole_stream(stream) for stream in streams]
+    counts = [stream.n_frames for stream in opened]
+    if timing is None:
+        timing = Timing.joined([stream.timing for stream in opened], counts)
+    first, *further = opened
     header = replace(
         header_of(first),
-        n_frames=sum(stream.n_frames for stream in (first, *further)),
+        n_frames=sum(counts),
+        fps=timing.fps,
         name=first.name if name is None else name,
     )
     leading = list(leading_of(first))
-    if start_s is not None and start_s != first.start_s:
-        leading = _without_start(first)
-        if start_s:
-            leading.append((Section.START, write_start(start_s)))
-    others = ((header_of(stream), _without_start(stream), blocks_of(stream)) for stream in further)
+    if timing != first.timing:
+        leading = [*_without_timing(first), *timing_sections(timing)]
+    others = ((header_of(stream), _without_timing(stream), blocks_of(stream)) for stream in further)
     return write_stream((header, leading, blocks_of(first)), *others)
 
 
 def separate_stream(opened: OpenStream) -> bytes:
-    """Return a stream of one segment, with its start time, without re-encoding.
+    """Return a stream of one segment, with its times, without re-encoding.
 
     Raises
     ------
     CorruptStreamError
         If a section is damaged.
     """
-    leading = list(leading_of(opened))
-    if opened.start_s and Section.START not in dict(leading):
-        leading.append((Section.START, write_start(opened.start_s)))
+    leading = [*_without_timing(opened), *timing_sections(opened.timing)]
     return write_stream((header_of(opened), leading, blocks_of(opened)))
 
 
-def _without_start(opened: OpenStream) -> list[tuple[Section, bytes]]:
-    return [stored for stored in leading_of(opened) if stored[0] is not Section.START]
+def _without_timing(opened: OpenStream) -> list[tuple[Section, bytes]]:
+    return [stored for stored in leading_of(opened) if stored[0] not in TIMING_SECTIONS]
 
 
 def header_of(opened: OpenStream) -> Header:

@@ -24,8 +24,15 @@ from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword, Unsu
 from meshreel.kernel.files import FileSection, FileTrack, OpenFile
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.timing import Timing
 
 CodedChoice = TypeVar("CodedChoice", bound=IntEnum)
+
+
+def timing_of(file: OpenFile) -> Timing:
+    """Return the timing of a file or a segment."""
+    info, times = file.info, file.times
+    return Timing(info.fps, info.start_s) if times is None else Timing.of_times(times)
 
 
 class OpenStream:
@@ -101,9 +108,8 @@ class OpenStream:
         self.n_frames: int = info.n_frames
         self.n_verts: int = info.n_verts
         self.n_faces: int = info.n_triangles
-        self.fps: float = info.fps
+        self.timing: Timing = timing_of(self.file)
         self.name: str = info.name
-        self.start_s: float = info.start_s
         self.is_whole: bool = info.is_whole
         self.size_bytes: int = info.size_bytes - self.offset
         self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")

@@ -15,7 +15,7 @@ from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.methods import FrameReader
-from meshreel.codec.open_stream import OpenStream, require_whole
+from meshreel.codec.open_stream import OpenStream, require_whole, timing_of
 from meshreel.codec.reel_track import (
     ReelTrack,
     decode_frames,
@@ -25,7 +25,7 @@ from meshreel.codec.reel_track import (
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import ConnectivityChangeError
 from meshreel.kernel.files import FileModes, OpenFile
-from meshreel.model.frame_choice import frame_range, start_of
+from meshreel.model.frame_choice import frame_range
 from meshreel.model.sequence import (
     Faces,
     MeshFrame,
@@ -36,6 +36,7 @@ from meshreel.model.sequence import (
 )
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
+from meshreel.model.timing import Timed
 from meshreel.model.tracks import track_by_name
 from meshreel.runtime.counting import counts_text
 from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
@@ -51,7 +52,7 @@ MAX_OPEN_SEGMENTS = 4
 """Segments that stay decoded: enough to play across a boundary, and to go back."""
 
 
-class ReelFile:
+class ReelFile(Timed):
     """The frames of a `.reel` file, decoded on demand; returned by `meshreel.open`.
 
     ``len(reel)`` is the number of frames. ``reel[3]`` is a `MeshFrame`, positions and faces; a
@@ -85,6 +86,10 @@ class ReelFile:
     name : str
     start_s : float
         Time of the first frame, in seconds.
+    times : float64 array of shape (T,), or None
+        Time of each frame, in seconds; None if the frame rate is unknown.
+    timing : Timing
+        All of these.
     is_whole : bool
         False if the end of the file is missing: its encoder was interrupted, or is still running.
         The frames of all complete blocks are available.
@@ -110,18 +115,17 @@ class ReelFile:
         if segment is None and info.n_segments > 1:
             first_frames = (place.first_frame for place in self._whole.segments)
             self.starts: tuple[int, ...] = (*first_frames, info.n_frames)
-            self.start_s: float = info.start_s
+            self.timing = timing_of(self._whole)
             self._segment(0)  # raises now if n_modes is not supported or the mesh is too large
         else:
             self._only = OpenStream(self._whole, self._limit, segment)
             self._only.require_mesh()
             self.starts = 0, self._only.n_frames
-            self.start_s = self._only.start_s
+            self.timing = self._only.timing
             if n_modes is not None:  # raise now if the stream does not support it
                 _ = self._frames
-        self.n_frames: int = self.starts[-1]
+        self.n_frames = self.starts[-1]
         self.n_segments: int = len(self.starts) - 1
-        self.fps: float = info.fps
         self.name: str = info.name
         self.is_whole: bool = info.is_whole if self._only is None else self._only.is_whole
 
@@ -307,7 +311,7 @@ class ReelFile:
             self._limit.require(held_bytes + frames_bytes, what)
             parts.append(frames_of(segment, frames))
             held_bytes += parts[-1].raw_size_bytes
-        return MeshSequence.of_segments(parts, self.name, start_of(wanted, self.start_s, self.fps))
+        return MeshSequence.of_segments(parts, self.name, self.timing.part(wanted))
 
     def frames(self, numbers: npt.ArrayLike, out: Vertices | None = None) -> Vertices:
         """Decode positions of several frames, such as the windows of a batch.

@@ -65,7 +65,7 @@ def without_reordering(sequence: MeshSequence, order: str | None) -> MeshSequenc
             joined[-1] = _appended(joined[-1], segment, match)
     if len(joined) == sequence.n_segments:
         return sequence
-    return MeshSequence.of_segments(joined, sequence.name, sequence.start_s)
+    return MeshSequence.of_segments(joined, sequence.name, sequence.timing)
 
 
 def joined_note(given: MeshSequence, joined: MeshSequence) -> str:

@@ -19,12 +19,14 @@ from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.mesh_edits import MeshEdit
 from meshreel.codec.methods import METHOD_CODES
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
-from meshreel.codec.surface.payloads import surface_in_order, surface_sections, write_start
+from meshreel.codec.surface.payloads import surface_in_order, surface_sections
+from meshreel.codec.times import timing_sections
 from meshreel.codec.track_bounds import TrackBound
 from meshreel.codec.tracks import Coding
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence
 from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.timing import UNTIMED, Timing
 from meshreel.model.tracks import TrackSource
 
 Vertices = npt.NDArray[np.floating]
@@ -39,8 +41,8 @@ class CodedMesh:
     given_faces : int32 array of shape (M, 3)
     surface : Surface
         Surface of the given faces.
-    start_s : float
-        Time of the first frame, in seconds.
+    timing : Timing, optional
+        Start or times to store.
     edit : MeshEdit, optional
         How another mesh becomes this one. Its connectivity is then stored instead. Only if the
         order of vertices and faces is kept.
@@ -50,7 +52,7 @@ class CodedMesh:
     n_verts: int
     config: EncoderConfig
     surface: Surface = PLAIN
-    start_s: float = 0.0
+    timing: Timing = UNTIMED
     edit: MeshEdit | None = None
 
     @cached_property
@@ -107,14 +109,13 @@ class CodedMesh:
         return self.order[self.faces].astype(np.int32)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """Yield the sections of connectivity, order, start and surface."""
+        """Yield the sections of connectivity, order, times and surface."""
         yield Section.CONNECTIVITY, self._connectivity.payload
         if self.order_kept is not Order.DROP:
             yield Section.ORDER, self._connectivity.order_payload
         if self.edit is not None:
             yield Section.EDIT, self.edit.payload
-        if self.start_s:
-            yield Section.START, write_start(self.start_s)
+        yield from timing_sections(self.timing)
         yield from self._surface_sections
 
     @cached_property
@@ -252,8 +253,8 @@ class Source:
         config = self.config
         if any(sequence.tracks[name].domain is not Domain.VERTEX for name in self.bounds):
             config = replace(config, order=config.order or "keep")
-        start_s = sequence.start_s
-        return CodedMesh(sequence.faces, sequence.n_verts, config, surface, start_s, self.edit)
+        timing = sequence.timing
+        return CodedMesh(sequence.faces, sequence.n_verts, config, surface, timing, self.edit)
 
     @cached_property
     def frame(self) -> BoundingFrame:
@@ -322,7 +323,7 @@ class Source:
             self.frame,
             self.dtype,
             n_frames=self.n_frames,
-            fps=sequence.fps,
+            fps=sequence.timing.fps,
             name=sequence.name,
         )
 

@@ -1,12 +1,12 @@
 """Live encoder: receives frames one by one, and encodes and writes them in blocks."""
 
 import os
-import time
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter
 from types import TracebackType
 from typing import Any, BinaryIO
 
@@ -23,16 +23,16 @@ from meshreel.codec.options import config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
+from meshreel.codec.times import write_times
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.extent import extent_of
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.timing import UNTIMED, Timing
 from meshreel.model.tracks import Track, concatenate_tracks, describe_track, validated_tracks
 from meshreel.model.validation import (
     validate_faces,
-    validate_fps,
-    validate_start,
     validate_vertices,
 )
 from meshreel.runtime.counting import counted
@@ -113,7 +113,7 @@ class Encoder:
     fps : float, default 0
         Frames per second; 0 = unknown.
     name, start_s, surface
-        As in `MeshSequence`.
+        As in `MeshSequence`; `start_s` only if frames are pushed without times.
     block_frames : int or "auto", default "auto"
         Frames per block. "auto": as many as `max_latency_s` allows, or the default of the method
         (`blocks`: 25). Longer blocks take fewer bytes per frame.
@@ -173,8 +173,9 @@ class Encoder:
         self.n_frames: int = 0
         self.n_segments: int = 0
         self.latency_s: float = 0.0
-        self._fps, self._name = validate_fps(fps), name
-        self._start_s, self._surface = validate_start(start_s), surface
+        self._name = name
+        self._timing, self._surface = Timing.of_rate(fps, start_s), surface
+        self._times: list[float] = []
         self._max_latency_s = max_latency_s
         self._config = _checked_config(block_frames, options)
         self._targets = tracks
@@ -206,6 +207,7 @@ class Encoder:
         frame: npt.ArrayLike,
         tracks: Mapping[str, Track | npt.ArrayLike] | None = None,
         *,
+        time: float | None = None,
         faces: npt.ArrayLike | None = None,
         surface: Surface | None = None,
     ) -> None:
@@ -219,6 +221,9 @@ class Encoder:
             Values by track name; copied. Names, shapes, types, kinds and units must equal those of
             the first frame of the segment. Corners are coded separately, because later frames
             decide which corners share their values.
+        time : float, optional
+            Time of the frame in seconds, above that of the last frame. All frames have one, or none
+            has. Times are stored when the encoder is closed: a file that is cut off has none.
         faces : integer array of shape (M, 3), optional
             Faces of this frame and the next ones; copied. If V or the faces differ from those of
             the last frame, they begin a segment. Default: those of the last frame.
@@ -231,20 +236,22 @@ class Encoder:
         InvalidInputError
             If the frame or a track differs in shape or type from the last frame and does not begin
             a segment, faces or surface are invalid, the method needs the same faces in every frame,
-            or a position is not finite; the frame is skipped, and others can follow. Also if a
-            block cannot be encoded with these options.
+            the time is not above the last one, or a position is not finite; the frame is skipped,
+            and others can follow. Also if a block cannot be encoded with these options.
         """
         if self._is_closed:
             raise InvalidInputError("the encoder is closed; it takes no more frames")
         array = np.asarray(frame)
+        times = self._times_with(time)
         mesh, values = self._checked(array, tracks, faces, surface)
+        self._times = times
         if mesh is not self._mesh:
             if self._frames:
                 self._code()
             self._mesh = mesh
             self.n_segments += 1
         if not self._frames:
-            self._since = time.perf_counter()
+            self._since = perf_counter()
         self._frames.append(np.array(array))
         self._tracks.append(values)
         self.n_frames += 1
@@ -273,7 +280,8 @@ class Encoder:
             self._wait_for_all()
             with self._errors_naming_output():
                 if self._writer.size_bytes:
-                    self._writer.finish()
+                    times = np.array(self._times)
+                    self._writer.finish([(Section.TIMES, write_times(times))] if len(times) else [])
         finally:
             self._analysis_thread.shutdown()
             self._file_thread.shutdown()
@@ -306,7 +314,7 @@ class Encoder:
         return (
             f"<Encoder{name}, {state}: {counted(self.n_frames, 'frame')}{several} pushed, "
             f"{counted(self.size_bytes, 'byte')} written, "
-            f"{counted(len(faces), 'face')}, {self._fps:g} fps>"
+            f"{counted(len(faces), 'face')}, {self._timing.fps:g} fps>"
         )
 
     def _release(self) -> None:
@@ -318,6 +326,19 @@ class Encoder:
 
     def _errors_naming_output(self) -> AbstractContextManager[None]:
         return os_errors_naming_output(self._path) if self._path else nullcontext()
+
+    def _times_with(self, time: float | None) -> list[float]:
+        """Return the times of all frames with that of the next one."""
+        is_timed = bool(self._times) if self.n_frames else time is not None
+        if (time is not None) != is_timed or (is_timed and self._timing.start_s):
+            raise InvalidInputError(
+                f"frame {self.n_frames} has {'no' if time is None else 'a'} time; either all "
+                "frames have one and start_s is not set, or none has"
+            )
+        if time is None:
+            return []
+        Timing.of_times([*self._times[-1:], time])
+        return [*self._times, float(time)]
 
     def _checked(
         self,
@@ -398,7 +419,10 @@ class Encoder:
             return default
         seconds = self._max_latency_s * (1 - SHARE_FOR_CODING)
         return max(
-            1, min(int(seconds * (self._fps or FPS_IF_UNKNOWN)), MAX_BLOCK_POSITIONS // n_verts)
+            1,
+            min(
+                int(seconds * (self._timing.fps or FPS_IF_UNKNOWN)), MAX_BLOCK_POSITIONS // n_verts
+            ),
         )
 
     def _code(self) -> None:
@@ -427,7 +451,7 @@ class Encoder:
                 if begins:
                     self._writer.begin_segment(segment.header, segment.leading)
                 self._writer.write_block(len(vertices), sections)
-            self.latency_s = max(self.latency_s, time.perf_counter() - since)
+            self.latency_s = max(self.latency_s, perf_counter() - since)
 
         self._analysis = self._analysis_thread.submit(analyze)
 
@@ -437,14 +461,14 @@ class Encoder:
         """Return the encoder of a segment, given its first block."""
         if self._bounding_frame is None:
             self._bounding_frame = bounding_frame(extent_of(first))
-        start_s = self._start_s if is_first else 0.0  # times of further segments follow
-        coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, start_s)
+        timing = self._timing if is_first else UNTIMED  # times of further segments follow
+        coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, timing)
         if coded.keeps_order:
             coded = replace(coded, edit=self._edits.edit_to(mesh.faces, mesh.n_verts))
         method, frame, order = self._config.method_row, self._bounding_frame, coded.order
         targets = self._targets_of(tracks, is_first=is_first)
         coder = method.live_coder(coded, frame, first.take(order, axis=1), tracks, targets)
-        header = coded.header(frame, first.dtype, n_frames=0, fps=self._fps, name=self._name)
+        header = coded.header(frame, first.dtype, n_frames=0, fps=self._timing.fps, name=self._name)
         leading = [*coded.leading_sections(), *coder.leading_sections()]
         return _Segment(coder, order, header, leading)
 

@@ -89,10 +89,10 @@ def compare_surface_codecs(
 
     def runs(given: MeshSequence) -> list[Run]:
         segments = [
-            MeshSequence(segment.read(0, segment.n_frames), segment.faces, segment.fps)
+            MeshSequence(segment.read(0, segment.n_frames), segment.faces)
             for segment in given.segments
         ]
-        whole = MeshSequence.of_segments(segments, given.name, given.start_s)
+        whole = MeshSequence.of_segments(segments, given.name, given.timing)
         sizes = whole.n_frames, max(segment.n_verts for segment in whole.segments)
         sweep = own_sweeps(quick=quick)[METHOD](*sizes) if METHOD in methods else []
         return [

@@ -64,6 +64,8 @@ class MeshInfo:
     raw_size_bytes : int
         Uncompressed bytes of the positions and tracks of all frames, and of the triangles and
         surfaces of all segments; that of a stream counts the same.
+    times : tuple of float, or None
+        Time of each frame in seconds, if they are not evenly spaced.
     """
 
     name: str
@@ -85,6 +87,7 @@ class MeshInfo:
     n_segments: int = 1
     n_meshes: int = 1
     raw_size_bytes: int = 0
+    times: tuple[float, ...] | None = None
 
     @property
     def duration_s(self) -> float | None:
@@ -216,6 +219,8 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         return replace(
             infos[0],
             name=sequence.name,
+            fps=sequence.fps,
+            times=sequence.timing.uneven_times,
             n_frames=sequence.n_frames,
             n_segments=sequence.n_segments,
             n_meshes=sequence.n_meshes,
@@ -232,8 +237,8 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         sequence.n_verts,
         n_faces,
         sequence.surface.n_faces(n_faces),
-        sequence.fps,
-        sequence.start_s,
+        sequence.timing.fps,
+        sequence.timing.start_s,
         str(np.dtype(sequence.dtype)),
         tuple(extent.low.tolist()),
         tuple(extent.high.tolist()),
@@ -248,6 +253,7 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
             + sequence.surface.size_bytes
             + sum(math.prod(one.shape) * one.dtype.itemsize for one in sequence.tracks.values())
         ),
+        times=sequence.timing.uneven_times,
     )
 
 

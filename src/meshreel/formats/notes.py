@@ -4,8 +4,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import StrEnum
 from typing import Any, Self
 
+import numpy as np
+
+from meshreel.arrays import Floats
 from meshreel.errors import Keyword, Message, parts_of
 from meshreel.model.surface import Attribute, FaceGroups, Surface
+from meshreel.model.timing import Timing
 from meshreel.runtime.counting import counted
 
 ASSUMED_FPS = 24.0
@@ -159,18 +163,23 @@ def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
         add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
 
 
-def written_rate(fps: float, notes: list[str]) -> float:
-    """Return the frame rate to write; if a sequence has none, assume one and add a note."""
-    if not fps:
+def written_rate(timing: Timing, notes: list[str]) -> float:
+    """Return the rate of a format without times; a note says if frames are not shown at it."""
+    if timing.times is not None:
+        text = f"frame times are uneven; written as {timing.fps:g} frames per second"
+        add_note(notes, NoteKind.CHANGED, "frame times", text)
+    elif not timing.fps:
         text = f"the frame rate is unknown; written as {ASSUMED_FPS:g} fps"
         add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
-    return fps or ASSUMED_FPS
+    return timing.fps or ASSUMED_FPS
 
 
-def note_uneven_times(notes: list[str], fps: float) -> None:
-    """Add a note that uneven times of frames are read as a frame rate."""
-    text = f"frame times are uneven; read as {fps:g} frames per second"
-    add_note(notes, NoteKind.CHANGED, "frame times", text)
+def written_times(timing: Timing, n_frames: int, notes: list[str]) -> Floats:
+    """Return the time of each frame in seconds, of shape (T,), as `written_rate`."""
+    if timing.times is not None or n_frames == 1:
+        return timing.times if timing.times is not None else np.array([timing.start_s])
+    times: Floats = timing.start_s + np.arange(n_frames) / written_rate(timing, notes)
+    return times
 
 
 def note_unwritten(

@@ -29,16 +29,15 @@ from meshreel.formats.notes import (
     add_note,
     add_once,
     note_kinds,
-    note_uneven_times,
-    written_rate,
+    written_times,
 )
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
-from meshreel.formats.scenes.timing import FrameTimes, frame_times
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.model.sequence import Faces, FrameSource, Vertices
 from meshreel.model.surface import Surface
+from meshreel.model.timing import Timing
 from meshreel.runtime.counting import counted
 
 VERTEX_BYTES = 12
@@ -71,7 +70,8 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
     start_s = first_frame / (fps * interval) if fps else 0.0
     read = cache_reader(path, PC2_HEADER.size, n_verts, "<f4")
     frames = ArrayFrames(path, n_frames, n_verts, np.dtype(np.float32), read)
-    return frames.open(Description(faces, fps, path.stem, start_s, surface), options, {})
+    about = Description(faces, path.stem, Timing.of_rate(fps, start_s), surface)
+    return frames.open(about, options, {})
 
 
 def write_pc2(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -89,21 +89,22 @@ def write_pc2(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
 
 def _first_frame(stream: FrameStream) -> float:
     """Return the start as a frame number; adds notes if it will be read back differently."""
-    fps = stream.fps or ASSUMED_FPS
+    timing = stream.timing
+    fps, start_s = timing.fps or ASSUMED_FPS, timing.start_s
     with np.errstate(over="ignore"):
-        first_frame = float(np.float32(stream.start_s * fps))
+        first_frame = float(np.float32(start_s * fps))
     if not math.isfinite(first_frame):
         raise InvalidInputError(
-            f"start_s of {stream.start_s:g} is too large for PC2, which stores float32"
+            f"start_s of {start_s:g} is too large for PC2, which stores float32"
         )
-    if stream.fps:
-        advice = Message(
-            f"PC2 has no frame rate: set {stream.fps:g} fps when reading it (", Keyword("fps"), ")"
-        )
+    if timing.fps:
+        what = "frame rate" if timing.times is None else "frame times"
+        text = f"PC2 has no {what}: set {fps:g} fps when reading it ("
+        advice = Message(text, Keyword("fps"), ")")
         add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", advice)
-    if first_frame / fps != stream.start_s or (stream.start_s and not stream.fps):
+    if first_frame / fps != start_s or (start_s and not timing.fps):
         text = (
-            f"PC2 stores the start at {stream.start_s!r} s as frame {first_frame:g} at "
+            f"PC2 stores the start at {start_s!r} s as frame {first_frame:g} at "
             f"{fps:g} fps, which is {first_frame / fps!r} s"
         )
         add_note(stream.notes, NoteKind.CHANGED, "start", text)
@@ -132,26 +133,24 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
     faces, surface = read_topology(path, n_verts, options)
     timing = _timing(times)
     if (np.diff(times) <= 0).any():
-        timing = FrameTimes(0.0, timing.start_s, is_even=True)
         text = "frame times are not ascending; the frame rate is unknown"
         add_note(options.notes, NoteKind.UNKNOWN, "frame rate", text)
-    elif not timing.is_even:
-        note_uneven_times(options.notes, timing.fps)
+    if options.fps:
+        timing = Timing.of_rate(options.fps, timing.start_s)
     read = cache_reader(path, MDD_HEADER.size + times.nbytes, n_verts, ">f4")
     frames = ArrayFrames(path, len(times), n_verts, np.dtype(np.float32), read)
-    fps = options.fps or timing.fps
-    about = Description(faces, fps, path.stem, timing.start_s, surface)
+    about = Description(faces, path.stem, timing, surface)
     return frames.open(about, options, {})
 
 
 def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
     """Write an ``.mdd`` file; notes report what it cannot store exactly."""
     stream = segments.only()
-    rate = written_rate(stream.fps, stream.notes)
-    times = _times(rate, stream.start_s, stream.n_frames)
+    with np.errstate(over="ignore"):
+        times = written_times(stream.timing, stream.n_frames, stream.notes).astype(MDD_TIME)
     if not np.isfinite(times).all():
         raise InvalidInputError(
-            f"start_s of {stream.start_s:g} is too large for MDD, which stores float32"
+            f"start_s of {stream.timing.start_s:g} is too large for MDD, which stores float32"
         )
     _note_times(times, stream)
     with path.open("wb") as file:
@@ -162,36 +161,44 @@ def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
 
 def _note_times(times: npt.NDArray[Any], stream: FrameStream) -> None:
     """Add notes if frame rate or start will be read back with another value."""
-    found = _timing(times)
-    if stream.fps and stream.n_frames == 1:
-        text = f"MDD has no frame rate for one frame: {stream.fps:g} fps is lost"
+    found, timing = _timing(times), stream.timing
+    if timing.times is not None:
+        if not np.array_equal(times, timing.times):
+            text = "MDD stores times as float32, to which these are rounded"
+            add_note(stream.notes, NoteKind.CHANGED, "frame times", text)
+        return
+    if timing.fps and stream.n_frames == 1:
+        text = f"MDD has no frame rate for one frame: {timing.fps:g} fps is lost"
         add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", text)
-    elif stream.fps and found.fps != stream.fps:
-        text = f"MDD stores times as float32: {stream.fps!r} fps reads as {found.fps!r}"
+    elif timing.fps and found.fps != timing.fps:
+        text = f"MDD stores times as float32: {timing.fps!r} fps reads as {found.fps!r}"
         add_note(stream.notes, NoteKind.CHANGED, "frame rate", text)
-    if found.start_s != stream.start_s:
+    if found.start_s != timing.start_s:
         text = (
-            f"MDD stores times as float32: the start at {stream.start_s!r} s reads as "
+            f"MDD stores times as float32: the start at {timing.start_s!r} s reads as "
             f"{found.start_s!r} s"
         )
         add_note(stream.notes, NoteKind.CHANGED, "start", text)
 
 
-def _timing(times: npt.NDArray[Any]) -> FrameTimes:
-    """Infer frame rate and start that round to the given float32 times, if possible.
+def _timing(times: npt.NDArray[Any]) -> Timing:
+    """Infer frame rate and start that round to the given float32 times, if possible; the rate is
+    unknown if they do not ascend.
 
     Starts at a whole frame number are preferred, then the shortest decimal of the first time (0.1
     rather than 0.10000000149).
     """
-    timing = frame_times(times.astype(np.float64))
     decimal = float(str(np.float32(times[0])))
+    if (np.diff(times) <= 0).any():
+        return Timing(0.0, decimal)
+    timing = Timing.of_times(times.astype(np.float64))
     rates = dict.fromkeys([timing.fps, round(timing.fps, 2), round(timing.fps, 3)])
     rates.pop(0.0, None)
     on_frame = [(fps, round(float(times[0]) * fps) / fps) for fps in rates]
     for fps, start_s in on_frame + [(fps, decimal) for fps in rates]:
         if np.array_equal(_times(fps, start_s, len(times)), times):
-            return FrameTimes(fps, start_s, is_even=True)
-    return FrameTimes(timing.fps, decimal, timing.is_even)
+            return Timing(fps, start_s)
+    return timing if timing.times is not None else Timing(timing.fps, decimal)
 
 
 def _times(fps: float, start_s: float, n_frames: int) -> npt.NDArray[Any]:

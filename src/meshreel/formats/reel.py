@@ -25,7 +25,6 @@ from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_o
 from meshreel.formats.sources import missing_source
 from meshreel.kernel.files import OpenFile
 from meshreel.model.extent import Extent
-from meshreel.model.frame_choice import start_of
 from meshreel.model.sequence import (
     Faces,
     MeshSequence,
@@ -33,6 +32,7 @@ from meshreel.model.sequence import (
     positions_size_bytes,
 )
 from meshreel.model.surface import Surface
+from meshreel.model.timing import Timed, Timing
 from meshreel.model.tracks import TrackSource
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.stores.address import is_remote, without_query
@@ -149,8 +149,13 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
     with errors_naming(path):
         decoded = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
     options.progress("reading", 1.0)
-    fps = decoded.fps if options.fps is None else options.fps
-    return decoded.replace(fps=fps, name=decoded.name or path.stem)
+    timing = _timing(decoded.timing, options)
+    return decoded.replace(timing=timing, name=decoded.name or path.stem)
+
+
+def _timing(stored: Timing, options: ReadOptions) -> Timing:
+    """Return the timing of a file; a frame rate of the options replaces its times."""
+    return stored if options.fps is None else Timing.of_rate(options.fps, stored.start_s)
 
 
 class _SelfClosingFile(FileIO):
@@ -166,17 +171,16 @@ def _stored(path: Path, options: ReadOptions) -> MeshSequence:
     with errors_naming(path):
         reel = ReelFile(file, memory=options.memory)
         reel.require_whole()
-    fps = reel.fps if options.fps is None else options.fps
-    name = reel.name or path.stem
+    name, timing = reel.name or path.stem, _timing(reel.timing, options)
     segments = [
-        StoredSegment(reel, number, path, fps, name, start_of(frames, reel.start_s, fps))
+        StoredSegment(reel, number, path, name, timing.part(frames))
         for number, frames in enumerate(starmap(range, pairwise(reel.starts)))
     ]
-    return MeshSequence.of_segments(segments, name, reel.start_s)
+    return MeshSequence.of_segments(segments, name, timing)
 
 
 @dataclass(frozen=True, eq=False)
-class StoredSegment:
+class StoredSegment(Timed):
     """A `FrameSource` with the frames of a segment of a `.reel` file.
 
     Nothing decoded is kept here: the file keeps the last segments that were read, so that a
@@ -188,7 +192,7 @@ class StoredSegment:
         Number of the segment.
     path : Path
         Path of the file, for errors.
-    fps, name, start_s
+    name, timing
         As in `MeshSequence`.
     change : function of a surface, optional
         Returns the surface to show instead.
@@ -197,13 +201,12 @@ class StoredSegment:
     whole: ReelFile
     number: int
     path: Path
-    fps: float
     name: str
-    start_s: float
+    timing: Timing
     change: Callable[[Surface], Surface] = lambda surface: surface
 
     def replace(self, **changes: Any) -> "StoredSegment":
-        """Return the segment with another frame rate, name, start or surface."""
+        """Return the segment with another timing, name or surface."""
         if "surface" in changes:
             surface = changes.pop("surface")
             changes["change"] = lambda _: surface
@@ -219,7 +222,7 @@ class StoredSegment:
         return self.whole.segments[self.number]
 
     @property
-    def n_frames(self) -> int:
+    def n_frames(self) -> int:  # type: ignore[override]
         """Number of frames, T."""
         return self.whole.starts[self.number + 1] - self.whole.starts[self.number]
 
@@ -297,7 +300,7 @@ def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
     from meshreel.codec.encoder import encode
 
     segments = [segment.gather() for segment in stream.segments()]
-    sequence = MeshSequence.of_segments(segments, stream.name, stream.start_s)
+    sequence = MeshSequence.of_segments(segments, stream.name, stream.timing)
     data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
     path.write_bytes(data)
     if options.lossless:

@@ -13,6 +13,7 @@ from meshreel.formats.sources import SourceFiles
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.matching.segments import match_segments
 from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.timing import Timing
 from meshreel.runtime.counting import counted
 
 MANY_SEGMENTS = 0.8
@@ -77,14 +78,15 @@ def _open(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     if isinstance(form, SequenceFormat) and form.open is not None:
         opened = MeshSequence.of_segments([form.open(path, options)])
         segments = [select_attributes(one, options.attributes, path) for one in opened.segments]
-        return MeshSequence.of_segments(segments, opened.name, opened.start_s)
+        return MeshSequence.of_segments(segments, opened.name, opened.timing)
     runs = list(_runs(found, options))
     has_several = len(runs) > 1
     segments = runs
     if has_several and options.matches_frames:
         segments = match_segments(runs, options.progress)
     selected = [select_attributes(segment, options.attributes, path) for segment in segments]
-    sequence = MeshSequence.of_segments(selected, start_s=runs[0].start_s)
+    timing = Timing.joined([run.timing for run in runs], [run.n_frames for run in runs])
+    sequence = MeshSequence.of_segments(selected, timing=timing)
     if has_several:
         options.notes[:] = combined(options.notes)
         _note_segments(sequence, runs, segments, options)

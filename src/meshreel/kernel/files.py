@@ -244,7 +244,7 @@ def _function(name: str) -> Any:
     function = library()[f"meshreel_{name}"]
     if name in ("close", "end"):
         function.restype = None
-    elif name in ("info_of", "triangles", "stored_triangles", "surface_of"):
+    elif name in ("info_of", "triangles", "stored_triangles", "surface_of", "times_of"):
         function.restype = _POINTER
     return function
 
@@ -367,6 +367,8 @@ class OpenFile:
     Attributes
     ----------
     info : FileInfo
+    times : float64 array of shape (T,), or None
+        Time of each frame in seconds; None if they are evenly spaced.
     whole : FileInfo
         Of the file that a segment is part of; else as `info`.
     offset, first_frame : int
@@ -409,7 +411,9 @@ class OpenFile:
         )
         self.is_open = True
         self._close = _closer(self)
-        self.info: FileInfo = self._info()
+        self.info: FileInfo
+        self.times: npt.NDArray[np.float64] | None
+        self._describe()
         self.whole: FileInfo = self.info
         self.offset = self.first_frame = 0
 
@@ -432,7 +436,7 @@ class OpenFile:
         segment.handle = _POINTER()
         self.call("open_segment", self.handle, _U32(number), ctypes.byref(segment.handle))
         segment._close = _closer(segment)
-        segment.info = segment._info()
+        segment._describe()
         segment.offset = place.offset if number else 0
         segment.first_frame = place.first_frame
         return segment
@@ -461,9 +465,10 @@ class OpenFile:
         read, announce = self._callbacks
         return Source(None, size, read, None, announce)
 
-    def _info(self) -> FileInfo:
+    def _describe(self) -> None:
         structure = structure_of(FileInfo).from_address(_function("info_of")(self.handle))
-        return record_of(FileInfo, structure)
+        self.info, address = record_of(FileInfo, structure), _function("times_of")(self.handle)
+        self.times = array_at(address, self.info.n_frames, np.float64) if address else None
 
     def call(self, name: str, *arguments: Any) -> None:
         """Call a function of the core that can fail; the last argument, the error, is added.

@@ -101,11 +101,6 @@ def frame_range(frames: slice | None, n_frames: int) -> range:
     return range(start, stop)
 
 
-def start_of(frames: range, start_s: float, fps: float) -> float:
-    """Time of the first of these frames, in seconds; `start_s` if the frame rate is unknown."""
-    return start_s + (frames.start / fps if fps else 0.0)
-
-
 def slice_text(frames: slice | None) -> str:
     """A slice without a step in Python's notation, such as 2:5."""
     start, stop = (frames.start, frames.stop) if frames else (None, None)

@@ -11,18 +11,18 @@ from typing import Any, NamedTuple, Protocol, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.model.extent import Extent, Vertices, extent_of
-from meshreel.model.frame_choice import frame_number, frame_range, start_of
+from meshreel.model.frame_choice import frame_number, frame_range
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.timing import Timed, Timing
 from meshreel.model.tracks import Track, TrackSource, read_track, validated_tracks
 from meshreel.model.validation import (
     Faces,
     read_only,
     validate_faces,
-    validate_fps,
-    validate_start,
     validate_vertices,
 )
 from meshreel.runtime.counting import counted, counts_text
@@ -47,6 +47,8 @@ __all__ = [
 
 OF_ONE_SEGMENT = {"vertices", "faces", "n_verts", "n_faces", "surface", "tracks"}
 """Attributes of a sequence that only one with a single segment has."""
+
+TIMING_PARAMETERS = {"fps", "start_s", "times", "timing"}
 
 
 class MeshFrame(NamedTuple):
@@ -76,12 +78,8 @@ class FrameSource(Protocol):
         """Vertex indices of each triangle, of shape (M, 3)."""
 
     @property
-    def fps(self) -> float:
-        """Frames per second; 0 = unknown."""
-
-    @property
-    def start_s(self) -> float:
-        """Time of the first frame, in seconds."""
+    def timing(self) -> Timing:
+        """Frame rate and start, or the times of the frames."""
 
     @property
     def name(self) -> str:
@@ -126,7 +124,7 @@ class Segmented(Protocol):
         """Return a frame."""
 
 
-class MeshSequence:
+class MeshSequence(Timed):
     """An animated triangle mesh of one or more segments, each of which has constant connectivity.
 
     Most sequences have one segment and are made of arrays; `of_segments` and `concatenate` make
@@ -147,6 +145,9 @@ class MeshSequence:
         A name for display; it has no other effect.
     start_s : float, default 0
         Time of the first frame, in seconds.
+    times : float array of shape (T,), optional
+        Time of each frame in seconds, finite and ascending, in place of `fps` and `start_s`. Frames
+        that are evenly spaced within a thousandth of the interval get a frame rate.
     surface : Surface, optional
         Polygons, texture coordinates, colors, materials and merged parts of the mesh. Default:
         none.
@@ -157,6 +158,8 @@ class MeshSequence:
 
     Attributes
     ----------
+    timing : Timing
+        Frame rate and start, or the times of the frames.
     segments : tuple of FrameSource
         In order of time; a sequence of arrays is its own segment.
     n_segments, n_frames : int
@@ -170,14 +173,11 @@ class MeshSequence:
     ------
     InvalidInputError
         If an array has another shape or type, a position is not finite, a face refers to a vertex
-        that does not exist, the frame rate is negative or not finite, or the surface or a track
-        does not fit.
+        that does not exist, the frame rate is negative or not finite, the times do not ascend or
+        come with a rate, or the surface or a track does not fit.
     """
 
-    n_frames: int
-    fps: float
     name: str
-    start_s: float
     starts: tuple[int, ...]
     dtype: np.dtype[np.floating]
     _segments: tuple[FrameSource, ...]  # none: the sequence consists of arrays
@@ -199,17 +199,23 @@ class MeshSequence:
         start_s: float = 0.0,
         surface: Surface = PLAIN,
         tracks: Mapping[str, Any] | None = None,
+        times: Sequence[float] | Floats | None = None,
     ) -> None:
-        self._set(validate_vertices(vertices), faces, fps, name, start_s, surface, tracks or {})
+        vertices = validate_vertices(vertices)
+        timing = Timing.of_rate(fps, start_s)
+        if times is not None:
+            if timing != Timing():
+                raise InvalidInputError("give either times, or fps and start_s; got both")
+            timing = Timing.of_times(times, len(vertices))
+        self._set(vertices, faces, name, timing, surface, tracks or {})
 
     @classmethod
     def of_finite(
         cls,
         vertices: Vertices,
         faces: Faces,
-        fps: float,
         name: str,
-        start_s: float,
+        timing: Timing,
         surface: Surface,
         tracks: Mapping[str, Track],
     ) -> "MeshSequence":
@@ -218,7 +224,7 @@ class MeshSequence:
         Decoders have checked them already; everything else is validated.
         """
         sequence = cls.__new__(cls)
-        sequence._set(vertices, faces, fps, name, start_s, surface, tracks)
+        sequence._set(vertices, faces, name, timing, surface, tracks)
         return sequence
 
     @classmethod
@@ -226,7 +232,7 @@ class MeshSequence:
         cls,
         segments: Iterable[FrameSource],
         name: str | None = None,
-        start_s: float | None = None,
+        timing: Timing | None = None,
     ) -> "MeshSequence":
         """Return a sequence of segments in order of time.
 
@@ -235,35 +241,33 @@ class MeshSequence:
         segments : iterable of FrameSource
             At least one, all of the same frame rate. Adjacent segments may have equal faces; a
             `MeshSequence` of several segments contributes all of them.
-        name, start_s : optional
-            Default: those of the first segment. Times of other segments follow from the frame rate.
+        name, timing : optional
+            Default: the name of the first segment, and `Timing.joined` of all.
 
         Raises
         ------
         InvalidInputError
-            If there is no segment, or frame rates differ.
+            If there is no segment, or their times do not fit: see `Timing.joined`.
         """
         parts: list[FrameSource] = []
         for segment in segments:
             parts += segment.segments if isinstance(segment, MeshSequence) else [segment]
         if not parts:
             raise InvalidInputError("a sequence needs at least one segment; got none")
-        rates = sorted({part.fps for part in parts})
-        if len(rates) > 1:
-            raise InvalidInputError(
-                f"segments have {' and '.join(f'{rate:g}' for rate in rates)} frames per second; "
-                "give them the same fps"
-            )
         first = parts[0]
         name = first.name if name is None else name
-        start_s = first.start_s if start_s is None else validate_start(start_s)
-        if len(parts) == 1 and isinstance(first, MeshSequence):
-            is_same = (name, start_s) == (first.name, first.start_s)
-            return first if is_same else first.replace(name=name, start_s=start_s)
-        if len(parts) == 1 and (name, start_s) != (first.name, first.start_s):
-            parts = [_replaced(first, {"name": name, "start_s": start_s})]
+        if timing is None:
+            timing = Timing.joined(
+                [part.timing for part in parts], [part.n_frames for part in parts]
+            )
+        if len(parts) == 1 and (name, timing) != (first.name, first.timing):
+            first = _replaced(first, {"name": name, "timing": timing})
+        if len(parts) == 1:
+            if isinstance(first, MeshSequence):
+                return first
+            parts = [first]
         sequence = cls.__new__(cls)
-        sequence.fps, sequence.name, sequence.start_s = first.fps, name, start_s
+        sequence.name, sequence.timing = name, timing
         sequence._segments = tuple(parts)
         sequence.starts = (0, *accumulate(part.n_frames for part in parts))
         sequence.n_frames = sequence.starts[-1]
@@ -274,9 +278,8 @@ class MeshSequence:
         self,
         vertices: Vertices,
         faces: Faces,
-        fps: float,
         name: str,
-        start_s: float,
+        timing: Timing,
         surface: Surface,
         tracks: Mapping[str, Any],
     ) -> None:
@@ -284,7 +287,8 @@ class MeshSequence:
         self._segments = ()
         self.n_frames, self.n_verts, _ = vertices.shape
         self.starts, self.dtype = (0, self.n_frames), vertices.dtype
-        self.fps, self.name, self.start_s = validate_fps(fps), name, validate_start(start_s)
+        timing.check(self.n_frames)
+        self.name, self.timing = name, timing
         self.vertices = read_only(vertices)
         self.faces = read_only(validate_faces(faces, self.n_verts, self.n_frames))
         self.n_faces = len(self.faces)
@@ -305,23 +309,33 @@ class MeshSequence:
         """Return the sequence with other values of some parameters of the constructor.
 
         Sequences of several segments have no vertices, faces, surface and tracks to replace.
+        `times` and `fps` replace each other; `start_s` alone shifts times. ``timing=`` replaces all
+        three.
         """
+        n_frames = len(changes["vertices"]) if "vertices" in changes else self.n_frames
+        timing, changes = _timing_after(self.timing, changes, n_frames)
         if len(self._segments) == 1:
-            return MeshSequence.of_segments([_replaced(self._segments[0], changes)])
+            changed = {"timing": timing, **changes}
+            return MeshSequence.of_segments([_replaced(self._segments[0], changed)])
         if self._segments:
             for name in OF_ONE_SEGMENT & changes.keys():
                 self._only(name)
-            if unknown := changes.keys() - {"fps", "name", "start_s"}:
-                raise TypeError(f"replace() got an unexpected argument {min(unknown)!r}")
-            fps = {"fps": changes["fps"]} if changes.get("fps", self.fps) != self.fps else {}
-            segments = (_replaced(segment, fps) for segment in self._segments)
-            name, start_s = changes.get("name", self.name), changes.get("start_s", self.start_s)
-            return MeshSequence.of_segments(segments, name, start_s)
-        names = "faces", "fps", "name", "start_s", "surface", "tracks"
+            name = changes.pop("name", self.name)
+            if changes:
+                raise TypeError(f"replace() got an unexpected argument {min(changes)!r}")
+            segments = self._segments
+            if timing != self.timing:
+                parts = (timing.part(range(*ends)) for ends in pairwise(self.starts))
+                segments = tuple(
+                    _replaced(segment, {"timing": part})
+                    for segment, part in zip(segments, parts, strict=True)
+                )
+            return MeshSequence.of_segments(segments, name, timing)
+        names = "vertices", "faces", "name", "surface", "tracks"
         values = {name: getattr(self, name) for name in names} | changes
         if "vertices" in changes:
-            return MeshSequence(**values)
-        return MeshSequence.of_finite(self.vertices, **values)
+            values["vertices"] = validate_vertices(values["vertices"])
+        return MeshSequence.of_finite(timing=timing, **values)
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -428,8 +442,7 @@ class MeshSequence:
             segment = self.segments[number]
             is_whole = len(wanted) == segment.n_frames
             parts.append(segment if is_whole else frames_of(segment, wanted))
-        start_s = start_of(frames, self.start_s, self.fps)
-        return MeshSequence.of_segments(parts, self.name, start_s)
+        return MeshSequence.of_segments(parts, self.name, self.timing.part(frames))
 
     _repr_html_ = notebook_html
     show = show
@@ -449,6 +462,25 @@ def _replaced(segment: Any, changes: dict[str, Any]) -> FrameSource:
     """Return a segment with other values; sources other than ours need a method `replace`."""
     replaced: FrameSource = segment.replace(**changes) if changes else segment
     return replaced
+
+
+def _timing_after(
+    timing: Timing, changes: dict[str, Any], n_frames: int
+) -> tuple[Timing, dict[str, Any]]:
+    """Return the timing of `MeshSequence.replace`, and the changes of other parameters."""
+    rest = {name: value for name, value in changes.items() if name not in TIMING_PARAMETERS}
+    fps, start_s = changes.get("fps", timing.fps), changes.get("start_s", timing.start_s)
+    if changes.get("times") is not None:
+        if changes.keys() & {"fps", "start_s"}:
+            raise InvalidInputError("give either times, or fps and start_s; got both")
+        return Timing.of_times(changes["times"], n_frames), rest
+    if "timing" in changes:
+        return changes["timing"], rest
+    if (fps, start_s) == (timing.fps, timing.start_s):
+        return timing, rest
+    if "fps" not in changes and timing.times is not None:
+        return Timing.of_times(timing.times + (start_s - timing.start_s), n_frames), rest
+    return Timing.of_rate(fps, start_s), rest
 
 
 def positions_size_bytes(source: FrameSource) -> int:
@@ -504,13 +536,12 @@ def frame_of(sequence: Segmented, number: SupportsIndex) -> MeshFrame:
 def frames_of(segment: Any, wanted: range) -> MeshSequence:
     """Load consecutive frames of a `FrameSource` or a `ReelFile` of one segment, with tracks."""
     # Positions of sequences in memory are finite already.
-    make = MeshSequence.of_finite if isinstance(segment, MeshSequence) else MeshSequence
-    return make(
-        segment.read(wanted.start, wanted.stop),
+    vertices = segment.read(wanted.start, wanted.stop)
+    return MeshSequence.of_finite(
+        vertices if isinstance(segment, MeshSequence) else validate_vertices(vertices),
         segment.faces,
-        segment.fps,
         segment.name,
-        start_of(wanted, segment.start_s, segment.fps),
+        segment.timing.part(wanted),
         segment.surface,
         {name: read_track(track, wanted) for name, track in segment.tracks.items()},
     )
@@ -522,17 +553,18 @@ def concatenate(sequences: Iterable[MeshSequence]) -> MeshSequence:
     Parameters
     ----------
     sequences : iterable of MeshSequence
-        At least one; all of the same frame rate. Name and start are those of the first.
+        At least one. Name and start are those of the first. Either all have the same frame rate, or
+        the times of all frames ascend.
 
     Raises
     ------
     InvalidInputError
-        If there is no sequence, or frame rates differ.
+        If there is no sequence, or the times do not fit.
     """
     several = list(sequences)
     if not several:
         raise InvalidInputError("there are no sequences to concatenate; at least one is needed")
-    return MeshSequence.of_segments(several, several[0].name, several[0].start_s)
+    return MeshSequence.of_segments(several, several[0].name)
 
 
 def single_segment(sequence: MeshSequence, purpose: str) -> FrameSource:

@@ -163,7 +163,7 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
         segments[number] = whole.replace(surface=_with_uv(segment.surface, made))
         n_made += 1
     with_uvs = MeshSequence.of_segments(
-        segments, registration.sequence.name, registration.sequence.start_s
+        segments, registration.sequence.name, registration.sequence.timing
     )
     return replace(registration, sequence=with_uvs), n_made
 

@@ -255,7 +255,7 @@ def register(
             lambda stage, n_done: progress(stage, Count(n_done, frames.n_frames, "frames")),
         )
     registered = MeshSequence.of_segments(
-        _sequences(sequence, segments, frames), sequence.name, sequence.start_s
+        _sequences(sequence, segments, frames), sequence.name, sequence.timing
     )
     changes = [*_changes(n_removed, topologies, sequence, registered, segments)]
     if store.is_resumed:
@@ -300,7 +300,7 @@ def _sequences(
         yield key.replace(
             vertices=segment.positions,
             faces=segment.key_mesh.mesh.faces,
-            start_s=_frame(raw, segment.first).start_s,
+            timing=raw.timing.part(segment.numbers),
             surface=_kept_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks),
             tracks=tracks,
         )

@@ -93,7 +93,8 @@ def test_the_error_bound_refers_to_the_first_box_in_all_segments():
 
 def test_the_start_counts_once():
     decoded = decode(recorded(GRIDS, start_s=2.0))
-    assert [segment.start_s for segment in decoded.segments] == pytest.approx([2.0, 2.28, 2.32])
+    starts = [segment.timing.start_s for segment in decoded.segments]
+    assert starts == pytest.approx([2.0, 2.28, 2.32])
 
 
 def test_vertices_of_another_count_and_equal_faces_begin_a_segment():

@@ -6,6 +6,7 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.timing import Timing
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
 from samples.tracks import assert_same_tracks
@@ -25,7 +26,7 @@ def test_changing_faces_begin_a_new_segment(changing):
     first, second = sequence.segments
     np.testing.assert_array_equal(first.read(0, 3), waving_grid(3).vertices)
     np.testing.assert_array_equal(second.read(0, 2), quad_sheet(2).vertices)
-    assert (second.start_s, second.fps) == (0.3, 10)
+    assert second.timing == Timing(10, 0.3)
 
 
 def test_progress_counts_the_frames_of_all_segments(changing):

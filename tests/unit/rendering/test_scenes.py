@@ -225,9 +225,7 @@ def test_heat_is_the_distance_to_the_surface_if_the_order_of_vertices_differs(ch
     assert same.titles[-1] == "distance to the original surface, % of the diagonal"
     assert same.scales(range(12)).heat.largest < 1e-10
     raised = [
-        MeshSequence(
-            segment.read(0, segment.n_frames) + np.float32(0.5), segment.faces, segment.fps
-        )
+        MeshSequence(segment.read(0, segment.n_frames) + np.float32(0.5), segment.faces)
         for segment in shuffled.segments
     ]
     heat = Scene(MeshSequence.of_segments(raised), changing, "distance").scales(range(12)).heat

@@ -9,7 +9,7 @@ import click
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import MESHES, SegmentOption, reading
-from meshreel.app.figures import fps_text, mesh_text, surface_rows
+from meshreel.app.figures import mesh_text, surface_rows, timing_rows
 from meshreel.runtime.counting import counted, size_text
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _mesh_rows(mesh: "MeshInfo") -> "dict[str, Cell]":
         "name": mesh.name or "-",
         "sequence": mesh_text(mesh, mesh.n_segments, mesh.n_meshes),
         "raw": size_text(mesh.raw_size_bytes),
-        "frame rate": fps_text(mesh.fps),
+        **timing_rows(mesh.fps, mesh.times),
         "duration": f"{mesh.duration_s:.4g} s" if mesh.duration_s else "unknown",
         "positions": mesh.vertex_type,
     }

@@ -201,11 +201,11 @@ def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
             tracks[name] = Track(values, track.domain, track.kind, track.unit)
     frames = [original.frame(number) for number in range(reel.n_frames)]
     sequence = MeshSequence(
-        np.array(frames, np.float64), reel.faces, fps=reel.fps,
+        np.array(frames, np.float64), reel.faces,
         surface=Surface(
             face_sizes=reel.surface.face_sizes, hard_edges=reel.surface.hard_edges
         ), tracks=tracks,
-    )  # fmt: skip
+    ).replace(timing=reel.timing)  # fmt: skip
     data = encode(
         sequence,
         max_error=max(MIN_PERCENT, SHARE_OF_RANGE * _range_percent(api.measuring)),

@@ -49,9 +49,8 @@ def playable(reel: ReelFile, progress: Progress = silent) -> ReelFile:
         for name, track in reel.tracks.items()
     }
     sequence = MeshSequence(
-        positions, reel.faces, fps=reel.fps, name=reel.name, start_s=reel.start_s,
-        surface=reel.surface, tracks=tracks,
-    )  # fmt: skip
+        positions, reel.faces, name=reel.name, surface=reel.surface, tracks=tracks
+    ).replace(timing=reel.timing)
     data = encode(
         sequence,
         max_error=MAX_ERROR_PERCENT,

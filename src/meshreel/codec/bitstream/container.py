@@ -429,8 +429,9 @@ class StreamWriter:
         self._file.flush()
         self._places[-1].append(BlockPlace(n_frames, start, tuple(sizes)))
 
-    def finish(self) -> None:
-        """Write the index and the end marker, which must be the last bytes."""
+    def finish(self, trailing: Sections = ()) -> None:
+        """Write sections that follow the blocks, the index, and the end marker."""
+        self._write(b"".join(write_sections(list(trailing))))
         index = write_index(self._places[0], self._further)
         position = INDEX_POSITION.pack(self.size_bytes)
         self._write(b"".join(write_sections([(Section.INDEX, index), (Section.END, position)])))

@@ -47,6 +47,7 @@ class Section(IntEnum):
     IMAGE = OPTIONAL | 9
     TRACK = OPTIONAL | 10
     HARD_EDGES = OPTIONAL | 11
+    TIMES = OPTIONAL | 12
 
 
 SURFACE_SECTIONS = (

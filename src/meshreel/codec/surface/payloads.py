@@ -64,8 +64,6 @@ TEXTURE_NUMBERS = {"offset": 2, "rotation": 1, "scale": 2}
 DOUBLE_SIDED, UNLIT = 4, 8
 NUMBER = struct.Struct("<d")
 
-START = struct.Struct("<d")
-
 
 def surface_sections(
     surface: Surface, faces: Faces, uv_bits: int | None = None
@@ -176,11 +174,6 @@ def order_loss_note(surface: Surface, order: Order) -> str:
     lost = ["polygons"] if surface.face_sizes is not None else []
     lost += ["parts"] if surface.parts else []
     return f"omitted, since the order of faces is not kept: {' and '.join(lost)}" if lost else ""
-
-
-def write_start(start_s: float) -> bytes:
-    """Encode the time of the first frame."""
-    return START.pack(start_s)
 
 
 def _reordered(attribute: Attribute, numbers: Integers) -> Attribute:

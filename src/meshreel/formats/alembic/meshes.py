@@ -28,12 +28,13 @@ from meshreel.formats.notes import CAGES, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.scenes.timing import blend, frame_times, neighbours, unite_times
+from meshreel.formats.scenes.timing import blend, neighbours, unite_times
 from meshreel.formats.scenes.transforms import transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
+from meshreel.model.timing import Timing
 from meshreel.model.tracks import TrackSource
 
 SCALE, TRANSLATE, ROTATE, MATRIX, ROTATE_X, ROTATE_Y, ROTATE_Z = range(7)
@@ -265,7 +266,7 @@ class _AnimatedMesh:
         """Return the mesh as the format-independent representation of a scene mesh."""
         sampling, fps = self._points.sampling, None
         if len(self._times_s) == 1 and sampling.is_uniform and self._points.sampling_index:
-            fps = frame_times(sampling.times(2)).fps  # one sample alone has no frame rate
+            fps = Timing.of_times(sampling.times(2)).fps  # one sample alone has no frame rate
         return SceneMesh(
             self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks
         )

@@ -31,6 +31,7 @@ from meshreel.formats.notes import (
     note_unwritten_tracks,
     note_unwritten_units,
     written_rate,
+    written_times,
 )
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
@@ -182,11 +183,13 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
 
 def _time_sampling(stream: SegmentedStream) -> Any:
     core = ALEMBIC.load("AbcCoreAbstract")
-    if stream.n_frames == 1 and not stream.fps:
+    timing = stream.timing
+    if timing.times is not None or (stream.n_frames == 1 and not timing.fps):
         times = core.TimeVector()
-        times.append(stream.start_s)
+        for time in written_times(timing, stream.n_frames, stream.notes).tolist():
+            times.append(time)
         return core.TimeSampling(core.TimeSamplingType(core.AcyclicFlag.kAcyclic), times)
-    return core.TimeSampling(1 / written_rate(stream.fps, stream.notes), stream.start_s)
+    return core.TimeSampling(1 / written_rate(timing, stream.notes), timing.start_s)
 
 
 def _transform(transforms: dict[ObjectPath, Any], path: ObjectPath, shift: Floats) -> Any:

@@ -18,8 +18,8 @@ from meshreel.formats.arrays.named_arrays import (
     find_layout,
     has_positions,
     read_description,
-    start_arrays,
     surface_arrays,
+    timing_arrays,
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.file_errors import errors_naming
@@ -86,8 +86,9 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         layout = find_layout(
             positions.shape, arrays["faces"], positions.name, is_documented=name == POSITIONS
         )
-        about = read_description(arrays, path.stem if name == POSITIONS else name, options)
-    n_frames, n_verts = layout.sizes(positions.shape)
+        n_frames, n_verts = layout.sizes(positions.shape)
+        own_name = path.stem if name == POSITIONS else name
+        about = read_description(arrays, own_name, options, n_frames)
     if min(n_frames, n_verts) < 1:
         raise InvalidInputError(f"{path}: {positions.name} is empty: {positions.shape}")
     dtype = positions.dtype.newbyteorder("=")
@@ -117,9 +118,8 @@ def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
     described: dict[str, npt.NDArray[Any]] = {
         "faces": stream.faces,
-        "fps": np.asarray(np.float64(stream.fps)),
+        **timing_arrays(stream.timing),
         "name": np.asarray(np.str_(stream.name)),
-        **start_arrays(stream.start_s),
         **surface_arrays(stream.surface),
     }
     with hdf_output(path) as output:

@@ -42,11 +42,12 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import Description
 from meshreel.formats.options import ReadOptions
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.timing import Timing
 
 Array = npt.NDArray[Any]
 
 RESERVED_NAMES = re.compile(
-    r"faces|fps|start_s|name|face_sizes|hard_edges|part_(names|sizes)|attribute_(names|kinds|domains)"
+    r"faces|fps|start_s|times|name|face_sizes|hard_edges|part_(names|sizes)|attribute_(names|kinds|domains)"
     r"|attribute_\d+_(values|indices)|group_names|group_\d+_(labels|numbers)"
     r"|track_(names|kinds|domains|units)"
 )
@@ -67,12 +68,27 @@ def surface_arrays(surface: Surface) -> dict[str, Array]:
     return arrays | _attribute_arrays(surface.attributes) | _group_arrays(surface.groups)
 
 
-def start_arrays(start_s: float) -> dict[str, Array]:
-    """Return the start time by name; empty for 0, the default."""
-    return {"start_s": np.asarray(np.float64(start_s))} if start_s else {}
+def timing_arrays(timing: Timing) -> dict[str, Array]:
+    """Return frame rate and start, or times, by name; a start of 0 is omitted."""
+    arrays: dict[str, Array] = {"fps": np.asarray(np.float64(timing.fps))}
+    if timing.times is not None:
+        return {**arrays, "times": timing.times}
+    start: dict[str, Array] = {"start_s": np.asarray(np.float64(timing.start_s))}
+    return arrays | start if timing.start_s else arrays
 
 
-def read_description(arrays: Mapping[str, Array], name: str, options: ReadOptions) -> Description:
+def _read_timing(arrays: Mapping[str, Array], fps: float | None, n_frames: int | None) -> Timing:
+    """Return the timing of named arrays; a given frame rate replaces their own, and times."""
+    start_s, times = _number(arrays, "start_s"), arrays.get("times")
+    if times is not None:
+        timing = Timing.of_times(times, n_frames)
+        return timing if fps is None else Timing.of_rate(fps, timing.start_s)
+    return Timing.of_rate(_number(arrays, "fps") if fps is None else fps, start_s)
+
+
+def read_description(
+    arrays: Mapping[str, Array], name: str, options: ReadOptions, n_frames: int | None = None
+) -> Description:
     """Return faces, times and surface of a sequence from its named arrays.
 
     Parameters
@@ -81,18 +97,20 @@ def read_description(arrays: Mapping[str, Array], name: str, options: ReadOption
         Must contain ``faces``.
     name : str
         Default name of the sequence.
+    n_frames : int, optional
+        Required number of times.
 
     Raises
     ------
     FormatError
         If an array is missing or invalid; the message names it.
+    InvalidInputError
+        If there are not `n_frames` times, or they do not ascend.
     """
-    fps = options.fps if options.fps is not None else _number(arrays, "fps")
     return Description(
         arrays["faces"],
-        fps,
         _text(arrays.get("name")) or name,
-        _number(arrays, "start_s"),
+        _read_timing(arrays, options.fps, n_frames),
         read_surface(arrays),
     )
 

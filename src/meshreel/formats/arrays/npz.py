@@ -23,8 +23,8 @@ from meshreel.formats.arrays.named_arrays import (
     find_layout,
     has_positions,
     read_description,
-    start_arrays,
     surface_arrays,
+    timing_arrays,
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, NamedTrack, array_names
 from meshreel.formats.arrays.npz_members import (
@@ -86,9 +86,9 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     arrays = read_arrays(path, positions, with_positions=stored is None)
     if stored is None:
         arrays[positions] = _frames_first(path, arrays, positions)
-    with errors_naming(path):
-        about = read_description(arrays, path.stem, options)
     n_frames, n_verts = (stored.shape if stored is not None else arrays[positions].shape)[:2]
+    with errors_naming(path):
+        about = read_description(arrays, path.stem, options, n_frames)
     found = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
     if stored is not None and max_bytes is not None:
         size_bytes = stored.size_bytes + sum(track.size_bytes for track in found.values())
@@ -288,9 +288,8 @@ def write_npz(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     stream = segments.only()
     rest: dict[str, npt.NDArray[Any]] = {
         "faces": stream.faces,
-        "fps": np.asarray(np.float64(stream.fps)),
+        **timing_arrays(stream.timing),
         "name": np.asarray(np.str_(stream.name)),
-        **start_arrays(stream.start_s),
         **surface_arrays(stream.surface),
         **track_arrays(stream.tracks),
     }

@@ -26,8 +26,9 @@ from meshreel.formats.surfaces.welding import CornerWelder
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import differing_names
+from meshreel.model.timing import Timing
 from meshreel.model.tracks import read_tracks
-from meshreel.model.validation import validate_finite, validate_fps
+from meshreel.model.validation import validate_finite
 from meshreel.runtime.progress import Count
 
 
@@ -187,8 +188,7 @@ class _Run:
 
     def sequence(self, name: str, options: ReadOptions) -> FrameSource:
         """Return the frames: loaded, or read from their files on demand."""
-        fps = validate_fps(options.fps or 0.0)
-        start_s = self._start / fps if fps else 0.0
+        timing = Timing.of_rate(options.fps or 0.0).part(range(self._start, self._start + 1))
         mesh, notes = self.first.mesh, list(self.first.notes)
         surface = self._surface(notes)
         rows: slice | npt.NDArray[np.int64] = slice(None)
@@ -201,7 +201,7 @@ class _Run:
             notes.insert(0, Note(NoteKind.CHANGED, "welded corners", text=text))
         tracks = self._data.tracks(mesh, self._read_fields, notes)
         add_once(options.notes, notes)
-        about = Description(faces, fps, name, start_s, surface)
+        about = Description(faces, name, timing, surface)
         if self._positions:
             return about.loaded(self._stacked(rows), read_tracks(tracks))
         shape = self._n_frames, len(mesh.vertices[rows])

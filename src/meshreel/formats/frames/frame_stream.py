@@ -12,11 +12,11 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.notes import add_once
-from meshreel.model.frame_choice import start_of
 from meshreel.model.sequence import Faces, MeshSequence, Vertices, frames_by_segment
 from meshreel.model.surface import Surface
+from meshreel.model.timing import Timing
 from meshreel.model.tracks import TrackPart, TrackSource, read_track
-from meshreel.model.validation import validate_finite
+from meshreel.model.validation import validate_finite, validate_vertices
 from meshreel.runtime.progress import Count, Progress, silent
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class FrameStream:
     faces : int32 array of shape (M, 3)
     tracks : mapping of str to TrackSource
         Those that the format supports.
-    fps, name, start_s
+    name, timing
         As in `MeshSequence`.
     progress : Progress
         Called after every frame.
@@ -55,9 +55,8 @@ class FrameStream:
     faces: Faces
     surface: Surface
     tracks: Tracks
-    fps: float
     name: str
-    start_s: float
+    timing: Timing
     progress: Progress
     notes: list[str]
 
@@ -109,8 +108,9 @@ class FrameStream:
         tracks = {
             name: read_track(track, range(self.n_frames)) for name, track in self.tracks.items()
         }
-        return MeshSequence(
-            vertices, self.faces, self.fps, self.name, self.start_s, self.surface, tracks
+        vertices = validate_vertices(vertices)
+        return MeshSequence.of_finite(
+            vertices, self.faces, self.name, self.timing, self.surface, tracks
         )
 
 
@@ -120,7 +120,7 @@ class SegmentedStream:
     Parameters
     ----------
     wanted : range, optional
-        Consecutive frame numbers; the start time is adjusted. Default: all.
+        Consecutive frame numbers; the times are adjusted. Default: all.
     progress : Progress, default silent
         Called after every frame.
     notes : list of str, optional
@@ -130,7 +130,7 @@ class SegmentedStream:
     ----------
     starts : tuple of int
         First frame of each segment, and the number of all frames.
-    fps, name, start_s
+    name, timing
         As in `MeshSequence`.
     wants_notes : bool
         Whether the caller of the writer reads the notes.
@@ -154,9 +154,8 @@ class SegmentedStream:
         self._parts = tuple(frames_by_segment(self._sequence.starts, wanted))
         sizes = (len(frames) for _, frames in self._parts)
         self.starts: tuple[int, ...] = (0, *accumulate(sizes))
-        self.fps: float = sequence.fps
         self.name: str = sequence.name
-        self.start_s: float = start_of(wanted, sequence.start_s, sequence.fps)
+        self.timing: Timing = sequence.timing.part(wanted)
         self.n_segments: int = len(self._parts)
         self.n_frames: int = len(wanted)
         self.progress = progress
@@ -189,15 +188,15 @@ class SegmentedStream:
     def meshes(self) -> Iterator[FrameStream]:
         """Yield each segment for its mesh, without notes and progress."""
         for number, frames in self._parts:
-            yield self._stream(number, frames, [], silent, self.start_s)
+            yield self._stream(number, frames, [], silent, self.timing)
 
     def segments(self) -> Iterator[FrameStream]:
         """Yield each segment in order; read its frames before the next one."""
         for first, (number, frames) in zip(self.starts, self._parts, strict=False):
             notes: list[str] = self.notes if self.n_segments == 1 else []
-            start_s = start_of(range(first, first + 1), self.start_s, self.fps)
+            timing = self.timing.part(range(first, first + len(frames)))
             progress = partial(self._report, first)
-            yield self._stream(number, frames, notes, progress, start_s)
+            yield self._stream(number, frames, notes, progress, timing)
             if notes is not self.notes:
                 add_once(self.notes, notes)
 
@@ -207,7 +206,7 @@ class SegmentedStream:
         return segment
 
     def _stream(
-        self, number: int, frames: range, notes: list[str], progress: Progress, start_s: float
+        self, number: int, frames: range, notes: list[str], progress: Progress, timing: Timing
     ) -> FrameStream:
         source = self._sequence.segments[number]
         tracks = {
@@ -215,9 +214,8 @@ class SegmentedStream:
             for name, track in source.tracks.items()
         }
         stream = FrameStream(
-            source, frames, *self._mesh(number, source), tracks, self.fps, self.name, start_s,
-            progress, notes,
-        )  # fmt: skip
+            source, frames, *self._mesh(number, source), tracks, self.name, timing, progress, notes
+        )
         return self._change(stream)
 
     def _mesh(self, number: int, source: Any) -> tuple[Faces, Surface]:

@@ -60,4 +60,4 @@ def with_surfaces(sequence: MeshSequence, surfaces: Sequence[Surface]) -> MeshSe
     """Return the sequence with other surfaces, one for each segment."""
     pairs = zip(sequence.segments, surfaces, strict=True)
     segments = [with_surface(segment, surface) for segment, surface in pairs]
-    return MeshSequence.of_segments(segments, sequence.name, sequence.start_s)
+    return MeshSequence.of_segments(segments, sequence.name, sequence.timing)

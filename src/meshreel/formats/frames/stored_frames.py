@@ -17,6 +17,7 @@ from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.extent import Corners, Extent, bounding_boxes, extent_of_boxes
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.timing import UNTIMED, Timed, Timing
 from meshreel.model.tracks import (
     Track,
     TrackKind,
@@ -30,13 +31,12 @@ from meshreel.model.validation import (
     read_only,
     validate_faces,
     validate_finite,
-    validate_fps,
-    validate_start,
+    validate_vertices,
 )
 
 
 @dataclass(frozen=True, eq=False)
-class StoredFrames:
+class StoredFrames(Timed):
     """A `FrameSource` whose positions are in files.
 
     Parameters
@@ -55,19 +55,17 @@ class StoredFrames:
     Raises
     ------
     InvalidInputError
-        If a face has a vertex index out of range, the frame rate is negative or not finite, or the
-        surface or a track does not fit.
+        If a face has a vertex index out of range, or the surface or a track does not fit.
     """
 
     n_frames: int
     n_verts: int
     faces: Faces
-    fps: float
     name: str
     dtype: np.dtype[np.floating]
     extent: Extent
     read_range: Callable[[int, int], Vertices]
-    start_s: float = 0.0
+    timing: Timing = UNTIMED
     surface: Surface = PLAIN
     files: tuple[Path, ...] = ()
     is_portable: bool = False
@@ -75,8 +73,7 @@ class StoredFrames:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "faces", read_only(validate_faces(self.faces, self.n_verts)))
-        object.__setattr__(self, "fps", validate_fps(self.fps))
-        object.__setattr__(self, "start_s", validate_start(self.start_s))
+        self.timing.check(self.n_frames)
         surface = self.surface.validated(self.n_verts, self.faces)
         object.__setattr__(self, "surface", surface)
         check_tracks(self.tracks, self.n_frames, self.n_verts, len(self.faces), surface)
@@ -217,14 +214,13 @@ class Description:
     """A sequence without its positions: faces, times, name and surface, as in `MeshSequence`."""
 
     faces: Faces
-    fps: float
     name: str
-    start_s: float = 0.0
+    timing: Timing = UNTIMED
     surface: Surface = PLAIN
 
     def loaded(self, vertices: Vertices, tracks: Mapping[str, Track]) -> MeshSequence:
         """Return the sequence with positions of shape (T, V, 3) and tracks."""
-        return MeshSequence(vertices, tracks=tracks, **vars(self))
+        return MeshSequence.of_finite(validate_vertices(vertices), tracks=tracks, **vars(self))
 
     def stored(
         self,

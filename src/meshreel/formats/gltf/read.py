@@ -42,11 +42,11 @@ from meshreel.formats.notes import NoteKind, add_note, is_about, listed, note_ki
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, SceneMesh, read_or_defer_error
-from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Surface
+from meshreel.model.timing import Timing
 from meshreel.model.validation import validate_fps
 from meshreel.runtime.counting import counted
 
@@ -278,15 +278,17 @@ def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: list[s
 def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: list[str]) -> Sampling:
     """Return the times of frames from the first key to the last.
 
-    Frames are evenly spaced, and the last one shows the pose of the last key: if that is between
-    two frames, it is shown by the later one, and a note says so.
+    If motion between keys is straight and their times have no common rate, the frames are the keys.
+    Otherwise frames are evenly spaced, and the last one shows the pose of the last key: if that is
+    between two frames, it is shown by the later one, and a note says so.
 
     Parameters
     ----------
     keys_s : float64 array of shape (N,)
         Distinct key times of all channels, ascending; at least one.
     fps : float
-        Requested frames per second; 0 for the rate of the keys, or 30 if they have none.
+        Requested frames per second; 0 for the rate of the keys, or 30 if they are curved and have
+        none.
     is_curved : bool
         Whether motion between keys may be curved.
     notes : list of str
@@ -300,6 +302,8 @@ def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: list[str
     start, end = float(keys_s[0]), float(keys_s[-1])
     if end - start < SAME_S:
         return Sampling(keys_s[:1], keys_s[:1], 0.0)
+    if not fps and not is_curved and not common_rate(keys_s) and len(keys_s) < MAX_FRAMES:
+        return Sampling(keys_s, keys_s, 0.0)
     fps = fps or _choose_rate(keys_s, is_curved, notes)
     n_frames = _count_frames(end - start, fps, _rounding(keys_s), notes)
     first, tolerance = start * fps, min(max(TOLERANCE, _rounding(keys_s) * fps), 0.1)
@@ -326,7 +330,7 @@ def common_rate(keys_s: Floats) -> float:
         if n_intervals >= MAX_FRAMES:
             return 0.0
         grid = np.linspace(distinct[0], distinct[-1], n_intervals + 1)
-        fps = frame_times(grid).fps
+        fps = Timing.of_times(grid, resolution_s=_rounding(distinct)).fps
         is_full = n_intervals + 1 == len(distinct)
         if (is_full or fps <= MAX_SPARSE_FPS) and _is_on_grid(distinct, fps):
             return fps

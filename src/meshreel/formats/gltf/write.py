@@ -26,7 +26,7 @@ from meshreel.formats.gltf.morph_mesh import (
 )
 from meshreel.formats.gltf.morphs import IDENTITY, Placement, check_range
 from meshreel.formats.gltf.read import SEGMENT_START
-from meshreel.formats.notes import add_once, written_rate
+from meshreel.formats.notes import add_once, written_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.surfaces.polygons import describe_triangles
@@ -161,12 +161,13 @@ def _check_options(options: WriteOptions) -> None:
 
 def _times(stream: SegmentedStream) -> Sequence[float]:
     """Return the times of frames in seconds; glTF has no negative times."""
-    rate = written_rate(stream.fps, stream.notes if stream.n_frames > 1 else [])
-    start_s = stream.start_s
+    notes = stream.notes if stream.n_frames > 1 else []
+    times, start_s = written_times(stream.timing, stream.n_frames, notes), stream.timing.start_s
     if start_s < 0:
         stream.notes.append(f"starts at 0 s, not {start_s:g} s: glTF has no time before 0")
-        start_s = 0.0
-    return [start_s + number / rate for number in range(stream.n_frames)]
+        times = times - start_s
+    seconds: list[float] = times.tolist()
+    return seconds
 
 
 def _box(stream: SegmentedStream) -> tuple[Floats, Floats]:

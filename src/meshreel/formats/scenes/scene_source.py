@@ -11,13 +11,13 @@ import numpy as np
 from meshreel.errors import FormatError, InvalidInputError, Keyword, MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import Description, FrameSurvey
-from meshreel.formats.notes import listed, note_kinds, note_uneven_times
+from meshreel.formats.notes import listed, note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
-from meshreel.formats.scenes.timing import frame_times
 from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
+from meshreel.model.timing import Timing
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.counting import counted
@@ -98,9 +98,17 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> Iterator[Fra
         else:
             runs = [_read_blocks(mesh, mesh.positions, options)]
         # Surfaces and tracks depend on what changes in any frame.
-        starts = [run.start for run in runs]
+        starts, timing = [run.start for run in runs], _timing(mesh, options)
         for run, stop in zip(runs, [*starts[1:], len(mesh.times_s)], strict=True):
-            yield run.sequence(stop, path, options)
+            yield run.sequence(stop, path, options, timing.part(range(run.start, stop)))
+
+
+def _timing(mesh: SceneMesh, options: ReadOptions) -> Timing:
+    """Return the timing of a mesh; a frame rate of the options replaces its times."""
+    timing = Timing.of_times(mesh.times_s)
+    if options.fps:
+        return Timing.of_rate(options.fps, timing.start_s)
+    return timing if timing.times is not None else replace(timing, fps=mesh.fps or timing.fps)
 
 
 def _read_blocks(
@@ -186,18 +194,14 @@ class _SceneRun:
             self._is_loaded = False
             self._blocks.clear()
 
-    def sequence(self, stop: int, path: Path, options: ReadOptions) -> FrameSource:
+    def sequence(self, stop: int, path: Path, options: ReadOptions, timing: Timing) -> FrameSource:
         """Return the frames up to `stop`; raises as `open_mesh`."""
         mesh, first = frame_range(self._mesh, self.start, stop), self.first
         n_frames = stop - self.start
-        timing = frame_times(mesh.times_s)
-        if not timing.is_even:
-            note_uneven_times(options.notes, timing.fps)
         about = Description(
             triangulated(first, options.notes),
-            options.fps or mesh.fps or timing.fps,
             mesh.name.rstrip("/").rpartition("/")[2],
-            timing.start_s,
+            timing,
             replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32)),
         )
         tracks = mesh.tracks(range(n_frames))
@@ -217,7 +221,6 @@ def frame_range(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
         frame=lambda index: mesh.frame(start + index),
         surface=lambda index: mesh.surface(start + index),
         tracks=lambda frames: mesh.tracks(range(start + frames.start, start + frames.stop)),
-        fps=mesh.fps or frame_times(mesh.times_s).fps,
         positions=None
         if (read := mesh.positions) is None
         else lambda first, last: read(start + first, start + last),

@@ -1,7 +1,6 @@
-"""Conversion between frame times and frame rate with start time."""
+"""Times of the frames of files: their union, order, and frames around a time."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,57 +11,6 @@ from meshreel.errors import FormatError, Keyword
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.options import ReadOptions
 from meshreel.model.validation import validate_fps
-
-NTSC = 1000 / 1001
-"""NTSC frame rates are integers times this: 23.976, 29.97, 59.94."""
-
-RATE_TOLERANCE = 2e-6
-"""Relative; it covers the difference between 29.97 and 30000/1001, 1e-6."""
-
-
-@dataclass(frozen=True)
-class FrameTimes:
-    """Timing of frames.
-
-    Attributes
-    ----------
-    fps : float
-        Frames per second; 0 for a single frame.
-    start_s : float
-        Time of the first frame, in seconds.
-    is_even : bool
-        Whether the frames are evenly spaced.
-    """
-
-    fps: float
-    start_s: float
-    is_even: bool
-
-
-def frame_times(times_s: npt.NDArray[np.floating]) -> FrameTimes:
-    """Return frame rate and start of ascending times in seconds, of shape (T,).
-
-    The rate is rounded to a common one if the times agree with it: an integer, an NTSC rate, or a
-    decimal with up to three places. Uneven times give their mean rate.
-    """
-    times = np.asarray(times_s, np.float64)
-    if len(times) < 2 or times[-1] <= times[0]:
-        return FrameTimes(0.0, float(times[0]), is_even=True)
-    rate = (len(times) - 1) / (times[-1] - times[0])
-    # Times stored as float32 have an error of half a unit in the last place.
-    coarse = float(np.spacing(np.float32(np.abs(times).max())))
-    tolerance = max(RATE_TOLERANCE, coarse / (times[-1] - times[0]))
-    named = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
-    near = [
-        candidate
-        for candidate in named
-        if candidate > 0 and abs(candidate - rate) <= tolerance * rate
-    ]
-    exact = [candidate for candidate in near if abs(candidate - rate) <= 1e-12 * rate]
-    fps = float((exact or near or [rate])[0])
-    expected = times[0] + np.arange(len(times)) / fps
-    is_even = bool(np.abs(times - expected).max() <= max(1e-3 / fps, 2 * coarse))
-    return FrameTimes(fps, float(times[0]), is_even)
 
 
 def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:

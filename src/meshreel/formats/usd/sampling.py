@@ -134,9 +134,11 @@ class Samples:
         """
         if self.moves_between_samples(frame_interval):
             return sampled_codes(self.all, frame_interval, origin)
-        if len(self.keys) < 2 or not (interval := even_interval(own := even_codes(self.stored))):
-            return even_codes(self.all)
-        keys = even_codes(self.keys)
+        if len(self.keys) < 2 or not (
+            interval := even_interval(own := even_codes(self.stored, frame_interval))
+        ):
+            return even_codes(self.all, frame_interval)
+        keys = even_codes(self.keys, frame_interval)
         first = own[0] - interval * max(0, math.ceil((own[0] - keys[0]) / interval - TOLERANCE))
         last = own[-1] + interval * max(0, math.ceil((keys[-1] - own[-1]) / interval - TOLERANCE))
         return own if (first, last) == (own[0], own[-1]) else frame_grid(first, last, interval)
@@ -148,19 +150,19 @@ def sampled_codes(samples: Codes, frame_interval: float, origin: float) -> Codes
     They are the samples if there is at least one per frame of the stage. Otherwise the motion
     between sparse keys may be curved, and there is a frame at every frame of the stage.
     """
-    codes = even_codes(samples)
+    codes = even_codes(samples, frame_interval)
     if len(codes) < 2 or 0 < even_interval(codes) <= frame_interval * (1 + TOLERANCE):
         return codes
     first = origin + frame_interval * math.floor((samples[0] - origin) / frame_interval + TOLERANCE)
     return frame_grid(first, float(samples[-1]), frame_interval)
 
 
-def even_codes(samples: Codes) -> Codes:
+def even_codes(samples: Codes, frame_interval: float = 0.0) -> Codes:
     """Return the samples of points and transforms, made even if they are uneven for a known reason.
 
     Samples between integer codes, as for motion blur, are dropped, except a last one, which is the
-    final pose. Gaps where exporters omitted samples that are linear are filled with frames. Other
-    uneven samples are unchanged.
+    final pose. Gaps where exporters omitted samples that are linear are filled with frames, if all
+    samples are at frames of the stage. Other uneven samples are unchanged.
     """
     if len(samples) < 2 or even_interval(samples):
         return samples
@@ -172,6 +174,7 @@ def even_codes(samples: Codes) -> Codes:
     interval = float(snap(np.diff(samples).min()))
     steps = (samples - samples[0]) / interval
     is_on_grid = np.abs(steps - np.round(steps)).max() <= TOLERANCE * max(1.0, steps[-1])
-    if is_on_grid and steps[-1] < MAX_UPSAMPLING * len(samples):
+    is_at_frames = interval > frame_interval * (1 - TOLERANCE)
+    if is_on_grid and is_at_frames and steps[-1] < MAX_UPSAMPLING * len(samples):
         return frame_grid(float(samples[0]), float(samples[-1]), interval)
     return samples

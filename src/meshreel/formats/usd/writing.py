@@ -169,10 +169,14 @@ def _write_binary(
 
 def _write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
     """Write the rate and range of the stage, and return the time code of each frame, if any."""
-    if stream.n_frames == 1 and not (stream.fps or stream.start_s):
+    timing = stream.timing
+    if stream.n_frames == 1 and not (timing.fps or timing.start_s):
         return [None]
-    rate = written_rate(stream.fps, stream.notes)
-    codes = (float(snap(np.array(stream.start_s * rate))) + np.arange(stream.n_frames)).tolist()
+    if timing.times is None:
+        rate = written_rate(timing, stream.notes)
+        codes = (float(snap(np.array(timing.start_s * rate))) + np.arange(stream.n_frames)).tolist()
+    else:  # time codes are seconds
+        rate, codes = 1.0, timing.times.tolist()
     stage.SetTimeCodesPerSecond(rate)
     stage.SetFramesPerSecond(rate)
     stage.SetStartTimeCode(codes[0])

@@ -155,9 +155,9 @@ def _note_losses(stream: FrameStream) -> float:
         notes.append(cut)
     if surface.parts:
         notes.append(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
-    if stream.start_s:
-        notes.append(f"starts at 0 s, not {stream.start_s:g} s: textures have no start time")
-    return written_rate(stream.fps, notes if stream.n_frames > 1 else [])
+    if start_s := stream.timing.start_s:
+        notes.append(f"starts at 0 s, not {start_s:g} s: textures have no start time")
+    return written_rate(stream.timing, notes if stream.n_frames > 1 else [])
 
 
 def _budget(sequence: MeshSequence, options: WriteOptions) -> ErrorBudget:

@@ -101,7 +101,7 @@ def _scene_mesh(
     described = _meshreel_arrays(own)
     if own is not None:
         about = read_description(described | {"faces": np.empty((0, 3))}, name, ReadOptions())
-        name, fps = about.name, about.fps
+        name, fps = about.name, about.timing.fps
 
     @hdf_errors()
     def surface(index: int) -> Surface:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.formats.arrays.named_arrays import surface_arrays
 from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import NORMALS
@@ -18,7 +19,7 @@ from meshreel.formats.notes import (
     add_note,
     listed,
     note_unwritten_tracks,
-    written_rate,
+    written_times,
 )
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.vtkhdf_steps import (
@@ -46,7 +47,7 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     cannot represent.
     """
     shared = SharedData.of(stream.meshes())
-    rate = written_rate(stream.fps, stream.notes)
+    times = written_times(stream.timing, stream.n_frames, stream.notes)
     _note_losses(stream, shared)
     dtype = stream.dtype
     with hdf_output(path) as output:
@@ -62,7 +63,7 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
             arrays.add(segment, output)
             for _, frame in output.frames(segment):
                 points.append(frame.astype(dtype, copy=False))
-        steps = _write_steps(root, stream, rate)
+        steps = _write_steps(root, times)
         steps["PointOffsets"] = np.array(points.starts, np.int64)
         partitions.finish(steps)
         arrays.finish(steps)
@@ -77,11 +78,11 @@ def _note_losses(stream: SegmentedStream, shared: SharedData) -> None:
         add_note(stream.notes, NoteKind.CHANGED, "data of some segments", text)
 
 
-def _write_steps(root: Node, stream: SegmentedStream, rate: float) -> Node:
-    n_steps = stream.n_frames
+def _write_steps(root: Node, times: Floats) -> Node:
+    n_steps = len(times)
     steps = root.create_group("Steps")
     steps.attrs["NSteps"] = np.int64(n_steps)
-    steps["Values"] = stream.start_s + np.arange(n_steps) / rate
+    steps["Values"] = times
     steps["NumberOfParts"] = np.ones(n_steps, np.int64)
     return steps
 
@@ -253,7 +254,7 @@ def _unique_name(group: Node, name: str) -> str:
 
 def _write_surfaces(group: Node, stream: SegmentedStream) -> None:
     """Write the whole surface of each segment for meshreel."""
-    write_array(group, "fps", np.asarray(np.float64(stream.fps)))
+    write_array(group, "fps", np.asarray(np.float64(stream.timing.fps)))
     write_array(group, "name", np.asarray(np.str_(stream.name)))
     if stream.n_segments > 1:
         write_array(group, SEGMENT_STARTS, np.array(stream.starts[:-1], np.int64))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.hdf import HdfOutput, Node, hdf_output
-from meshreel.formats.notes import written_rate
+from meshreel.formats.notes import written_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays, xml_text
 from meshreel.formats.vtk.xdmf_grid import CENTERS, UNIT
@@ -34,7 +34,7 @@ def xdmf_data_files(path: Path, n_frames: int) -> list[Path]:
 
 def write_xdmf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write the XML file and its HDF5 file, which has a dataset for each array of each frame."""
-    rate = written_rate(stream.fps, stream.notes)
+    times = written_times(stream.timing, stream.n_frames, stream.notes).tolist()
     [(name, data_path)] = stream.data_files
     grids: list[str] = []
     with hdf_output(data_path) as output:
@@ -47,10 +47,9 @@ def write_xdmf(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
             numbers = _HdfItems(root, f"{name}:/{above}")
             for index, grid in enumerate(_grids(numbers, segment, output)):
                 frame = stream.starts[number] + index
-                time = stream.start_s + frame / rate
                 grids.append(
                     f'<Grid Name="frame {frame}" GridType="Uniform">\n'
-                    f'<Time Value="{time!r}"/>\n{grid}</Grid>\n'
+                    f'<Time Value="{times[frame]!r}"/>\n{grid}</Grid>\n'
                 )
     title = quoteattr(xml_text(stream.name) or path.stem)
     text = [

@@ -14,7 +14,7 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.notes import written_rate
+from meshreel.formats.notes import written_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import POLYGON
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays
@@ -41,7 +41,7 @@ def pvd_pieces(path: Path, n_frames: int) -> list[Path]:
 
 def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a collection and a VTP file for each frame, with the data of its segment."""
-    rate = written_rate(stream.fps, stream.notes)
+    times = written_times(stream.timing, stream.n_frames, stream.notes).tolist()
     rows: list[str] = []
     pieces = iter(stream.data_files)
     for segment in stream.segments():
@@ -49,8 +49,7 @@ def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
         for index, frame in enumerate(segment.frames()):
             name, piece = next(pieces)
             piece.write_bytes(encode(frame, segment.values(index)))
-            time = stream.start_s + len(rows) / rate
-            file = quoteattr(name)
+            file, time = quoteattr(name), times[len(rows)]
             rows.append(f'<DataSet timestep="{time!r}" group="" part="0" file={file}/>\n')
     head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
     text = "".join([head, *rows, "</Collection>\n</VTKFile>\n"])

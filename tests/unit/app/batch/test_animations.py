@@ -117,7 +117,7 @@ def test_unreadable_file_does_not_affect_the_others(inputs):
 
 def test_error_names_the_animation_without_the_path_of_its_file(inputs):
     file = moving_triangle()
-    file.animate(0, "scale", [0, 1, 1e9], [[1, 1, 1]] * 3, animation=1)
+    file.animate(0, "rotation", [0, 1, 1e9], [[0, 0, 0, 1]] * 3, animation=1)
     file.save(inputs / "man.glb")
     _, report = run(inputs)
     assert report.failed["man.glb#animation_1"].error.startswith("its animation takes 1e+09 s")

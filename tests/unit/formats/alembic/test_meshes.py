@@ -153,5 +153,5 @@ def test_load_keeps_the_final_pose_of_a_transform_between_two_point_samples(tmp_
     notes = []
     loaded = load(tmp_path / "a.abc", notes=notes)
     np.testing.assert_allclose(loaded.vertices[-1], sample.POINTS * 2 + np.float32([6, 0, 0]))
-    assert (loaded.n_frames, loaded.fps) == (9, 32)
-    assert notes == ["frame times are uneven; read as 32 frames per second"]
+    np.testing.assert_allclose(loaded.times, [*np.arange(8) / 30, 0.25])
+    assert (loaded.n_frames, loaded.fps, notes) == (9, 32, [])

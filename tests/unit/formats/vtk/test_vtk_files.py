@@ -487,7 +487,7 @@ def test_merge_joins_files_of_a_time_at_a_given_rate(tmp_path):
 def test_merge_does_not_invent_missing_pieces(tmp_path):
     path, positions = unnamed_pieces(tmp_path, (0, 1, 1, 2, 3, 3))
     segments = load(path, merge=True).segments
-    shapes = [(segment.n_frames, segment.n_verts, segment.start_s) for segment in segments]
+    shapes = [(segment.n_frames, segment.n_verts, segment.timing.start_s) for segment in segments]
     assert shapes == [(1, 10, 0), (1, 20, 1), (1, 10, 2), (1, 20, 3)]
     read = np.concatenate([segment.read(0, 1).reshape(-1, 3) for segment in segments])
     assert read.tobytes() == positions.tobytes()

@@ -140,7 +140,7 @@ def _prediction(
     fit = DifferenceFit()
     for piece in block_ranges(source):
         fit.add(track.read(piece.start, piece.stop), source.sequence.read(piece.start, piece.stop))
-    return fit.best(source.sequence.fps)
+    return fit.best(source.sequence.timing.fps)
 
 
 def _is_velocity(track: TrackSource) -> bool:

@@ -1,0 +1,241 @@
+"""When frames are shown: at a frame rate, or at times of their own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from meshreel.arrays import Floats
+from meshreel.errors import InvalidInputError
+from meshreel.model.validation import validate_fps, validate_start
+
+NTSC = 1000 / 1001
+"""NTSC frame rates are integers times this: 23.976, 29.97, 59.94."""
+
+RATE_TOLERANCE = 2e-6
+"""Relative; it covers the difference between 29.97 and 30000/1001, 1e-6."""
+
+EVEN_TOLERANCE = 1e-3
+"""Frames are evenly spaced if none is farther from its even time, in intervals."""
+
+DUE_TOLERANCE = 1e-6
+"""Frames at a rate are due this early, in intervals: times have rounding errors."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the frames of a sequence are shown.
+
+    Attributes
+    ----------
+    fps : float
+        Frames per second, the mean rate if `times` are given; 0 = unknown.
+    start_s : float
+        Time of the first frame, in seconds.
+    times : float64 array of shape (T,), or None
+        Time of each frame in seconds, ascending, if the frames are not evenly spaced.
+    """
+
+    fps: float = 0.0
+    start_s: float = 0.0
+    times: Floats | None = field(default=None, compare=False)
+    _key: bytes = field(default=b"", repr=False)
+    """The bytes of the times, for comparisons."""
+
+    @classmethod
+    def of_rate(cls, fps: float, start_s: float = 0.0) -> "Timing":
+        """Return the timing of evenly spaced frames.
+
+        Raises
+        ------
+        InvalidInputError
+            If the rate is negative or not finite, or the start is not finite.
+        """
+        return cls(validate_fps(fps), validate_start(start_s))
+
+    @classmethod
+    def of_times(
+        cls,
+        times_s: Sequence[float] | Floats,
+        n_frames: int | None = None,
+        *,
+        resolution_s: float | None = None,
+    ) -> "Timing":
+        """Return the timing of frames at these times in seconds, ascending, of shape (T,).
+
+        If they are evenly spaced within a thousandth of the interval, the timing is a rate, rounded
+        to a common one that agrees with the times: an integer, an NTSC rate, or a decimal with up
+        to three places. A single time has no rate.
+
+        Parameters
+        ----------
+        n_frames : int, optional
+            Expected number of times.
+        resolution_s : float, optional
+            To which the times were rounded. Default: that of float32 if all are float32 values.
+
+        Raises
+        ------
+        InvalidInputError
+            If there are not `n_frames` times, or they are not finite and ascending.
+        """
+        times = _checked(times_s, n_frames)
+        if len(times) == 1:
+            return cls(0.0, float(times[0]))
+        timing = cls._own(times)
+        if not timing.fps:
+            return timing
+        coarse = _resolution(times) if resolution_s is None else resolution_s
+        fps = _common_rate(timing.fps, max(RATE_TOLERANCE, coarse / (times[-1] - times[0])))
+        expected = times[0] + np.arange(len(times)) / fps
+        if np.abs(times - expected).max() <= max(EVEN_TOLERANCE / fps, 2 * coarse):
+            return cls(fps, timing.start_s)
+        return timing
+
+    @classmethod
+    def _own(cls, times: Floats) -> "Timing":
+        """Return times of their own; the mean rate is unknown if it is not finite."""
+        with np.errstate(all="ignore"):
+            rate = float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 else 0.0
+        times = times.copy()
+        times.flags.writeable = False
+        return cls(rate if np.isfinite(rate) else 0.0, float(times[0]), times, times.tobytes())
+
+    @classmethod
+    def joined(cls, timings: Sequence["Timing"], counts: Sequence[int]) -> "Timing":
+        """Return the timing of several sequences in order, of these numbers of frames.
+
+        Frames at a rate follow the first ones at that rate, regardless of their own start. If any
+        have times of their own, the times of all must ascend.
+
+        Raises
+        ------
+        InvalidInputError
+            If the times do not ascend, or the rates differ.
+        """
+        if any(timing.times is not None for timing in timings):
+            seconds = [timing.seconds(n) for timing, n in zip(timings, counts, strict=True)]
+            if any(part is None for part in seconds):
+                raise InvalidInputError(
+                    "some frames have times and others no frame rate; give all of them times"
+                )
+            return cls.of_times(np.concatenate([part for part in seconds if part is not None]))
+        rates = sorted({timing.fps for timing in timings})
+        if len(rates) > 1:
+            raise InvalidInputError(
+                f"segments have {' and '.join(f'{rate:g}' for rate in rates)} frames per second; "
+                "give them the same fps"
+            )
+        return timings[0]
+
+    def check(self, n_frames: int) -> None:
+        """Raise InvalidInputError if there is not one time per frame."""
+        if self.times is not None and len(self.times) != n_frames:
+            raise InvalidInputError(
+                f"times must have shape ({n_frames},), one per frame; got {self.times.shape}"
+            )
+
+    def seconds(self, n_frames: int) -> Floats | None:
+        """Times of the first frames, in seconds, of shape (n,); None if the rate is unknown."""
+        if self.times is not None:
+            return self.times[:n_frames]
+        if not self.fps and n_frames > 1:
+            return None
+        return self.start_s + np.arange(n_frames) / (self.fps or 1.0)
+
+    @property
+    def uneven_times(self) -> tuple[float, ...] | None:
+        """Times of their own in seconds, as plain numbers; None if there are none."""
+        return None if self.times is None else tuple(self.times.tolist())
+
+    def at(self, frame: int) -> float:
+        """Time of a frame, in seconds; the start if the rate is unknown."""
+        if self.times is not None:
+            return float(self.times[frame])
+        return self.start_s + (frame / self.fps if self.fps else 0.0)
+
+    def frame_at(self, time_s: float, n_frames: int) -> int:
+        """The frame that is shown at a time, the last one that is due, else 0."""
+        if self.times is not None:
+            due = float(np.searchsorted(self.times, time_s, side="right")) - 1
+        else:
+            due = (time_s - self.start_s) * self.fps + DUE_TOLERANCE
+        if not (time_s >= self.start_s and due >= 1):  # also if a number is NaN
+            return 0
+        return int(min(due, n_frames - 1))
+
+    def part(self, frames: range) -> "Timing":
+        """The timing of consecutive frames; those with times of their own keep them."""
+        if self.times is None:
+            return Timing(self.fps, self.at(frames.start))
+        return Timing._own(self.times[frames.start : frames.stop])
+
+
+class Timed:
+    """Frame rate, start and times of a sequence of `n_frames` frames with a `timing`."""
+
+    timing: Timing
+    n_frames: int
+
+    @property
+    def fps(self) -> float:
+        """Frames per second, the mean rate if frames have times of their own; 0 = unknown."""
+        return self.timing.fps
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first frame, in seconds."""
+        return self.timing.start_s
+
+    @property
+    def times(self) -> Floats | None:
+        """Time of each frame in seconds, of shape (T,); None if the frame rate is unknown."""
+        return self.timing.seconds(self.n_frames)
+
+    def frame_at(self, time_s: float) -> int:
+        """Number of the frame that is shown at a time in seconds: the last one due, else 0."""
+        return self.timing.frame_at(time_s, self.n_frames)
+
+
+UNTIMED = Timing()
+"""Frames from 0 s on at an unknown rate."""
+
+
+def _checked(times_s: Any, n_frames: int | None) -> Floats:
+    try:
+        times = np.asarray(times_s, np.float64)
+    except (TypeError, ValueError):
+        raise InvalidInputError("times must be numbers, in seconds") from None
+    if times.ndim != 1 or not len(times) or n_frames not in (None, len(times)):
+        wanted = "(T,)" if n_frames is None else f"({n_frames},)"
+        raise InvalidInputError(f"times must have shape {wanted}; got {times.shape}")
+    times = times + 0.0  # -0 becomes 0
+    if not np.isfinite(times).all():
+        raise InvalidInputError(f"time {int(np.argmin(np.isfinite(times)))} is not finite")
+    is_later = times[1:] > times[:-1]
+    if not is_later.all():
+        index = int(np.argmin(is_later))
+        raise InvalidInputError(
+            f"frame {index} is at time {times[index]:g} and frame {index + 1} at "
+            f"{times[index + 1]:g}; times must ascend"
+        )
+    if not np.isfinite(float(times[-1]) - float(times[0])):
+        raise InvalidInputError("the last time minus the first is not finite")
+    return times
+
+
+def _resolution(times: Floats) -> float:
+    """Return the resolution of times that are float32 values; 0 for others."""
+    with np.errstate(over="ignore"):
+        rounded = times.astype(np.float32)
+    is_single = np.array_equal(rounded, times)
+    return float(np.spacing(np.abs(rounded).max())) if is_single else 0.0
+
+
+def _common_rate(rate: float, tolerance: float) -> float:
+    """Return the common rate that agrees with a rate, or the rate itself."""
+    named = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
+    near = [one for one in named if one > 0 and abs(one - rate) <= tolerance * rate]
+    exact = [one for one in near if abs(one - rate) <= 1e-12 * rate]
+    return float((exact or near or [rate])[0])

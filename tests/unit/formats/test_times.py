@@ -1,0 +1,80 @@
+"""Times of frames that are not evenly spaced, in the formats that store times."""
+
+import numpy as np
+import pytest
+
+from meshreel.formats.load import load
+from meshreel.formats.save import save
+from samples.meshes import quad_sheet, waving_grid
+
+TIMES = [0, 0.005, 0.01, 0.015, 0.0175]
+EXACT = {
+    ".npz": None,
+    ".reel": None,
+    ".pvd": None,
+    ".h5": "h5py",
+    ".vtkhdf": "h5py",
+    ".xdmf": "h5py",
+    ".usda": "pxr",
+    ".abc": "alembic3d",
+}
+
+
+def uneven():
+    return waving_grid(5).replace(times=TIMES)
+
+
+@pytest.mark.parametrize(("extension", "library"), EXACT.items(), ids=EXACT)
+def test_times_come_back_exactly(tmp_path, extension, library):
+    if library:
+        pytest.importorskip(library)
+    notes = []
+    path = tmp_path / f"a{extension}"
+    save(uneven(), path, notes=notes)
+    assert load(path, notes=notes).times.tolist() == TIMES
+    assert not [note for note in notes if "time" in str(note)]
+
+
+@pytest.mark.parametrize("extension", [".glb", ".mdd"])
+def test_times_come_back_in_single_precision(tmp_path, extension):
+    written = save(uneven(), tmp_path / f"a{extension}")
+    topology = {"topology": written[1]} if extension == ".mdd" else {}
+    loaded = load(tmp_path / f"a{extension}", **topology)
+    np.testing.assert_array_equal(loaded.times.astype(np.float32), np.float32(TIMES))
+
+
+@pytest.mark.parametrize("extension", [".pvd", ".reel"])
+def test_a_frame_rate_replaces_times(tmp_path, extension):
+    save(uneven().replace(start_s=2.0), tmp_path / f"a{extension}")
+    loaded = load(tmp_path / f"a{extension}", fps=10)
+    assert loaded.times.tolist() == pytest.approx([2.0, 2.1, 2.2, 2.3, 2.4])
+
+
+def test_a_note_says_that_a_format_has_a_rate_only(tmp_path):
+    notes = []
+    save(uneven(), tmp_path / "a.pc2", notes=notes)
+    assert any("PC2 has no frame times" in str(note) for note in notes)
+
+
+def test_times_that_do_not_fit_the_frames_are_refused(tmp_path):
+    grid = waving_grid(3)
+    np.savez(tmp_path / "a.npz", vertices=grid.vertices, faces=grid.faces, times=[0.0, 1.0])
+    with pytest.raises(ValueError, match=r"times must have shape \(3,\)"):
+        load(tmp_path / "a.npz")
+
+
+def test_times_cross_changes_of_faces(tmp_path):
+    whole = waving_grid(3).replace(times=[0, 1, 3]) + quad_sheet(2).replace(times=[4, 4.5])
+    save(whole, tmp_path / "a.pvd")
+    loaded = load(tmp_path / "a.pvd")
+    assert (loaded.n_segments, loaded.times.tolist()) == (2, [0, 1, 3, 4, 4.5])
+    assert loaded[2:4].times.tolist() == [3, 4]
+
+
+def test_single_frames_of_changing_faces_keep_their_times(tmp_path):
+    meshes = [waving_grid(1), quad_sheet(1), waving_grid(1)]
+    parts = [mesh.replace(times=[time]) for mesh, time in zip(meshes, [0, 1, 5], strict=True)]
+    whole = parts[0] + parts[1] + parts[2]
+    assert whole.times is None  # without a rate, single frames have no times
+    save(whole.replace(times=[0, 1, 5]), tmp_path / "a.pvd")
+    assert load(tmp_path / "a.pvd").times.tolist() == [0, 1, 5]
