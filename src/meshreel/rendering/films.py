@@ -3,8 +3,11 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from PIL import Image as PillowImage
 
+from meshreel.arrays import Floats
+from meshreel.model.timing import DUE_TOLERANCE
 from meshreel.rendering.layout import Size
 from meshreel.rendering.scenes import ChosenFrames, Scales, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
@@ -75,6 +78,8 @@ def film(
 ) -> Film:
     """Prepare a film of selected frames at their frame rate.
 
+    Frames that are not evenly spaced are shown when they are due, at their mean rate.
+
     Parameters
     ----------
     scene : Scene
@@ -104,4 +109,15 @@ def film(
     layout = plan_sheet(words, len(words.titles), framing.aspect(sample), size, max_size)
     cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
     shots = list(zip(numbers, cameras, strict=True))
+    if scene.sequence.timing.times is not None:
+        fps, places = _when_due(scene.sequence.timing.times[list(numbers)], fps)
+        shots = [shots[place] for place in places]
     return Film(scene, scales, Sheet(layout, words, scene.background), shots, fps)
+
+
+def _when_due(times_s: Floats, fps: float) -> tuple[float, list[int]]:
+    """Return the mean rate of frames at these times, and the index of the frame of each picture."""
+    if len(times_s) > 1:
+        fps = float((len(times_s) - 1) / (times_s[-1] - times_s[0]))
+    pictures = times_s[0] + (np.arange(len(times_s)) + DUE_TOLERANCE) / fps
+    return fps, (np.searchsorted(times_s, pictures, side="right") - 1).tolist()

@@ -75,8 +75,9 @@ def representative_frames(numbers: Sequence[int], max_frames: int) -> list[int]:
 
 def frame_labels(scene: Scene, number: int) -> list[str]:
     """Labels of the views of a frame: its number and, if known, its time below the first."""
-    fps = scene.sequence.fps
-    time = f", {scene.sequence.start_s + number / fps:.2f} s" if fps else ""
+    timing = scene.sequence.timing
+    digits = ".2f" if timing.times is None else ".4g"
+    time = f", {timing.at(number):{digits}} s" if timing.fps else ""
     return [f"frame {number}{time}", *[""] * (len(scene.titles) - 1)]
 
 

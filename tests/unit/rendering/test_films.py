@@ -1,6 +1,7 @@
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.films import UNKNOWN_FPS, film
 from meshreel.rendering.scenes import Scene
+from meshreel.rendering.shots import frame_labels
 from meshreel.rendering.views import View
 
 VIEW, SIZE = View(), (160, 120)
@@ -34,3 +35,11 @@ def test_film_reads_frames_on_demand(grid, monkeypatch):
 def test_default_size_of_a_film_has_even_sides(grid, lifted):
     result = film(Scene(lifted, grid, "angle"), range(2), VIEW, max_size=(501, 333))
     assert result.size[0] % 2 == result.size[1] % 2 == 0
+
+
+def test_frames_that_are_not_evenly_spaced_are_shown_when_they_are_due(grid):
+    timed = grid[:4].replace(times=[0, 0.1, 0.2, 1.5])
+    shown = film(Scene(timed), range(4), VIEW, size=SIZE)
+    assert shown.fps == 2
+    assert [number for number, _ in shown.shots] == [0, 2, 2, 3]
+    assert frame_labels(shown.scene, 3) == ["frame 3, 1.5 s"]
