@@ -32,6 +32,7 @@ def load(
     skip_bad: bool = False,
     allow_outside: bool = False,
     animation: str | int | None = None,
+    displace: str | None = None,
     memory: float | str | None = None,
     progress: Progress = silent,
     notes: list[str] | None = None,
@@ -70,6 +71,9 @@ def load(
     animation : str or int, optional
         Name, or number from 0, of one animation of a glTF file. Default: the first that moves a
         mesh; a note lists the others.
+    displace : str, optional
+        Name of a track of three numbers per vertex, such as the displacement of a simulation, that
+        is added to the positions and not kept; ``"name:10"`` adds ten times its values.
     memory : float or str, optional
         Memory limit for decoding a ``.reel``, as in `meshreel.decode`.
     progress : Progress, default silent
@@ -101,6 +105,7 @@ def load(
     options = ReadOptions(
         fps, object, merge, mesh_path, dataset, None, progress,
         notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
+        displace=displace,
     )  # fmt: skip
     return load_any(source, options)
 

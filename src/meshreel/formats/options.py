@@ -29,6 +29,8 @@ class ReadOptions:
         Whether frames that differ only in the order of vertices and faces become one segment.
     register : float or str, optional
         Tolerance of the registration of frames whose faces change, as in `meshreel.register`.
+    displace : str, optional
+        Track that moves the vertices, as in `meshreel.load`.
     registrations : list of Registration
         Receives the registration, which can be compared with decoded frames.
     """
@@ -49,6 +51,7 @@ class ReadOptions:
     matches_frames: bool = True
     register: float | str | None = None
     registrations: "list[Registration]" = field(default_factory=list)
+    displace: str | None = None
 
 
 @dataclass(frozen=True)

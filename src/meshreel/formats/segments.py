@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from meshreel.formats.displacement import displaced, note_displacement
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
@@ -38,6 +39,10 @@ def open_any(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     if options.register is not None:
         reading = replace(reading, matches_frames=False)
     opened = _open(found, reading)
+    if options.displace is None:
+        note_displacement(opened, reading.notes)
+    else:
+        opened = displaced(opened, options.displace, options.max_loaded_bytes)
     options.notes.extend(dict.fromkeys(reading.notes))
     return opened if options.register is None else registered(opened, options)
 

@@ -36,7 +36,8 @@ def convert_command(
     ],
     output: OutputOption,
     reading: Annotated[
-        "ReadOptions", reading("fps", *MESHES, "topology", "dataset", "attributes", "register")
+        "ReadOptions",
+        reading("fps", *MESHES, "topology", "dataset", "displace", "attributes", "register"),
     ],
     writing: Annotated[dict[str, Any], WRITING],
     encoding: Annotated[Encoding, encoding(max_error=OUTPUT_ERROR)],

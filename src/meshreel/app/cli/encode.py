@@ -34,7 +34,8 @@ def encode_command(
     ],
     encoding: Annotated[Encoding, ENCODING],
     reading: Annotated[
-        "ReadOptions", reading("fps", *MESHES, "topology", "dataset", "attributes", "register")
+        "ReadOptions",
+        reading("fps", *MESHES, "topology", "dataset", "displace", "attributes", "register"),
     ],
     output: StreamOption = None,
     track: TrackOption = (),

@@ -79,6 +79,12 @@ _OPTIONS = {
         "info` lists them). Default: the first that moves a mesh.",
         "NAME",
     ),
+    "displace": _option(
+        str,
+        "Move the vertices by a result of three numbers per vertex, such as displacement of a "
+        "simulation; a factor enlarges it. The result itself is not kept.",
+        "NAME[:FACTOR]",
+    ),
     "memory": MEMORY,
     "topology": _option(
         Path,

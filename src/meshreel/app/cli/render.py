@@ -36,7 +36,7 @@ def render_command(
         ),
     ],
     output: Annotated[Path, Option("A picture (.png) or a film (.mp4, .gif).", flag="--output -o")],
-    reading: Annotated["ReadOptions", reading("fps", *MESHES, "memory")],
+    reading: Annotated["ReadOptions", reading("fps", *MESHES, "displace", "memory")],
     original: Annotated[
         File | None, Option("The original of FILE, shown alongside.", metavar="INPUT")
     ] = None,

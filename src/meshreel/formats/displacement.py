@@ -1,0 +1,137 @@
+"""Positions moved by a vector result, for files whose geometry stays as it was before the load."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from meshreel.errors import InvalidInputError, Keyword, Message
+from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
+from meshreel.formats.notes import NoteKind, add_note
+from meshreel.model.sequence import FrameSource, MeshSequence, Vertices, positions_size_bytes
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import TrackSource, track_by_name
+
+NAMES = {"displacement", "displacements", "displ", "disp", "u"}
+"""Usual names of displacements, in lower case."""
+
+BLOCK_BYTES = 1 << 24
+
+
+def displaced(opened: MeshSequence, choice: str, max_loaded_bytes: int | None) -> MeshSequence:
+    """Return a sequence whose vertices are moved by a track, which it no longer has.
+
+    Parameters
+    ----------
+    choice : str
+        Name of a track of three numbers per vertex, in the unit of the positions; ``name:factor``
+        multiplies it.
+    max_loaded_bytes : int, optional
+        Larger positions are computed when they are read. Default: never.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such track, the factor is not a number other than 0, or a displacement is
+        not finite.
+    """
+    segments = [_displaced(segment, choice, max_loaded_bytes) for segment in opened.segments]
+    return MeshSequence.of_segments(segments, opened.name, opened.timing)
+
+
+def note_displacement(opened: MeshSequence, notes: list[str]) -> None:
+    """Suggest to move a mesh that stands still by its only track with a usual name."""
+    segment = opened.segments[0]
+    if opened.n_segments > 1 or segment.n_frames < 2:
+        return
+    found = [name for name, track in segment.tracks.items() if _is_candidate(name, track)]
+    if len(found) != 1:
+        return
+    first, last = (segment.read(frame, frame + 1) for frame in (0, segment.n_frames - 1))
+    low, high = segment.extent.low, segment.extent.high
+    is_still = np.array_equal(first, last) and np.array_equal(
+        (first[0].min(axis=0), first[0].max(axis=0)), (low, high)
+    )
+    if is_still:
+        text = Message(
+            f"the mesh stands still, and its track {found[0]} may be its displacement; move it "
+            "with ",
+            Keyword("displace", found[0]),
+        )
+        add_note(notes, NoteKind.UNKNOWN, "displacement", text)
+
+
+def _is_candidate(name: str, track: TrackSource) -> bool:
+    return name.lower() in NAMES and _moves_vertices(track)
+
+
+def _moves_vertices(track: TrackSource) -> bool:
+    return track.domain is Domain.VERTEX and track.shape[2] == 3 and track.dtype.kind == "f"
+
+
+def _displaced(segment: FrameSource, choice: str, max_loaded_bytes: int | None) -> FrameSource:
+    name, factor = _parsed(choice, segment)
+    track = track_by_name(segment.tracks, name)
+    if not _moves_vertices(track):
+        raise InvalidInputError(
+            Keyword("displace"),
+            f" takes a track of three numbers per vertex; {name} has {track.shape[2]} per "
+            f"{track.domain}, {track.dtype}",
+        )
+    read = _reader(segment, track, factor)
+    step = max(1, BLOCK_BYTES // (segment.n_verts * 3 * segment.dtype.itemsize))
+    is_small = max_loaded_bytes is None or positions_size_bytes(segment) <= max_loaded_bytes
+    survey, blocks = FrameSurvey(), []
+    for start in range(0, segment.n_frames, step):
+        block = read(start, min(start + step, segment.n_frames))
+        survey.add(block)
+        if is_small:
+            blocks.append(block)
+    tracks = {other: kept for other, kept in segment.tracks.items() if other != name}
+    stored = StoredFrames(
+        n_frames=segment.n_frames,
+        n_verts=segment.n_verts,
+        faces=segment.faces,
+        name=segment.name,
+        dtype=segment.dtype,
+        extent=survey.extent,
+        read_range=read,
+        timing=segment.timing,
+        surface=segment.surface,
+        files=getattr(segment, "files", ()),
+        tracks=tracks,
+    )
+    if not (is_small and isinstance(segment, MeshSequence)):
+        return stored
+    return segment.replace(vertices=np.concatenate(blocks), tracks=tracks)
+
+
+def _reader(
+    segment: FrameSource, track: TrackSource, factor: float
+) -> Callable[[int, int], Vertices]:
+    def read(start: int, stop: int) -> Vertices:
+        values = track.read(start, stop)
+        if not (is_finite := np.isfinite(values).all(axis=(1, 2))).all():
+            frame = start + int(np.argmin(is_finite))
+            raise InvalidInputError(f"a displacement of frame {frame} is not finite")
+        moved = segment.read(start, stop).astype(np.float64) + factor * values
+        return moved.astype(segment.dtype)
+
+    return read
+
+
+def _parsed(choice: str, segment: FrameSource) -> tuple[str, float]:
+    """Return name and factor; names may contain colons."""
+    name, colon, text = choice.rpartition(":")
+    if choice in segment.tracks or not colon:
+        return choice, 1.0
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = math.nan
+    if not math.isfinite(factor) or factor == 0:
+        raise InvalidInputError(
+            Keyword("displace"),
+            f" takes a track and a factor other than 0, NAME:FACTOR; got {choice}",
+        )
+    return name, factor
