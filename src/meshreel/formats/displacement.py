@@ -40,7 +40,7 @@ def displaced(opened: MeshSequence, choice: str, max_loaded_bytes: int | None) -
 
 
 def note_displacement(opened: MeshSequence, notes: list[str]) -> None:
-    """Suggest to move a mesh that stands still by its only track with a usual name."""
+    """Suggest to move a mesh without motion by its only track with a usual name."""
     segment = opened.segments[0]
     if opened.n_segments > 1 or segment.n_frames < 2:
         return
@@ -54,7 +54,7 @@ def note_displacement(opened: MeshSequence, notes: list[str]) -> None:
     )
     if is_still:
         text = Message(
-            f"the mesh stands still, and its track {found[0]} may be its displacement; move it "
+            f"the mesh does not move, and its track {found[0]} may be its displacement; move it "
             "with ",
             Keyword("displace", found[0]),
         )

@@ -12,7 +12,7 @@ from samples.opening import open_source
 
 
 def still(n_frames=3, **tracks):
-    """A sheet that stands still, with tracks; most by default a displacement upwards."""
+    """a sheet that does not move, with tracks; most by default a displacement upwards."""
     grid = waving_grid(n_frames)
     rest = np.repeat(grid.vertices[:1], n_frames, axis=0)
     moves = np.zeros((n_frames, grid.n_verts, 3), np.float32)
@@ -49,11 +49,11 @@ def test_each_segment_is_moved(tmp_path):
     assert (moved.n_segments, moved.fps) == (2, 5)
 
 
-def test_a_note_suggests_the_option_for_a_mesh_that_stands_still(path):
+def test_a_note_suggests_the_option_for_a_mesh_that_does_not_move(path):
     notes = []
     load(path, notes=notes)
     assert notes == [
-        "the mesh stands still, and its track displacement may be its displacement; move it with "
+        "the mesh does not move, and its track displacement may be its displacement; move it with "
         'displace="displacement"'
     ]
 

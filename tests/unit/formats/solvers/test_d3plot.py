@@ -75,6 +75,16 @@ def test_positions_times_and_parts_are_those_of_the_states(tmp_path, code, name)
     assert "left out: elements without faces: beams" in notes
 
 
+@pytest.mark.parametrize("code", CODES)
+def test_the_last_state_keeps_the_time_at_which_the_run_ended(tmp_path, code):
+    times = [0, 0.5, 1, 1.5, 1.75]
+    states = [state(time, moved(0), code=code) for time in times]
+    notes = []
+    loaded = load(write_family(tmp_path / "d3plot", whole_model(), [states], code), notes=notes)
+    assert loaded.times.tolist() == times
+    assert not [note for note in notes if "time" in note]
+
+
 def test_unnamed_parts_have_numbers(tmp_path):
     model = whole_model()
     model.titles = {10: "block", 20: "block"}

@@ -212,6 +212,10 @@ def test_parts_are_meshes(tmp_path, form):
     assert "left out: elements of points, lines and ghosts: bar2, g_hexa8" in notes
 
 
+def test_uneven_times_are_kept(tmp_path):
+    assert load(moving(tmp_path, "<", times=(0, 0.5, 0.55))).times.tolist() == [0, 0.5, 0.55]
+
+
 def test_times_must_ascend_unless_a_rate_is_given(tmp_path):
     path = moving(tmp_path, "<", times=(0, 2, 1))
     with pytest.raises(FormatError, match="step 1 at time 2 and step 2 at 1; times must ascend"):
