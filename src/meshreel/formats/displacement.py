@@ -48,11 +48,10 @@ def note_displacement(opened: MeshSequence, notes: list[str]) -> None:
     if len(found) != 1:
         return
     first, last = (segment.read(frame, frame + 1) for frame in (0, segment.n_frames - 1))
-    low, high = segment.extent.low, segment.extent.high
-    is_still = np.array_equal(first, last) and np.array_equal(
-        (first[0].min(axis=0), first[0].max(axis=0)), (low, high)
-    )
-    if is_still:
+    if not np.array_equal(first, last):
+        return
+    extent, box = segment.extent, (first[0].min(axis=0), first[0].max(axis=0))
+    if np.array_equal(box, (extent.low, extent.high)):
         text = Message(
             f"the mesh does not move, and its track {found[0]} may be its displacement; move it "
             "with ",
