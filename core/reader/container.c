@@ -777,6 +777,7 @@ static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, re
     mesh_reference reference;
     uint64_t at = next->at;
     int failed = begin_segment(call, next, file, &outline);
+    outline.times = file->times; /* at most once in a file */
     failed = failed ? failed
                     : read_reference(call, segments, segments->count, next->end,
                                      call->source->size, &reference);
@@ -792,10 +793,8 @@ static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, re
         file->is_whole = outline.is_whole;
         file->end = outline.end;
         file->damage = outline.damage;
-        failed = file->times.length && outline.times.length
-                     ? reel_corrupt(call, outline.times.at, "times are stored twice")
-                     : add_scanned(call, pool, &outline, segments);
-        file->times = outline.times.length ? outline.times : file->times;
+        file->times = outline.times;
+        failed = add_scanned(call, pool, &outline, segments);
     }
     reel_drop_scratch(call, mark);
     return failed;

@@ -176,8 +176,10 @@ def written_rate(timing: Timing, notes: list[str]) -> float:
 
 def written_times(timing: Timing, n_frames: int, notes: list[str]) -> Floats:
     """Return the time of each frame in seconds, of shape (T,), as `written_rate`."""
-    if timing.times is not None or n_frames == 1:
-        return timing.times if timing.times is not None else np.array([timing.start_s])
+    if timing.times is not None:
+        return timing.times
+    if n_frames == 1:
+        return np.array([timing.start_s])
     times: Floats = timing.start_s + np.arange(n_frames) / written_rate(timing, notes)
     return times
 

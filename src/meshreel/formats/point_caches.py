@@ -135,8 +135,7 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
     if (np.diff(times) <= 0).any():
         text = "frame times are not ascending; the frame rate is unknown"
         add_note(options.notes, NoteKind.UNKNOWN, "frame rate", text)
-    if options.fps:
-        timing = Timing.of_rate(options.fps, timing.start_s)
+    timing = timing.at_rate(options.fps or None)
     read = cache_reader(path, MDD_HEADER.size + times.nbytes, n_verts, ">f4")
     frames = ArrayFrames(path, len(times), n_verts, np.dtype(np.float32), read)
     about = Description(faces, path.stem, timing, surface)

@@ -149,13 +149,8 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
     with errors_naming(path):
         decoded = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
     options.progress("reading", 1.0)
-    timing = _timing(decoded.timing, options)
+    timing = decoded.timing.at_rate(options.fps)
     return decoded.replace(timing=timing, name=decoded.name or path.stem)
-
-
-def _timing(stored: Timing, options: ReadOptions) -> Timing:
-    """Return the timing of a file; a frame rate of the options replaces its times."""
-    return stored if options.fps is None else Timing.of_rate(options.fps, stored.start_s)
 
 
 class _SelfClosingFile(FileIO):
@@ -171,7 +166,7 @@ def _stored(path: Path, options: ReadOptions) -> MeshSequence:
     with errors_naming(path):
         reel = ReelFile(file, memory=options.memory)
         reel.require_whole()
-    name, timing = reel.name or path.stem, _timing(reel.timing, options)
+    name, timing = reel.name or path.stem, reel.timing.at_rate(options.fps)
     segments = [
         StoredSegment(reel, number, path, name, timing.part(frames))
         for number, frames in enumerate(starmap(range, pairwise(reel.starts)))

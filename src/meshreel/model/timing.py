@@ -1,7 +1,7 @@
 """When frames are shown: at a frame rate, or at times of their own."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ DUE_TOLERANCE = 1e-6
 """Frames at a rate are due this early, in intervals: times have rounding errors."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Timing:
     """When the frames of a sequence are shown.
 
@@ -39,9 +39,16 @@ class Timing:
 
     fps: float = 0.0
     start_s: float = 0.0
-    times: Floats | None = field(default=None, compare=False)
-    _key: bytes = field(default=b"", repr=False)
-    """The bytes of the times, for comparisons."""
+    times: Floats | None = None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Timing):
+            return NotImplemented
+        is_same = (self.fps, self.start_s) == (other.fps, other.start_s)
+        return is_same and np.array_equal(self.times, other.times)  # type: ignore[arg-type]
+
+    def __hash__(self) -> int:
+        return hash((self.fps, self.start_s))
 
     @classmethod
     def of_rate(cls, fps: float, start_s: float = 0.0) -> "Timing":
@@ -100,7 +107,7 @@ class Timing:
             rate = float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 else 0.0
         times = times.copy()
         times.flags.writeable = False
-        return cls(rate if np.isfinite(rate) else 0.0, float(times[0]), times, times.tobytes())
+        return cls(rate if np.isfinite(rate) else 0.0, float(times[0]), times)
 
     @classmethod
     def joined(cls, timings: Sequence["Timing"], counts: Sequence[int]) -> "Timing":
@@ -164,6 +171,10 @@ class Timing:
         if not (time_s >= self.start_s and due >= 1):  # also if a number is NaN
             return 0
         return int(min(due, n_frames - 1))
+
+    def at_rate(self, fps: float | None) -> "Timing":
+        """Frames at a given rate from the same start; the timing itself for None."""
+        return self if fps is None else Timing.of_rate(fps, self.start_s)
 
     def part(self, frames: range) -> "Timing":
         """The timing of consecutive frames; those with times of their own keep them."""

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image as PillowImage
 
-from meshreel.arrays import Floats
-from meshreel.model.timing import DUE_TOLERANCE
+from meshreel.model.timing import DUE_TOLERANCE, Timing
 from meshreel.rendering.layout import Size
 from meshreel.rendering.scenes import ChosenFrames, Scales, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
@@ -78,7 +77,7 @@ def film(
 ) -> Film:
     """Prepare a film of selected frames at their frame rate.
 
-    Frames that are not evenly spaced are shown when they are due, at their mean rate.
+    Frames in order that are not evenly spaced are shown when they are due, at their mean rate.
 
     Parameters
     ----------
@@ -109,15 +108,10 @@ def film(
     layout = plan_sheet(words, len(words.titles), framing.aspect(sample), size, max_size)
     cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
     shots = list(zip(numbers, cameras, strict=True))
-    if scene.sequence.timing.times is not None:
-        fps, places = _when_due(scene.sequence.timing.times[list(numbers)], fps)
-        shots = [shots[place] for place in places]
+    times = scene.sequence.timing.times
+    if times is not None and len(numbers) > 1 and (np.diff(numbers) > 0).all():
+        timing = Timing.of_times(times[list(numbers)])
+        fps = timing.fps or fps
+        due = (timing.start_s + (np.arange(len(numbers)) + DUE_TOLERANCE) / fps).tolist()
+        shots = [shots[timing.frame_at(time, len(shots))] for time in due]
     return Film(scene, scales, Sheet(layout, words, scene.background), shots, fps)
-
-
-def _when_due(times_s: Floats, fps: float) -> tuple[float, list[int]]:
-    """Return the mean rate of frames at these times, and the index of the frame of each picture."""
-    if len(times_s) > 1:
-        fps = float((len(times_s) - 1) / (times_s[-1] - times_s[0]))
-    pictures = times_s[0] + (np.arange(len(times_s)) + DUE_TOLERANCE) / fps
-    return fps, (np.searchsorted(times_s, pictures, side="right") - 1).tolist()

@@ -82,7 +82,7 @@ def _read_timing(arrays: Mapping[str, Array], fps: float | None, n_frames: int |
     start_s, times = _number(arrays, "start_s"), arrays.get("times")
     if times is not None:
         timing = Timing.of_times(times, n_frames)
-        return timing if fps is None else Timing.of_rate(fps, timing.start_s)
+        return timing.at_rate(fps)
     return Timing.of_rate(_number(arrays, "fps") if fps is None else fps, start_s)
 
 

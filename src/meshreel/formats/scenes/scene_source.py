@@ -106,9 +106,8 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> Iterator[Fra
 def _timing(mesh: SceneMesh, options: ReadOptions) -> Timing:
     """Return the timing of a mesh; a frame rate of the options replaces its times."""
     timing = Timing.of_times(mesh.times_s)
-    if options.fps:
-        return Timing.of_rate(options.fps, timing.start_s)
-    return timing if timing.times is not None else replace(timing, fps=mesh.fps or timing.fps)
+    declared = mesh.fps if timing.times is None else None
+    return timing.at_rate(options.fps or declared or None)
 
 
 def _read_blocks(

@@ -157,7 +157,7 @@ def sampled_codes(samples: Codes, frame_interval: float, origin: float) -> Codes
     return frame_grid(first, float(samples[-1]), frame_interval)
 
 
-def even_codes(samples: Codes, frame_interval: float = 0.0) -> Codes:
+def even_codes(samples: Codes, frame_interval: float) -> Codes:
     """Return the samples of points and transforms, made even if they are uneven for a known reason.
 
     Samples between integer codes, as for motion blur, are dropped, except a last one, which is the

@@ -41,28 +41,28 @@ def test_even_interval_tolerates_rounding_errors():
 @pytest.mark.parametrize("samples", [[], [4], [1, 2, 3], [0, 2.5, 5], [10.25, 10.5, 10.75]])
 def test_even_codes_return_even_samples_unchanged(samples):
     samples = np.array(samples, np.float64)
-    np.testing.assert_array_equal(even_codes(samples), samples)
+    np.testing.assert_array_equal(even_codes(samples, 0.0), samples)
 
 
 def test_even_codes_drop_samples_for_motion_blur():
     samples = (np.arange(1, 5)[:, None] + [-0.25, 0, 0.25]).ravel()
-    np.testing.assert_array_equal(even_codes(samples), [1, 2, 3, 4])
+    np.testing.assert_array_equal(even_codes(samples, 0.0), [1, 2, 3, 4])
 
 
 def test_even_codes_keep_a_final_sample_between_integer_codes():
-    np.testing.assert_array_equal(even_codes(np.array([0.0, 1, 2, 2.5])), np.arange(6) / 2)
+    np.testing.assert_array_equal(even_codes(np.array([0.0, 1, 2, 2.5]), 0.0), np.arange(6) / 2)
     samples = np.array([0.0, 1, 2, 3.3])
-    np.testing.assert_array_equal(even_codes(samples), samples)
+    np.testing.assert_array_equal(even_codes(samples, 0.0), samples)
 
 
 def test_even_codes_fill_gaps_that_are_multiples_of_the_smallest():
-    np.testing.assert_array_equal(even_codes(np.array([2.0, 4, 6, 12])), [2, 4, 6, 8, 10, 12])
+    np.testing.assert_array_equal(even_codes(np.array([2.0, 4, 6, 12]), 1.0), [2, 4, 6, 8, 10, 12])
 
 
 @pytest.mark.parametrize("samples", [[0, 33, 67, 100], [0, 1, 1000], [0.1, 0.4, 1.1]])
 def test_even_codes_return_irregular_samples_unchanged(samples):
     samples = np.array(samples, np.float64)
-    np.testing.assert_array_equal(even_codes(samples), samples)
+    np.testing.assert_array_equal(even_codes(samples, 0.0), samples)
 
 
 def test_sampled_codes_are_all_frames_between_sparse_keys():
