@@ -1,7 +1,10 @@
 """Streams decoded by the package and its core, as `conformance.reader.Reel`."""
 
+from itertools import pairwise
+
 import numpy as np
 
+from conformance.cells import Cell, Cells
 from conformance.container import Container, Header
 from conformance.reader import Reel
 from meshreel.codec.bitstream.layout import Laplacian, Section
@@ -52,7 +55,18 @@ def read_by_core(data, segment=None):
         shape=shape_of(opened),
         positions=Floats(sequence.vertices) if has_tracks else None,
         tracks=tracks_of(opened),
+        cells=cells_of(sequence.surface.cells),
     )
+
+
+def cells_of(cells):
+    """Return the cells of a surface as the plain reader does, as far as descriptions use them."""
+    if cells is None:
+        return None
+    places = pairwise(cells.starts.tolist())
+    nodes = (cells.nodes[start:stop].tolist() for start, stop in places)
+    listed = [Cell(*pair) for pair in zip(cells.types.tolist(), nodes, strict=True)]
+    return Cells(listed, [], [], [], [])
 
 
 def reported_by_core(description):

@@ -18,6 +18,7 @@ NAMES = {
     5: "SEGMENT",
     6: "REFERENCE",
     7: "EDIT",
+    8: "CELLS",
     16: "BLOCK",
     17: "BASIS",
     18: "ANCHORS",
@@ -190,7 +191,7 @@ class Container:
 
 
 OF_MESH = (
-    *("CONNECTIVITY", "ORDER", "EDIT", "POLYGONS", "ATTRIBUTE", "GROUPS"),
+    *("CONNECTIVITY", "ORDER", "EDIT", "CELLS", "POLYGONS", "ATTRIBUTE", "GROUPS"),
     *("PARTS", "MATERIAL", "IMAGE", "HARD_EDGES"),
 )
 IN_BLOCKS = (

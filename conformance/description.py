@@ -39,6 +39,7 @@ def describe(reel):
         "blocks": [describe_block(block) for block in reel.blocks],
         **describe_shape(reel.shape),
         **describe_surface(surface),
+        **describe_cells(reel.cells),
     }
     if reel.positions is not None:
         description["hash of positions"] = sha(little_endian(reel.positions))
@@ -84,6 +85,17 @@ def describe_shape(shape):
     return {
         "hash of shape steps": sha(struct.pack(f"<{len(steps)}f", *steps)),
         "hash of shape": hash_of(rows(integers)),
+    }
+
+
+def describe_cells(cells):
+    """Return the number and the hashes of cells; empty without any."""
+    if cells is None:
+        return {}
+    return {
+        "cells": len(cells.cells),
+        "hash of cell types": hash_of(cell.code for cell in cells.cells),
+        "hash of cell nodes": hash_of(node for cell in cells.cells for node in cell.nodes),
     }
 
 

@@ -19,29 +19,35 @@ import numpy as np
 
 import meshreel
 from conformance import segments
-from conformance.container import Payload, read_header, read_sections
+from conformance.container import Payload, read_container, read_header, read_sections
 from conformance.description import describe_all
 from conformance.reader import read_all
 from conformance.sources import (
     attribute,
     book,
+    boxes,
     concave_sheet,
     faceted,
     fan,
     grid,
     holes,
+    mixed_cells,
     moving,
     of_boxes,
     of_everything,
     of_rough_integers,
+    of_type,
     pinched,
     seamed_uvs,
     sheet_of_quads,
     shuffled,
+    shuffled_cells,
     sphere,
     tangled,
+    tetrahedra,
     together,
     uneven,
+    waving,
 )
 from conformance.surface import placed, read_on_surface
 from meshreel.codec.bitstream import container as stream_container
@@ -63,11 +69,12 @@ from meshreel.codec.reel.normative.graphs import item_graph
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
 from meshreel.kernel.basis import NO_REST, Rests
+from meshreel.kernel.cells import encode_cells
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
-from meshreel.model.surface import PLAIN, Domain, Surface
+from meshreel.model.surface import PLAIN, Attribute, Domain, Surface
 from meshreel.model.tracks import Track
 
 FOLDER = Path(__file__).with_name("streams")
@@ -1015,6 +1022,116 @@ def with_triangles_apart():
     return by_hand([[0, 1, 2], [0, 1, 3]], 4, [block], order="keep", surface=surface)
 
 
+# Cells.
+def of_cells(kind, points, cells, n_frames=5):
+    """Return a waving sequence of cells of one type."""
+    return MeshSequence(waving(points, n_frames), cells=of_type(kind, cells))
+
+
+def quadratic(kind, points, cells):
+    """Return points and cells with a node on each edge of tetrahedra or hexahedra."""
+    nodes, rows, listed = {}, [], list(points)
+    for cell in cells.tolist():
+        for a, b in TETRAHEDRON_EDGES if kind == 24 else HEXAHEDRON_EDGES:
+            key = min(cell[a], cell[b]), max(cell[a], cell[b])
+            if key not in nodes:
+                nodes[key] = len(listed)
+                listed.append((points[cell[a]] + points[cell[b]]) / 2)
+            cell.append(nodes[key])
+        rows.append(cell)
+    return np.array(listed), np.array(rows)
+
+
+TETRAHEDRON_EDGES = (0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)
+HEXAHEDRON_EDGES = (
+    *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
+    *((0, 4), (1, 5), (2, 6), (3, 7)),
+)
+
+encoded("cells_listed", lambda: of_cells(12, *boxes(4, 3, 3)))
+encoded("cells_walked", lambda: of_cells(12, *shuffled_cells(*boxes(4, 3, 3))))
+encoded("cells_dropped", lambda: of_cells(12, *shuffled_cells(*boxes(4, 3, 3))), order="drop")
+encoded(
+    "cells_tetrahedra",
+    lambda: of_cells(10, boxes(3, 3, 2)[0], tetrahedra(*boxes(3, 3, 2))),
+    order="drop",
+)
+encoded(
+    "cells_quadratic",
+    lambda: of_cells(25, *shuffled_cells(*quadratic(25, *boxes(3, 2, 2)))),
+    order="drop",
+)
+encoded("cells_exact", lambda: of_cells(12, *boxes(3, 2, 2)), lossless=True)
+encoded("cells_of_one_frame", lambda: of_cells(12, *boxes(3, 2, 2), n_frames=1), max_error=0.1)
+
+
+@stream
+def cells_of_all_types():
+    """Cells of every type between random vertices, and vertices of no cell, in their order."""
+    points = np.random.default_rng(13).normal(size=(64, 3))
+    return meshreel.encode(MeshSequence(waving(points, 2), cells=mixed_cells()))
+
+
+@stream
+def cells_of_all_types_dropped():
+    """The same, walked."""
+    points = np.random.default_rng(13).normal(size=(64, 3))
+    sequence = MeshSequence(waving(points, 2), cells=mixed_cells())
+    return meshreel.encode(sequence, order="drop")
+
+
+@stream
+def cells_with_values():
+    """Tracks of nodes, cells and faces, and attributes of cells."""
+    points, hexahedra = boxes(3, 3, 2)
+    whole = of_cells(12, points, hexahedra)
+    centers = whole.vertices[:, hexahedra].mean(axis=2)
+    tracks = {
+        "heat": Track(whole.vertices[..., 0] * 3, unit="K"),
+        "stress": Track(centers[..., 1], "cell"),
+        "flow": Track(centers, "cell", "vector"),
+        "part": Track(np.arange(5 * 18).reshape(5, 18) // 7, "cell"),
+        "light": Track(np.linspace(0, 1, 5 * 42, dtype=np.float32).reshape(5, 42), "face"),
+    }
+    material = np.arange(18, dtype=np.int32)[:, None] // 5
+    attributes = (
+        Attribute("material", "other", "cell", material),
+        Attribute("density", "other", "cell", np.array([[1.5], [2.5]]), np.arange(18) % 2),
+    )
+    whole = whole.replace(surface=replace(whole.surface, attributes=attributes), tracks=tracks)
+    return meshreel.encode(whole, block_frames=3)
+
+
+def cells_and(*sections, n_replaced=0):
+    """Return the stream of listed cells with other sections behind CELLS."""
+    return with_section(1, *sections, n_replaced=n_replaced, of=STREAMS["cells_listed"])
+
+
+def with_cells(counts, listed, codes=()):
+    """Return the stream of listed cells with other counts, or with these bytes of CELLS."""
+    payload = bytes(codes)
+    if not codes:
+        cells = of_type(12, boxes(4, 3, 3)[1])
+        payload = encode_cells(cells.types, cells.nodes, 80, listed=listed).data
+    return cells_and_payload(write_varints(*counts) + payload)
+
+
+def cells_payload():
+    """Return CELLS of the stream of listed cells."""
+    container = read_container(STREAMS["cells_listed"]())
+    return container.only("CELLS")
+
+
+OF_NO_CELLS = TrackHeader(
+    "stress", "", "scalar", Domain.CELL, np.dtype(np.float32), 1.0, (0.0,), Coding.EXACT
+)
+
+
+def cells_and_payload(payload):
+    """Return the stream of listed cells with another payload of CELLS."""
+    return with_section(0, (Section.CELLS, payload), n_replaced=1, of=STREAMS["cells_listed"])
+
+
 @stream
 def normals_at_the_pole():
     """Normals of a flat surface, up or down, some rotated so far that they become 0."""
@@ -1137,6 +1254,32 @@ for reason, numbers in {
 }.items():
     times = Section.TIMES, numbers
     REFUSED[f"times_{reason}"] = partial(with_section, 1, times, of=three_frames)
+REFUSED["cells_with_polygons"] = partial(
+    cells_and, (Section.POLYGONS, write_varint(66) + encode_integers([np.ones(66, int)]))
+)
+REFUSED["cells_with_connectivity"] = partial(cells_and, (Section.CONNECTIVITY, b""))
+REFUSED["cells_twice"] = lambda: cells_and(0)
+REFUSED["cells_with_an_order_twice"] = partial(
+    cells_and,
+    (Section.ORDER, b"\3" + encode_integers([np.zeros(36, int), np.ones(80, int)])),
+    n_replaced=1,
+)
+REFUSED["cells_with_an_order_of_faces"] = partial(cells_and, (Section.ORDER, b"\2"), n_replaced=1)
+for reason, counts in {
+    "none": (0, 288, 66),
+    "fewer_nodes": (36, 287, 66),
+    "more_nodes": (36, 289, 66),
+    "fewer_nodes_than_cells": (36, 35, 66),
+    "fewer_faces": (36, 288, 65),
+    "more_faces": (36, 288, 67),
+    "more_faces_than_triangles": (36, 288, 133),
+}.items():
+    REFUSED[f"cells_{reason}"] = partial(with_cells, counts, True)
+    REFUSED[f"cells_walked_{reason}"] = partial(with_cells, counts, False)
+REFUSED["cells_of_no_bits"] = partial(cells_and_payload, write_varints(36, 288, 66))
+REFUSED["cells_with_a_zero_byte"] = lambda: cells_and_payload(cells_payload() + b"\0")
+REFUSED["cells_with_more_bytes"] = lambda: cells_and_payload(cells_payload() + b"\0\0\0\0\0\0\0\1")
+REFUSED["track_of_no_cells"] = lambda: with_section(1, (Section.TRACK, write_track(OF_NO_CELLS)))
 REFUSED["start_in_a_block"] = partial(with_section, 2, START)
 REFUSED["missing_of_positions"] = partial(with_section, 2, (Section.MISSING, b""))
 REFUSED["basis_after_coefficients"] = partial(with_section, 3, 4, 3, n_replaced=2)

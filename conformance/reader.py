@@ -14,6 +14,7 @@ from pathlib import Path
 
 from conformance import paper, predicted
 from conformance.bits import Memory, integers, need
+from conformance.cells import read_cells
 from conformance.container import (
     OF_EXACT_VALUES,
     OF_MODES,
@@ -28,6 +29,7 @@ from conformance.edit import read_mesh
 from conformance.exact import read_exact
 from conformance.fields import read_fields
 from conformance.hierarchy import edges_of, passes_of, resolutions_of
+from conformance.order import twins_of
 from conformance.prediction import predict_fields
 from conformance.rounding import single
 from conformance.surface import CornerRows, graphs_of, polygons_of, read_surface
@@ -68,6 +70,8 @@ class Reel:
     positions : array of float, or None
         Frames, vertices, x y z in output order, for `reel`, `lossless` and `grid`. Other methods
         define integers only.
+    cells : Cells, optional
+        In output order.
     tracks : list
         For each further track its fields, its blocks, and its values like positions.
     """
@@ -85,6 +89,7 @@ class Reel:
     shape: tuple | None
     positions: object
     tracks: list
+    cells: object = None
 
 
 @dataclass
@@ -102,7 +107,8 @@ class Items:
 
     Items at corners of one of `faces` are adjacent. `cache` has resolutions by stencil size. If
     corners share values, `corners` has the item of each corner, and `vertices` the vertex of each
-    row, in output order; `twins` are those of the sides of faces.
+    row, in output order; `twins` are those of the sides of faces. `links` are the adjacent pairs
+    of a mesh of cells.
     """
 
     faces: list
@@ -112,16 +118,17 @@ class Items:
     corners: object = None
     vertices: object = None
     twins: list | None = None
+    links: list | None = None
 
     @property
     def neighbors(self):
         """Return the neighbors of each item, ascending."""
-        near = edges_of(self.faces, self.n)
+        near = edges_of(self.links or self.faces, self.n)
         return [sorted(near[v]) for v in range(self.n)]
 
     def resolutions(self, size):
         if size not in self.cache:
-            self.cache[size] = resolutions_of(self.faces, self.n, size)
+            self.cache[size] = resolutions_of(self.links or self.faces, self.n, size)
         return self.cache[size]
 
 
@@ -154,13 +161,21 @@ def read_segment(container, memory):
     """Decode a segment."""
     header = container.header
     check_memory(container, memory)
-    internal, twins, order, faces = read_mesh(container)
-    polygons = polygons_of(container, faces)
+    cells = None
+    if container.all_of("CELLS"):
+        internal, order, faces, cells = read_cells(container)
+        twins = twins_of(internal)
+    else:
+        internal, twins, order, faces = read_mesh(container)
+    polygons = polygons_of(container, faces, cells)
     blocks, anchors, shape, positions, tracks = [], [], None, None, []
     if header.method in ("reel", "lossless", "grid"):
         mesh = Items(internal, header.n_verts, order, {}, twins=twins)
-        (_, blocks, positions), *tracks = read_reel_tracks(container, mesh, polygons, memory)
+        mesh.links = cells and cells.links
+        read = read_reel_tracks(container, mesh, polygons, cells, memory)
+        (_, blocks, positions), *tracks = read
     else:
+        need(cells is None, "cells come with a method of the paper")
         isolated = [v for v, near in edges_of(internal, header.n_verts).items() if not near]
         if header.method != "v2v":
             anchors = paper.read_anchors(container.only("ANCHOR_VERTICES"), header.n_verts)
@@ -177,6 +192,7 @@ def read_segment(container, memory):
         order=order,
         blocks=blocks,
         surface=read_surface(container, polygons, memory),
+        cells=cells,
         anchors=anchors,
         shape=shape,
         start=number_of(container, "START"),
@@ -221,8 +237,11 @@ COTANGENT = 2
 EXACT = 1
 """Coding of an exact track."""
 
-CORNERS, BY_VERTEX, BY_ROW = 2, 3, 4
-"""Domains of tracks of corners: values of each corner, of vertices, or of rows."""
+CORNERS, BY_VERTEX, BY_ROW, OF_CELLS = 2, 3, 4, 5
+"""Domains of tracks of corners: values of each corner, of vertices, or of rows; and of cells."""
+
+RETURNED = (0, 1, 2, 2, 2, 3)
+"""Domains as readers return them."""
 
 VELOCITIES, NORMALS = 2, 3
 """Kinds of tracks."""
@@ -236,7 +255,7 @@ def read_track(payload):
     payload = Payload(payload)
     kind, domain, number_type, coding = (payload.byte() for _ in range(4))
     name, unit, n_columns = payload.text(), payload.text(), payload.varint()
-    need(kind < 7 and domain < 5 and coding < 9 and number_type in LETTERS)
+    need(kind < 7 and domain < 6 and coding < 9 and number_type in LETTERS)
     need(n_columns in COLUMNS.get(kind, range(1, 257)), "a track has a wrong number of columns")
     track = {"name": name, "unit": unit, "kind": kind, "domain": domain, "coding": coding}
     bound, scale, origin = 0.0, 1.0, [0.0] * n_columns
@@ -246,7 +265,7 @@ def read_track(payload):
     if coding == 0:
         origin = [payload.number("d") for _ in range(n_columns)]
     elif coding == predicted.ROTATED:
-        need(kind == NORMALS, "a rotated track does not contain normals")
+        need(kind == NORMALS and domain != OF_CELLS, "a rotated track does not contain normals")
         origin = [0.0] * 2
     elif coding != EXACT:
         need(
@@ -270,7 +289,7 @@ def normalized(normals):
     return normals
 
 
-def read_reel_tracks(container, mesh, polygons, memory):
+def read_reel_tracks(container, mesh, polygons, cells, memory):
     """Return the fields, the integers per block, and the values of each track, positions first.
 
     Parameters
@@ -284,11 +303,15 @@ def read_reel_tracks(container, mesh, polygons, memory):
     placement = Placement(header.vertex_type, header.scale, header.origin)
     all_items = [mesh, *(Items(pairs, n, range(n), {}) for pairs, n in graphs_of(polygons))]
     all_items.append(replace(mesh, corners=polygons.vertices_of_corners()))
+    if cells:
+        n_cells = len(cells.cells)
+        all_items += [None, Items(cells.neighbors, n_cells, range(n_cells), {})]
     lengths = [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
     further = [read_track(payload) for payload in container.all_of("TRACK")]
     positions = {"domain": 0, "coding": int(header.method != "reel")}
     for number, (track, placed) in enumerate([(positions, placement), *further]):
         blocks, values, rows = [], None, track.pop("rows", None)
+        need(track["domain"] != OF_CELLS or cells, "a track is of cells, and there are none")
         items = all_items[track["domain"]] if rows is None else items_of_rows(rows, mesh, all_items)
         coding = track.get("coding", 0)
         n_values = max(items.n, len(items.corners or ())) * len(placed.origin)
@@ -316,7 +339,7 @@ def read_reel_tracks(container, mesh, polygons, memory):
                 numbers = spread(numbers, n_frames, items)
             blocks.append(integers)
             values = numbers if values is None else values + numbers
-        tracks.append((track | {"domain": min(track["domain"], CORNERS)}, blocks, values))
+        tracks.append((track | {"domain": RETURNED[track["domain"]]}, blocks, values))
     return tracks
 
 

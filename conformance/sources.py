@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from meshreel.kernel.cells import cell_sizes
 from meshreel.kernel.polygons import triangulate
+from meshreel.model.cells import Cells
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
@@ -55,6 +57,57 @@ def holes(rows, columns, seed=1, share=0.25):
 def tangled(n_verts, n_faces, seed=2):
     """Return faces between random vertices, some degenerate or repeated."""
     return np.random.default_rng(seed).integers(0, n_verts, (n_faces, 3))
+
+
+def boxes(*counts):
+    """Return points and hexahedra of a block with these numbers of cells along its axes."""
+    numbers = np.arange(np.prod(np.add(counts, 1))).reshape(np.add(counts, 1))
+    i, j, k = np.indices(counts).reshape(3, -1)
+    corners = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+        (1, 0, 1),
+        (1, 1, 1),
+        (0, 1, 1),
+    ]
+    cells = np.stack([numbers[i + a, j + b, k + c] for a, b, c in corners], axis=1)
+    return np.argwhere(numbers >= 0).astype(np.float64), cells
+
+
+def tetrahedra(points, hexahedra):
+    """Return six tetrahedra for each hexahedron."""
+    paths = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
+    return np.concatenate([hexahedra[:, path] for path in paths])
+
+
+def waving(points, n_frames=5, dtype=np.float32):
+    """Return positions of points that wave, of shape (n_frames, V, 3)."""
+    times = np.arange(n_frames)[:, None, None]
+    return (points + 0.2 * np.sin(0.5 * points[:, [1, 2, 0]] + 0.4 * times)).astype(dtype)
+
+
+def shuffled_cells(points, cells, seed=11):
+    """Return points and cells in another order."""
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(len(points))
+    return points[order], np.argsort(order)[rng.permutation(cells)]
+
+
+def mixed_cells(n_cells=70, n_verts=60, seed=12):
+    """Return cells of every type between random vertices, some with a vertex twice."""
+    rng = np.random.default_rng(seed)
+    types = rng.choice(np.flatnonzero(cell_sizes()), n_cells).astype(np.uint8)
+    sizes = cell_sizes()[types]
+    nodes = [rng.choice(n_verts, size, replace=rng.random() < 0.2) for size in sizes]
+    return Cells(types, np.concatenate(nodes).astype(np.int32))
+
+
+def of_type(kind, cells):
+    """Return cells of one type from an array with a row for each."""
+    return Cells(np.full(len(cells), kind, np.uint8), cells.ravel().astype(np.int32))
 
 
 def together(*meshes):

@@ -12,7 +12,7 @@ from conformance.patterns import nothing, read_patterns, row_before
 from conformance.rounding import single
 from conformance.surface_integers import read_surface_integers
 
-KINDS, DOMAINS = ("uv", "color", "other"), ("vertex", "face", "corner")
+KINDS, DOMAINS = ("uv", "color", "other"), ("vertex", "face", "corner", "cell")
 EACH, INDEXED, SHARED = range(3)
 ALONG_FACES = 2
 SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive")
@@ -23,9 +23,11 @@ TEXTURE_NUMBERS = (0.0, 0.0, 0.0, 1.0, 1.0)
 class Polygons:
     """Faces that consist of adjoining triangles."""
 
-    def __init__(self, payload, triangles):
-        self.triangles, self.is_plain = triangles, payload is None
-        self.sizes = [3] * len(triangles)
+    def __init__(self, payload, triangles, cells=None):
+        self.triangles = triangles
+        self.n_cells = len(cells.cells) if cells else 0
+        self.sizes = cells.sizes if cells else [3] * len(triangles)
+        self.is_plain = payload is None and set(self.sizes) == {3}
         if payload is not None:
             payload = Payload(payload)
             n_faces = payload.varint()
@@ -241,7 +243,12 @@ def read_attribute(payload, polygons, n_verts, memory):
     grid = [payload.number("f") for _ in range(1 + width)] if form == 12 else None
     predictor = payload.byte()
     vertices = polygons.vertices_of_corners()
-    n_items = {"vertex": n_verts, "face": len(polygons.sizes), "corner": len(vertices)}[domain]
+    n_items = {
+        "vertex": n_verts,
+        "face": len(polygons.sizes),
+        "corner": len(vertices),
+        "cell": polygons.n_cells,
+    }[domain]
     need(1 <= width <= 16 and layout in (EACH, INDEXED, SHARED))
     memory.check(n_rows * (32 + 8 * width), "a table")
     rows = list(range(n_items))
@@ -254,7 +261,10 @@ def read_attribute(payload, polygons, n_verts, memory):
             if is_corner
             else read_references(references, n_items)
         )
-    need(predictor < (2 if domain == "face" else 4) and all(0 <= row < n_rows for row in rows))
+    need(
+        predictor < (2 if domain in ("face", "cell") else 4)
+        and all(0 <= row < n_rows for row in rows)
+    )
     stored = number_type if form == 255 else "i"
     if predictor < ALONG_FACES:
         predictors = (nothing, row_before)[predictor](n_rows)
@@ -399,9 +409,9 @@ def read_image(payload):
     return {"name": payload.text(), "type": payload.text(), "data": payload.rest()}
 
 
-def polygons_of(container, faces):
+def polygons_of(container, faces, cells):
     """Return the polygons of the faces in output order."""
-    return Polygons(next(iter(container.all_of("POLYGONS")), None), faces)
+    return Polygons(next(iter(container.all_of("POLYGONS")), None), faces, cells)
 
 
 def graphs_of(polygons):

@@ -46,6 +46,7 @@ PAGE_FUNCTIONS = (
     "meshreel_abi",
     "meshreel_begin",
     "meshreel_block_of",
+    "meshreel_cells_of",
     "meshreel_close",
     "meshreel_decode",
     "meshreel_end",

@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 20 /* changes whenever a function or struct below changes */
+#define REEL_ABI 21 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -303,6 +303,45 @@ REEL_API int64_t reel_connectivity_encode(void *memory, size_t memory_size, cons
 REEL_API int64_t reel_connectivity_decode(void *memory, size_t memory_size, const uint8_t *in,
                                           size_t size, int64_t n_verts, int64_t n_faces,
                                           int32_t *faces, int32_t *twins);
+
+/* ---- Cells (cells.c): types of VTK, and the nodes of all cells, concatenated; at most 2^26 cells
+   and 2^28 nodes. docs/format.md, CELLS.
+
+   Nodes of a cell of a type, 0 for an unknown one. */
+REEL_API int64_t reel_cell_size(int64_t type);
+
+/* The polygons of the surface, in the order of cells, each a fan of triangles: their corners
+   (sizes) and cells (owners). Returns the number of triangles; those beyond `capacity`, and
+   polygons with these, are not written. REEL_INVALID at the first cell of an unknown type or with a
+   node that does not exist. */
+REEL_API size_t reel_cells_memory(int64_t n_cells, int64_t n_verts);
+REEL_API int64_t reel_cells_surface(void *memory, size_t memory_size, const uint8_t *types,
+                                    int64_t n_cells, const int32_t *nodes, int64_t n_nodes,
+                                    int64_t n_verts, int64_t capacity, int32_t *triangles,
+                                    int32_t *sizes, int32_t *owners, int64_t *n_polygons);
+
+/* Adjacency of nodes along the edges of cells; or, with `of_cells`, of cells that share a side.
+   As `reel_adjacency`; `near` has space for 4 n_nodes numbers, of cells for 8 n_cells. */
+REEL_API size_t reel_cells_adjacency_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts,
+                                            int64_t of_cells);
+REEL_API int64_t reel_cells_adjacency(void *memory, size_t memory_size, const uint8_t *types,
+                                      int64_t n_cells, const int32_t *nodes, int64_t n_nodes,
+                                      int64_t n_verts, int64_t of_cells, int32_t *starts,
+                                      int32_t *near);
+
+/* Coding of cells (cell_walk.c). The encoder returns the cells as the decoder will restore them,
+   the given cell of each, and the given vertex of each internal number. `listed` keeps the order of
+   cells and vertices; otherwise it is that of a walk from cell to cell. Writes at most 16 bytes for
+   each node and 64 more. */
+REEL_API size_t reel_cells_code_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts);
+REEL_API int64_t reel_cells_encode(void *memory, size_t memory_size, const uint8_t *types,
+                                   int64_t n_cells, const int32_t *nodes, int64_t n_nodes,
+                                   int64_t n_verts, int64_t listed, uint8_t *internal_types,
+                                   int32_t *internal_nodes, int32_t *given_cells,
+                                   int32_t *internal_to_given, uint8_t *out, size_t capacity);
+REEL_API int64_t reel_cells_decode(void *memory, size_t memory_size, const uint8_t *in, size_t size,
+                                   int64_t n_cells, int64_t n_nodes, int64_t n_verts,
+                                   uint8_t *types, int32_t *nodes);
 
 /* Tables of numbers (patterns.c): n_rows x width values of `size` bytes (1: unsigned, 4, 8),
    integers or floats (4 and 8). Rows are coded in `order`, a permutation of 0..n_rows-1. The i-th

@@ -135,6 +135,8 @@ typedef struct meshreel_info {
     /* 0: the end of the file is missing or damaged; all blocks here are complete */
     uint32_t is_whole;
     uint32_t n_segments;   /* at least 1 */
+    uint32_t n_cells;      /* 0: the mesh has faces only */
+    uint32_t reserved;
     meshreel_error damage; /* why it is not whole */
 } meshreel_info;
 
@@ -240,9 +242,26 @@ MESHREEL_API const uint32_t *meshreel_triangles(const meshreel_file *file);
 MESHREEL_API const int32_t *meshreel_stored_triangles(const meshreel_file *file,
                                                       const int32_t **stored_vertices);
 
+/* Cells of a mesh, such as hexahedra: its faces are their surface. Types are those of VTK, and the
+   nodes of all cells are vertices, concatenated, in the order of VTK. */
+typedef struct meshreel_cells {
+    uint32_t n_cells, n_nodes;
+    const uint8_t *types;
+    const uint32_t *nodes;
+    const uint32_t *face_cells; /* cell of each of the n_faces faces */
+} meshreel_cells;
+
+/* Return the cells; NULL before `meshreel_read_mesh`, and if there are none. Owned by the file. */
+MESHREEL_API const meshreel_cells *meshreel_cells_of(const meshreel_file *file);
+
 #define MESHREEL_NONE UINT32_MAX
 
-enum meshreel_domain { MESHREEL_VERTICES = 0, MESHREEL_FACES = 1, MESHREEL_CORNERS = 2 };
+enum meshreel_domain {
+    MESHREEL_VERTICES = 0,
+    MESHREEL_FACES = 1,
+    MESHREEL_CORNERS = 2,
+    MESHREEL_CELLS = 3
+};
 
 /* Number types of attributes and tracks. */
 enum meshreel_type {

@@ -34,7 +34,7 @@ static int read_type(reel_call *call, reel_range *left, meshreel_attribute *resu
     uint8_t bytes[4];
     uint64_t at = left->at;
     REEL_TRY(reel_read_bytes(call, left, bytes, sizeof bytes));
-    REEL_CORRUPT_IF(bytes[0] > MESHREEL_OTHER || bytes[1] > MESHREEL_CORNERS || bytes[2] > 3, at,
+    REEL_CORRUPT_IF(bytes[0] > MESHREEL_OTHER || bytes[1] > MESHREEL_CELLS || bytes[2] > 3, at,
                     "the kind, domain or number type of an attribute is unknown");
     REEL_CORRUPT_IF(!bytes[3] || bytes[3] > MAX_WIDTH, at + 3,
                     "the values of an attribute do not have 1 to 16 numbers");
@@ -43,12 +43,6 @@ static int read_type(reel_call *call, reel_range *left, meshreel_attribute *resu
     result->type = types[bytes[2]];
     result->width = bytes[3];
     return MESHREEL_OK;
-}
-
-static uint32_t count_items(const reel_outline *outline, uint32_t domain) {
-    return (uint32_t)(domain == MESHREEL_VERTICES ? outline->n_verts
-                      : domain == MESHREEL_FACES  ? outline->n_polygons
-                                                  : outline->n_corners);
 }
 
 static size_t size_of(const meshreel_attribute *attribute) { return attribute->type & 15U; }
@@ -382,7 +376,8 @@ static int read_number_layout(reel_call *call, reel_range *left, const meshreel_
     at = left->at;
     REEL_TRY(reel_read_bytes(call, left, &layout->predictor, 1));
     bool has_integers = layout->form != PLAIN || result->type == MESHREEL_INT32;
-    uint8_t last = result->domain == MESHREEL_FACES ? ROW_BEFORE
+    bool is_of_faces = result->domain == MESHREEL_FACES || result->domain == MESHREEL_CELLS;
+    uint8_t last = is_of_faces ? ROW_BEFORE
                    : has_integers                   ? ON_SURFACE
                                                     : ALONG_FACES;
     REEL_CORRUPT_IF(layout->predictor > last, at, "the row predictor of an attribute is unknown");
@@ -432,7 +427,7 @@ int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *face
     *result = (meshreel_attribute){0};
     REEL_TRY(read_type(call, &left, result));
     REEL_TRY(reel_read_text(call, pool, &left, &result->name));
-    result->n_items = count_items(faces->outline, result->domain);
+    result->n_items = reel_count_items(faces->outline, result->domain);
     REEL_TRY(read_layout(call, &left, result, &layout));
     REEL_TRY(allocate_values(call, pool, &layout, result, &values));
     if (layout.number != EACH) {

@@ -2,6 +2,8 @@
 
 #include "blocks.h"
 
+#include "cell_mesh.h"
+
 /* Modes that a preview includes at least, if only with their mean over the block. */
 #define N_PREVIEW_MODES 16
 #define MIN_SHARED 512 /* vertices of a level that are worth several threads */
@@ -570,9 +572,8 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
     }
     reel_graph *graph = &state->items.graph;
     if (!graph->starts) { /* of single frames that turn out not to be on a grid */
-        const reel_outline *outline = &decoder->file->outline;
-        REEL_TRY(reel_find_neighbors(call, &decoder->pool, decoder->file->mesh.internal_faces,
-                                     outline->n_faces, (uint32_t)outline->n_verts, graph));
+        REEL_TRY(reel_find_vertex_graph(call, &decoder->pool, &decoder->file->outline,
+                                        &decoder->file->mesh, graph));
     }
     return decode_exact(call, &state->current.pool, group->values, graph,
                         group->n_frames, definition->n_coded, size, type, &state->current.exact);

@@ -13,6 +13,8 @@
 #define MAX_TRACKS ((uint32_t)1 << 20)
 #define MAX_SHARED 255
 #define MAX_RANGES 2
+#define MAX_CELLS ((uint64_t)1 << 26)
+#define MAX_CELL_NODES ((uint64_t)1 << 28)
 
 static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A};
 
@@ -144,6 +146,22 @@ static int read_polygons(reel_call *call, const reel_section *section, reel_outl
     return MESHREEL_OK;
 }
 
+/* Read the counts at the start of CELLS. */
+static int read_cell_counts(reel_call *call, const reel_section *section, reel_outline *outline) {
+    reel_range left = section->payload;
+    REEL_TRY(reel_read_varint(call, &left, &outline->n_cells));
+    REEL_TRY(reel_read_varint(call, &left, &outline->n_cell_nodes));
+    REEL_TRY(reel_read_varint(call, &left, &outline->n_polygons));
+    REEL_UNSUPPORTED_IF(outline->n_cells > MAX_CELLS || outline->n_cell_nodes > MAX_CELL_NODES,
+                        section->payload.at, "more than 2^26 cells, or 2^28 nodes of cells");
+    REEL_CORRUPT_IF(!outline->n_cells || outline->n_cell_nodes < outline->n_cells ||
+                        outline->n_polygons > outline->n_faces,
+                    section->payload.at, "the numbers of cells, nodes and faces do not match");
+    outline->coded_cells = left;
+    outline->n_corners = outline->n_faces + 2 * outline->n_polygons;
+    return MESHREEL_OK;
+}
+
 /* Read the vertex and face counts of the mesh that EDIT changes. */
 static int read_base(reel_call *call, const reel_section *section, reel_outline *outline) {
     reel_range left = outline->edit = section->payload;
@@ -191,6 +209,9 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     if (section->id == REEL_EDIT) {
         return read_base(call, section, outline);
     }
+    if (section->id == REEL_CELLS) {
+        return read_cell_counts(call, section, outline);
+    }
     bool is_of_file = section->id == REEL_START || section->id == REEL_TIMES;
     REEL_CORRUPT_IF(is_of_file && !outline->is_first, section->at,
                     "a start or times are stored behind the first segment");
@@ -216,7 +237,8 @@ static void reset_outline(reel_outline *outline) {
     outline->start_s = outline->error_bound_percent = 0.0;
     outline->coded_verts = outline->n_verts;
     outline->coded_faces = outline->n_faces;
-    outline->edit = outline->times = (reel_range){0, 0};
+    outline->edit = outline->times = outline->coded_cells = (reel_range){0, 0};
+    outline->n_cells = outline->n_cell_nodes = 0;
     outline->n_polygons = outline->n_faces;
     outline->n_corners = 3 * outline->n_faces;
     outline->n_blocks = outline->n_frames = 0;
@@ -296,6 +318,13 @@ static int add_block(reel_call *call, reel_pool *pool, reel_outline *outline, ui
     outline->n_frames += n_frames;
     outline->longest = outline->longest > n_frames ? outline->longest : (uint32_t)n_frames;
     return MESHREEL_OK;
+}
+
+uint32_t reel_count_items(const reel_outline *outline, uint32_t domain) {
+    return (uint32_t)(domain == MESHREEL_VERTICES  ? outline->n_verts
+                      : domain == MESHREEL_FACES   ? outline->n_polygons
+                      : domain == MESHREEL_CORNERS ? outline->n_corners
+                                                   : outline->n_cells);
 }
 
 reel_range reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track) {
@@ -652,7 +681,8 @@ static int read_reference(reel_call *call, const reel_segments *segments, uint64
 static bool is_of_mesh(uint32_t id) {
     bool is_of_surface = id >= REEL_POLYGONS && id <= REEL_HARD_EDGES && id != REEL_START &&
                          id != REEL_TRACK;
-    return id == REEL_CONNECTIVITY || id == REEL_ORDER || id == REEL_EDIT || is_of_surface;
+    return id == REEL_CONNECTIVITY || id == REEL_ORDER || id == REEL_EDIT || id == REEL_CELLS ||
+           is_of_surface;
 }
 
 /* Whether a section is behind the leading ones of the segment that begins at `begin`. */

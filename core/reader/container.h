@@ -42,6 +42,8 @@ typedef struct {
     uint64_t coded_verts, coded_faces; /* of CONNECTIVITY and ORDER; others if there is an edit */
     reel_range edit;                   /* payload of EDIT, or of length 0 */
     reel_range times;                  /* payload of TIMES, or of length 0 */
+    uint64_t n_cells, n_cell_nodes;    /* 0 without CELLS */
+    reel_range coded_cells;            /* payload of CELLS behind its counts */
     double fps, start_s, error_bound_percent;
     double placement[4]; /* scale, and origin of x, y and z */
     uint32_t number_bytes, method, laplacian, order;
@@ -73,6 +75,9 @@ int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file
 
 /* Count the leading sections with an id; `payload`, unless NULL, becomes that of the last. */
 uint32_t reel_count_sections(const reel_outline *outline, uint32_t id, reel_range *payload);
+
+/* Number of vertices, faces, corners of faces or cells: items of a meshreel_domain. */
+uint32_t reel_count_items(const reel_outline *outline, uint32_t domain);
 
 /* Byte range of a track in a block. */
 reel_range reel_group_bytes(const reel_outline *outline, uint64_t block, uint32_t track);

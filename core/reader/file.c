@@ -3,6 +3,7 @@
 
 #include "file.h"
 
+#include "cell_mesh.h"
 #include "edit.h"
 #include "group.h"
 #include "surfaces.h"
@@ -44,6 +45,7 @@ static void fill_info_of_mesh(meshreel_file *file) {
     info->n_triangles = (uint32_t)outline->n_faces;
     info->n_faces = (uint32_t)outline->n_polygons;
     info->n_corners = (uint32_t)outline->n_corners;
+    info->n_cells = (uint32_t)outline->n_cells;
     info->n_blocks = (uint32_t)outline->n_blocks;
     info->longest_block = outline->longest;
     info->n_tracks = outline->n_tracks;
@@ -60,6 +62,13 @@ static int parse(reel_call *call, meshreel_file *file) {
     REEL_CORRUPT_IF(reel_is_of_paper(file) &&
                     (file->outline.n_tracks > 1 || file->outline.edit.length), file->outline.begin,
                     "a file of a method of the paper has a track or an edit");
+    bool has_other = reel_is_of_paper(file) || file->outline.edit.length ||
+                     file->outline.order == REEL_ORDER_OF_VERTICES ||
+                     reel_count_sections(&file->outline, REEL_CONNECTIVITY, NULL) ||
+                     reel_count_sections(&file->outline, REEL_POLYGONS, NULL);
+    REEL_CORRUPT_IF(file->outline.n_cells && has_other, file->outline.begin,
+                    "cells come with faces, an edit, an order of vertices or a method of the "
+                    "paper");
     REEL_TRY(reel_read_tracks(call, &file->pool, &file->outline, &file->tracks));
     fill_info(file);
     fill_info_of_mesh(file);
@@ -346,10 +355,15 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     int64_t stencil = 0;
     REEL_TRY(outline->edit.length
                  ? reel_read_edited_mesh(call, pool, outline, mesh)
-                 : reel_decode_connectivity(call, pool, outline, mesh));
+             : outline->n_cells ? reel_decode_cells(call, pool, outline, mesh)
+                                : reel_decode_connectivity(call, pool, outline, mesh));
     REEL_TRY(reel_find_graph(call, pool, outline, mesh));
     REEL_TRY(reel_read_face_sizes(call, pool, outline, &file->faces));
-    if (!outline->edit.length) {
+    if (outline->n_cells) {
+        REEL_TRY(reel_order_cells(call, pool, outline, mesh));
+        bool is_plain = outline->n_polygons == outline->n_faces;
+        file->faces.sizes = is_plain ? NULL : (const uint32_t *)mesh->face_sizes;
+    } else if (!outline->edit.length) {
         REEL_TRY(reel_prepare_order(call, pool, outline, mesh, &jobs.order));
     }
     REEL_TRY(first_stencil(call, file, &stencil));
@@ -381,6 +395,10 @@ int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {
 
 const uint32_t *meshreel_triangles(const meshreel_file *file) {
     return file->has_mesh ? file->mesh.triangles : NULL;
+}
+
+const meshreel_cells *meshreel_cells_of(const meshreel_file *file) {
+    return file->has_mesh && file->mesh.cells.n_cells ? &file->mesh.cells : NULL;
 }
 
 const int32_t *meshreel_stored_triangles(const meshreel_file *file,

@@ -2,6 +2,8 @@
 
 #include "items.h"
 
+#include "cell_mesh.h"
+
 /* Find the face of each triangle. */
 static int find_polygons(reel_call *call, reel_pool *pool, const reel_faces *faces,
                          const int32_t **result) {
@@ -144,6 +146,10 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_faces *faces,
         (reel_items){.graph = mesh->graph, .order = mesh->to_internal, .inverse = mesh->to_output};
     if (domain == MESHREEL_VERTICES) {
         return MESHREEL_OK;
+    }
+    if (domain == MESHREEL_CELLS) {
+        items->order = items->inverse = NULL;
+        return reel_find_cell_graph(call, pool, outline, mesh, true, &items->graph);
     }
     int32_t *vertices = NULL;
     corner_rows rows = {NULL, 0};

@@ -58,15 +58,6 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
     return reel_fail_core(call, result, coded.at, "the connectivity is damaged");
 }
 
-int reel_find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                    reel_mesh_data *mesh) {
-    mesh->graph = (reel_graph){.n_items = (uint32_t)outline->n_verts};
-    return reel_may_be_on_grid(outline) && outline->longest == 1 && outline->n_tracks == 1
-               ? MESHREEL_OK
-               : reel_find_neighbors(call, pool, mesh->internal_faces, outline->n_faces,
-                                     (uint32_t)outline->n_verts, &mesh->graph);
-}
-
 struct reel_order_job {
     const reel_outline *outline;
     reel_mesh_data *mesh;

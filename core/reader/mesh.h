@@ -19,6 +19,10 @@ typedef struct {
     int32_t *to_internal;    /* internal number of each output vertex */
     int32_t *to_output;      /* output number of each internal vertex */
     reel_graph graph;        /* adjacency of internal vertices; see reel_find_graph */
+    uint8_t *cell_types;     /* in internal order; NULL without cells, as those below */
+    int32_t *cell_nodes;     /* internal vertices */
+    meshreel_cells cells;    /* in output order */
+    int32_t *face_sizes;     /* corners of the faces of their surface */
 } reel_mesh_data;
 
 /* Decode the faces in internal order from CONNECTIVITY. */
@@ -29,11 +33,6 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
 REEL_INLINE bool reel_may_be_on_grid(const reel_outline *outline) {
     return outline->method == REEL_METHOD_LOSSLESS || outline->method == REEL_METHOD_GRID;
 }
-
-/* Find the neighbors of vertices. Single frames that may be on a grid wait for their block, which
-   may not need them: then `starts` is NULL. */
-int reel_find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
-                    reel_mesh_data *mesh);
 
 /* Decode the output order of vertices and triangles. Preparation allocates all memory, so that
    decoding may run on another thread. */

@@ -266,7 +266,7 @@ int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *
 
 bool reel_is_known(uint32_t id) {
     uint32_t last = id & REEL_OPTIONAL ? REEL_TIMES : REEL_ROUNDING;
-    bool is_gap = (id > REEL_EDIT && id < REEL_BLOCK) || id == REEL_OPTIONAL;
+    bool is_gap = (id > REEL_CELLS && id < REEL_BLOCK) || id == REEL_OPTIONAL;
     return id <= last && !is_gap;
 }
 

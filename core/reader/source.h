@@ -18,6 +18,7 @@ enum reel_section_id {
     REEL_SEGMENT = 5,
     REEL_REFERENCE = 6,
     REEL_EDIT = 7,
+    REEL_CELLS = 8,
     REEL_BLOCK = 16,
     REEL_BASIS = 17,
     REEL_ANCHORS = 18,

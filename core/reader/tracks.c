@@ -6,7 +6,7 @@
 
 #define MAX_COLUMNS 256
 #define LAST_KIND MESHREEL_TRACK_SCALAR
-#define LAST_DOMAIN ((int)MESHREEL_CORNERS + (int)REEL_OF_ROWS)
+#define OF_CELLS ((int)MESHREEL_CORNERS + (int)REEL_OF_ROWS + 1)
 
 static int fail_track(reel_call *call, const reel_section *section, const char *message) {
     return reel_corrupt(call, section->payload.at, message);
@@ -44,7 +44,7 @@ static bool is_valid_width(uint32_t kind, uint64_t n_columns) {
 static bool is_valid_coding(const reel_track *track) {
     const meshreel_track *info = &track->info;
     if (info->coding == REEL_ROTATIONS) {
-        return info->kind == MESHREEL_TRACK_NORMAL;
+        return info->kind == MESHREEL_TRACK_NORMAL && info->domain != MESHREEL_CELLS;
     }
     bool is_of_vertices = info->domain == MESHREEL_VERTICES || track->sharing == REEL_OF_VERTICES;
     return !track->difference || (info->kind == MESHREEL_TRACK_VELOCITY && is_of_vertices);
@@ -88,7 +88,7 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     REEL_TRY(reel_read_text(call, pool, &left, &info->name));
     REEL_TRY(reel_read_text(call, pool, &left, &info->unit));
     REEL_TRY(reel_read_varint(call, &left, &n_columns));
-    if (codes[0] > LAST_KIND || codes[1] > LAST_DOMAIN || !has_type(track, codes[2]) ||
+    if (codes[0] > LAST_KIND || codes[1] > OF_CELLS || !has_type(track, codes[2]) ||
         codes[3] > REEL_EXACT_FORWARD) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.at,
                          "a track needs a newer version; update meshreel");
@@ -97,15 +97,17 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
         return fail_track(call, section,
                           "the number of columns of a track does not match its kind");
     }
-    track->sharing = codes[1] > MESHREEL_CORNERS ? codes[1] - MESHREEL_CORNERS : REEL_EACH;
+    bool is_of_cells = codes[1] == OF_CELLS, is_shared = codes[1] > MESHREEL_CORNERS;
+    track->sharing = is_shared && !is_of_cells ? codes[1] - MESHREEL_CORNERS : REEL_EACH;
     info->kind = codes[0];
-    info->domain = codes[1] - track->sharing;
+    info->domain = is_of_cells ? MESHREEL_CELLS : codes[1] - track->sharing;
     info->type = codes[2];
     info->coding = codes[3];
     info->n_columns = (uint32_t)n_columns;
-    info->n_items = (uint32_t)(info->domain == MESHREEL_VERTICES ? outline->n_verts
-                               : info->domain == MESHREEL_FACES  ? outline->n_polygons
-                                                                 : outline->n_corners);
+    info->n_items = reel_count_items(outline, info->domain);
+    if (!info->n_items) {
+        return fail_track(call, section, "a track is of cells, and the mesh has none");
+    }
     info->is_exact = codes[3] == REEL_EXACT || codes[3] >= REEL_EXACT_BACKWARD;
     track->difference = codes[3] >= REEL_EXACT_BACKWARD
                             ? codes[3] - REEL_EXACT_BACKWARD + REEL_BACKWARD

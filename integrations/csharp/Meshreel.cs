@@ -18,7 +18,7 @@ namespace Meshreel
         Limit = 9, Segments = 10
     }
 
-    public enum ReelDomain { Vertices = 0, Faces = 1, Corners = 2 }
+    public enum ReelDomain { Vertices = 0, Faces = 1, Corners = 2, Cells = 3 }
 
     /// <summary>Number type; `Own` is that of the track.</summary>
     public enum ReelType

@@ -67,7 +67,7 @@ namespace Meshreel
             public double diagonal;
             public ulong size;
             public uint n_frames, n_verts, n_triangles, n_faces, n_corners, n_blocks, longest_block, n_tracks;
-            public uint number_bytes, method, laplacian, order, is_whole, n_segments;
+            public uint number_bytes, method, laplacian, order, is_whole, n_segments, n_cells, reserved;
             public error damage;
         }
 

@@ -83,6 +83,9 @@ export interface MeshFrame {
   readonly triangles: Uint32Array;
 }
 
+/** Elements of a mesh that have values: vertices, polygons, corners of polygons, cells. */
+export type Domain = "vertex" | "face" | "corner" | "cell";
+
 /** A track: a quantity of vertices, faces or corners that changes over time. */
 export interface TrackInfo {
   readonly name: string;
@@ -96,11 +99,11 @@ export interface TrackInfo {
     | "color"
     | "uv"
     | "other";
-  /** What has values: vertices, polygons, or corners of polygons. */
-  readonly domain: "vertex" | "face" | "corner";
+  /** What has values. */
+  readonly domain: Domain;
   /** Numbers per value. */
   readonly nColumns: number;
-  /** Number of vertices, faces or corners. */
+  /** Number of items of the domain. */
   readonly nItems: number;
   readonly numberType:
     | "float32"
@@ -195,14 +198,14 @@ export interface TrackFields extends BlockFields {
   readonly origin: readonly number[];
 }
 
-/** Values of vertices, faces or corners that are the same in all frames: UVs, colors. */
+/** Values of the items of a domain that are the same in all frames: UVs, colors. */
 export interface Attribute {
   readonly name: string;
   readonly kind: "uv" | "color" | "other";
-  readonly domain: "vertex" | "face" | "corner";
+  readonly domain: Domain;
   /** Numbers per value. */
   readonly width: number;
-  /** Rows of `width` numbers, one per vertex, face or corner. */
+  /** Rows of `width` numbers, one per item of the domain. */
   readonly values: Uint8Array | Int32Array | Float32Array | Float64Array;
 }
 
@@ -246,6 +249,16 @@ export interface Material {
   readonly textures: readonly MaterialTexture[];
 }
 
+/** Cells of a volume mesh, such as hexahedra; the polygons are their surface. */
+export interface Cells {
+  /** Type of each cell, a number of VTK. */
+  readonly types: Uint8Array;
+  /** Vertices of the nodes of all cells, concatenated, in the order of VTK. */
+  readonly nodes: Uint32Array;
+  /** Cell of each polygon. */
+  readonly faceCells: Uint32Array;
+}
+
 /** Everything about a mesh but its positions; shared by all frames. */
 export interface Surface {
   /** Vertex indices, three per triangle. */
@@ -268,6 +281,8 @@ export interface Surface {
    * the mesh has no hard edges.
    */
   readonly hardEdges: Uint32Array | null;
+  /** Cells of a volume mesh; null if the mesh is a surface. */
+  readonly cells: Cells | null;
 }
 
 /** A track of an open file. */

@@ -19,7 +19,7 @@ const { UnsupportedVersionError } = internals;
 const { signal } = new AbortController();
 
 const KINDS = ["other", "vector", "velocity", "normal", "color", "uv", "scalar"];
-const DOMAINS = ["vertex", "face", "corner"];
+const DOMAINS = ["vertex", "face", "corner", "cell"];
 const LETTERS = { Uint8Array: "B", Int32Array: "i", Float32Array: "f", Float64Array: "d" };
 
 async function framesHash(engine, track) {
@@ -56,6 +56,12 @@ test("surfaces of every stream are right", async () => {
     if (surface.faceSizes) {
       assert.equal(integerHash(surface.faceSizes), expected["hash of polygons"]);
       assert.equal(integerHash(surface.triangleCorners), expected["hash of corners"]);
+    }
+    assert.equal(surface.cells?.types.length, expected.cells, name);
+    if (surface.cells) {
+      assert.equal(integerHash(surface.cells.types), expected["hash of cell types"], name);
+      assert.equal(integerHash(surface.cells.nodes), expected["hash of cell nodes"], name);
+      assert.equal(surface.cells.faceCells.length, surface.faceSizes?.length ?? surface.triangles.length / 3);
     }
     const hard = ascending(surface.hardEdges ?? []);
     assert.equal(hard.length / 2, expected["hard edges"] ?? 0, name);

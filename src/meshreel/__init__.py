@@ -8,6 +8,7 @@
 
 MeshSequence      an animated mesh: vertices, faces, frames per second; one or more segments of
                   constant connectivity; concatenate joins several; a MeshFrame is one frame
+Cells             tetrahedra, hexahedra and others of a volume mesh, whose surface are the faces
 Surface           its polygons, hard edges, Attribute (Domain, Kind), FaceGroups and Part
 Track             a quantity that changes over time, such as stress or velocity: TrackKind
 Material          appearance of a face group: Texture (Wrap, Filter), Image, AlphaMode
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from meshreel.formats.save import save
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
+    from meshreel.model.cells import Cells
     from meshreel.model.flag import simulate_flag
     from meshreel.model.geometry.hard_edges import corner_normals
     from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
@@ -72,6 +74,7 @@ if TYPE_CHECKING:
 __all__ = [
     "AlphaMode",
     "Attribute",
+    "Cells",
     "ConnectivityChangeError",
     "CorruptStreamError",
     "Domain",
@@ -127,6 +130,7 @@ _MODULES = {
     **dict.fromkeys(_MATERIALS, "model.materials"),
     **dict.fromkeys(("compare", "decode", "encode", "info", "register"), "api"),
     **dict.fromkeys(("MeshFrame", "MeshSequence", "concatenate"), "model.sequence"),
+    "Cells": "model.cells",
     "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",
     **dict.fromkeys(

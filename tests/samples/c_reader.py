@@ -14,6 +14,7 @@ from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.library import library
 from meshreel.kernel.structures import NUMBER_TYPES
+from meshreel.model.cells import Cells
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 from meshreel.model.surface import Attribute, FaceGroups, Kind, Part, Surface
 
@@ -97,11 +98,12 @@ def structures(header):
 
 HEADER = Path(__file__).parents[2] / "core" / "include" / "meshreel.h"
 STRUCTURES = structures(HEADER.read_text(encoding="utf-8"))
-(CError, Source, CHost, Info, Segment, Section, Block, CSurface, Track, Group, CModes, Layout) = (
+(CError, Source, CHost, Info, Segment, Section, Block, CSurface, Track, Group, CModes, Layout,
+ CCells) = (
     STRUCTURES[name]
     for name in (
         "error", "source", "host", "info", "segment", "section", "block", "surface", "track",
-        "group", "modes", "layout",
+        "group", "modes", "layout", "cells",
     )
 )  # fmt: skip
 
@@ -349,7 +351,22 @@ class File:
             tuple(material_of(c.materials[i]) for i in range(c.n_materials)),
             tuple(image_of(c.images[i], data) for i in range(c.n_images)),
             array_at(c.hard_edges, (c.n_hard_edges, 2), np.int32) if c.n_hard_edges else None,
+            cells=self.cells,
         ).validated(self.info.n_verts, self.triangles)  # fmt: skip
+
+    @property
+    def cells(self):
+        """The cells as a value of the package, or None; checks the cells of the faces."""
+        address = returned("cells_of", ctypes.POINTER(CCells), self.handle)
+        if not address:
+            return None
+        c = address.contents
+        types = array_at(c.types, c.n_cells, np.uint8)
+        cells = Cells(types, array_at(c.nodes, c.n_nodes, np.uint32).astype(np.int32))
+        owners = array_at(c.face_cells, self.info.n_faces, np.uint32)
+        np.testing.assert_array_equal(owners, cells.surface(self.info.n_verts).owners)
+        assert c.n_cells == self.info.n_cells
+        return cells
 
     def values(self, track=0, n_modes=0):
         """Decode all frames of a track with a new decoder."""

@@ -206,6 +206,10 @@ def assert_same_surface(found, expected):
     assert (found.hard_edges is None) == (expected.hard_edges is None)
     if expected.hard_edges is not None:
         np.testing.assert_array_equal(found.hard_edges, expected.hard_edges)
+    assert (found.cells is None) == (expected.cells is None)
+    if expected.cells is not None:
+        np.testing.assert_array_equal(found.cells.types, expected.cells.types)
+        np.testing.assert_array_equal(found.cells.nodes, expected.cells.nodes)
 
 
 def kg_error_percent(original, decoded):

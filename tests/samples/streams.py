@@ -12,10 +12,11 @@ from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.normative.fields import Layout
 from meshreel.codec.streaming import Encoder
 from meshreel.codec.surface.codes import DOMAINS
-from meshreel.codec.tracks import KINDS, Coding, Sharing, TrackHeader
+from meshreel.codec.tracks import KINDS, OF_CELLS, Coding, Sharing, TrackHeader
 from meshreel.kernel.basis import Rests
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.structures import NUMBER_TYPES
+from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 
 FRAMES_AT, FRAMES_BYTES = 10, 4
@@ -106,13 +107,15 @@ def track_headers(data):
 def track_header(payload):
     """Return the header of a TRACK, read by the plain reader."""
     fields, placement = read_track(payload)
-    sharing = Sharing(max(0, fields["domain"] - len(DOMAINS) + 1))
+    code = fields["domain"]
+    of_cells = code == OF_CELLS
+    sharing = Sharing.NONE if of_cells else Sharing(max(0, code - DOMAINS.index(Domain.CORNER)))
     coding = Coding(fields["coding"])
     return TrackHeader(
         fields["name"],
         fields["unit"],
         KINDS[fields["kind"]],
-        DOMAINS[fields["domain"] - sharing],
+        Domain.CELL if of_cells else DOMAINS[code - sharing],
         NUMBER_TYPES[placement.number_type],
         placement.scale,
         (0.0,) * 3 if coding.is_predicted else placement.origin,

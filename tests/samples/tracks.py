@@ -6,8 +6,10 @@ from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import quad_sheet
 
+OF_SURFACES = Domain.VERTEX, Domain.FACE, Domain.CORNER
 
-def tracked_sheet(n_frames=6, domains=tuple(Domain)):
+
+def tracked_sheet(n_frames=6, domains=OF_SURFACES):
     """Return `quad_sheet` with tracks of these domains, with some values not finite."""
     sheet = quad_sheet(n_frames)
     sizes = domain_sizes(sheet.n_verts, sheet.n_faces, sheet.surface)

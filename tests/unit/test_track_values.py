@@ -44,7 +44,7 @@ def test_values_are_stored_read_only():
 REFUSED = {
     "has 4 frames; the positions have 5": np.zeros((4, 16)),
     "the mesh has 16 vertices, 18 faces and 54 corners": np.zeros((5, 17)),
-    r"values of shape \(5,\) do not fit vertices, faces or corners": np.zeros(5),
+    r"values of shape \(5,\) do not fit vertices, faces, corners or cells": np.zeros(5),
     r"none of them 0; got \(5, 16, 0\)": np.zeros((5, 16, 0)),
     "must be bool, uint8, .* got complex128": np.zeros((5, 16), complex),
     f"at most {MAX_COLUMNS} components; got 10000": np.zeros((5, 16, 10000)),
@@ -66,7 +66,7 @@ def test_tracks_that_do_not_fit_are_rejected(words):
         ((5, 16, 3), np.int16, {"kind": "velocity"}, "must be float32 or float64; got int16"),
         ((5, 16, 2), np.uint8, {"kind": "uv"}, "must be float32 or float64; got uint8"),
         ((5, 16), float, {"kind": "colour"}, "kind must be one of scalar, .*; got 'colour'"),
-        ((5, 16), float, {"domain": "edge"}, "must be one of vertex, face, corner; got"),
+        ((5, 16), float, {"domain": "edge"}, "must be one of vertex, face, corner, cell; got"),
         ((5, 16, 4), float, {"kind": "vector"}, r"vector have 2 numbers \(2 or 3\); got 4"),
     ],
 )

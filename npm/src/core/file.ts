@@ -11,7 +11,7 @@ const OTHER_METHODS = ["pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft
 const METHODS = ["reel", "lossless", "grid"] as const;
 const FIRST_METHOD = 7;
 const KINDS = ["other", "vector", "velocity", "normal", "color", "uv", "scalar"] as const;
-const DOMAINS = ["vertex", "face", "corner"] as const;
+const DOMAINS = ["vertex", "face", "corner", "cell"] as const;
 const STRUCT_BYTES = 64;
 const FLOAT64 = 8;
 
@@ -95,7 +95,7 @@ function readInfo(library: Library, handle: number) {
   fields.uint64(); // size
   const [nFrames, nVerts, nFaces, nPolygons, , nBlocks, , nTracks, numberBytes, method] =
     fields.uint32s(10);
-  const [, , isWhole, nSegments] = fields.uint32s(4);
+  const [, , isWhole, nSegments] = fields.uint32s(6);
   fields.uint32s(2); // code of the damage
   fields.float64s(2); // its offset and size
   const times = library.functions.meshreel_times_of(handle) >>> 0;

@@ -33,6 +33,7 @@ interface Functions {
   meshreel_times_of(file: number): number;
   meshreel_surface_of(file: number): number;
   meshreel_triangles(file: number): number;
+  meshreel_cells_of(file: number): number;
   meshreel_block_of(file: number, block: number, track: number, found: number): number;
   meshreel_track_of(file: number, track: number, found: number): number;
   page_open(size: number, memory: number, file: number, error: number): number;

@@ -1,13 +1,13 @@
 // Reads the surface of a mesh from the structures of the library.
 
-import type { Attribute, Image, Material, MaterialTexture, Surface } from "../types.js";
+import type { Attribute, Cells, Image, Material, MaterialTexture, Surface } from "../types.js";
 import type { File } from "./file.js";
 import type { Library } from "./library.js";
 import { NUMBER_TYPES, copyNumbers } from "./numbers.js";
 import { Struct } from "./struct.js";
 
 const KINDS = ["uv", "color", "other"] as const;
-const DOMAINS = ["vertex", "face", "corner"] as const;
+const DOMAINS = ["vertex", "face", "corner", "cell"] as const;
 const ALPHA_MODES = ["opaque", "mask", "blend"] as const;
 const SLOTS = ["baseColor", "metallic", "roughness", "normal", "occlusion", "emissive"] as const;
 const NONE = 2 ** 32 - 1;
@@ -48,10 +48,23 @@ export function readSurface(library: Library, { handle, info, nPolygons }: File)
       return { name, mediaType, start: image.uint64(), sizeBytes: image.uint64() };
     }),
     hardEdges: nHardEdges ? uint32s(hardEdges, 2 * nHardEdges) : null,
+    cells: readCells(library, handle, nPolygons),
   };
 }
 
-/** Read an attribute, expanded to one row for each vertex, face or corner. */
+/** Copy the cells of a file that `meshreel_read_surface` has decoded; null if there are none. */
+function readCells({ buffer, functions }: Library, handle: number, nPolygons: number): Cells | null {
+  const address = functions.meshreel_cells_of(handle) >>> 0;
+  if (!address) return null;
+  const [nCells, nNodes, types, nodes, faceCells] = new Struct(buffer, address).uint32s(5);
+  return {
+    types: new Uint8Array(buffer, types, nCells).slice(),
+    nodes: new Uint32Array(buffer, nodes, nNodes).slice(),
+    faceCells: new Uint32Array(buffer, faceCells, nPolygons).slice(),
+  };
+}
+
+/** Read an attribute, expanded to one row for each item. */
 function readAttribute(fields: Struct): Attribute {
   const name = fields.text();
   const [kind, domain, type, width, nRows, nItems, , , values, rows] = fields.uint32s(10);

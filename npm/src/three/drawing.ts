@@ -1,6 +1,7 @@
 // The static part of what is drawn: vertices, triangles, groups and attributes.
 
 import type { Surface } from "../types.js";
+import type { Split } from "./corners.js";
 import { createDrawnVertices, type DrawnVertices } from "./drawn_vertices.js";
 
 /** UV sets that three.js supports. */
@@ -33,7 +34,7 @@ export interface Drawing extends DrawnVertices {
 export function createDrawing(
   surface: Surface,
   nVerts: number,
-  split: "face" | "corner" | null = null,
+  split: Split | null = null,
 ): Drawing {
   const uvs = surface.attributes.filter(({ kind }) => kind === "uv").slice(0, MAX_UV_SETS);
   const vertices = createDrawnVertices(surface, nVerts, uvs, split);

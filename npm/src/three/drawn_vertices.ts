@@ -2,7 +2,7 @@
 // attributes.
 
 import type { Attribute, Surface } from "../types.js";
-import { createItemLookup } from "./corners.js";
+import { createItemLookup, type Split } from "./corners.js";
 import { createNormalRows, type NormalRows } from "./normal_rows.js";
 import { splitVertices } from "./split_vertices.js";
 
@@ -43,7 +43,7 @@ export function createDrawnVertices(
   surface: Surface,
   nVerts: number,
   uvs: readonly Attribute[],
-  split: "face" | "corner" | null,
+  split: Split | null,
 ): DrawnVertices {
   const { triangles } = surface;
   const lookup = createItemLookup(surface);

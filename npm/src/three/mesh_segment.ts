@@ -4,6 +4,7 @@ import * as THREE from "three";
 
 import type { BlockFields, OpenReel, OpenSegments } from "../types.js";
 import type { Backend } from "./backend.js";
+import type { Split } from "./corners.js";
 import { createDrawing, type Drawing } from "./drawing.js";
 import type { LoadedBlock } from "./loaded_block.js";
 import type { SendEvent } from "./material_images.js";
@@ -31,7 +32,7 @@ export class MeshSegment {
   /** Number of loaded blocks. */
   nBlocks = 0;
   /** Domain by which the vertices of the geometry are split. */
-  split: "face" | "corner" | null = null;
+  split: Split | null = null;
 
   /**
    * @param number - index of the segment
@@ -56,7 +57,7 @@ export class MeshSegment {
   }
 
   /** Prepare the geometry for a new backend; replaces it if the split changes. */
-  rebuildGeometry(split: "face" | "corner" | null): void {
+  rebuildGeometry(split: Split | null): void {
     this.geometry.dispose(); // also frees the buffers of attributes that will be replaced
     if (split === this.split) return;
     this.split = split;

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.codec.bitstream.layout import Order
-from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.open_stream import OpenStream, whole_stream
@@ -106,7 +105,7 @@ def measure_stream(
         progress("measuring", Count(first_frame, n_frames, "frames"))
         with ReelFile(BytesIO(data), memory=OWN_STREAM, segment=number) as reel:
             is_dropped = reel.order == "drop"
-            internal = internal_numbers(segment.faces, segment.n_verts) if is_dropped else None
+            internal = internal_numbers(segment) if is_dropped else None
             add_blocks(sums, segment, decoded_blocks(reel, internal))
             for name, errors in errors_of_tracks(segment.tracks, reel.tracks, internal).items():
                 tracks.setdefault(name, []).append(errors)
@@ -131,7 +130,7 @@ def measure_tracks(sequence: FrameSource, data: bytes) -> dict[str, TrackErrors]
     """Return the errors of the tracks of a stream; parameters as in `measure_stream`."""
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
         is_dropped = reel.order == "drop"
-        internal = internal_numbers(sequence.faces, sequence.n_verts) if is_dropped else None
+        internal = internal_numbers(sequence) if is_dropped else None
         return errors_of_tracks(sequence.tracks, reel.tracks, internal)
 
 
@@ -158,7 +157,7 @@ def _uv_errors(sequence: FrameSource, opened: OpenStream) -> list[float]:
     faces, order = sequence.faces, opened.order_kept
     internal = np.arange(sequence.n_verts)
     if order is Order.DROP and sequence.surface.attributes:
-        internal = encode_connectivity(faces, sequence.n_verts, order="drop").internal_to_given
+        internal = np.argsort(internal_numbers(sequence))
     kept = surface_in_order(sequence.surface, order, faces, opened.faces, internal).attributes
     if not any(map(is_quantized, kept)):
         return []

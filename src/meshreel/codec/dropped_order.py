@@ -3,10 +3,10 @@
 import numpy as np
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.connectivity.coder import encode_mesh
 from meshreel.codec.reordering import without_reordering
 from meshreel.metrics.compare import has_same_triangles
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence, frames_of
+from meshreel.model.sequence import FrameSource, MeshSequence, frames_of
 from meshreel.model.surface import PLAIN, Domain
 from meshreel.model.tracks import Track
 
@@ -17,9 +17,10 @@ MATCHED = (
 """Note on sequences whose vertices were matched."""
 
 
-def internal_numbers(faces: Faces, n_verts: int) -> Integers:
-    """Return the number of each vertex after decoding, if its order is dropped."""
-    connectivity = encode_connectivity(faces, n_verts, order="drop")
+def internal_numbers(source: FrameSource) -> Integers:
+    """Return the number of each vertex of a mesh after decoding, if its order is dropped."""
+    cells = source.surface.cells
+    connectivity = encode_mesh(source.faces, cells, source.n_verts, order="drop")
     return np.argsort(connectivity.internal_to_given)
 
 
@@ -61,7 +62,7 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
         return decoded
     if has_same_triangles(original.faces, decoded.faces, n_verts):
         return decoded
-    numbers = internal_numbers(original.faces, n_verts)
+    numbers = internal_numbers(original)
     given = np.argsort(numbers)
     faces = given[decoded.faces].astype(np.int32)
     if not has_same_triangles(original.faces, faces, n_verts):

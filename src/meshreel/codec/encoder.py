@@ -126,6 +126,10 @@ def encode_with(
     if sequence.n_segments > 1:
         return encode_segments(config, sequence, attributes, tracks, progress, engine)
     surface = select(sequence.surface, attributes)
+    if surface.cells is not None and config.method_row.positions_only:
+        raise InvalidInputError(
+            f"method {config.method} stores faces, and the mesh has cells; use reel or lossless"
+        )
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
@@ -182,9 +186,11 @@ def encode_segments(
         sources.append(source)
     edits, edited = MeshEdits(), []
     for source in sources:
-        keeps_order = source.mesh.keeps_order
-        mesh = source.sequence.faces, source.sequence.n_verts
-        edited.append(replace(source, edit=edits.edit_to(*mesh)) if keeps_order else source)
+        is_edited, mesh = (
+            source.mesh.may_be_edited,
+            (source.sequence.faces, source.sequence.n_verts),
+        )
+        edited.append(replace(source, edit=edits.edit_to(*mesh)) if is_edited else source)
     streams = list(config.method_row.encode(edited, progress, engine))
     return join_streams(streams, name=sequence.name, timing=sequence.timing)
 

@@ -20,7 +20,13 @@ from meshreel.model.surface_description import (
 from meshreel.model.tracks import TrackKind
 from meshreel.runtime.counting import change_text, counted
 
-CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.EDIT, Section.REFERENCE)
+CONNECTIVITY = (
+    Section.CONNECTIVITY,
+    Section.ORDER,
+    Section.EDIT,
+    Section.CELLS,
+    Section.REFERENCE,
+)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.ERROR_BOUND)
 """Sections of the positions, except their blocks."""
 

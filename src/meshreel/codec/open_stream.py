@@ -172,7 +172,7 @@ class OpenStream:
     def has_surface(self) -> bool:
         """Whether it stores more than triangles."""
         ids = map(attrgetter("id"), self.leading)
-        return not set(SURFACE_SECTIONS).isdisjoint(ids)
+        return not {Section.CELLS, *SURFACE_SECTIONS}.isdisjoint(ids)
 
     @cached_property
     def surface(self) -> Surface:

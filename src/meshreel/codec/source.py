@@ -11,15 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.bitstream.container import Header, Sections, write_stream
+from meshreel.codec.bitstream.container import Header, Sections, write_stream, write_varints
 from meshreel.codec.bitstream.layout import Order, Section, VertexType
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
+from meshreel.codec.connectivity.coder import CodedConnectivity, encode_mesh
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.mesh_edits import MeshEdit
 from meshreel.codec.methods import METHOD_CODES
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
-from meshreel.codec.surface.payloads import surface_in_order, surface_sections
+from meshreel.codec.surface.payloads import (
+    surface_in_order,
+    surface_of_internal_cells,
+    surface_sections,
+)
 from meshreel.codec.times import timing_sections
 from meshreel.codec.track_bounds import TrackBound
 from meshreel.codec.tracks import Coding
@@ -60,7 +64,7 @@ class CodedMesh:
         if self.edit is not None:
             return self.edit.connectivity_of(self.given_faces)
         order = self.order_kept.name.lower()
-        return encode_connectivity(self.given_faces, self.n_verts, order=order)
+        return encode_mesh(self.given_faces, self.surface.cells, self.n_verts, order=order)
 
     @cached_property
     def order_kept(self) -> Order:
@@ -73,9 +77,19 @@ class CodedMesh:
         return self._connectivity.internal_faces
 
     @property
-    def twins(self) -> npt.NDArray[np.int32]:
-        """The other side at the edge of each side of internal faces, or the side itself."""
-        return self._connectivity.internal_twins
+    def links(self) -> Faces:
+        """Graph of internal vertices as triangles, of shape (n, 3): faces, or edges of cells."""
+        return self._connectivity.links
+
+    @property
+    def sides(self) -> tuple[Faces, npt.NDArray[np.int32]]:
+        """Internal faces, and the other side at the edge of each side, or the side itself."""
+        return self.faces, self._connectivity.internal_twins
+
+    @property
+    def may_be_edited(self) -> bool:
+        """Whether it may be stored as an edit of another mesh."""
+        return self.keeps_order and self.surface.cells is None
 
     @property
     def order(self) -> Integers:
@@ -109,8 +123,10 @@ class CodedMesh:
         return self.order[self.faces].astype(np.int32)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """Yield the sections of connectivity, order, times and surface."""
-        yield Section.CONNECTIVITY, self._connectivity.payload
+        """Yield the sections of connectivity or cells, order, times and surface."""
+        coded = self._connectivity
+        section = Section.CONNECTIVITY if coded.internal_cells is None else Section.CELLS
+        yield section, write_varints(*coded.counts) + coded.payload
         if self.order_kept is not Order.DROP:
             yield Section.ORDER, self._connectivity.order_payload
         if self.edit is not None:
@@ -121,8 +137,19 @@ class CodedMesh:
     @cached_property
     def _surface_sections(self) -> list[tuple[Section, bytes]]:
         faces = self.output_faces
+        if self.surface.cells is not None and self.order_kept is Order.DROP:
+            return list(surface_sections(self._reordered_cells(), faces, self.config.uv_bits))
         kept = surface_in_order(self.surface, self.order_kept, self.given_faces, faces, self.order)
         return list(surface_sections(kept, faces, self.config.uv_bits))
+
+    def _reordered_cells(self) -> Surface:
+        """Return the surface of internal cells."""
+        coded = self._connectivity
+        assert coded.internal_cells is not None
+        assert coded.cells_to_internal is not None
+        return surface_of_internal_cells(
+            self.surface, coded.internal_cells, self.order, np.argsort(coded.cells_to_internal)
+        )
 
     def header(
         self,

@@ -463,7 +463,7 @@ class Encoder:
             self._bounding_frame = bounding_frame(extent_of(first))
         timing = self._timing if is_first else UNTIMED  # times of further segments follow
         coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, timing)
-        if coded.keeps_order:
+        if coded.may_be_edited:
             coded = replace(coded, edit=self._edits.edit_to(mesh.faces, mesh.n_verts))
         method, frame, order = self._config.method_row, self._bounding_frame, coded.order
         targets = self._targets_of(tracks, is_first=is_first)

@@ -73,6 +73,9 @@ class Coding(IntEnum):
         return EXACT_DIFFERENCES[DIFFERENCES.index(self)]
 
 
+OF_CELLS = 5
+"""Code of the domain of cells, behind those of corners that share values."""
+
 DIFFERENCES = Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD
 """To the previous position, between both neighbors, to the next position."""
 
@@ -157,6 +160,7 @@ def write_track(track: TrackHeader) -> bytes:
     """Encode the section TRACK."""
     [number_type] = (code for code, dtype in NUMBER_TYPES.items() if dtype == track.dtype)
     kind, domain = KINDS.index(track.kind), DOMAINS.index(track.domain) + track.sharing
+    domain = OF_CELLS if track.domain is Domain.CELL else domain
     payload = bytes((kind, domain, number_type, track.coding))
     payload += write_text(track.name) + write_text(track.unit) + write_varint(track.n_columns)
     numbers: tuple[float, ...] = ()

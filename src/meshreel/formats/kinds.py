@@ -11,7 +11,7 @@ from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.model.sequence import FrameSource, Vertices
-from meshreel.model.surface import Domain
+from meshreel.model.surface import SURFACE_DOMAINS, Domain
 from meshreel.runtime.extras import Extra
 
 ReadOption = Literal[
@@ -20,9 +20,10 @@ ReadOption = Literal[
 WriteOption = Literal["targets", "max_error", "normals", "lossless", "layout", "textures"]
 
 NO_TRACKS: frozenset[Domain] = frozenset()
-ALL_TRACKS = frozenset(Domain)
+EVERY_DOMAIN = frozenset(Domain)
+OF_SURFACES = frozenset(SURFACE_DOMAINS)
 NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
-"""Track domains that a format supports."""
+"""Track domains that a format supports; with those of cells, it stores cells too."""
 
 
 @dataclass(frozen=True)

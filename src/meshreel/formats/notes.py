@@ -8,6 +8,7 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import Keyword, Message, parts_of
+from meshreel.model.cells import Cells
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.model.timing import Timing
 from meshreel.runtime.counting import counted
@@ -257,6 +258,15 @@ def note_unwritten_tracks(
     if every := list(names):
         text = f"tracks left out: {listed(every)}: {extension} cannot store {which}"
         add_note(notes, NoteKind.UNWRITTEN, "tracks", text)
+
+
+def note_unwritten_cells(
+    cells: Cells, names: Sequence[str], extension: str, notes: list[str]
+) -> None:
+    """Add a note that a file stores only the surface of cells, without these values of cells."""
+    values = f", and {listed(names)} of them" if names else ""
+    text = f"{counted(cells.n_cells, 'cell')} left out{values}: {extension} stores their surface"
+    add_note(notes, NoteKind.UNWRITTEN, "cells", text)
 
 
 def note_name(what: str, name: str, called: str, extension: str, notes: list[str]) -> None:

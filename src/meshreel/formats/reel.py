@@ -20,7 +20,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import FrameSurvey
-from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
+from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of
 from meshreel.formats.sources import missing_source
 from meshreel.kernel.files import OpenFile
@@ -317,6 +317,6 @@ FORMATS = (
         holds_segments=True,
         writes=frozenset({"max_error", "lossless"}),
         holds_materials=True,
-        holds_tracks=ALL_TRACKS,
+        holds_tracks=EVERY_DOMAIN,
     ),
 )

@@ -11,7 +11,11 @@ from meshreel.errors import ConnectivityChangeError, FormatError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
-from meshreel.formats.notes import note_unwritten_materials, note_unwritten_tracks
+from meshreel.formats.notes import (
+    note_unwritten_cells,
+    note_unwritten_materials,
+    note_unwritten_tracks,
+)
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
 from meshreel.formats.registry import (
@@ -25,7 +29,7 @@ from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
 from meshreel.model.sequence import MeshSequence, Vertices
-from meshreel.model.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
+from meshreel.model.surface import SURFACE_DOMAINS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, track_blocks
 from meshreel.runtime.counting import plural
 from meshreel.runtime.outputs.atomic import replace_all_when_done
@@ -218,11 +222,13 @@ def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
     """
     output_format = output_format_of(Path(output))
     domains = NO_TRACKS if isinstance(output_format, FolderFormat) else output_format.holds_tracks
+    if Domain.CELL not in domains:
+        mesh = _without_cells(mesh, output_format.extension)
     supported = {name: track for name, track in mesh.tracks.items() if track.domain in domains}
     unsupported = {name: track for name, track in mesh.tracks.items() if name not in supported}
     constant = _constant_attributes(unsupported, mesh.surface)
     left_out = {name: track for name, track in unsupported.items() if name not in constant}
-    for missing in [one for one in Domain if one not in domains] if domains else []:
+    for missing in [one for one in SURFACE_DOMAINS if one not in domains] if domains else []:
         names = [name for name, track in left_out.items() if track.domain is missing]
         which = f"tracks of {plural(missing)}"
         note_unwritten_tracks(names, output_format.extension, mesh.notes, which)
@@ -230,6 +236,22 @@ def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
         note_unwritten_tracks(left_out, output_format.extension, mesh.notes)
     attributes = (*mesh.surface.attributes, *constant.values())
     return replace(mesh, tracks=supported, surface=replace(mesh.surface, attributes=attributes))
+
+
+def _without_cells(mesh: FrameStream, extension: str) -> FrameStream:
+    """Return a segment without cells and their values; its notes say so."""
+    surface = mesh.surface
+    if surface.cells is None:
+        return mesh
+    tracks = {name: track for name, track in mesh.tracks.items() if track.domain is Domain.CELL}
+    attributes = [row.name for row in surface.attributes if row.domain is Domain.CELL]
+    note_unwritten_cells(surface.cells, [*tracks, *attributes], extension, mesh.notes)
+    kept = tuple(row for row in surface.attributes if row.domain is not Domain.CELL)
+    return replace(
+        mesh,
+        surface=replace(surface, cells=None, attributes=kept),
+        tracks={name: track for name, track in mesh.tracks.items() if name not in tracks},
+    )
 
 
 def _constant_attributes(

@@ -26,6 +26,7 @@ from meshreel.kernel.structures import (
     U32,
     U64,
     UNREADABLE,
+    Cells,
     Double,
     Error,
     Flag,
@@ -70,6 +71,8 @@ class FileInfo:
         As in the header.
     is_whole : bool
         Whether the end of the file is there.
+    n_cells : int
+        0: the mesh has faces only.
     n_segments : int
         Of a file of several, `error_bound_percent` and all counts but `n_frames` are 0.
     damage : Exception or None
@@ -97,6 +100,8 @@ class FileInfo:
     order: U32
     is_whole: Flag
     n_segments: U32
+    n_cells: U32
+    reserved: U32
     damage: Damage
 
 
@@ -244,7 +249,7 @@ def _function(name: str) -> Any:
     function = library()[f"meshreel_{name}"]
     if name in ("close", "end"):
         function.restype = None
-    elif name in ("info_of", "triangles", "stored_triangles", "surface_of", "times_of"):
+    elif name in ("info_of", "triangles", "cells_of", "stored_triangles", "surface_of", "times_of"):
         function.restype = _POINTER
     return function
 
@@ -510,6 +515,16 @@ class OpenFile:
             self.read_mesh()
         address, n_numbers = _function("triangles")(self.handle), 3 * self.info.n_triangles
         return array_at(address, n_numbers, np.int32).reshape(-1, 3)
+
+    @cached_property
+    def cells(self) -> tuple[npt.NDArray[np.uint8], Integers] | None:
+        """Types of cells, and vertices of the nodes of all of them; None if there are none."""
+        if not self.info.n_cells:
+            return None
+        self.read_mesh()
+        stored = Cells.from_address(_function("cells_of")(self.handle))
+        types = array_at(stored.types, stored.n_cells, np.uint8)
+        return types, array_at(stored.nodes, stored.n_nodes, np.int32)
 
     @cached_property
     def stored_mesh(self) -> tuple[Integers, Integers]:

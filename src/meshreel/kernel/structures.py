@@ -110,6 +110,15 @@ class Host(ctypes.Structure):
     ]
 
 
+class Cells(ctypes.Structure):
+    """`meshreel_cells`."""
+
+    _fields_ = [
+        *fields_of(_U32, "n_cells n_nodes"),
+        *fields_of(_POINTER, "types nodes face_cells"),
+    ]
+
+
 class Modes(ctypes.Structure):
     """`meshreel_modes`."""
 

@@ -2,6 +2,7 @@
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from hashlib import blake2b
 from itertools import accumulate, pairwise
@@ -13,10 +14,11 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
+from meshreel.model.cells import Cells
 from meshreel.model.extent import Extent, Vertices, extent_of
 from meshreel.model.frame_choice import frame_number, frame_range
 from meshreel.model.showing import notebook_html, show
-from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.surface import PLAIN, Surface, surface_of_cells
 from meshreel.model.timing import Timed, Timing
 from meshreel.model.tracks import Track, TrackSource, read_track, validated_tracks
 from meshreel.model.validation import (
@@ -138,7 +140,7 @@ class MeshSequence(Timed):
     vertices : float32 or float64 array of shape (T, V, 3)
         Positions in model units; every value finite. T and V are at least 1.
     faces : integer array of shape (M, 3)
-        Vertex indices of each triangle, in 0..V-1. M is at least 1.
+        Vertex indices of each triangle, in 0..V-1. M is at least 1. Not with `cells`.
     fps : float, default 0
         Frames per second; 0 means unknown.
     name : str, default ""
@@ -148,13 +150,15 @@ class MeshSequence(Timed):
     times : float array of shape (T,), optional
         Time of each frame in seconds, finite and ascending, in place of `fps` and `start_s`. Frames
         that are evenly spaced within a thousandth of the interval get a frame rate.
+    cells : Cells, optional
+        Cells of a volume mesh, whose surface are the faces. ``sequence.surface.cells`` has them.
     surface : Surface, optional
         Polygons, texture coordinates, colors, materials and merged parts of the mesh. Default:
         none.
     tracks : mapping of str to Track, or to arrays of shape (T, N) or (T, N, C), optional
         Quantities that change over time, such as stress or velocity, by name. An array belongs to
-        vertices, faces or corners: the first that number N. ``sequence.tracks[name]`` is a `Track`.
-        Default: none.
+        vertices, cells, faces or corners: the first that number N. ``sequence.tracks[name]`` is a
+        `Track`. Default: none.
 
     Attributes
     ----------
@@ -193,15 +197,23 @@ class MeshSequence(Timed):
     def __init__(
         self,
         vertices: Vertices,
-        faces: Faces,
+        faces: Faces | None = None,
         fps: float = 0.0,
         name: str = "",
         start_s: float = 0.0,
         surface: Surface = PLAIN,
         tracks: Mapping[str, Any] | None = None,
         times: Sequence[float] | Floats | None = None,
+        cells: Cells | None = None,
     ) -> None:
         vertices = validate_vertices(vertices)
+        if cells is not None:
+            if faces is not None:
+                raise InvalidInputError("give either faces or cells, whose surface has the faces")
+            faces, polygons = surface_of_cells(cells, vertices.shape[1])
+            surface = replace(surface, face_sizes=polygons.face_sizes, cells=polygons.cells)
+        if faces is None:
+            raise InvalidInputError("a mesh needs faces, or cells, whose surface has the faces")
         timing = Timing.of_rate(fps, start_s)
         if times is not None:
             if timing != Timing():

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from meshreel.arrays import rows_as_bytes
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.cells import Cells, validated_cells
 from meshreel.model.materials import Image, Material, validated_materials
 
 Int32s = npt.NDArray[np.int32]
@@ -22,11 +23,19 @@ MAX_COMPONENTS = 16
 
 
 class Domain(StrEnum):
-    """Elements that an attribute has values for; faces are polygons, with their corners."""
+    """Elements that an attribute has values for; faces are polygons, with their corners.
+
+    Only meshes of cells have cells.
+    """
 
     VERTEX = "vertex"
     FACE = "face"
     CORNER = "corner"
+    CELL = "cell"
+
+
+SURFACE_DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
+"""Domains of a mesh without cells."""
 
 
 class Kind(StrEnum):
@@ -140,6 +149,8 @@ class Surface:
     is_ordered : bool, default True
         Whether the order of vertices and faces has a meaning. Formats such as Draco change it in
         every frame; then `meshreel.encode` leaves it out by default.
+    cells : Cells, optional
+        Cells whose surface the faces are, as `Cells.surface` returns them. Default: none.
     """
 
     face_sizes: Int32s | None = None
@@ -150,6 +161,7 @@ class Surface:
     images: tuple[Image, ...] = ()
     hard_edges: Int32s | None = None
     is_ordered: bool = True
+    cells: Cells | None = None
 
     def __repr__(self) -> str:
         if self.is_plain:
@@ -158,7 +170,8 @@ class Surface:
         parts = [f"{len(self.parts)} parts"] if self.parts else []
         materials = [f"{len(self.materials)} materials"] if self.materials else []
         hard = [] if self.hard_edges is None else [f"{len(self.hard_edges)} hard edges"]
-        contents = [*sizes, *hard, *map(repr, (*self.attributes, *self.groups))]
+        cells = [] if self.cells is None else [f"{self.cells.n_cells} cells"]
+        contents = [*cells, *sizes, *hard, *map(repr, (*self.attributes, *self.groups))]
         contents += [*parts, *materials, *map(repr, self.images)]
         return f"<Surface: {', '.join(contents)}>"
 
@@ -166,18 +179,25 @@ class Surface:
     def is_plain(self) -> bool:
         """Whether the mesh has only positions and triangles."""
         contents = (self.attributes, self.groups, self.parts, self.materials, self.images)
-        return self.face_sizes is None and self.hard_edges is None and not any(contents)
+        arrays = (self.face_sizes, self.hard_edges, self.cells)
+        return all(array is None for array in arrays) and not any(contents)
 
     def n_faces(self, n_triangles: int) -> int:
         """Number of faces (polygons), P."""
         return n_triangles if self.face_sizes is None else len(self.face_sizes)
 
     def n_items(self, domain: Domain, n_verts: int, n_triangles: int) -> int:
-        """Number of vertices, faces or corners of faces."""
+        """Number of vertices, faces, corners of faces, or cells."""
         n_faces = self.n_faces(n_triangles)
         # A face has two more corners than triangles.
         n_corners = n_triangles + 2 * n_faces
-        return {Domain.VERTEX: n_verts, Domain.FACE: n_faces, Domain.CORNER: n_corners}[domain]
+        n_cells = 0 if self.cells is None else self.cells.n_cells
+        return {
+            Domain.VERTEX: n_verts,
+            Domain.FACE: n_faces,
+            Domain.CORNER: n_corners,
+            Domain.CELL: n_cells,
+        }[domain]
 
     def sizes(self, n_triangles: int) -> Int32s:
         """Corners of each face, of shape (P,)."""
@@ -198,6 +218,9 @@ class Surface:
         """
         n_triangles = len(faces)
         sizes = _validated_sizes(self.face_sizes, faces)
+        cells = self.cells if self.cells is None else validated_cells(self.cells, n_verts)
+        if cells is not None:
+            _check_surface_of(cells, n_verts, faces, sizes)
         n_faces = n_triangles if sizes is None else len(sizes)
         attributes = tuple(
             _validated_attribute(
@@ -219,6 +242,7 @@ class Surface:
             materials=materials,
             images=images,
             hard_edges=hard,
+            cells=cells,
         )
 
     @property
@@ -228,6 +252,7 @@ class Surface:
         for attribute in self.attributes:
             arrays += [attribute.values, attribute.indices]
         image_bytes = sum(len(image.data) for image in self.images)
+        image_bytes += 0 if self.cells is None else self.cells.size_bytes
         return image_bytes + sum(array.nbytes for array in arrays if array is not None)
 
     def without_materials(self) -> "Surface":
@@ -257,6 +282,18 @@ def _validated_sizes(sizes: Any, faces: npt.NDArray[np.integer]) -> Int32s | Non
         return None
     triangle_corners(array, faces)  # raises if triangles of a polygon do not adjoin
     return _frozen(array)
+
+
+def _check_surface_of(
+    cells: Cells, n_verts: int, faces: npt.NDArray[np.integer], sizes: Int32s | None
+) -> None:
+    expected = cells.surface(n_verts)
+    own = np.full(len(faces), 3) if sizes is None else sizes
+    if not (np.array_equal(faces, expected.triangles) and np.array_equal(own, expected.sizes)):
+        raise InvalidInputError(
+            "the faces are not the surface of the cells; let meshreel derive them: "
+            "MeshSequence(vertices, cells=cells)"
+        )
 
 
 def _validated_attribute(attribute: Attribute, expected: int) -> Attribute:
@@ -339,3 +376,17 @@ def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def surface_of_cells(cells: Cells, n_verts: int) -> tuple[Int32s, Surface]:
+    """Return the faces of cells, of shape (M, 3), and a surface with their polygons and cells.
+
+    Raises
+    ------
+    InvalidInputError
+        As `validated_cells`, or if the cells have no surface.
+    """
+    cells = validated_cells(cells, n_verts)
+    polygons = cells.surface(n_verts)
+    sizes = None if (polygons.sizes == 3).all() else polygons.sizes
+    return polygons.triangles, Surface(face_sizes=sizes, cells=cells)

@@ -88,7 +88,7 @@ class Track:
     values : array of shape (T, N) or (T, N, C)
         Integers of 8 to 64 bits, float32 or float64; booleans become uint8. C is 1..256. Stored as
         a read-only view of shape (T, N, C). NaN marks missing values.
-    domain : {"vertex", "face", "corner"} or Domain, default "vertex"
+    domain : {"vertex", "face", "corner", "cell"} or Domain, default "vertex"
         Elements that have values; faces are polygons, with their corners.
     kind : str or TrackKind, optional
         "scalar", "vector" (2 or 3 components), "velocity" (3; model units per second), "normal" (3;
@@ -315,8 +315,9 @@ def check_tracks(
 
 
 def domain_sizes(n_verts: int, n_faces: int, surface: Surface) -> dict[Domain, int]:
-    """Numbers of vertices, polygons and corners of polygons."""
-    return {domain: surface.n_items(domain, n_verts, n_faces) for domain in Domain}
+    """Numbers of vertices, cells, polygons and corners of polygons."""
+    order = Domain.VERTEX, Domain.CELL, Domain.FACE, Domain.CORNER
+    return {domain: surface.n_items(domain, n_verts, n_faces) for domain in order}
 
 
 def track_blocks(track: TrackSource) -> Iterator[tuple[int, Values]]:
@@ -366,17 +367,19 @@ def _fitting_domain(values: Any, sizes: Mapping[Domain, int]) -> Domain:
         if size == n_items:
             return domain
     raise InvalidInputError(
-        f"values of shape {shape} do not fit vertices, faces or corners: the mesh has "
+        f"values of shape {shape} do not fit vertices, faces, corners or cells: the mesh has "
         f"{describe_sizes(sizes)}"
     )
 
 
 def describe_sizes(sizes: Mapping[Domain, int]) -> str:
-    """Text with the numbers of vertices, faces and corners."""
-    vertices, faces, corners = (sizes[domain] for domain in Domain)
-    return (
-        f"{counted(vertices, 'vertex')}, {counted(faces, 'face')} and {counted(corners, 'corner')}"
-    )
+    """Text with the numbers of vertices, faces, corners, and cells if there are some."""
+    *first, last = [
+        counted(sizes[domain], domain)
+        for domain in Domain
+        if domain is not Domain.CELL or sizes[domain]
+    ]
+    return f"{', '.join(first)} and {last}"
 
 
 def _validated_values(array: Any) -> Values:

@@ -235,7 +235,7 @@ def test_basis_of_a_stream_is_computed_once(all_of_gft, monkeypatch):
 
 def test_memory_limits_a_stream_and_its_basis(all_of_gft, monkeypatch):
     data, _ = all_of_gft
-    with pytest.raises(MemoryLimitError, match=r"68 kB of memory; .* memory"):
+    with pytest.raises(MemoryLimitError, match=r"68.1 kB of memory; .* memory"):
         read(data, memory="50kB")
     stream = read(data, all_frequencies=True, memory="95kB")
     monkeypatch.setattr(graph_fourier, "basis_bytes", lambda *_: 95_001)

@@ -1,4 +1,4 @@
-// Picks the vertex, face and corner of the file at a position on the mesh.
+// Picks the vertex, face, corner and cell of the file at a position on the mesh.
 
 import type { TrackInfo } from "../../index.js";
 import { createItemLookup } from "../../three/corners.js";
@@ -22,15 +22,14 @@ export function pickFirst(ray: Raycaster, mesh: ReelMesh): Picked | null {
   });
   const corner = 3 * hit.faceIndex + distances.indexOf(Math.min(...distances));
   const lookup = createItemLookup(mesh.reel.surface);
-  return { vertex: lookup("vertex")(corner), face: lookup("face")(corner), corner: lookup("corner")(corner) };
+  const itemOf = (domain: Domain) => lookup(domain)(corner);
+  return { vertex: itemOf("vertex"), face: itemOf("face"), corner: itemOf("corner"), cell: itemOf("cell") };
 }
 
-/** Return a vertex of a face or corner, or the vertex itself. */
-export function vertexOfItem(mesh: ReelMesh, domain: Domain, item: number): number {
+/** Return a vertex of a face, a corner or a cell, or the vertex itself; null for a cell inside. */
+export function vertexOfItem(mesh: ReelMesh, domain: Domain, item: number): number | null {
   if (domain === "vertex") return item;
   const { surface } = mesh.reel;
   const itemAt = createItemLookup(surface)(domain);
-  const vertex = surface.triangles.find((_, corner) => itemAt(corner) === item);
-  if (vertex === undefined) throw new RangeError(`there is no ${domain} ${item}`);
-  return vertex;
+  return surface.triangles.find((_, corner) => itemAt(corner) === item) ?? null;
 }

@@ -11,6 +11,7 @@ import type {
   TrackFields,
   TrackValues,
 } from "../../types.js";
+import type { Split } from "../corners.js";
 import { type Drawing, MAX_UV_SETS } from "../drawing.js";
 import { srgbToLinear } from "../drawn_vertices.js";
 import { composePicture, type LoadedBlock, type Moment, withoutFields } from "../loaded_block.js";
@@ -204,9 +205,9 @@ export class TrackColors {
   }
 
   /** Domain by which vertices of the drawing must be split; null if no split is needed. */
-  get split(): "face" | "corner" | null {
+  get split(): Split | null {
     const { domain } = this.#track.info;
-    return domain === "face" || domain === "corner" ? domain : null;
+    return domain === "vertex" ? null : domain;
   }
 
   /**

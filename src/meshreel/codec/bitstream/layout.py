@@ -24,6 +24,7 @@ class Section(IntEnum):
     SEGMENT = 5
     REFERENCE = 6
     EDIT = 7
+    CELLS = 8
     BLOCK = 16
     BASIS = 17
     ANCHORS = 18
@@ -60,7 +61,13 @@ SURFACE_SECTIONS = (
     Section.HARD_EDGES,
 )
 
-MESH_SECTIONS = (Section.CONNECTIVITY, Section.ORDER, Section.EDIT, *SURFACE_SECTIONS)
+MESH_SECTIONS = (
+    Section.CONNECTIVITY,
+    Section.ORDER,
+    Section.EDIT,
+    Section.CELLS,
+    *SURFACE_SECTIONS,
+)
 """Sections that a segment may share with an earlier one."""
 
 LOOK_SECTIONS = (Section.MATERIAL, Section.IMAGE)

@@ -11,12 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.order import encode_order
-from meshreel.errors import InvalidInputError
+from meshreel.codec.connectivity.order import encode_order, inverse_permutation
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.errors import InvalidInputError, Keyword
+from meshreel.kernel.cells import cell_links, encode_cells
 from meshreel.kernel.connectivity import encode_faces
+from meshreel.kernel.integers import encode_integers
+from meshreel.model.cells import Cells
 from meshreel.model.sequence import Faces
 
 ORDERS = ("keep", "vertices", "drop")
+CELLS_AND_VERTICES = 3
+"""First byte of the order of cells."""
+
 GOOD_WALK_BYTES = 0.5
 """Bytes per face of a walk below which the plain face list is not tried."""
 
@@ -38,6 +45,14 @@ class CodedConnectivity:
         The faces that a reader decodes.
     internal_twins : int32 array of shape (3 M,)
         The other side at the edge of each internal side, or the side itself.
+    counts : tuple of int
+        Of cells, of their nodes and of the faces of their surface, which precede the payload.
+    internal_cells : Cells, optional
+        Cells of a volume mesh in internal order, with internal vertices.
+    cells_to_internal : int64 array of shape (N,), optional
+        Internal number of each given cell.
+    cell_links : int32 array of shape (n, 3), optional
+        Edges of the cells, as `meshreel.kernel.cells.cell_links` returns them.
     """
 
     payload: bytes
@@ -45,6 +60,15 @@ class CodedConnectivity:
     internal_to_given: Integers
     internal_faces: Faces
     internal_twins: npt.NDArray[np.int32]
+    counts: tuple[int, ...] = ()
+    internal_cells: Cells | None = None
+    cells_to_internal: Integers | None = None
+    cell_links: npt.NDArray[np.int32] | None = None
+
+    @property
+    def links(self) -> npt.NDArray[np.int32]:
+        """Graph of internal vertices as triangles, of shape (n, 3): faces, or edges of cells."""
+        return self.internal_faces if self.cell_links is None else self.cell_links
 
     @property
     def size_bytes(self) -> int:
@@ -88,4 +112,62 @@ def _code(faces: Faces, n_verts: int, order: str, *, listed: bool) -> CodedConne
         )
     return CodedConnectivity(
         coded.data, order_payload, coded.internal_to_given, coded.faces, coded.twins
+    )
+
+
+def encode_mesh(
+    faces: Faces, cells: Cells | None, n_verts: int, *, order: str
+) -> CodedConnectivity:
+    """Encode the cells of a mesh, or its faces if it has none; parameters as below.
+
+    Raises
+    ------
+    InvalidInputError
+        As `encode_connectivity` and `encode_cells`.
+    """
+    if cells is None:
+        return encode_connectivity(faces, n_verts, order=order)
+    return _encode_cells(cells, n_verts, order=order)
+
+
+def _encode_cells(cells: Cells, n_verts: int, *, order: str) -> CodedConnectivity:
+    """Encode cells as a list or as a walk from cell to cell, whichever is smaller.
+
+    Parameters
+    ----------
+    order : {"keep", "drop"}
+        Preserve the order of cells and vertices, or only the cells with their nodes renumbered.
+
+    Raises
+    ------
+    InvalidInputError
+        If only the order of the vertices is to be kept.
+    """
+    if order not in ("keep", "drop"):
+        raise InvalidInputError(
+            Keyword("order"), f" of a mesh of cells is keep or drop; got {order!r}"
+        )
+    coded = [_code_cells(cells, n_verts, order, listed=listed) for listed in (True, False)]
+    return min(coded, key=lambda one: one.size_bytes)
+
+
+def _code_cells(cells: Cells, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:
+    coded = encode_cells(cells.types, cells.nodes, n_verts, listed=listed)
+    internal = Cells(coded.types, coded.nodes)
+    surface = internal.surface(n_verts)
+    counts = internal.n_cells, len(internal.nodes), len(surface.sizes)
+    order_payload = b""
+    if order == "keep" and not listed:
+        steps = [np.diff(row, prepend=0) for row in (coded.given_cells, coded.internal_to_given)]
+        order_payload = bytes([CELLS_AND_VERTICES]) + encode_integers(steps)
+    return CodedConnectivity(
+        coded.data,
+        order_payload,
+        coded.internal_to_given,
+        surface.triangles,
+        twin_sides(surface.triangles, n_verts).astype(np.int32),
+        counts,
+        internal,
+        inverse_permutation(coded.given_cells),
+        cell_links(internal.types, internal.nodes, n_verts),
     )

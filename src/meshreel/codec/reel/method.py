@@ -174,7 +174,7 @@ class LosslessMethod(ReelMethod):
     ) -> "PositionCoder":
         from meshreel.codec.reel.encoding.exact_positions import ExactPositionCoder
 
-        return ExactPositionCoder(mesh.faces, mesh.n_verts)
+        return ExactPositionCoder(mesh.links, mesh.n_verts)
 
     def frames(self, opened: OpenStream, n_modes: int | None) -> FrameDecoder:
         """Return the decoder of frames.

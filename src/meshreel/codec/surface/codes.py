@@ -4,7 +4,7 @@ from meshreel.model.materials import AlphaMode, Filter, Wrap
 from meshreel.model.surface import Domain, Kind
 
 KINDS = (Kind.UV, Kind.COLOR, Kind.OTHER)
-DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER)
+DOMAINS = (Domain.VERTEX, Domain.FACE, Domain.CORNER, Domain.CELL)
 ALPHA_MODES, WRAPS = tuple(AlphaMode), tuple(Wrap)
 
 FILTERS = tuple(Filter)

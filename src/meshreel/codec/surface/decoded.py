@@ -8,6 +8,7 @@ from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.files import OpenFile, array_at, text_of
 from meshreel.kernel.structures import NUMBER_TYPES, Text, fields_of
+from meshreel.model.cells import Cells
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 from meshreel.model.surface import Attribute, FaceGroups, Part, Surface
 
@@ -111,6 +112,7 @@ def decoded_surface(file: OpenFile) -> Surface:
         tuple(_material(stored.materials[i]) for i in range(stored.n_materials)),
         tuple(_image(stored.images[i], file) for i in range(stored.n_images)),
         hard_edges,
+        cells=None if file.cells is None else Cells(*file.cells),
     )
     try:
         return surface.validated(info.n_verts, file.faces)

@@ -22,9 +22,10 @@ from meshreel.codec.surface.rows import (
     places_of,
 )
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
-from meshreel.errors import Keyword, Message
+from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.cells import Cells
 from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.materials import SLOTS, Image, Material, Texture
@@ -82,7 +83,7 @@ def surface_sections(
     InvalidInputError
         If a hard edge has fewer than two faces.
     """
-    if surface.face_sizes is not None:
+    if surface.face_sizes is not None and surface.cells is None:
         sizes = surface.face_sizes
         yield Section.POLYGONS, write_varint(len(sizes)) + encode_integers([sizes - 3])
     for attribute in surface.attributes:
@@ -139,6 +140,38 @@ def surface_in_order(
         parts=(),
         hard_edges=hard_edges,
     )
+
+
+def surface_of_internal_cells(
+    surface: Surface, cells: Cells, internal_to_given: Integers, given_cells: Integers
+) -> Surface:
+    """Return a surface for a stream that returns vertices and cells in internal order.
+
+    Parameters
+    ----------
+    cells : Cells
+        In internal order.
+    internal_to_given, given_cells : integer arrays of shape (V,) and (N,)
+        Given vertex and cell of each internal one.
+
+    Raises
+    ------
+    InvalidInputError
+        If it has attributes of faces or corners, groups, parts or hard edges, which need the order
+        of cells.
+    """
+    numbers = {Domain.VERTEX: internal_to_given, Domain.CELL: given_cells}
+    of_faces = [row.name for row in surface.attributes if row.domain not in numbers]
+    of_faces += [groups.name for groups in surface.groups]
+    of_faces += ["parts"] if surface.parts else []
+    of_faces += ["hard edges"] if surface.hard_edges is not None else []
+    if of_faces:
+        raise InvalidInputError(
+            f"{', '.join(of_faces)} need the order of cells; keep it with ",
+            Keyword("order", "keep"),
+        )
+    attributes = tuple(_reordered(row, numbers[row.domain]) for row in surface.attributes)
+    return replace(surface, face_sizes=None, attributes=attributes, cells=cells)
 
 
 def order_notes(surfaces: Iterable[Surface], kept: str, *, is_chosen: bool) -> list[str]:

@@ -22,7 +22,7 @@ REPEAT, NEW, EXPLICIT = 0, 1, 2
 def faces_of_rows(
     domain: Domain, rows: Integers | None, surface: Surface, faces: Faces
 ) -> Faces | None:
-    """Return the rows of an attribute at the corners of each triangle, or None for faces.
+    """Return the rows of an attribute at the corners of each triangle, or None for faces and cells.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def faces_of_rows(
         The row of each vertex or corner; None if each has its own, in order.
     faces : int32 array of shape (M, 3)
     """
-    if domain is Domain.FACE:
+    if domain in (Domain.FACE, Domain.CELL):
         return None
     sizes = surface.sizes(len(faces))
     corners = faces if domain is Domain.VERTEX else triangle_corners(sizes, faces)

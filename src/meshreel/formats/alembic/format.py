@@ -2,7 +2,7 @@
 
 from meshreel.formats.alembic.meshes import read_meshes
 from meshreel.formats.alembic.write import write_alembic
-from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
+from meshreel.formats.kinds import OF_SURFACES, SequenceFormat
 from meshreel.runtime.extras import ALEMBIC
 
 FORMATS = (
@@ -14,6 +14,6 @@ FORMATS = (
         reads_without_extra=True,
         write=write_alembic,
         holds_segments=True,
-        holds_tracks=ALL_TRACKS,
+        holds_tracks=OF_SURFACES,
     ),
 )

@@ -17,9 +17,10 @@ from meshreel.formats.arrays.named_arrays import (
     Layout,
     find_layout,
     has_positions,
+    mesh_arrays,
     read_description,
-    surface_arrays,
     timing_arrays,
+    vertex_numbers,
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.file_errors import errors_naming
@@ -41,7 +42,7 @@ from meshreel.formats.hdf import (
     require_dataset,
     write_array,
 )
-from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
+from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.notes import listed, note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
@@ -84,11 +85,11 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         _note_left_out(root, positions, arrays, places, options.notes)
         name = positions.name.rpartition("/")[2]
         layout = find_layout(
-            positions.shape, arrays["faces"], positions.name, is_documented=name == POSITIONS
+            positions.shape, vertex_numbers(arrays), positions.name, is_documented=name == POSITIONS
         )
         n_frames, n_verts = layout.sizes(positions.shape)
         own_name = path.stem if name == POSITIONS else name
-        about = read_description(arrays, own_name, options, n_frames)
+        about = read_description(arrays, own_name, options, n_frames, n_verts)
     if min(n_frames, n_verts) < 1:
         raise InvalidInputError(f"{path}: {positions.name} is empty: {positions.shape}")
     dtype = positions.dtype.newbyteorder("=")
@@ -117,10 +118,9 @@ def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     frame_bytes = stream.n_verts * 3 * stream.dtype.itemsize
     chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
     described: dict[str, npt.NDArray[Any]] = {
-        "faces": stream.faces,
+        **mesh_arrays(stream.faces, stream.surface),
         **timing_arrays(stream.timing),
         "name": np.asarray(np.str_(stream.name)),
-        **surface_arrays(stream.surface),
     }
     with hdf_output(path) as output:
         vertices = output.root.create_dataset(
@@ -281,12 +281,13 @@ def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]
     for name in filter(RESERVED_NAMES.fullmatch, find_group(root, folders[0]) or ()):
         if (dataset := find_dataset(root, f"{folders[0]}/{name}")) is not None:
             arrays[name] = read_all(dataset)
-    for folder in folders:
+    for folder in folders if "cells" not in arrays else ():
         if (found := find_dataset(root, f"{folder}/faces")) is not None:
             arrays.setdefault("faces", read_all(found))
-    if "faces" not in arrays:
+    if not {"faces", "cells"} & arrays.keys():
         raise FormatError(
-            f"has no dataset 'faces' of shape (M, 3) next to {positions.name}; store it there"
+            f"has no dataset 'faces' of shape (M, 3) next to {positions.name}, and no 'cells'; "
+            "store one there"
         )
     return arrays
 
@@ -299,7 +300,7 @@ FORMATS = tuple(
         write_hdf,
         HDF,
         reads=frozenset({"dataset", "object", "merge", "skip_bad"}),
-        holds_tracks=ALL_TRACKS,
+        holds_tracks=EVERY_DOMAIN,
     )
     for extension in (".h5", ".hdf5", ".hdf")
 )

@@ -4,7 +4,9 @@
 name                            shape        contents
 ==============================  ===========  ===========================================
 ``vertices``                    (T, V, 3)    positions, float32 or float64; or (V, 3, T)
-``faces``                       (M, 3)       vertex indices of each triangle
+``faces``                       (M, 3)       vertex indices of each triangle; not with cells
+``cells``                       (n,)         vertex indices of the nodes of all cells
+``cell_types``                  (N,)         type of each cell, a number of VTK
 ``fps``, ``start_s``            ()           frames per second; time of the first frame
 ``name``                        ()           text
 ``face_sizes``                  (P,)         corners of each face, triangulated as a fan
@@ -13,7 +15,7 @@ name                            shape        contents
 ``part_sizes``                  (N, 2)       vertices and faces of each
 ``attribute_names``             (A,)         text
 ``attribute_kinds``             (A,)         text: uv, color or other
-``attribute_domains``           (A,)         text: vertex, face or corner
+``attribute_domains``           (A,)         text: vertex, face, corner or cell
 ``attribute_0_values`` ...      (N, C)       values of each attribute, numbered from 0
 ``attribute_0_indices`` ...     (n_items,)   row of the values for each item, if indexed
 ``group_names``                 (G,)         text: names of the face groups, such as "material"
@@ -21,17 +23,20 @@ name                            shape        contents
 ``group_0_numbers`` ...         (P,)         label of each face; -1 is none
 ``track_names``                 (K,)         text
 ``track_kinds``                 (K,)         text: scalar, vector, velocity, ...
-``track_domains``               (K,)         text: vertex, face or corner
+``track_domains``               (K,)         text: vertex, face, corner or cell
 ``track_units``                 (K,)         text, such as Pa
 ``tracks/NAME`` ...             (T, N, C)    values of each track
 ==============================  ===========  ===========================================
 
-All but the first two are optional. Any other array of shape (T, N) or (T, N, C), for T frames and N
-vertices, faces or corners, is a track. HDF5 files describe tracks by attributes instead of arrays.
+A file has ``vertices``, and either ``faces`` or ``cells``, whose surface has the faces; ``cells``
+may have the shape (N, k), a row for each, and ``cell_types`` one number for all. Any other array of
+shape (T, N) or (T, N, C), for T frames and N vertices, faces, corners or cells, is a track. HDF5
+files describe tracks by attributes instead of arrays.
 """
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from enum import Enum
 from typing import Any
 
@@ -41,23 +46,41 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import Description
 from meshreel.formats.options import ReadOptions
-from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.model.cells import Cells
+from meshreel.model.sequence import Faces
+from meshreel.model.surface import (
+    Attribute,
+    Domain,
+    FaceGroups,
+    Kind,
+    Part,
+    Surface,
+    surface_of_cells,
+)
 from meshreel.model.timing import Timing
 
 Array = npt.NDArray[Any]
 
 RESERVED_NAMES = re.compile(
-    r"faces|fps|start_s|times|name|face_sizes|hard_edges|part_(names|sizes)|attribute_(names|kinds|domains)"
+    r"faces|cells|cell_types|fps|start_s|times|name|face_sizes|hard_edges|part_(names|sizes)|attribute_(names|kinds|domains)"
     r"|attribute_\d+_(values|indices)|group_names|group_\d+_(labels|numbers)"
     r"|track_(names|kinds|domains|units)"
 )
 """Names of all arrays other than the positions."""
 
 
+def mesh_arrays(faces: Faces, surface: Surface) -> dict[str, Array]:
+    """Return the arrays of faces, or of cells whose surface they are, and of a surface by name."""
+    if surface.cells is None:
+        return {"faces": faces, **surface_arrays(surface)}
+    cells: dict[str, Array] = {"cells": surface.cells.nodes, "cell_types": surface.cells.types}
+    return cells | surface_arrays(surface)
+
+
 def surface_arrays(surface: Surface) -> dict[str, Array]:
-    """Return the arrays of a surface by name; empty for a plain surface."""
+    """Return the arrays of a surface by name; empty for a plain surface, and without cells."""
     arrays: dict[str, Array] = {}
-    if surface.face_sizes is not None:
+    if surface.face_sizes is not None and surface.cells is None:
         arrays["face_sizes"] = surface.face_sizes
     if surface.hard_edges is not None:
         arrays["hard_edges"] = surface.hard_edges
@@ -87,18 +110,24 @@ def _read_timing(arrays: Mapping[str, Array], fps: float | None, n_frames: int |
 
 
 def read_description(
-    arrays: Mapping[str, Array], name: str, options: ReadOptions, n_frames: int | None = None
+    arrays: Mapping[str, Array],
+    name: str,
+    options: ReadOptions,
+    n_frames: int | None = None,
+    n_verts: int = 0,
 ) -> Description:
     """Return faces, times and surface of a sequence from its named arrays.
 
     Parameters
     ----------
     arrays : mapping of names to arrays
-        Must contain ``faces``.
+        Must contain ``faces`` or ``cells``.
     name : str
         Default name of the sequence.
     n_frames : int, optional
         Required number of times.
+    n_verts : int
+        Of a mesh of cells.
 
     Raises
     ------
@@ -107,12 +136,28 @@ def read_description(
     InvalidInputError
         If there are not `n_frames` times, or they do not ascend.
     """
+    surface, faces = read_surface(arrays), arrays.get("faces", np.empty((0, 3), np.int32))
+    if "cells" in arrays:
+        faces, of_cells = surface_of_cells(_read_cells(arrays), n_verts)
+        surface = replace(surface, face_sizes=of_cells.face_sizes, cells=of_cells.cells)
     return Description(
-        arrays["faces"],
+        faces,
         _text(arrays.get("name")) or name,
         _read_timing(arrays, options.fps, n_frames),
-        read_surface(arrays),
+        surface,
     )
+
+
+def vertex_numbers(arrays: Mapping[str, Array]) -> Array:
+    """Return the vertex numbers of the cells or faces of named arrays."""
+    return arrays["cells"] if "cells" in arrays else arrays["faces"]
+
+
+def _read_cells(arrays: Mapping[str, Array]) -> Cells:
+    nodes, types = _required(arrays, "cells"), _required(arrays, "cell_types")
+    if nodes.ndim == 2 and types.size == 1:
+        types = np.full(len(nodes), types.item())
+    return Cells(types, nodes.reshape(-1) if nodes.ndim == 2 else nodes)
 
 
 def read_surface(arrays: Mapping[str, Array]) -> Surface:

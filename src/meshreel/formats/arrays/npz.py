@@ -22,9 +22,10 @@ from meshreel.formats.arrays.named_arrays import (
     Layout,
     find_layout,
     has_positions,
+    mesh_arrays,
     read_description,
-    surface_arrays,
     timing_arrays,
+    vertex_numbers,
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, NamedTrack, array_names
 from meshreel.formats.arrays.npz_members import (
@@ -42,7 +43,7 @@ from meshreel.formats.frames.stored_frames import (
     StoredFrames,
     changed_error,
 )
-from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
+from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource
 from meshreel.model.tracks import TrackSource, track_blocks
@@ -88,7 +89,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         arrays[positions] = _frames_first(path, arrays, positions)
     n_frames, n_verts = (stored.shape if stored is not None else arrays[positions].shape)[:2]
     with errors_naming(path):
-        about = read_description(arrays, path.stem, options, n_frames)
+        about = read_description(arrays, path.stem, options, n_frames, n_verts)
     found = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
     if stored is not None and max_bytes is not None:
         size_bytes = stored.size_bytes + sum(track.size_bytes for track in found.values())
@@ -112,7 +113,7 @@ def _frames_first(path: Path, arrays: Mapping[str, Numbers], positions: str) -> 
     vertices = arrays[positions]
     with errors_naming(path):
         layout = find_layout(
-            vertices.shape, arrays["faces"], positions, is_documented=positions == POSITIONS
+            vertices.shape, vertex_numbers(arrays), positions, is_documented=positions == POSITIONS
         )
     if layout is Layout.FRAMES_LAST:
         vertices = vertices.transpose(2, 0, 1)
@@ -287,10 +288,9 @@ def write_npz(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     """
     stream = segments.only()
     rest: dict[str, npt.NDArray[Any]] = {
-        "faces": stream.faces,
+        **mesh_arrays(stream.faces, stream.surface),
         **timing_arrays(stream.timing),
         "name": np.asarray(np.str_(stream.name)),
-        **surface_arrays(stream.surface),
         **track_arrays(stream.tracks),
     }
     places = array_names(stream.tracks)
@@ -341,7 +341,8 @@ def read_arrays(
     """
     with archive_errors(path), zipfile.ZipFile(path) as archive:
         names = [info.filename.removesuffix(".npy") for info in archive.infolist()]
-        missing = [name for name in (positions, "faces") if name not in names]
+        missing = [name for name in (positions,) if name not in names]
+        missing += [] if {"faces", "cells"} & set(names) else ["faces"]
         if missing:
             raise FormatError(
                 f"has no array {' and no array '.join(map(repr, missing))}; it contains "
@@ -362,6 +363,6 @@ FORMATS = (
         open_npz,
         write_npz,
         reads=frozenset({"dataset"}),
-        holds_tracks=ALL_TRACKS,
+        holds_tracks=EVERY_DOMAIN,
     ),
 )

@@ -22,7 +22,7 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Field
 from meshreel.formats.frames.frame import Frame, fields_of
-from meshreel.formats.kinds import ALL_TRACKS, FrameFormat
+from meshreel.formats.kinds import OF_SURFACES, FrameFormat
 from meshreel.formats.meshes.obj_writing import NORMALS_NAME, STATEMENTS, obj_encoder
 from meshreel.formats.notes import note_left_out, note_normals
 from meshreel.formats.surfaces.hard_edges import HardEdges, edges_between_groups, find_hard_edges
@@ -283,6 +283,6 @@ FORMATS = (
         obj_encoder,
         obj_positions_reader,
         is_decimal=True,
-        holds_tracks=ALL_TRACKS,
+        holds_tracks=OF_SURFACES,
     ),
 )

@@ -22,7 +22,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.frames.field_tracks import Field, Key
 from meshreel.formats.frames.frame import Frame
-from meshreel.formats.kinds import ALL_TRACKS, FrameFormat
+from meshreel.formats.kinds import OF_SURFACES, FrameFormat
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
 from meshreel.formats.meshes.ply_tables import PlyBody, PlyTable, read_ply_tables
 from meshreel.formats.meshes.ply_writing import (
@@ -193,6 +193,6 @@ def _corner_coordinates(table: PlyTable, counts: npt.NDArray[np.int64]) -> Attri
 
 FORMATS = (
     FrameFormat(
-        ".ply", "PLY", read_ply, ply_encoder, ply_positions_reader, holds_tracks=ALL_TRACKS
+        ".ply", "PLY", read_ply, ply_encoder, ply_positions_reader, holds_tracks=OF_SURFACES
     ),
 )

@@ -22,7 +22,7 @@ from meshreel.formats.notes import (
 )
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
+from meshreel.model.surface import PLAIN, SURFACE_DOMAINS, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
@@ -92,7 +92,8 @@ def ply_encoder(
     lists = [attribute.per_item() for attribute in by_domain[2]]
     written_tracks = select_tracks(tracks or {}, attributes, notes if notes is not None else [])
     tracks_of = {
-        domain: [track for track in written_tracks if track.domain is domain] for domain in Domain
+        domain: [track for track in written_tracks if track.domain is domain]
+        for domain in SURFACE_DOMAINS
     }
     face_table = _face_table(faces, surface, face_columns, lists)
 

@@ -11,7 +11,15 @@ from meshreel.formats.frames.shared_data import SharedData
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces
-from meshreel.model.surface import Attribute, Domain, FaceGroups, Int32s, Part, Surface
+from meshreel.model.surface import (
+    SURFACE_DOMAINS,
+    Attribute,
+    Domain,
+    FaceGroups,
+    Int32s,
+    Part,
+    Surface,
+)
 from meshreel.model.tracks import TrackKind, TrackSource
 
 
@@ -97,7 +105,7 @@ def _items(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> list[dict[Do
     ends = np.cumsum([0, *(part.n_verts for part in parts)]), faces, corner_ends[faces]
     starts_and_stops = (pairwise(end.tolist()) for end in ends)
     return [
-        {domain: slice(*ends) for domain, ends in zip(Domain, own, strict=True)}
+        {domain: slice(*ends) for domain, ends in zip(SURFACE_DOMAINS, own, strict=True)}
         for own in zip(*starts_and_stops, strict=True)
     ]
 

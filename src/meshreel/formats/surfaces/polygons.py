@@ -12,7 +12,7 @@ from meshreel.formats.notes import NoteKind, add_note
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.geometry.polygons import Integers
 from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import Domain
+from meshreel.model.surface import SURFACE_DOMAINS, Domain
 from meshreel.runtime.counting import counted
 
 
@@ -38,7 +38,7 @@ class PolygonMesh:
     def n_items(self) -> dict[Domain, int]:
         """Number of vertices, faces and corners."""
         counts = len(self.vertices), len(self.counts), len(self.corners)
-        return dict(zip(Domain, counts, strict=True))
+        return dict(zip(SURFACE_DOMAINS, counts, strict=True))
 
     def items_of_corners(self, domain: Domain) -> npt.NDArray[np.integer]:
         """Return the vertex, face or corner to which each corner belongs, of shape (C,)."""

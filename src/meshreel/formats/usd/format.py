@@ -1,6 +1,6 @@
 """Rows of USD."""
 
-from meshreel.formats.kinds import ALL_TRACKS, SequenceFormat
+from meshreel.formats.kinds import OF_SURFACES, SequenceFormat
 from meshreel.formats.usd.reading import read_meshes
 from meshreel.formats.usd.writing import write_usd
 from meshreel.runtime.extras import USD
@@ -23,7 +23,7 @@ FORMATS = tuple(
         names_files=True,
         holds_materials=True,
         has_image_folder=extension != ".usdz",
-        holds_tracks=ALL_TRACKS,
+        holds_tracks=OF_SURFACES,
     )
     for extension, title in TITLES.items()
 )

@@ -15,7 +15,7 @@ from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet
 from samples.streams import recorded, track_headers
-from samples.tracks import given_places
+from samples.tracks import OF_SURFACES, given_places
 
 RNG = np.random.default_rng(4)
 FPS = 30.0
@@ -162,7 +162,7 @@ def test_predicted_tracks_keep_missing_velocities():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("block_frames", [None, 5])
-@pytest.mark.parametrize("domain", list(Domain))
+@pytest.mark.parametrize("domain", OF_SURFACES)
 def test_normals_are_coded_as_rotations_of_surface_normals(domain, block_frames):
     sheet = quad_sheet(12)
     of_vertices = normals_of(sheet)

@@ -22,8 +22,10 @@ from meshreel.errors import (
 )
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.cells import Cells
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.materials import Image, Material, Texture
+from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.materials import dressed_sheet, dressed_sheets
@@ -56,12 +58,14 @@ def test_surface_is_lossless(make, method):
 @pytest.mark.parametrize("is_indexed", [False, True])
 def test_values_of_any_type_and_domain_are_lossless(dtype, domain, is_indexed):
     sequence, rng = quad_sheet(2), np.random.default_rng(5)
-    sizes = sequence.surface.face_sizes
-    n_items = {"vertex": 30, "face": len(sizes), "corner": int(sizes.sum())}[domain]
+    if domain is Domain.CELL:
+        sequence = MeshSequence(sequence.vertices, cells=Cells([9], [0, 1, 5, 4]))
+    n_items = sequence.surface.n_items(domain, sequence.n_verts, sequence.n_faces)
     n_rows = 7 if is_indexed else n_items
     values = rng.integers(0, 256, (n_rows, 16 * np.dtype(dtype).itemsize), np.uint8).view(dtype)
     indices = rng.integers(0, 7, n_items) if is_indexed else None
-    surface = Surface(sizes, (Attribute("odd \u00e9", Kind.OTHER, domain, values, indices),))
+    attribute = Attribute("odd \u00e9", Kind.OTHER, domain, values, indices)
+    surface = replace(sequence.surface, attributes=(attribute,))
     given = sequence.replace(surface=surface)
     assert_same_surface(meshreel.decode(meshreel.encode(given)).surface, given.surface)
 

@@ -42,7 +42,7 @@ def test_positions_and_polygons_round_trip_exactly(tmp_path):
     assert loaded.name == "Ödipus"
 
 
-@pytest.mark.parametrize("domain", Domain)
+@pytest.mark.parametrize("domain", N_ITEMS)
 @pytest.mark.parametrize("is_indexed", [False, True])
 @pytest.mark.parametrize(
     ("kind", "width", "dtype"),

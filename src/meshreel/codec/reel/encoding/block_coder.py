@@ -304,7 +304,7 @@ def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
     """Return the coder of a mesh with its options; its step is still to be set."""
     assert isinstance(mesh.config, ReelOptions)  # those of this method
     choices = choices_of(mesh.config)
-    field_mesh = FieldMesh(mesh.faces, mesh.n_verts, choices.stencil_size)
+    field_mesh = FieldMesh(mesh.links, mesh.n_verts, choices.stencil_size)
     return FieldBlockCoder(field_mesh, frame, choices)
 
 

@@ -30,6 +30,7 @@ from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import in_threads, n_cores
 
 Vertices = npt.NDArray[np.floating]
+Sides = tuple[Faces, npt.NDArray[np.int32]]
 CodedBlock = tuple[int, list[tuple[Section, bytes]]]
 
 MAX_PARALLEL_BLOCKS = 4
@@ -42,18 +43,18 @@ class PositionCoder(ABC):
 
     Attributes
     ----------
-    faces : int32 array of shape (M, 3)
-        In internal order.
+    links : int32 array of shape (n, 3)
+        The graph of internal vertices as triangles.
     n_verts : int
     """
 
-    faces: Faces
+    links: Faces
     n_verts: int
 
     @cached_property
     def graph(self) -> Neighbors:
         """Adjacent vertices of each vertex."""
-        return neighbors(self.faces, self.n_verts)
+        return neighbors(self.links, self.n_verts)
 
     def __reduce__(self) -> tuple[Any, ...]:  # without the neighbors, which are derived
         return type(self), tuple(getattr(self, each.name) for each in fields(self))
@@ -83,13 +84,14 @@ class ExactPositionCoder(PositionCoder):
 
     Attributes
     ----------
-    twins : int32 array of shape (3 M,), optional
-        The other side at the edge of each side, or the side itself. Needed with `grid`.
+    sides : tuple of int32 arrays of shape (M, 3) and (3 M,), optional
+        Internal faces, and the other side at the edge of each side, or the side itself. Needed
+        with `grid`.
     grid : PositionGrid, optional
         The grid on which a quantizer left the only frame.
     """
 
-    twins: npt.NDArray[np.int32] | None = None
+    sides: Sides | None = None
     grid: PositionGrid | None = None
 
     @property
@@ -118,13 +120,13 @@ class ExactPositionCoder(PositionCoder):
 
     def _on_grid(self, vertices: Vertices) -> list[tuple[Section, bytes]] | None:
         """Encode the frame on its grid, with the rounding of its values."""
-        if self.grid is None or self.twins is None:
+        if self.grid is None or self.sides is None:
             return None
         coordinates = self.grid.coordinates(vertices)
         rounding = self.grid.rounding(coordinates, vertices)
         if rounding is None or np.abs(coordinates).max() > MAX_VALUE:
             return None
-        return write_grid_frame(coordinates, self.grid.step, self.faces, self.twins, rounding)
+        return write_grid_frame(coordinates, self.grid.step, *self.sides, rounding)
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
@@ -145,10 +147,10 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
         As `ExactPositionCoder.code`.
     """
     source = replace(source, tracks=encode_tracks(source, progress))
-    coder = ExactPositionCoder(source.mesh.faces, source.mesh.n_verts)
+    coder = ExactPositionCoder(source.mesh.links, source.mesh.n_verts)
     if source.n_frames == 1 and (found := on_stored_grid(source)):
         source, grid = found
-        coder = replace(coder, twins=source.mesh.twins, grid=grid)
+        coder = replace(coder, sides=source.mesh.sides, grid=grid)
     return stream_of(source, coder, progress, engine)
 
 

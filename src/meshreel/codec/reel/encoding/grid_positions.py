@@ -15,7 +15,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_coder import largest_rounding
-from meshreel.codec.reel.encoding.exact_positions import PositionCoder, stream_of
+from meshreel.codec.reel.encoding.exact_positions import PositionCoder, Sides, stream_of
 from meshreel.codec.reel.encoding.stored_grid import on_stored_grid
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
@@ -49,8 +49,8 @@ class GridPositionCoder(PositionCoder):
 
     Attributes
     ----------
-    twins : int32 array of shape (3 M,)
-        The other side at the edge of each side, or the side itself.
+    sides : tuple of int32 arrays of shape (M, 3) and (3 M,)
+        Internal faces, and the other side at the edge of each side, or the side itself.
     grid : PositionGrid
     bound : float or None
         Largest error of a position, in diagonals; None guarantees nothing.
@@ -58,7 +58,7 @@ class GridPositionCoder(PositionCoder):
         Whether a quantizer left the only frame on this grid, so that it may be exact.
     """
 
-    twins: npt.NDArray[np.int32]
+    sides: Sides
     grid: PositionGrid
     bound: float | None
     is_stored: bool = False
@@ -85,7 +85,7 @@ class GridPositionCoder(PositionCoder):
             rounding = None
         is_precise = meets_bound or rounding is not None
         if len(vertices) == 1 and is_precise and np.abs(coordinates).max() <= MAX_VALUE:
-            return write_grid_frame(coordinates, self.grid.step, self.faces, self.twins, rounding)
+            return write_grid_frame(coordinates, self.grid.step, *self.sides, rounding)
         exact = write_grid_positions(vertices, NO_GRID, self.graph)
         if len(vertices) == 1 or not meets_bound:
             return exact
@@ -134,7 +134,7 @@ def grid_coder(
 def step_coder(mesh: CodedMesh, frame: BoundingFrame, step: float) -> GridPositionCoder:
     """Return the coder of a mesh with a grid of a step in diagonals, if coordinates allow it."""
     grid = PositionGrid(_allowed(step), frame)
-    return GridPositionCoder(mesh.faces, mesh.n_verts, mesh.twins, grid, None)
+    return GridPositionCoder(mesh.links, mesh.n_verts, mesh.sides, grid, None)
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:

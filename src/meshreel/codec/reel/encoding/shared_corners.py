@@ -85,7 +85,7 @@ def shared_track(track: TrackSource, mesh: CodedMesh) -> SharedTrack | None:
         return None
     if rows.n_rows == mesh.n_verts:
         corners, is_unused = _first_corners(vertices, mesh.n_verts)
-        graph = ItemGraph(mesh.faces, mesh.n_verts)
+        graph = ItemGraph(mesh.links, mesh.n_verts)
         return SharedTrack(track, corners, is_unused, Sharing.VERTICES, graph, mesh.order)
     return _by_rows(track, rows, vertices, mesh)
 

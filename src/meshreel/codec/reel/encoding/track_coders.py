@@ -348,7 +348,7 @@ def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph
     if isinstance(track, SharedTrack):
         return track.graph, track.order
     if track.domain is Domain.VERTEX:
-        return ItemGraph(mesh.faces, mesh.n_verts), mesh.order
+        return ItemGraph(mesh.links, mesh.n_verts), mesh.order
     if mesh.order_kept is not Order.KEEP:
         raise InvalidInputError(
             f"track {name!r} has a value per {track.domain}, whose order would be lost; keep it (",

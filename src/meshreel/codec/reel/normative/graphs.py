@@ -1,7 +1,7 @@
 """Graphs of faces, corners and rows, over which their tracks are predicted.
 
 Faces are adjacent across an edge; corners within a triangle, and across an edge at the same vertex;
-rows if any of their corners are. `docs/format.md`, "Tracks".
+rows if any of their corners are; cells if they share a side. `docs/format.md`, "Tracks".
 """
 
 from typing import NamedTuple
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.corner_rows import CornerRows
+from meshreel.kernel.cells import cell_links
 from meshreel.kernel.mesh import item_faces
 from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.sequence import Faces
@@ -33,7 +34,7 @@ class ItemGraph(NamedTuple):
 def item_graph(
     domain: Domain, faces: Faces, surface: Surface, n_verts: int, rows: CornerRows | None = None
 ) -> ItemGraph:
-    """Return the graph of the polygons of a decoded mesh, of their corners, or of rows of these.
+    """Return the graph of the polygons of a decoded mesh, their corners, rows of these, or cells.
 
     Parameters
     ----------
@@ -44,6 +45,11 @@ def item_graph(
     n_verts : int
     rows : CornerRows, optional
     """
+    if domain is Domain.CELL:
+        cells = surface.cells
+        assert cells is not None
+        links = cell_links(cells.types, cells.nodes, n_verts, of_cells=True)
+        return ItemGraph(links, cells.n_cells)
     sizes = surface.sizes(len(faces))
     items: npt.NDArray[np.integer]
     if domain is Domain.FACE:

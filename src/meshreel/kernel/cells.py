@@ -1,0 +1,160 @@
+"""Coding, surface and adjacency of cells, by the core."""
+
+import ctypes
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Integers
+from meshreel.kernel.library import call, encoded
+
+Int32s = npt.NDArray[np.int32]
+Types = npt.NDArray[np.uint8]
+
+MAX_CELLS, MAX_NODES = 1 << 26, 1 << 28
+"""Largest numbers of cells, and of nodes of all cells together."""
+
+NODE_BYTES, MORE_BYTES = 16, 64
+
+
+class CellSurface(NamedTuple):
+    """The polygons of the surface of cells, in the order of the cells.
+
+    Attributes
+    ----------
+    triangles : int32 array of shape (M, 3)
+        A fan for each polygon.
+    sizes, owners : int32 arrays of shape (P,)
+        Corners of each polygon, and its cell.
+    """
+
+    triangles: Int32s
+    sizes: Int32s
+    owners: Int32s
+
+
+class EncodedCells(NamedTuple):
+    """Cells in internal order.
+
+    Attributes
+    ----------
+    data : bytes
+    types : uint8 array of shape (N,)
+    nodes : int32 array
+        As the decoder restores them.
+    given_cells : int32 array of shape (N,)
+        Input cell of each internal one.
+    internal_to_given : int64 array of shape (V,)
+        Input vertex of each internal one.
+    """
+
+    data: bytes
+    types: Types
+    nodes: Int32s
+    given_cells: Int32s
+    internal_to_given: Integers
+
+
+@cache
+def cell_sizes() -> Int32s:
+    """Number of nodes of each cell type of VTK, of shape (256,); 0 if it is not supported."""
+    return np.array([call("reel_cell_size", code, what="cells") for code in range(256)], np.int32)
+
+
+def cell_surface(types: Types, nodes: Int32s, n_verts: int) -> CellSurface:
+    """Return the polygons of flat cells, and the sides of solids that no other solid shares.
+
+    Raises
+    ------
+    InvalidInputError
+        If a type is unknown, or a node does not exist.
+    """
+    n_polygons = ctypes.c_int64()
+    capacity = 0
+    while True:
+        surface = CellSurface(
+            np.empty((capacity, 3), np.int32),
+            np.empty(capacity, np.int32),
+            np.empty(capacity, np.int32),
+        )
+        n_triangles = call(
+            "reel_cells_surface",
+            types,
+            len(types),
+            nodes,
+            len(nodes),
+            n_verts,
+            capacity,
+            *surface,
+            ctypes.byref(n_polygons),
+            what="cells",
+            memory_of=("reel_cells_memory", len(types), n_verts),
+        )
+        if n_triangles <= capacity:
+            triangles, sizes, owners = surface
+            n = n_polygons.value
+            return CellSurface(triangles[:n_triangles], sizes[:n].copy(), owners[:n].copy())
+        capacity = n_triangles
+
+
+def cell_links(types: Types, nodes: Int32s, n_verts: int, *, of_cells: bool = False) -> Int32s:
+    """Return the edges between nodes, or pairs of cells that share a side, as flat triangles.
+
+    The result of shape (L, 3), whose rows are a, b, b, stands for a graph where faces do.
+
+    Raises
+    ------
+    InvalidInputError
+        If a type is unknown, or a node does not exist.
+    """
+    n_items = len(types) if of_cells else n_verts
+    starts = np.empty(n_items + 1, np.int32)
+    near = np.empty(8 * len(types) if of_cells else 4 * len(nodes), np.int32)
+    shape = len(types), len(nodes), n_verts, int(of_cells)
+    n_near = call(
+        "reel_cells_adjacency",
+        types,
+        len(types),
+        nodes,
+        *shape[1:],
+        starts,
+        near,
+        what="cells",
+        memory_of=("reel_cells_adjacency_memory", *shape),
+    )
+    low, high = np.repeat(np.arange(n_items, dtype=np.int32), np.diff(starts)), near[:n_near]
+    is_first = low < high
+    low, high = low[is_first], high[is_first]
+    return np.stack([low, high, high], axis=1)
+
+
+def encode_cells(types: Types, nodes: Int32s, n_verts: int, *, listed: bool) -> EncodedCells:
+    """Encode cells as a list in their order, or in that of a walk from cell to cell.
+
+    Raises
+    ------
+    InvalidInputError
+        If a type is unknown, a node does not exist, or there are too many cells or nodes.
+    """
+    internal_types, internal_nodes = np.empty_like(types), np.empty_like(nodes)
+    given_cells, internal_to_given = np.empty(len(types), np.int32), np.empty(n_verts, np.int32)
+    data = encoded(
+        "reel_cells_encode",
+        types,
+        len(types),
+        nodes,
+        len(nodes),
+        n_verts,
+        int(listed),
+        internal_types,
+        internal_nodes,
+        given_cells,
+        internal_to_given,
+        what="cells",
+        capacity=NODE_BYTES * len(nodes) + MORE_BYTES,
+        memory_of=("reel_cells_code_memory", len(types), len(nodes), n_verts),
+    )
+    order = internal_to_given.astype(np.int64)
+    return EncodedCells(data, internal_types, internal_nodes, given_cells, order)
