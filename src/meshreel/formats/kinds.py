@@ -23,6 +23,7 @@ NO_TRACKS: frozenset[Domain] = frozenset()
 EVERY_DOMAIN = frozenset(Domain)
 OF_SURFACES = frozenset(SURFACE_DOMAINS)
 NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
+OF_CELLS = NOT_OF_CORNERS | {Domain.CELL}
 """Track domains that a format supports; with those of cells, it stores cells too."""
 
 

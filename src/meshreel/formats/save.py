@@ -224,6 +224,8 @@ def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
     domains = NO_TRACKS if isinstance(output_format, FolderFormat) else output_format.holds_tracks
     if Domain.CELL not in domains:
         mesh = _without_cells(mesh, output_format.extension)
+    elif mesh.surface.cells is not None and Domain.CORNER not in domains:
+        domains = domains - {Domain.FACE}  # values are of points or cells
     supported = {name: track for name, track in mesh.tracks.items() if track.domain in domains}
     unsupported = {name: track for name, track in mesh.tracks.items() if name not in supported}
     constant = _constant_attributes(unsupported, mesh.surface)

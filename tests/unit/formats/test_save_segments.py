@@ -381,10 +381,10 @@ def test_vtk_reads_the_pieces_of_a_collection(textured, tmp_path):
     meshreel.save(textured, tmp_path / "a.pvd")
     pieces = sorted((tmp_path / "a_frames").iterdir())
     for piece, frame in zip(pieces, textured, strict=True):
-        reader = xml.vtkXMLPolyDataReader()
+        reader = xml.vtkXMLUnstructuredGridReader()
         reader.SetFileName(str(piece))
         reader.Update()
         mesh = reader.GetOutput()
         np.testing.assert_array_equal(vtk_to_numpy(mesh.GetPoints().GetData()), frame.vertices)
-        corners = vtk_to_numpy(mesh.GetPolys().GetConnectivityArray())
+        corners = vtk_to_numpy(mesh.GetCells().GetConnectivityArray())
         np.testing.assert_array_equal(corners.reshape(-1, 3), frame.faces)

@@ -9,7 +9,7 @@ from meshreel.formats.frames.field_tracks import Field, Fields, Key, field_track
 from meshreel.formats.frames.stored_frames import StoredTrack, checksum
 from meshreel.formats.surfaces.hard_edges import HardEdges
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.surface import PLAIN, SURFACE_DOMAINS, Attribute, Surface
+from meshreel.model.surface import PLAIN, Attribute, Surface
 
 
 def fields_of(attributes: Iterable[Attribute]) -> dict[Key, tuple[Values, Field]]:
@@ -118,11 +118,8 @@ class FrameData:
             {key: field for key, field in fields.items() if key in changing}
             for fields in self._descriptions
         ]
-        counts = len(mesh.vertices), len(mesh.counts), len(mesh.corners)
 
         def read_field(index: int, key: Key) -> Values:
             return (frames[index] if frames else read(index))[key][0]
 
-        return field_tracks(
-            described, dict(zip(SURFACE_DOMAINS, counts, strict=True)), read_field, notes
-        )
+        return field_tracks(described, mesh.n_items, read_field, notes)

@@ -194,7 +194,7 @@ class _Run:
         rows: slice | npt.NDArray[np.int64] = slice(None)
         if self._welder is None:
             faces = triangulated(mesh, notes)
-            surface = replace(surface, face_sizes=mesh.counts.astype(np.int32))
+            surface = mesh.with_polygons(surface)
         else:
             faces, rows = self._welder.faces, self._welder.representatives
             text = self._welder.description

@@ -6,7 +6,7 @@ Arrays that never change are attributes, others are tracks.
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from meshreel.formats.frames.field_tracks import (
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.stored_frames import checksum
 from meshreel.formats.notes import listed, note_kinds, note_left_out, note_normals
-from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface
+from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind, Surface
@@ -115,6 +115,8 @@ class Step:
         Of its cells.
     read_points : function
         Reads the points.
+    data : sequence of DataArray
+        Arrays of vertices, and those of cells with the domain of faces.
     left_out : tuple of str
         Descriptions of what else the file contains, for notes.
     """
@@ -123,8 +125,17 @@ class Step:
     n_cells: int
     surface: CellSurface
     read_points: Callable[[], Vertices]
-    arrays: Sequence[DataArray]
+    data: Sequence[DataArray]
     left_out: tuple[str, ...] = ()
+
+    @cached_property
+    def arrays(self) -> list[DataArray]:
+        """The arrays of points, and those of cells, which belong to faces if cells are not kept."""
+        domain = self.surface.cell_domain
+        return [
+            array if array.domain is Domain.VERTEX else replace(array, domain=domain)
+            for array in self.data
+        ]
 
     @property
     def mesh(self) -> PolygonMesh:
@@ -134,7 +145,7 @@ class Step:
     @property
     def sizes(self) -> dict[Domain, int]:
         """Number of points and cells."""
-        return {Domain.VERTEX: self.n_points, Domain.FACE: self.n_cells}
+        return {Domain.VERTEX: self.n_points, self.surface.cell_domain: self.n_cells}
 
     def values(self, array: DataArray) -> npt.NDArray[Any]:
         """Read the values of an array at the vertices or faces of the surface, of shape (N, C).
@@ -277,7 +288,7 @@ class StepFrames:
 
         step = self._read(frames.start)
         n_verts = step.surface.n_verts(step.n_points)
-        sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(step.surface.cells)}
+        sizes = {Domain.VERTEX: n_verts, step.surface.cell_domain: step.surface.n_cell_items}
         return field_tracks(described, sizes, read, self._notes)
 
     def _changing(self) -> set[Key]:
@@ -317,7 +328,7 @@ class Piece:
         for array in self.arrays:
             if (field := array.describe()) is not None:
                 add_field(fields, array.key, field)
-        surface = extract_surface(self.cells, len(self.points))
+        surface = cell_mesh(self.cells, len(self.points))
         n_points, n_cells = len(self.points), len(self.cells.types)
         return Step(n_points, n_cells, surface, lambda: self.points, self.arrays, tuple(left_out))
 

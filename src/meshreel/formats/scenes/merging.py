@@ -10,6 +10,7 @@ from meshreel.formats.frames.stored_frames import StoredTrack
 from meshreel.formats.notes import add_once, listed, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import Neighbours, blend, neighbours, unite_times
+from meshreel.formats.surfaces.cells import joined_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumbered
@@ -87,6 +88,7 @@ def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:
         np.concatenate([frame.vertices for frame in frames]),
         np.concatenate([frame.counts for frame in frames]),
         np.concatenate(corners).astype(np.int32),
+        joined_cells([frame.cells for frame in frames], starts),
     )
 
 

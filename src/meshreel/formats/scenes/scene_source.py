@@ -201,7 +201,7 @@ class _SceneRun:
             triangulated(first, options.notes),
             mesh.name.rstrip("/").rpartition("/")[2],
             timing,
-            replace(mesh.surface(0), face_sizes=first.counts.astype(np.int32)),
+            first.with_polygons(mesh.surface(0)),
         )
         tracks = mesh.tracks(range(n_frames))
         size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))
@@ -297,8 +297,7 @@ def _fault(mesh: SceneMesh) -> str:
     """Describe why a mesh cannot be read; empty if it can."""
     try:
         first = mesh.frame(0)
-        sizes = first.counts.astype(np.int32)
-        surface = replace(mesh.surface(0), face_sizes=sizes)
+        surface = first.with_polygons(mesh.surface(0))
         surface.validated(len(first.vertices), triangulated(first, []))
         for index in range(len(mesh.times_s)):
             frame = mesh.frame(index) if index else first

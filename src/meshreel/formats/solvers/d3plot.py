@@ -30,7 +30,7 @@ from meshreel.formats.solvers.d3plot_files import (
     adapted_roots,
     other_files,
 )
-from meshreel.formats.surfaces.cells import Cells, CellSurface, extract_surface, used_points
+from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh, used_points
 from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.surface import Domain, FaceGroups, Surface
 from meshreel.runtime.counting import counted
@@ -182,8 +182,8 @@ def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurf
     starts = np.cumsum(cells.counts) - cells.counts
     counts = cells.counts[chosen]
     points = cells.points[ragged_indices(starts[chosen], counts)]
-    surface = extract_surface(Cells(cells.types[chosen], counts, points), layout.n_nodes)
-    return replace(used_points(surface), cells=chosen[surface.cells])
+    surface = used_points(cell_mesh(Cells(cells.types[chosen], counts, points), layout.n_nodes))
+    return replace(surface, cells=chosen[surface.cells], volume_rows=chosen)
 
 
 FORMATS = (

@@ -36,7 +36,7 @@ from meshreel.formats.solvers.ensight_files import (
     read_lines,
     read_values,
 )
-from meshreel.formats.surfaces.cells import CellSurface, extract_surface, used_points
+from meshreel.formats.surfaces.cells import CellSurface, cell_mesh, used_points
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
@@ -383,7 +383,7 @@ class _Steps:
     def surface(self, step: int, number: int) -> CellSurface:
         """Return the surface of a part from the elements in the file of a step."""
         part = self.part(step, number)
-        return used_points(extract_surface(read_cells(self._geometry(step), part), part.n_nodes))
+        return used_points(cell_mesh(read_cells(self._geometry(step), part), part.n_nodes))
 
     def elements_step(self, index: int) -> int:
         """Return the frame whose file has the elements of a frame."""
@@ -449,6 +449,7 @@ class _PartFrames:
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
         """Return the variables of frames that share their faces."""
+        surface = self._surface(frames.start)
         fields: dict[Key, Field] = {}
         variables: dict[Key, Variable] = {}
         for variable in self._steps.variables:
@@ -459,18 +460,19 @@ class _PartFrames:
                 note_left_out(self._notes, f"variable {variable.name!r}: {error}")
                 continue
             field = Field(np.dtype(np.float32), variable.width, is_track=True)
-            add_field(fields, (variable.domain, variable.name), field)
-            variables[variable.domain, variable.name] = variable
+            is_at_nodes = variable.domain is Domain.VERTEX
+            key = Domain.VERTEX if is_at_nodes else surface.cell_domain, variable.name
+            add_field(fields, key, field)
+            variables[key] = variable
 
         def read(index: int, key: Key) -> Singles:
             surface = self._surface(frames[index])
             values = self._steps.values(variables[key], frames[index], self._number)
             return values[surface.source_rows[key[0]]]
 
-        surface = self._surface(frames.start)
         surface.note_interior(self._notes)
         n_verts = surface.n_verts(self._steps.part(frames.start, self._number).n_nodes)
-        sizes = {Domain.VERTEX: n_verts, Domain.FACE: len(surface.cells)}
+        sizes = {Domain.VERTEX: n_verts, surface.cell_domain: surface.n_cell_items}
         return field_tracks([fields] * len(frames), sizes, read, self._notes)
 
     def _surface(self, index: int) -> CellSurface:

@@ -7,12 +7,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.model.geometry.polygons import ragged_indices
-from meshreel.model.sequence import Vertices
-from meshreel.model.surface import Domain
+from meshreel.kernel.cells import cell_sizes
+from meshreel.model.cells import Cells as VolumeCells
+from meshreel.model.cells import validated_cells
+from meshreel.model.geometry.polygons import join_triangles, ragged_indices
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
 POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7
@@ -104,6 +107,12 @@ class CellSurface:
         Points that become vertices, in order: all, or the boundary points of solid cells.
     n_solids, n_interior : int
         Numbers of solid cells, and of their points that are no corner of a polygon.
+    volume : model.Cells, optional
+        The cells, if they are kept; then all their points are vertices.
+    volume_rows : int64 array, optional
+        Rows of the cell data that belong to these cells. Default: all.
+    changes : tuple of str
+        What was changed in them, for notes.
     """
 
     counts: npt.NDArray[np.int64]
@@ -112,9 +121,14 @@ class CellSurface:
     kept: npt.NDArray[np.int64] | slice
     n_solids: int = 0
     n_interior: int = 0
+    volume: VolumeCells | None = None
+    volume_rows: npt.NDArray[np.int64] | None = None
+    changes: tuple[str, ...] = ()
 
     def note_interior(self, notes: list[str]) -> None:
-        """Note that only the surface of solid cells is kept; nothing without solid cells."""
+        """Note what is not kept of cells: mostly the inside of solids, unless they all are."""
+        for change in self.changes:
+            add_note(notes, NoteKind.CHANGED, "types of cells", change)
         if self.n_solids:
             cells, nodes = counted(self.n_solids, "solid cell"), counted(self.n_interior, "node")
             text = f"left out: the inside of {cells}, with {nodes} that their surface does not use"
@@ -122,8 +136,21 @@ class CellSurface:
 
     @property
     def source_rows(self) -> Mapping[Domain, npt.NDArray[np.int64] | slice]:
-        """Rows of the point data and cell data that belong to the vertices and faces."""
+        """Rows of the point data and cell data that belong to the vertices and faces, or cells."""
+        if self.volume is not None:
+            rows = slice(None) if self.volume_rows is None else self.volume_rows
+            return {Domain.VERTEX: self.kept, Domain.CELL: rows}
         return {Domain.VERTEX: self.kept, Domain.FACE: self.cells}
+
+    @property
+    def cell_domain(self) -> Domain:
+        """The domain of cell data: cells if they are kept, else faces."""
+        return Domain.FACE if self.volume is None else Domain.CELL
+
+    @property
+    def n_cell_items(self) -> int:
+        """Number of cells if they are kept, else of faces."""
+        return len(self.cells) if self.volume is None else self.volume.n_cells
 
     def n_verts(self, n_points: int) -> int:
         """Number of vertices of the surface, given the number of points."""
@@ -131,7 +158,87 @@ class CellSurface:
 
     def mesh(self, points: Vertices) -> PolygonMesh:
         """Return the polygon mesh for points of shape (N, 3)."""
-        return PolygonMesh(points[self.kept], self.counts, self.corners)
+        return PolygonMesh(points[self.kept], self.counts, self.corners, self.volume)
+
+
+FIXED_TYPES = (POLY_VERTEX, 1, 1), (POLY_LINE, 2, 3), (POLYGON, 3, 5), (POLYGON, 4, 9)
+"""Types with any number of points, a number of points, and the type of as many."""
+
+PIXEL, VOXEL = 8, 11
+ORDERS = {PIXEL: (9, (0, 1, 3, 2)), VOXEL: (12, (0, 1, 3, 2, 4, 5, 7, 6))}
+"""Type and order of points that replace other ones."""
+
+
+def cell_mesh(cells: Cells, n_points: int) -> CellSurface:
+    """Return the surface of the cells, with the cells if some are solid and all can be kept.
+
+    Raises
+    ------
+    FormatError
+        As `extract_surface`.
+    """
+    if not np.isin(cells.types, list(SOLID_CELL_FACES)).any():
+        return extract_surface(cells, n_points)
+    types, points = cells.types.copy(), cells.points.copy()
+    for kind, count, fixed in FIXED_TYPES:
+        types[(types == kind) & (cells.counts == count)] = fixed
+    starts, changes = np.cumsum(cells.counts) - cells.counts, []
+    for kind, (new, order) in ORDERS.items():
+        chosen = np.flatnonzero((cells.types == kind) & (cells.counts == len(order)))
+        if len(chosen):
+            places = starts[chosen, None] + np.arange(len(order))
+            points[places] = cells.points[starts[chosen, None] + np.array(order)]
+            types[chosen] = new
+            changes.append(f"{counted(len(chosen), 'cell')} of type {kind} became type {new}")
+    is_known = (types >= 0) & (types < len(cell_sizes()))
+    sizes = cell_sizes()[np.where(is_known, types, 0)]
+    if not (is_known & (sizes == cells.counts)).all():
+        return extract_surface(cells, n_points)
+    try:
+        volume = validated_cells(VolumeCells(types, points.astype(np.int32)), n_points)
+        surface = volume.surface(n_points)
+    except InvalidInputError as error:
+        raise FormatError(str(error)) from None
+    corners = join_triangles(surface.sizes, surface.triangles)
+    counts, owners = surface.sizes.astype(np.int64), surface.owners.astype(np.int64)
+    return CellSurface(counts, corners, owners, slice(None), volume=volume, changes=tuple(changes))
+
+
+def joined_cells(
+    several: Sequence[VolumeCells | None], starts: npt.NDArray[np.int64]
+) -> VolumeCells | None:
+    """Return the cells of several meshes whose vertices follow each other; None without any.
+
+    Raises
+    ------
+    FormatError
+        If only some of them have cells.
+    """
+    present = [cells for cells in several if cells is not None]
+    if not present:
+        return None
+    if len(present) < len(several):
+        raise FormatError(
+            "has meshes with solid cells and others without, which are not merged; read one with ",
+            Keyword("object"),
+        )
+    return VolumeCells(
+        np.concatenate([cells.types for cells in present]),
+        np.concatenate(
+            [cells.nodes + np.int32(at) for cells, at in zip(present, starts, strict=False)]
+        ),
+    )
+
+
+def written_cells(faces: Faces, surface: Surface) -> Cells:
+    """Return the cells of a mesh, or its faces as triangles, quads and polygons."""
+    if surface.cells is not None:
+        volume = surface.cells
+        return Cells(volume.types, np.diff(volume.starts), volume.nodes.astype(np.int64))
+    counts = surface.sizes(len(faces)).astype(np.int64)
+    types = np.full(len(counts), POLYGON, np.uint8)
+    types[counts == 3], types[counts == 4] = 5, 9  # which more programs support
+    return Cells(types, counts, join_triangles(counts, faces).astype(np.int64))
 
 
 def extract_surface(cells: Cells, n_points: int) -> CellSurface:
@@ -184,12 +291,16 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
 
 
 def used_points(surface: CellSurface) -> CellSurface:
-    """Return a surface whose vertices are only the points of its faces."""
-    points: npt.NDArray[np.int64] | slice = surface.kept
-    if not isinstance(points, slice):
+    """Return a surface whose vertices are only the points of its cells, or of its faces."""
+    if not isinstance(surface.kept, slice):
         return surface
-    points, corners = np.unique(surface.corners, return_inverse=True)
-    return replace(surface, kept=points.astype(np.int64), corners=corners.astype(np.int32))
+    volume = surface.volume
+    used = surface.corners if volume is None else volume.nodes
+    points = np.unique(used).astype(np.int64)
+    corners = np.searchsorted(points, surface.corners).astype(np.int32)
+    if volume is not None:
+        volume = replace(volume, nodes=np.searchsorted(points, volume.nodes).astype(np.int32))
+    return replace(surface, kept=points, corners=corners, volume=volume)
 
 
 _Faces = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]

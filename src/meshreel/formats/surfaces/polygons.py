@@ -1,7 +1,7 @@
 """Polygon meshes as files store them, validated and compared between frames."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,10 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.kernel.polygons import triangulate
+from meshreel.model.cells import Cells
 from meshreel.model.geometry.polygons import Integers
 from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import SURFACE_DOMAINS, Domain
+from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
 
@@ -28,17 +29,25 @@ class PolygonMesh:
         Number of corners of each face, at least 3.
     corners : int32 array of shape (sum of counts,)
         Vertex indices of all faces, concatenated, in 0..V-1.
+    cells : Cells, optional
+        Cells of a volume mesh, whose surface are the faces. Default: none.
     """
 
     vertices: Vertices
     counts: npt.NDArray[np.int64]
     corners: npt.NDArray[np.int32]
+    cells: Cells | None = None
 
     @property
     def n_items(self) -> dict[Domain, int]:
-        """Number of vertices, faces and corners."""
-        counts = len(self.vertices), len(self.counts), len(self.corners)
-        return dict(zip(SURFACE_DOMAINS, counts, strict=True))
+        """Number of vertices, faces, corners and cells."""
+        n_cells = 0 if self.cells is None else self.cells.n_cells
+        counts = len(self.vertices), len(self.counts), len(self.corners), n_cells
+        return dict(zip(Domain, counts, strict=True))
+
+    def with_polygons(self, surface: Surface) -> Surface:
+        """Return a surface with the sizes of these faces, and the cells."""
+        return replace(surface, face_sizes=self.counts.astype(np.int32), cells=self.cells)
 
     def items_of_corners(self, domain: Domain) -> npt.NDArray[np.integer]:
         """Return the vertex, face or corner to which each corner belongs, of shape (C,)."""
@@ -48,10 +57,21 @@ class PolygonMesh:
         return items if domain is Domain.CORNER else np.repeat(items, self.counts)
 
     def has_faces_of(self, other: "PolygonMesh") -> bool:
-        """Whether both frames have the same number of vertices and the same faces."""
+        """Whether both frames have the same number of vertices and the same faces and cells."""
+        pairs: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = [
+            (self.counts, other.counts),
+            (self.corners, other.corners),
+        ]
+        if self.cells is None or other.cells is None:
+            if self.cells is not other.cells:
+                return False
+        elif self.cells is not other.cells:
+            pairs += [
+                (self.cells.types, other.cells.types),
+                (self.cells.nodes, other.cells.nodes),
+            ]
         return len(self.vertices) == len(other.vertices) and all(
-            own is its or np.array_equal(own, its)
-            for own, its in ((self.counts, other.counts), (self.corners, other.corners))
+            own is its or np.array_equal(own, its) for own, its in pairs
         )
 
 
@@ -124,6 +144,8 @@ def reversed_corners(counts: Integers, *, keeps_first: bool = False) -> npt.NDAr
 
 def triangulated(mesh: PolygonMesh, notes: list[str]) -> Faces:
     """Return the triangles of the faces, of shape (M, 3); note polygons whose triangles overlap."""
+    if mesh.cells is not None:
+        return mesh.cells.surface(len(mesh.vertices)).triangles
     faces, n_overlapping = triangulate(mesh.counts, mesh.corners, mesh.vertices)
     if n_overlapping:
         text = f"triangles overlap in {counted(n_overlapping, 'polygon')} with crossing sides"

@@ -27,7 +27,7 @@ class OutputArray:
     name : str
         Name in the file, unique among point arrays and among cell arrays.
     domain : Domain
-        Vertices or faces.
+        Vertices; or faces, or the cells whose surface they are.
     dtype : dtype
     role : str
         The active attribute of VTK that it is: "TCoords", "Normals" or empty.
@@ -51,28 +51,28 @@ class OutputArray:
 def output_arrays(
     surface: Surface, tracks: Mapping[str, TrackSource], extension: str, notes: list[str]
 ) -> list[OutputArray]:
-    """Return the arrays for attributes and groups of vertices and faces, and for tracks.
+    """Return the arrays for attributes and groups of vertices and faces or cells, and for tracks.
 
     Parameters
     ----------
     tracks : mapping of str to TrackSource
-        Tracks of vertices and faces.
+        Tracks of vertices, and of faces or cells.
     extension : str
         File extension with the dot.
     notes : list of str
         Receives a sentence for each thing that is left out.
     """
-    attributes = [
-        attribute for attribute in surface.attributes if attribute.domain is not Domain.CORNER
-    ]
-    note_unwritten(surface, (*attributes, *surface.groups), extension, notes)
-    if surface.groups:
-        names = listed(groups.name for groups in surface.groups)
+    of_cells = Domain.FACE if surface.cells is None else Domain.CELL
+    attributes = [row for row in surface.attributes if row.domain in (Domain.VERTEX, of_cells)]
+    all_groups = surface.groups if surface.cells is None else ()
+    note_unwritten(surface, (*attributes, *all_groups), extension, notes)
+    if all_groups:
+        names = listed(groups.name for groups in all_groups)
         text = f"group labels left out; {extension} stores only their numbers: {names}"
         add_note(notes, NoteKind.UNWRITTEN, "group labels", text)
     found = [
         *map(_attribute_array, attributes),
-        *(_array(group.name, Domain.FACE, group.numbers[:, None]) for group in surface.groups),
+        *(_array(group.name, Domain.FACE, group.numbers[:, None]) for group in all_groups),
         *(_track_array(name, track) for name, track in tracks.items()),
     ]
     return _with_unique_names(found)

@@ -14,7 +14,7 @@ from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.steps import Step, StepFrames
-from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
+from meshreel.formats.kinds import OF_CELLS, SequenceFormat
 from meshreel.formats.notes import note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
@@ -177,7 +177,7 @@ FORMATS = (
         write=write_pvd,
         holds_segments=True,
         names_files=True,
-        holds_tracks=NOT_OF_CORNERS,
+        holds_tracks=OF_CELLS,
         data_files=pvd_pieces,
     ),
 )

@@ -24,7 +24,7 @@ from meshreel.formats.hdf import (
     open_hdf,
     read_all,
 )
-from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
+from meshreel.formats.kinds import OF_CELLS, SequenceFormat
 from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
@@ -140,6 +140,6 @@ FORMATS = (
         extra=HDF,
         write=write_vtkhdf,
         holds_segments=True,
-        holds_tracks=NOT_OF_CORNERS,
+        holds_tracks=OF_CELLS,
     ),
 )

@@ -34,7 +34,7 @@ from meshreel.formats.surfaces.cells import (
     STRIP,
     Cells,
     CellSurface,
-    extract_surface,
+    cell_mesh,
 )
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
@@ -47,7 +47,7 @@ SEGMENT_STARTS = "segment_starts"
 """Dataset of our group: the first step of each segment, whose surfaces are in groups of it."""
 
 DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
-PLACES = {domain: place for place, domain in DATA.items()}
+PLACES = {domain: place for place, domain in DATA.items()} | {Domain.CELL: "CellData"}
 
 POLY_DATA_GROUPS: dict[str, int | None] = {
     "Vertices": POLY_VERTEX,
@@ -56,6 +56,9 @@ POLY_DATA_GROUPS: dict[str, int | None] = {
     "Strips": STRIP,
 }
 """Cell groups of PolyData and their cell types, in the column order of the step offsets."""
+
+GRID_GROUPS: dict[str, int | None] = {"": None}
+"""The same of an UnstructuredGrid, whose cells have types."""
 
 IS_ATTRIBUTE = "is_attribute"
 """HDF5 attribute of our arrays that change only where the faces do."""
@@ -94,7 +97,7 @@ class VtkSteps:
             raise FormatError(f"Points must have shape (N, 3); got {self._points.shape}")
         if self._points.dtype.kind != "f" or self._points.dtype.itemsize not in (4, 8):
             raise FormatError(f"Points must be float32 or float64; got {self._points.dtype}")
-        self._kinds = POLY_DATA_GROUPS if is_poly_data else {"": None}
+        self._kinds = POLY_DATA_GROUPS if is_poly_data else GRID_GROUPS
         self._n_points = read_integers(require_dataset(group, "NumberOfPoints"))
         self.times_s: npt.NDArray[np.float64] = self._read_times()
         self._first_part = self._per_step("PartOffsets")
@@ -196,7 +199,7 @@ class VtkSteps:
         ).tobytes()
         if self._cached is None or self._cached[0] != place:
             cells = self._cells(index, parts)
-            self._cached = place, cells, extract_surface(cells, self._points_of(index))
+            self._cached = place, cells, cell_mesh(cells, self._points_of(index))
         return self._cached[1:]
 
     def _cells(self, index: int, parts: slice) -> Cells:

@@ -1,4 +1,4 @@
-"""Writer for VTKHDF: an animated PolyData whose faces are stored once per segment."""
+"""Writer for VTKHDF: animated polygons or cells, which are stored once per segment."""
 
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,10 @@ from meshreel.formats.notes import (
     written_times,
 )
 from meshreel.formats.options import WriteOptions
+from meshreel.formats.surfaces.cells import written_cells
 from meshreel.formats.vtk.vtkhdf_steps import (
+    DATA,
+    GRID_GROUPS,
     IS_ATTRIBUTE,
     MESHREEL_GROUP,
     PLACES,
@@ -31,7 +34,6 @@ from meshreel.formats.vtk.vtkhdf_steps import (
     SEGMENT_STARTS,
     segment_group,
 )
-from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
@@ -53,10 +55,11 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     with hdf_output(path) as output:
         root = output.root.create_group(ROOT)
         root.attrs["Version"] = np.array(VERSION, np.int64)
-        root.attrs.create("Type", np.bytes_("PolyData"))
+        has_cells = any(mesh.surface.cells is not None for mesh in stream.meshes())
+        root.attrs.create("Type", np.bytes_("UnstructuredGrid" if has_cells else "PolyData"))
         _write_surfaces(output.root.create_group(MESHREEL_GROUP), stream)
         points = _Rows(root, "Points", stream.n_frames)
-        partitions = _Partitions(root, stream.n_segments)
+        partitions = _Partitions(root, stream.n_segments, has_cells=has_cells)
         arrays = _DataArrays(root, stream, shared)
         for segment in stream.segments():
             partitions.add(segment)
@@ -126,23 +129,27 @@ class _Rows:
 
 
 class _Partitions:
-    """Writes the faces of each segment as a partition, and the partition of each step."""
+    """Writes the faces or cells of each segment as a partition, and the partition of each step."""
 
-    def __init__(self, root: Node, n_segments: int) -> None:
+    def __init__(self, root: Node, n_segments: int, *, has_cells: bool) -> None:
         self._root = root
-        self._groups = {name: root.create_group(name) for name in POLY_DATA_GROUPS}
-        polygons = self._groups["Polygons"]
-        self._offsets = _Rows(polygons, "Offsets", n_segments)
-        self._connectivity = _Rows(polygons, "Connectivity", n_segments)
+        kinds, self._filled = (GRID_GROUPS, "") if has_cells else (POLY_DATA_GROUPS, "Polygons")
+        self._groups = {name: root.create_group(name) if name else root for name in kinds}
+        group = self._groups[self._filled]
+        self._offsets = _Rows(group, "Offsets", n_segments)
+        self._connectivity = _Rows(group, "Connectivity", n_segments)
+        self._types = _Rows(group, "Types", n_segments) if has_cells else None
         self._sizes: list[tuple[int, int, int, int]] = []
 
     def add(self, segment: FrameStream) -> None:
-        """Write the faces of a segment."""
-        sizes = segment.surface.sizes(len(segment.faces))
-        corners = join_triangles(sizes, segment.faces).astype(np.int64)
-        self._offsets.append(np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]))
-        self._connectivity.append(corners)
-        self._sizes.append((segment.n_frames, segment.n_verts, len(sizes), len(corners)))
+        """Write the faces or cells of a segment."""
+        cells = written_cells(segment.faces, segment.surface)
+        self._offsets.append(np.concatenate([[0], np.cumsum(cells.counts, dtype=np.int64)]))
+        self._connectivity.append(cells.points)
+        if self._types is not None:
+            self._types.append(cells.types)
+        sizes = len(cells.counts), len(cells.points)
+        self._sizes.append((segment.n_frames, segment.n_verts, *sizes))
 
     def finish(self, steps: Node) -> None:
         """Write the sizes of all partitions, and where each step begins."""
@@ -152,14 +159,14 @@ class _Partitions:
         steps["PartOffsets"] = np.repeat(np.arange(n_parts), n_frames)
         none = np.zeros(n_parts, np.int64)
         for name, group in self._groups.items():
-            is_filled = name == "Polygons"
+            is_filled = name == self._filled
             group["NumberOfCells"] = n_faces if is_filled else none
             group["NumberOfConnectivityIds"] = n_corners if is_filled else none
             if not is_filled:
                 group["Offsets"], group["Connectivity"] = none, none[:0]
-        column = [*POLY_DATA_GROUPS].index("Polygons")
+        column = [*self._groups].index(self._filled)
         for name, counts in (("CellOffsets", n_faces), ("ConnectivityIdOffsets", n_corners)):
-            firsts = np.zeros((n_parts, len(POLY_DATA_GROUPS)), np.int64)
+            firsts = np.zeros((n_parts, len(self._groups)), np.int64)
             firsts[1:, column] = np.cumsum(counts[:-1])
             steps[name] = np.repeat(firsts, n_frames, axis=0)
 
@@ -176,21 +183,23 @@ class _DataArrays:
     def __init__(self, root: Node, stream: SegmentedStream, shared: SharedData) -> None:
         self._root, self._stream, self._shared = root, stream, shared
         self._arrays: dict[tuple[Any, ...], tuple[str, _Rows]] = {}
-        for place in PLACES.values():
+        for place in DATA:
             root.create_group(place)
 
     def add(self, segment: FrameStream, output: HdfOutput) -> None:
         """Write the data of a segment."""
         has_uv = False
+        of_cells = Domain.FACE if segment.surface.cells is None else Domain.CELL
         for key, one in self._shared.attributes_of(segment.surface).items():
-            if one.domain not in PLACES:
+            if one.domain not in (Domain.VERTEX, of_cells):
                 add_note(segment.notes, NoteKind.CHANGED, one.name, _corner_note(one))
                 continue
             dataset = self._add_constant(segment, key, one.domain, one.name, one.per_item())
             if one.kind is Kind.UV and not has_uv:
                 dataset.attrs.create("Attribute", np.bytes_(TEXTURE_COORDINATES))
                 has_uv = True
-        for key, groups in self._shared.groups_of(segment.surface).items():
+        of_faces = self._shared.groups_of(segment.surface) if of_cells is Domain.FACE else {}
+        for key, groups in of_faces.items():
             place = ("group", *key)
             self._add_constant(segment, place, Domain.FACE, groups.name, groups.numbers)
         for name, track in self._shared.tracks_of(segment.tracks).items():
@@ -198,7 +207,7 @@ class _DataArrays:
 
     def finish(self, steps: Node) -> None:
         """Write the first row of each array in each step."""
-        for place in PLACES.values():
+        for place in DATA:
             steps.create_group(f"{place}Offsets")
         for place, rows in self._arrays.values():
             name = rows.dataset.name.rpartition("/")[2]
@@ -239,8 +248,8 @@ class _DataArrays:
 
 def _corner_note(attribute: Attribute) -> str:
     return (
-        f"{attribute.kind} {attribute.name!r} has a value for each face corner, which VTK does "
-        "not support; only meshreel reads it back"
+        f"{attribute.kind} {attribute.name!r} has a value for each {attribute.domain}, which the "
+        "file does not support; only meshreel reads it back"
     )
 
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, Keyword, Message
 from meshreel.formats.file_errors import read_bytes
-from meshreel.formats.kinds import NOT_OF_CORNERS, SequenceFormat
+from meshreel.formats.kinds import OF_CELLS, SequenceFormat
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
@@ -147,7 +147,7 @@ FORMATS = tuple(
         write=write_xdmf,
         holds_segments=True,
         names_files=True,
-        holds_tracks=NOT_OF_CORNERS,
+        holds_tracks=OF_CELLS,
         data_files=xdmf_data_files,
     )
     for extension in (".xdmf", ".xmf")

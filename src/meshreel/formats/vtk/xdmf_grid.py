@@ -19,7 +19,7 @@ from meshreel.formats.surfaces.cells import (
     POLYGON,
     Cells,
     CellSurface,
-    extract_surface,
+    cell_mesh,
 )
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, TRACK_KIND, local_name
@@ -45,6 +45,12 @@ CELLS = {
 SHORT_NAMES = {
     "tri": "triangle", "quad": "quadrilateral", "tet": "tetrahedron", "hex": "hexahedron",
 }  # fmt: skip
+VTK_CELLS = {
+    1: ("Polyvertex", 1), 3: ("Polyline", 2),
+    **{kind: (name.title(), number) for number, (name, kind, _) in CELLS.items()},
+}  # fmt: skip
+"""Name and number of the XDMF type of each VTK type that it has."""
+
 BY_NAME = {name: (kind, n_points) for name, kind, n_points in CELLS.values()}
 
 
@@ -175,7 +181,7 @@ class GridFrames:
             name = topology.get("TopologyType") or topology.get("Type") or ""
             width = topology.get("NodesPerElement", "0")
             cells = read_cells(name, self._items.read(item), int(width) if width.isdecimal() else 0)
-            self._cached = key, cells, extract_surface(cells, n_points)
+            self._cached = key, cells, cell_mesh(cells, n_points)
         return self._cached[1:]
 
 

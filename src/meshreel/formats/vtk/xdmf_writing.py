@@ -8,23 +8,25 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.errors import FormatError
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.hdf import HdfOutput, Node, hdf_output
-from meshreel.formats.notes import written_times
+from meshreel.formats.notes import listed, written_times
 from meshreel.formats.options import WriteOptions
+from meshreel.formats.surfaces.cells import POLYGON, Cells, written_cells
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays, xml_text
-from meshreel.formats.vtk.xdmf_grid import CENTERS, UNIT
+from meshreel.formats.vtk.xdmf_grid import UNIT, VTK_CELLS
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, TRACK_KIND
-from meshreel.model.geometry.polygons import join_triangles, ragged_indices
+from meshreel.model.geometry.polygons import ragged_indices
+from meshreel.model.surface import Domain
 
 NUMBER_TYPES = {"f": "Float", "i": "Int", "u": "UInt"}
 BYTE_TYPES = {"i": "Char", "u": "UChar"}
 SHAPES = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 """AttributeType by number of components; other counts are a Matrix."""
 
-TYPES = {3: "Triangle", 4: "Quadrilateral"}
-POLYGON, TRIANGLE, QUAD = 3, 4, 5
-"""XDMF cell types in a mixed topology."""
+SIZED = (1, 3, POLYGON)
+"""VTK types of cells whose XDMF types are stored with their size."""
 
 
 def xdmf_data_files(path: Path, n_frames: int) -> list[Path]:
@@ -106,7 +108,7 @@ def _flat(values: Any) -> npt.NDArray[Any]:
 
 
 def _attribute(one: OutputArray, item: str) -> str:
-    center = next(center for center, domain in CENTERS.items() if domain is one.domain)
+    center = "node" if one.domain is Domain.VERTEX else "cell"
     shape = SHAPES.get(one.n_columns, "Matrix")
     facts = f'Name={quoteattr(one.name)} AttributeType="{shape}" Center="{center.title()}"'
     facts += f' {TRACK_KIND if one.track else ATTRIBUTE_KIND}="{one.kind}"'
@@ -115,26 +117,30 @@ def _attribute(one: OutputArray, item: str) -> str:
 
 
 def _topology(numbers: _HdfItems, stream: FrameStream) -> str:
-    """Return the Topology element of the faces, which all frames share."""
-    counts = stream.surface.sizes(len(stream.faces)).astype(np.int64)
-    corners = join_triangles(counts, stream.faces).astype(np.int64)
-    if (counts == counts[0]).all():
-        width = int(counts[0])
-        kind, extra = TYPES.get(width, "Polygon"), f' NodesPerElement="{width}"'
-        values = corners.reshape(-1, width)
+    """Return the Topology element of the faces or cells, which all frames share."""
+    cells = written_cells(stream.faces, stream.surface)
+    types, counts = cells.types, cells.counts
+    if others := sorted({*types.tolist()} - VTK_CELLS.keys()):
+        raise FormatError(
+            f"XDMF has no cells of type {listed(map(str, others))} of VTK; write .vtu or .vtkhdf"
+        )
+    if (types == types[0]).all() and (counts == counts[0]).all():
+        kind, extra = VTK_CELLS[int(types[0])][0], f' NodesPerElement="{counts[0]}"'
+        values = cells.points.reshape(len(counts), -1)
     else:
-        kind, extra, values = "Mixed", "", _mixed(counts, corners)
+        kind, extra, values = "Mixed", "", _mixed(cells)
     facts = f'TopologyType="{kind}" NumberOfElements="{len(counts)}"{extra}'
     return f"<Topology {facts}>\n{numbers.item('faces', values)}</Topology>\n"
 
 
-def _mixed(counts: npt.NDArray[np.int64], corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Encode a mixed topology: each cell begins with its type, polygons also with their size."""
-    is_polygon = counts > 4
-    heads = np.where(is_polygon, 2, 1)
+def _mixed(cells: Cells) -> npt.NDArray[np.int64]:
+    """Encode a mixed topology: each cell begins with its type, some also with their size."""
+    counts = cells.counts
+    has_size = np.isin(cells.types, SIZED)
+    heads = np.where(has_size, 2, 1)
     starts = np.cumsum(heads + counts) - heads - counts
     found = np.empty(int((heads + counts).sum()), np.int64)
-    found[starts] = np.select([counts == 3, counts == 4], [TRIANGLE, QUAD], POLYGON)
-    found[starts[is_polygon] + 1] = counts[is_polygon]
-    found[ragged_indices(starts + heads, counts)] = corners
+    found[starts] = [VTK_CELLS[kind][1] for kind in cells.types.tolist()]
+    found[starts[has_size] + 1] = counts[has_size]
+    found[ragged_indices(starts + heads, counts)] = cells.points
     return found

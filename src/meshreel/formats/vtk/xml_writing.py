@@ -16,16 +16,12 @@ from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.notes import written_times
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.surfaces.cells import POLYGON
+from meshreel.formats.surfaces.cells import written_cells
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, NUMBERS, TRACK_KIND, UNITS
-from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.tracks import TrackSource
-
-TRIANGLE, QUAD = 5, 9
-"""VTK cell types for triangles and quads; more programs support them than POLYGON."""
 
 STATIC_LEVEL, FRAME_LEVEL = 6, 0
 """zlib levels: shared arrays are compressed once, arrays of each frame are stored."""
@@ -36,11 +32,11 @@ TYPE_NAMES = {code: name for name, code in NUMBERS.items()}
 def pvd_pieces(path: Path, n_frames: int) -> list[Path]:
     """Return the paths of the frame files of a collection, in a folder next to it."""
     folder, width = path.with_name(f"{path.stem}_frames"), max(4, len(str(n_frames - 1)))
-    return [folder / f"{path.stem}_{index:0{width}d}.vtp" for index in range(n_frames)]
+    return [folder / f"{path.stem}_{index:0{width}d}.vtu" for index in range(n_frames)]
 
 
 def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a collection and a VTP file for each frame, with the data of its segment."""
+    """Write a collection and a VTU file for each frame, with the data of its segment."""
     times = written_times(stream.timing, stream.n_frames, stream.notes).tolist()
     rows: list[str] = []
     pieces = iter(stream.data_files)
@@ -62,7 +58,7 @@ class FileEncoder:
     Parameters
     ----------
     extension : str
-        ".vtu" for cells; others for polygons.
+        ".vtp" for polygons; others for cells.
     faces : int32 array of shape (M, 3)
     notes : list of str, optional
         Receives a sentence for each thing that the file cannot store.
@@ -80,20 +76,18 @@ class FileEncoder:
     ) -> None:
         note_list = notes if notes is not None else []
         self._arrays = output_arrays(surface, tracks or {}, extension, note_list)
-        counts = surface.sizes(len(faces))
+        written = written_cells(faces, surface)
         self._kind, self._cell_tag = "PolyData", "Polys"
         others = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
-        self._n_cells = f'{others}NumberOfPolys="{len(counts)}"'
+        self._n_cells = f'{others}NumberOfPolys="{len(written.counts)}"'
         cells: dict[str, Values] = {
-            "connectivity": join_triangles(counts, faces).astype(np.int64),
-            "offsets": np.cumsum(counts, dtype=np.int64),
+            "connectivity": written.points,
+            "offsets": np.cumsum(written.counts, dtype=np.int64),
         }
-        if extension == ".vtu":
+        if extension != ".vtp":
             self._kind, self._cell_tag = "UnstructuredGrid", "Cells"
-            self._n_cells = f'NumberOfCells="{len(counts)}"'
-            types = np.full(len(counts), POLYGON, np.uint8)
-            types[counts == 3], types[counts == 4] = TRIANGLE, QUAD
-            cells["types"] = types
+            self._n_cells = f'NumberOfCells="{len(written.counts)}"'
+            cells["types"] = written.types
         self._cells = {name: _encode(values, STATIC_LEVEL) for name, values in cells.items()}
         self._static = [
             None if array.values is None else _encode(array.values, STATIC_LEVEL)
@@ -115,8 +109,8 @@ class FileEncoder:
             f'<?xml version="1.0"?>\n{opening}\n<{self._kind}>\n',
             f'<Piece NumberOfPoints="{len(vertices)}" {self._n_cells}>\n',
         ]
-        for tag, domain in (("PointData", Domain.VERTEX), ("CellData", Domain.FACE)):
-            pairs = [pair for pair in encoded if pair[0].domain is domain]
+        for tag, is_of_points in (("PointData", True), ("CellData", False)):
+            pairs = [pair for pair in encoded if (pair[0].domain is Domain.VERTEX) == is_of_points]
             roles = (f" {array.role}={quoteattr(array.name)}" for array, _ in pairs if array.role)
             elements = (appended.array(array.name, data, array) for array, data in pairs)
             head.append(f"<{tag}{''.join(roles)}>\n{''.join(elements)}</{tag}>\n")

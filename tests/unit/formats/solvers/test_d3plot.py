@@ -206,7 +206,7 @@ def test_tables_of_particles_are_skipped(tmp_path, version):
 
 
 @pytest.mark.parametrize("n_points", [1, 8])
-def test_results_of_elements_are_tracks_of_faces(tmp_path, n_points):
+def test_results_of_elements_are_tracks_of_cells(tmp_path, n_points):
     model = whole_model(
         nv3d=9 * n_points,
         neiph=2,
@@ -224,7 +224,9 @@ def test_results_of_elements_are_tracks_of_faces(tmp_path, n_points):
         write_family(tmp_path / "d3plot", model, [[state(0, TWO_CUBES, *tables)]]), notes=notes
     )
     solids, _, shells = (table.astype(np.float32) for table in tables)
-    rows = loaded.surface.groups[0].numbers
+    cells = loaded.surface.cells
+    assert (cells.types == 12).sum() == len(solids)
+    rows = np.repeat([0, 1, 2], [1, 1, len(shells)])  # the part of each cell
     mean = solids.mean(axis=1)
     expected = {
         "stress": [*mean[:, :6], shells[:, :6]],
@@ -234,6 +236,7 @@ def test_results_of_elements_are_tracks_of_faces(tmp_path, n_points):
     }
     assert set(loaded.tracks) == set(expected)
     for name, of_parts in expected.items():
+        assert loaded.tracks[name].domain == "cell"
         values = loaded.tracks[name].values[0].reshape(len(rows), -1)
         for part in range(3):
             np.testing.assert_allclose(
@@ -241,7 +244,7 @@ def test_results_of_elements_are_tracks_of_faces(tmp_path, n_points):
                 np.broadcast_to(of_parts[part], values[rows == part].shape),
                 rtol=1e-6,
             )
-    assert any("the inside of 2 solid cells, with 0 nodes" in note for note in notes)
+    assert not any("the inside" in note for note in notes)
     assert any("results: stress and plastic strain of shells outside" in note for note in notes)
 
 

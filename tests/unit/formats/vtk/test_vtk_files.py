@@ -289,7 +289,7 @@ def test_load_ignores_mid_edge_points_of_curved_cells(tmp_path, kind):
     assert loaded.faces.max() == linear - 1
 
 
-def test_load_drops_faces_that_solid_cells_share(tmp_path):
+def test_load_keeps_solid_cells_and_finds_their_surface(tmp_path):
     size = 4
     axis = np.arange(size + 1.0)
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
@@ -302,10 +302,10 @@ def test_load_drops_faces_that_solid_cells_share(tmp_path):
     mesh = grid(points, cells)
     notes = []
     loaded = load(write_mesh(xml_writer("vtu"), mesh, tmp_path / "a.vtu"), notes=notes)
-    assert notes == [
-        "left out: the inside of 64 solid cells, with 27 nodes that their surface does not use"
-    ]
-    assert loaded.n_verts == (size + 1) ** 3 - (size - 1) ** 3
+    assert notes == []
+    assert loaded.surface.cells.types.tolist() == [12] * 64 + [5, 3]
+    assert loaded.surface.cells.nodes.tolist() == [one for _, cell in cells for one in cell]
+    assert loaded.n_verts == (size + 1) ** 3
     assert len(loaded.surface.face_sizes) == 6 * size**2 + 1
     mesh_only = grid(points, cells[:-2])
     path = write_mesh(xml_writer("vtu"), mesh_only, tmp_path / "b.vtu")

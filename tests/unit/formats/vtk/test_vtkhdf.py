@@ -74,7 +74,7 @@ def test_save_notes_corner_values_and_unknown_frame_rate(tmp_path):
     save(surfaced_sequence(fps=0.0), tmp_path / "a.vtkhdf", notes=notes)
     assert notes == [
         "the frame rate is unknown; written as 24 fps",
-        "uv 'UVMap' has a value for each face corner, which VTK does not support; "
+        "uv 'UVMap' has a value for each corner, which the file does not support; "
         "only meshreel reads it back",
     ]
 
@@ -173,12 +173,13 @@ CUBE = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.
 HEXAHEDRON = [0, 1, 3, 2, 4, 5, 7, 6]
 
 
-def test_load_extracts_the_boundary_of_solid_cells(tmp_path):
+def test_load_keeps_solid_cells_and_finds_their_boundary(tmp_path):
     cube = np.concatenate([np.full((1, 3), 9, np.float32), CUBE])
     points = np.stack([cube, 2 * cube])
     path = store_grid(tmp_path / "a.vtkhdf", points, [12], [[8]], np.array(HEXAHEDRON) + 1)
     loaded = load(path)
-    assert loaded.vertices.tobytes() == points[:, 1:].tobytes()  # the unused point is dropped
+    assert loaded.vertices.tobytes() == points.tobytes()
+    assert loaded.surface.cells.nodes.tolist() == (np.array(HEXAHEDRON) + 1).tolist()
     assert loaded.surface.face_sizes.tolist() == [4] * 6
     assert loaded.fps == 10
     triangles = loaded.vertices[0][loaded.faces]

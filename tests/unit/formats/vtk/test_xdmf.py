@@ -181,7 +181,8 @@ def test_load_reads_every_type_of_cells(tmp_path, kind, cells, more, sizes):
     loaded = load(store(tmp_path, step(POSITIONS[0], faces=faces)))
     sizes_found = loaded.surface.face_sizes
     assert (None if sizes_found is None else sizes_found.tolist()) == sizes
-    assert loaded.n_verts == (4 if kind == "Tetrahedron" else N_VERTS)
+    assert loaded.n_verts == N_VERTS
+    assert (loaded.surface.cells is not None) == (kind == "Tetrahedron")
 
 
 def test_load_reads_xy_points_and_separate_columns(tmp_path):

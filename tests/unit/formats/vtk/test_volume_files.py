@@ -1,0 +1,132 @@
+"""Files of volume cells: what they return, and what VTK's own readers find in them."""
+
+import numpy as np
+import pytest
+
+from conformance.sources import boxes, mixed_cells, of_type, waving
+from meshreel import Cells, FormatError, MeshSequence, Track, load, save
+
+pytest.importorskip("vtkmodules")
+pytest.importorskip("h5py")
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOHDF import vtkHDFReader
+from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
+
+from samples.vtk import grid, write_mesh
+
+POINTS, HEXAHEDRA = boxes(3, 2, 2)
+TIMES = [0.0, 0.1, 0.2, 0.25]
+FILES = ("a_%d.vtu", "a.pvd", "a.vtkhdf", "a.xdmf")
+
+
+def block():
+    """Return a block of hexahedra with values of nodes and cells, at uneven times."""
+    vertices = waving(POINTS, 4)
+    tracks = {
+        "heat": vertices[..., 0] + 300,
+        "stress": Track(vertices[:, HEXAHEDRA].mean(axis=2), "cell", "vector"),
+    }
+    return MeshSequence(vertices, cells=of_type(12, HEXAHEDRA), times=TIMES, tracks=tracks)
+
+
+def all_types(*without):
+    """Return cells of all types but some, between random points."""
+    cells = mixed_cells(80, 60)
+    keep = ~np.isin(cells.types, without)
+    nodes = np.split(cells.nodes, cells.starts[1:-1])
+    chosen = np.concatenate([row for row, kept in zip(nodes, keep, strict=True) if kept])
+    points = np.random.default_rng(2).random((60, 3))
+    return MeshSequence(waving(points, 2), cells=Cells(cells.types[keep], chosen), fps=10)
+
+
+def saved_and_loaded(sequence, folder, name):
+    save(sequence, folder / name)
+    return load(str(folder / name).replace("%d", "*"))
+
+
+def assert_same_cells(found, expected):
+    assert found.surface.cells.types.tolist() == expected.surface.cells.types.tolist()
+    assert found.surface.cells.nodes.tolist() == expected.surface.cells.nodes.tolist()
+    np.testing.assert_array_equal(found.faces, expected.faces)
+    np.testing.assert_array_equal(found.vertices, expected.vertices)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_return_cells_values_and_times(tmp_path, name):
+    sequence = block()
+    found = saved_and_loaded(sequence, tmp_path, name)
+    assert_same_cells(found, sequence)
+    for track, given in sequence.tracks.items():
+        assert found.tracks[track].domain == given.domain
+        np.testing.assert_array_equal(found.tracks[track].values, given.values)
+    if name != "a_%d.vtu":
+        assert found.times.tolist() == TIMES
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_return_cells_of_all_types(tmp_path, name):
+    without = (15, 16, 34) if name == "a.xdmf" else ()
+    sequence = all_types(*without)
+    assert_same_cells(saved_and_loaded(sequence, tmp_path, name), sequence)
+
+
+def test_xdmf_has_no_prisms_of_more_sides(tmp_path):
+    with pytest.raises(FormatError, match=r"no cells of type 15, 16, 34 of VTK; write \.vtu"):
+        save(all_types(), tmp_path / "a.xdmf")
+
+
+@pytest.mark.parametrize(
+    ("name", "reader"),
+    [
+        ("a_%d.vtu", vtkXMLUnstructuredGridReader),
+        ("a.vtkhdf", vtkHDFReader),
+        ("a.xdmf", vtkXdmfReader),
+    ],
+)
+def test_vtk_reads_the_same_cells_and_values(tmp_path, name, reader):
+    sequence, made = block(), reader()
+    path, *_ = save(sequence, tmp_path / name)
+    made.SetFileName(str(path))
+    made.UpdateInformation()
+    for number, time in enumerate(TIMES if "%d" not in name else TIMES[:1]):
+        made.UpdateTimeStep(time)
+        found = made.GetOutputDataObject(0)
+        assert found.GetClassName() == "vtkUnstructuredGrid"
+        points = vtk_to_numpy(found.GetPoints().GetData())
+        np.testing.assert_array_equal(points, sequence.vertices[number])
+        nodes = vtk_to_numpy(found.GetCells().GetConnectivityArray())
+        assert nodes.tolist() == sequence.surface.cells.nodes.tolist()
+        assert {found.GetCellType(i) for i in range(found.GetNumberOfCells())} == {12}
+        stress = vtk_to_numpy(found.GetCellData().GetArray("stress"))
+        np.testing.assert_array_equal(stress, sequence.tracks["stress"][number])
+        heat = vtk_to_numpy(found.GetPointData().GetArray("heat"))
+        np.testing.assert_array_equal(heat, sequence.tracks["heat"][number][:, 0])
+
+
+def test_voxels_and_pixels_become_hexahedra_and_quads(tmp_path):
+    cube = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
+    mesh = grid(cube, [(11, range(8)), (8, [0, 1, 2, 3])])
+    notes = []
+    found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
+    assert found.surface.cells.types.tolist() == [12, 9]
+    assert found.surface.cells.nodes.tolist() == [0, 1, 3, 2, 4, 5, 7, 6, 0, 1, 3, 2]
+    assert notes == ["1 cell of type 8 became type 9", "1 cell of type 11 became type 12"]
+
+
+def test_values_of_faces_are_left_out_with_cells(tmp_path):
+    sequence, notes = block(), []
+    load_of_faces = Track(np.zeros((4, 32)), "face")
+    sequence = sequence.replace(tracks={**sequence.tracks, "load": load_of_faces})
+    save(sequence, tmp_path / "a.vtkhdf", notes=notes)
+    assert any("load" in note and "tracks of faces" in note for note in notes)
+
+
+@pytest.mark.parametrize("extension", [".ply", ".glb", ".vtp"])
+def test_formats_of_surfaces_say_that_cells_are_left_out(tmp_path, extension):
+    if extension == ".ply":
+        extension = "_%d.ply"
+    notes = []
+    save(block(), tmp_path / f"a{extension}".replace(".vtp", "_%d.vtp"), notes=notes)
+    [note] = [note for note in notes if "cells left out" in note]
+    assert note.startswith("12 cells left out, and stress of them: ")
