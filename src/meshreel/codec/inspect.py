@@ -12,11 +12,7 @@ from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.files import OpenFile
-from meshreel.model.surface_description import (
-    describe_attributes,
-    describe_images,
-    describe_materials,
-)
+from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
 from meshreel.model.tracks import TrackKind
 from meshreel.runtime.counting import change_text, counted
 
@@ -136,6 +132,8 @@ class StreamInfo:
         Time of each frame in seconds, if they are not evenly spaced; `fps` is then the mean rate.
     n_polygons : int
         Number of faces before triangulation.
+    cells : tuple of str
+        Cells of a volume mesh by type, for example "15360 hexahedra"; their surface are the faces.
     attributes : tuple of str
         Attributes and groups of the mesh, for example "uv 'st' of corners".
     parts : tuple of str
@@ -175,6 +173,7 @@ class StreamInfo:
     start_s: float
     times: tuple[float, ...] | None
     n_polygons: int
+    cells: tuple[str, ...]
     attributes: tuple[str, ...]
     parts: tuple[str, ...]
     diagonal: float
@@ -283,7 +282,7 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
         **{name: largest(name) for name in ("n_verts", "n_faces", "n_polygons", "diagonal")},
         **{name: named(name) for name in ("method", "laplacian", "order", "vertex_type")},
         **{name: joined(name) for name in ("n_modes", "block_frames", "block_bytes")},
-        **{name: distinct(name) for name in ("attributes", "parts", "materials", "images")},
+        **{name: distinct(name) for name in SURFACE_TEXTS},
         tracks=_combined_tracks(joined("tracks")),
         size_bytes=size_bytes,
         raw_size_bytes=sum(segment.raw_size_bytes for segment in segments),
@@ -324,10 +323,7 @@ def _surface_figures(opened: OpenStream) -> SurfaceFigures:
     return {
         "raw_size_bytes": surface.size_bytes,
         "n_polygons": surface.n_faces(opened.n_faces),
-        "attributes": describe_attributes(surface),
-        "parts": tuple(part.name for part in surface.parts),
-        "materials": describe_materials(surface),
-        "images": describe_images(surface),
+        **describe_surface(surface),
     }
 
 

@@ -20,11 +20,7 @@ from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.sequence import FrameSource, MeshSequence, positions_size_bytes
-from meshreel.model.surface_description import (
-    describe_attributes,
-    describe_images,
-    describe_materials,
-)
+from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
 from meshreel.model.tracks import describe_track
 from meshreel.runtime.progress import Progress
 
@@ -47,6 +43,8 @@ class MeshInfo:
         "float32" or "float64".
     low, high : tuple of 3 floats, or None
         Corners of the bounding box of all frames, in model units; None if it has a problem.
+    cells : tuple of str
+        As in `meshreel.codec.inspect.StreamInfo`.
     attributes : tuple of str
         Attributes and groups, such as "uv 'st' of corners".
     tracks : tuple of str
@@ -78,6 +76,7 @@ class MeshInfo:
     vertex_type: str
     low: tuple[float, ...] | None = None
     high: tuple[float, ...] | None = None
+    cells: tuple[str, ...] = ()
     attributes: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
     materials: tuple[str, ...] = ()
@@ -210,7 +209,7 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         infos, extent = list(map(_sequence_info, sequence.segments)), sequence.extent
         contents: dict[str, Any] = {
             name: tuple(dict.fromkeys(text for info in infos for text in getattr(info, name)))
-            for name in ("attributes", "parts", "materials", "images", "tracks")
+            for name in (*SURFACE_TEXTS, "tracks")
         }
         largest = {
             name: max(getattr(info, name) for info in infos)
@@ -231,6 +230,7 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
             **contents,
         )
     extent, n_faces = sequence.extent, len(sequence.faces)
+    texts: dict[str, Any] = describe_surface(sequence.surface)
     return MeshInfo(
         sequence.name,
         sequence.n_frames,
@@ -242,11 +242,8 @@ def _sequence_info(sequence: FrameSource) -> MeshInfo:
         str(np.dtype(sequence.dtype)),
         tuple(extent.low.tolist()),
         tuple(extent.high.tolist()),
-        describe_attributes(sequence.surface),
-        tuple(part.name for part in sequence.surface.parts),
-        describe_materials(sequence.surface),
-        describe_images(sequence.surface),
-        tuple(f"{name}: {describe_track(track)}" for name, track in sequence.tracks.items()),
+        **texts,
+        tracks=tuple(f"{name}: {describe_track(track)}" for name, track in sequence.tracks.items()),
         raw_size_bytes=(
             positions_size_bytes(sequence)
             + sequence.faces.nbytes

@@ -1,6 +1,9 @@
 """Text for counts, such as "1 frame" and "2 frames", for sizes in bytes, and for durations."""
 
-PLURALS = {"vertex": "vertices", "mesh": "meshes", "entry": "entries", "frequency": "frequencies"}
+PLURALS = {
+    "vertex": "vertices", "mesh": "meshes", "entry": "entries", "frequency": "frequencies",
+    "tetrahedron": "tetrahedra", "hexahedron": "hexahedra",
+}  # fmt: skip
 """Irregular plurals."""
 
 SIZE_UNITS = ("B", "kB", "MB", "GB", "TB", "PB", "EB")
