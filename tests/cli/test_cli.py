@@ -351,7 +351,7 @@ def test_info_and_encode_count_the_same_raw_bytes(tmp_path):
 def test_encode_says_that_only_tracks_have_a_bound(tmp_path):
     heat = np.random.default_rng(0).random((12, 30), np.float32)
     meshreel.save(quad_sheet_with(heat=Track(heat)), tmp_path / "a.npz")
-    text = "none on positions; --max-error sets one"
+    text = "positions     none, see --bound"
     assert text in run("encode", "a.npz", cwd=tmp_path).stdout
     done = run("encode", "a.npz", "--max-error", "0.1", "-o", "b.reel", cwd=tmp_path)
     assert text not in done.stdout

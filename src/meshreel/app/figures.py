@@ -1,6 +1,6 @@
 """Figures of streams and of quality, as text for tables."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -48,22 +48,44 @@ def size_rows(stream: "StreamInfo", n_meshes: int | None = None) -> dict[str, st
     }
 
 
-def achieved_rows(achieved: "Achieved", stream: "StreamInfo") -> dict[str, str]:
-    """Measured errors of a stream, and its error bound."""
-    rows = {
-        "KG error": f"{achieved.kg_error_percent:.4f} %",
-        "largest error": error_text(achieved.max_error_percent, stream.diagonal),
-    }
+PART_HEADINGS = ("part", "bound", "largest error", "bytes", "share")
+
+
+def achieved_rows(achieved: "Achieved") -> dict[str, str]:
+    """Measured errors of a stream over all vertices."""
+    rows = {"KG error": f"{achieved.kg_error_percent:.4f} %"}
     if achieved.normal_angle_mean_deg is not None:
         sample = f"in {counted(achieved.n_normal_frames, 'frame')}"
         rows["normal error"] = (
             f"mean {achieved.normal_angle_mean_deg:.2f} degrees, seen in shading; {sample}"
         )
-    rows |= _bound_rows(stream)
     if achieved.sted is not None:
         rows[STED] = f"{achieved.sted:.5f}"
-    bounds = {track.name: track.bound for track in stream.tracks}
-    return rows | track_error_rows(achieved.tracks, bounds)
+    return rows
+
+
+def part_columns(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[str]]:
+    """Error bound, largest error and bytes of each part, with columns as in `PART_HEADINGS`."""
+    percent, allowed = achieved.max_error_percent, stream.error_bound_percent
+    units = stream.diagonal / 100
+    bound = f"{allowed:g} %, {allowed * units:.4g} u" if allowed else "none, see --bound"
+    largest = f"{percent:.4f} %, {percent * units:.4g} u" if percent else "0"
+    errors = {"positions": ("exact" if stream.is_lossless else bound, largest)}
+    for track in stream.tracks:
+        measured = achieved.tracks[track.name]
+        unit = f" {measured.unit}" if measured.unit else ""
+        bound = "exact" if track.is_exact else f"{track.bound:.4g}{unit}" if track.bound else "none"
+        largest = f"{measured.largest:.4g}{unit}" if measured.largest else "0"
+        errors[f"track {track.name}"] = bound, largest
+    return [
+        (
+            name,
+            *errors.get(name, ("", "")),
+            str(size_bytes),
+            f"{100 * size_bytes / stream.size_bytes:.1f} %",
+        )
+        for name, size_bytes in stream.part_bytes.items()
+    ]
 
 
 def _bound_rows(stream: "StreamInfo") -> dict[str, str]:
@@ -71,24 +93,20 @@ def _bound_rows(stream: "StreamInfo") -> dict[str, str]:
         return {"error bound": "lossless: positions are equal bit for bit"}
     percent = stream.error_bound_percent
     if not percent:
-        has_bounds = any(track.bound for track in stream.tracks)
-        return {"error bound": "none on positions; --max-error sets one"} if has_bounds else {}
+        return {}
     length = f"{percent / 100 * stream.diagonal:.4g} model units"
     return {"error bound": f"{percent:g} % of the diagonal, {length}, at every vertex"}
 
 
-def track_error_rows(
-    tracks: "dict[str, TrackErrors]", bounds: Mapping[str, float] | None = None
-) -> dict[str, str]:
-    """Errors of tracks in their units, and their error bounds."""
+def track_error_rows(tracks: "dict[str, TrackErrors]") -> dict[str, str]:
+    """Errors of tracks in their units."""
     rows = {}
     for name, errors in tracks.items():
         unit = f" {errors.unit}" if errors.unit else ""
         text = "exact"
         if errors.largest:
             text = f"largest error {errors.largest:.4g}{unit}, RMS {errors.rms:.4g}{unit}"
-        bound = (bounds or {}).get(name)
-        rows[f"track {name}"] = f"{text}; error bound {bound:.4g}{unit}" if bound else text
+        rows[f"track {name}"] = text
     return rows
 
 
@@ -273,7 +291,7 @@ def measured_rows(measured: "Measured") -> dict[str, str]:
 def mesh_text(
     info: "StreamInfo | MeshInfo", n_segments: int = 1, n_meshes: int | None = None
 ) -> str:
-    """Numbers of frames, segments, vertices and faces.
+    """Numbers of frames, segments, vertices, faces and cells.
 
     Parameters
     ----------
@@ -287,7 +305,8 @@ def mesh_text(
             f"{counted(info.n_frames, 'frame')} in {n_segments} segments{meshes}, up to "
             f"{counted(info.n_verts, 'vertex')} and {counted(info.n_faces, 'face')}"
         )
-    return counts_text(frame=info.n_frames, vertex=info.n_verts, face=info.n_faces)
+    counts = counts_text(frame=info.n_frames, vertex=info.n_verts, face=info.n_faces)
+    return ", ".join([counts, *info.cells])
 
 
 def timing_rows(fps: float, times: Sequence[float] | None) -> "dict[str, Cell]":

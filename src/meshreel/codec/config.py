@@ -143,6 +143,11 @@ class EncoderConfig:
         return any(option.name == name for option in self.chosen)
 
     @property
+    def bound_percent(self) -> float | None:
+        """Error bound of positions and all tracks in percent of their ranges, if one was set."""
+        return None
+
+    @property
     def method_row(self) -> Method:
         """The method object."""
         return method_named(self.method)

@@ -53,8 +53,8 @@ class EncodeCall(PaperOptions, ReelOptions):
 def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
     """Encode a sequence to the bytes of a `.reel` stream.
 
-    The target of `reel` is one of `quality`, `max_error`, `kg`, `sted`, `bpvf`, `size` and `step`,
-    by default quality 80. The paper's methods take numbers of modes and bits.
+    The target of `reel` is one of `quality`, `bound`, `max_error`, `kg`, `sted`, `bpvf`, `size` and
+    `step`, by default quality 80. The paper's methods take numbers of modes and bits.
 
     Parameters
     ----------
@@ -68,10 +68,10 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
         as "uv" or "color" names all of it. Polygons and parts are kept.
     tracks : mapping of str to str or float, optional
         Error bounds by track name, guaranteed for each value: "0.1%" of the range, "500Pa" or 500
-        in units of the track, "0.5deg" (normals), "8bit" (colors), "exact", "drop". Default:
-        normals 0.5deg, colors 8bit, texture coordinates half a texel of 4096, integers exact, all
-        others 0.1%. Positions may be finer than requested if velocities and normals, which they
-        predict, then make the file smaller. `reel` only.
+        in units of the track, "0.5deg" (normals), "8bit" (colors), "exact", "drop". Default: that
+        of `bound`; without it, normals 0.5deg, colors 8bit, texture coordinates half a texel of
+        4096, integers exact, all others 0.1%. Positions may be finer than requested if velocities
+        and normals, which they predict, then make the file smaller. `reel` only.
     progress : callable, optional
         Called with the stage and the completed share, 0..1.
     engine : Engine, optional

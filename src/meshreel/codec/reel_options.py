@@ -52,6 +52,19 @@ class ReelOptions(EncoderConfig):
             methods=REEL,
         ),
     ] = None
+    bound: Annotated[
+        float | str | None,
+        Option(
+            "Largest error of positions and of all tracks, guaranteed, as in 0.1%: positions in "
+            f"percent {DIAGONAL_OF_ALL}, tracks of their range. --track sets exceptions; integers "
+            "stay exact.",
+            range=ABOVE_ZERO,
+            unit="in percent",
+            group=GROUP,
+            metavar="PERCENT",
+            methods=BOUNDED,
+        ),
+    ] = None
     max_error: Annotated[
         float | str | None,
         Option(
@@ -62,7 +75,7 @@ class ReelOptions(EncoderConfig):
             group=GROUP,
             metavar="BOUND",
             synonyms=dict.fromkeys(
-                ("error", "error_bound", "bound", "eb", "epsilon", "tolerance", "precision"), ""
+                ("error", "error_bound", "eb", "epsilon", "tolerance", "precision"), ""
             ),
             methods=BOUNDED,
         ),
@@ -167,6 +180,8 @@ class ReelOptions(EncoderConfig):
     def _complete(self) -> None:
         if self.size is not None:
             object.__setattr__(self, "size", bytes_of(self.size, "size"))
+        if self.bound is not None:
+            self._check_bound()
         if self.max_error is not None:
             object.__setattr__(self, "max_error", bound_of(self.max_error, self.unit).plain)
             object.__setattr__(self, "unit", None)
@@ -178,6 +193,24 @@ class ReelOptions(EncoderConfig):
             self._make_lossless()
         object.__setattr__(self, "lossless", self.method == LOSSLESS)
 
+    def _check_bound(self) -> None:
+        """Replace the text of `bound`; raise if it is no percentage or there is another target."""
+        try:
+            percent = float(str(self.bound).strip().removesuffix("%"))
+        except ValueError:
+            raise InvalidInputError(
+                Keyword("bound"),
+                " is a percentage such as 0.1%, as each track has its own unit; got "
+                f"{self.bound!r}; a length bounds positions, with ",
+                Keyword("max_error"),
+            ) from None
+        ABOVE_ZERO.check(percent, Keyword("bound"), "in percent")
+        for kind in TargetKind:
+            if getattr(self, kind.value) is not None:
+                first, second = Keyword("bound"), Keyword(kind.value)
+                raise InvalidInputError(first, " and ", second, " exclude each other; give one")
+        object.__setattr__(self, "bound", percent)
+
     def _make_lossless(self) -> None:
         """Set the method to lossless; raise if another option excludes it."""
         unused = next((option for option in self.chosen if LOSSLESS not in option.methods), None)
@@ -188,7 +221,14 @@ class ReelOptions(EncoderConfig):
             )
         object.__setattr__(self, "method", LOSSLESS)
 
+    @property
+    def bound_percent(self) -> float | None:
+        """Error bound of positions and all tracks in percent of their ranges, if one was set."""
+        return None if self.bound is None else float(self.bound)
+
     @cached_property
     def target(self) -> Target:
         """Target of `reel`: a rate, an error or a step."""
+        if self.bound_percent is not None:
+            return Target(TargetKind.MAX_ERROR, self.bound_percent)
         return target_of(**{kind.value: getattr(self, kind.value) for kind in TargetKind})

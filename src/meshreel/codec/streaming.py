@@ -126,8 +126,8 @@ class Encoder:
         Error bounds of tracks, as in `meshreel.encode`. Shares refer to the range of the first
         block of a segment. The first frame needs all of these tracks, further segments do not.
     **options
-        Options of `meshreel.encode`; of the targets only `quality`, `step`, `max_error` and
-        `lossless`, because the others need the whole sequence.
+        Options of `meshreel.encode`; of the targets only `quality`, `step`, `bound`, `max_error`
+        and `lossless`, because the others need the whole sequence.
 
     Attributes
     ----------

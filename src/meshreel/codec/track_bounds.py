@@ -2,12 +2,13 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import LOSSLESS
+from meshreel.codec.units import unit_ratio
 from meshreel.errors import InvalidInputError
 from meshreel.model.tracks import TrackKind, TrackSource, track_by_name
 
@@ -72,7 +73,7 @@ _BOUND = re.compile(r"=?\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)(.
 def track_bounds(
     tracks: Mapping[str, TrackSource],
     targets: TrackTargets | None,
-    default: TrackBound | None = None,
+    default: Callable[[TrackSource], TrackBound],
 ) -> dict[str, TrackBound]:
     """Return the bound of each track of a sequence.
 
@@ -81,8 +82,8 @@ def track_bounds(
     tracks : mapping of str to TrackSource
     targets : mapping of str to str or float, or None
         Bounds that the user gave.
-    default : TrackBound, optional
-        Bound of the other tracks. Default: depends on their kind.
+    default : callable
+        Returns the bound of each of the other tracks.
 
     Raises
     ------
@@ -93,9 +94,7 @@ def track_bounds(
     for name in requested:
         track_by_name(tracks, name)
     return {
-        name: bound_of_track(requested[name], name, track)
-        if name in requested
-        else default or default_bound(track)
+        name: bound_of_track(requested[name], name, track) if name in requested else default(track)
         for name, track in tracks.items()
     }
 
@@ -137,7 +136,11 @@ def kept_bounds(
     InvalidInputError
         If a bound does not suit its track, or the method does not support tracks.
     """
-    default = EXACT if config.method == LOSSLESS else None
+    is_exact, percent = config.method == LOSSLESS, config.bound_percent
+
+    def default(track: TrackSource) -> TrackBound:
+        return EXACT if is_exact else default_bound(track, percent)
+
     bounds = track_bounds(tracks, targets, default)
     kept = {name: bound for name, bound in bounds.items() if bound != DROP}
     if kept and config.method_row.positions_only:
@@ -148,9 +151,23 @@ def kept_bounds(
     return kept
 
 
-def default_bound(track: TrackSource) -> TrackBound:
-    """Return the default bound of a track."""
-    return DEFAULTS[track.kind] if track.dtype.kind == "f" else EXACT
+def default_bound(track: TrackSource, percent: float | None = None) -> TrackBound:
+    """Return the default bound of a track.
+
+    Parameters
+    ----------
+    percent : float, optional
+        Bound of all tracks of floats, in percent of their range. The range of normals is the
+        diameter of the unit sphere. Default: depends on the kind.
+    """
+    if track.dtype.kind != "f":
+        return EXACT
+    if percent is None:
+        return DEFAULTS[track.kind]
+    if track.kind is TrackKind.NORMAL:
+        angle = math.degrees(2.0 * math.asin(min(percent / 100.0, 1.0)))
+        return TrackBound(Measure.ANGLE, min(angle, MAX_ANGLE_DEG))
+    return TrackBound(Measure.SHARE, percent)
 
 
 def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBound:
@@ -159,8 +176,8 @@ def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBo
     Parameters
     ----------
     given : float, or str
-        In units of the track: 500, "500", "=500", "500Pa". "0.1%" of its range; "0.5deg" for
-        normals; "8bit" for colors; "exact"; "drop".
+        In units of the track: 500, "500", "=500", "500Pa", or "0.5kPa", which is converted. "0.1%"
+        of its range; "0.5deg" for normals; "8bit" for colors; "exact"; "drop".
     name : str
         Name of the track, for error messages.
 
@@ -197,8 +214,9 @@ def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBo
         return TrackBound(Measure.NUMBER, 0.5 / (2.0**amount - 1.0))
     if unit == "%" and track.kind is not TrackKind.NORMAL:
         return TrackBound(Measure.SHARE, amount)
-    if unit in ("", track.unit) and track.kind is not TrackKind.NORMAL:
-        return TrackBound(Measure.UNITS, amount)
+    ratio = 1.0 if unit in ("", track.unit) else unit_ratio(unit, track.unit)
+    if ratio is not None and track.kind is not TrackKind.NORMAL:
+        return TrackBound(Measure.UNITS, amount * ratio)
     raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {given!r}")
 
 
@@ -210,7 +228,7 @@ def _allowed(track: TrackSource) -> str:
         allowed = ["an angle such as 0.5deg"]
     else:
         without = "a number such as 500 (the track has no unit)"
-        allowed.append(f"500{unit} in its unit" if unit else without)
+        allowed.append(f"500{unit} in its unit or one that converts to it" if unit else without)
     if track.kind is TrackKind.COLOR:
         allowed.append("8bit")
     return f"a bound is {', '.join(allowed)}, exact or drop"

@@ -110,7 +110,9 @@ def test_options_of_another_method_are_accepted_at_their_default():
 
 
 def test_live_frames_exclude_options_of_the_whole_sequence():
-    with pytest.raises(InvalidInputError, match=r"^kg needs .* set quality, max_error, step$"):
+    with pytest.raises(
+        InvalidInputError, match=r"^kg needs .* set quality, bound, max_error, step$"
+    ):
         config_of(kg=1.0).check_live()
     config_of("pca-qp", n_modes=3).check_live()
 

@@ -18,6 +18,7 @@ from meshreel.model.tracks import Track
 
 PRESSURE = Track(np.zeros((1, 2)), unit="Pa")
 PLAIN = Track(np.zeros((1, 2)))
+FLOW = Track(np.zeros((1, 2, 3)), kind="velocity", unit="m/s")
 NORMAL = Track(np.zeros((1, 2, 3)), kind="normal")
 COLOR = Track(np.zeros((1, 2, 3)), kind="color")
 UV = Track(np.zeros((1, 2, 2)), kind="uv")
@@ -31,6 +32,9 @@ COUNTS = Track(np.zeros((1, 2), np.int32))
         (PRESSURE, "=5e2", Measure.UNITS, 500),
         (PRESSURE, " .5 Pa ", Measure.UNITS, 0.5),
         (PRESSURE, "0.1%", Measure.SHARE, 0.1),
+        (PRESSURE, "2MPa", Measure.UNITS, 2e6),
+        (PRESSURE, "3 N/mm^2", Measure.UNITS, 3e6),
+        (FLOW, "4mm/s", Measure.UNITS, 0.004),
         (UV, "0.001", Measure.UNITS, 0.001),
         (NORMAL, "0.5deg", Measure.ANGLE, 0.5),
         (NORMAL, "30 deg", Measure.ANGLE, 30),
@@ -55,14 +59,30 @@ def test_any_track_can_be_exact_or_dropped(track, given, bound):
 @pytest.mark.parametrize(
     ("track", "given", "message"),
     [
-        (PRESSURE, "500K", "500Pa in its unit, exact or drop; got '500K'"),
+        (
+            PRESSURE,
+            "500K",
+            "500Pa in its unit or one that converts to it, exact or drop; got '500K'",
+        ),
         (PLAIN, "500Pa", r"a number such as 500 \(the track has no unit\), exact or drop"),
         (PRESSURE, "0", "must be above 0"),
         (PRESSURE, "1e999", "must be above 0"),
-        (PRESSURE, "0.5deg", "0.1% of its range, 500Pa in its unit, exact or drop"),
-        (PRESSURE, "8bit", "0.1% of its range, 500Pa in its unit, exact or drop"),
-        (PRESSURE, "much", "500Pa in its unit, exact or drop; got 'much'"),
-        (PRESSURE, "-1", "500Pa in its unit, exact or drop; got '-1'"),
+        (
+            PRESSURE,
+            "0.5deg",
+            "0.1% of its range, 500Pa in its unit or one that converts to it, exact or drop",
+        ),
+        (
+            PRESSURE,
+            "8bit",
+            "0.1% of its range, 500Pa in its unit or one that converts to it, exact or drop",
+        ),
+        (
+            PRESSURE,
+            "much",
+            "500Pa in its unit or one that converts to it, exact or drop; got 'much'",
+        ),
+        (PRESSURE, "-1", "500Pa in its unit or one that converts to it, exact or drop; got '-1'"),
         (COLOR, "0.9bit", "take 1bit to 52bit, or exact; got '0.9bit'"),
         (COLOR, "53bit", "take 1bit to 52bit, or exact; got '53bit'"),
         (COLOR, "2000bit", "take 1bit to 52bit, or exact; got '2000bit'"),
@@ -94,13 +114,34 @@ def test_default_bound_depends_on_the_kind(track, bound):
     assert default_bound(track) == bound
 
 
+@pytest.mark.parametrize(
+    ("track", "bound"),
+    [
+        (PRESSURE, TrackBound(Measure.SHARE, 0.2)),
+        (COLOR, TrackBound(Measure.SHARE, 0.2)),
+        (NORMAL, TrackBound(Measure.ANGLE, pytest.approx(0.22918, abs=1e-5))),
+        (COUNTS, EXACT),
+    ],
+)
+def test_one_bound_applies_to_all_tracks_of_floats(track, bound):
+    assert default_bound(track, 0.2) == bound
+
+
+def test_angle_of_normals_has_a_limit():
+    assert default_bound(NORMAL, 400.0) == TrackBound(Measure.ANGLE, 30.0)
+
+
 def test_bounds_are_the_requested_ones_or_the_default():
     tracks = {"a": PRESSURE, "b": NORMAL, "c": COUNTS}
-    result = track_bounds(tracks, {"a": "2Pa"})
+    result = track_bounds(tracks, {"a": "2Pa"}, default_bound)
     assert result == {"a": TrackBound(Measure.UNITS, 2.0), "b": default_bound(NORMAL), "c": EXACT}
-    assert track_bounds(tracks, {"b": "drop"}, EXACT) == {"a": EXACT, "b": DROP, "c": EXACT}
+    assert track_bounds(tracks, {"b": "drop"}, lambda _: EXACT) == {
+        "a": EXACT,
+        "b": DROP,
+        "c": EXACT,
+    }
     with pytest.raises(InvalidInputError, match="there is no track 'd'"):
-        track_bounds(tracks, {"d": "exact"})
+        track_bounds(tracks, {"d": "exact"}, default_bound)
 
 
 @pytest.mark.parametrize(

@@ -45,8 +45,8 @@ def encode_command(
 ) -> None:
     """Compress an animated mesh into one .reel file.
 
-    Prints the measured errors, and the bytes of each part: positions, connectivity, surface
-    (attributes, groups, materials, images), tracks and container.
+    Prints the bound, largest error and bytes of positions and of each track, and the bytes of
+    connectivity, surface (attributes, groups, materials, images) and container.
 
     Examples:
 
@@ -69,6 +69,8 @@ def encode_command(
     - `meshreel encode character.glb --uv-bits 12`
 
     - `meshreel encode character.glb --attributes none`
+
+    - `meshreel encode sim.vtkhdf --bound 0.1% --track stress=1MPa`
 
     - `meshreel encode sim.vtkhdf --track stress=500Pa --track velocity=0.1% --track id=exact`
 

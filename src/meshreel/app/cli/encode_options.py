@@ -10,7 +10,7 @@ from meshreel.app.cli.parameters import Group
 from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
 
-COMMON = ("quality", "max_error", "unit", "size", "lossless", "order", "effort")
+COMMON = ("quality", "bound", "max_error", "size", "lossless", "order", "effort")
 """Options that `--help` shows."""
 
 MAX_PERCENT = 100
@@ -42,7 +42,7 @@ ENCODING = encoding()
 
 def _value(row: Option, value: Any) -> Any:
     """The value of an option, with a list of numbers parsed."""
-    if row.name == "max_error" and value and _percent(value) > MAX_PERCENT:
+    if row.name in ("bound", "max_error") and value and _percent(value) > MAX_PERCENT:
         raise click.UsageError(
             f"{row.flag} must be at most {MAX_PERCENT}%, the size of the model; got {value}; "
             "0.1% is invisible on most models, 1% visible; 5u is 5 model units"

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from meshreel.model.sequence import MeshSequence
     from meshreel.runtime.progress import Progress
 
+PARTS = "parts, positions in percent of the diagonal and in model units (u)"
+
 MAX_COMPACT_SHARE = 0.7
 """Files below this share of the raw values describe motion by a skin, or compress it."""
 
@@ -30,7 +32,10 @@ class EncodedFile:
         from meshreel.app.figures import size_figures, uv_figures
 
         stream, achieved = self.encoded.stream, self.encoded.achieved
-        tracks = {name: errors.as_dict() for name, errors in achieved.tracks.items()}
+        tracks = {
+            track.name: {"bound": track.bound, **achieved.tracks[track.name].as_dict()}
+            for track in stream.tracks
+        }
         return {
             "output": self.output,
             "input_size_bytes": self.input_bytes,
@@ -38,20 +43,27 @@ class EncodedFile:
             "n_meshes": self.encoded.n_meshes,
             **size_figures(stream),
             **vars(achieved),
+            "error_bound_percent": stream.error_bound_percent,
             "tracks": tracks,
             **uv_figures(self.encoded.uv),
         }
 
     def show(self) -> None:
-        """Print a table of figures, and the bytes of each part."""
-        from meshreel.app.cli.console import print_bars, print_table
-        from meshreel.app.figures import achieved_rows, size_rows, uv_rows
+        """Print a table of figures, and the bound, largest error and bytes of each part."""
+        from meshreel.app.cli.console import print_columns, print_table
+        from meshreel.app.figures import (
+            PART_HEADINGS,
+            achieved_rows,
+            part_columns,
+            size_rows,
+            uv_rows,
+        )
 
         encoded, stream = self.encoded, self.encoded.stream
-        rows = size_rows(stream, encoded.n_meshes) | achieved_rows(encoded.achieved, stream)
+        rows = size_rows(stream, encoded.n_meshes) | achieved_rows(encoded.achieved)
         rows["ratio"] += " than raw values"
         print_table(self.output, self._input_rows() | rows | uv_rows(encoded.uv))
-        print_bars("bytes", stream.part_bytes)
+        print_columns(PARTS, PART_HEADINGS, part_columns(encoded.achieved, stream))
 
     def _input_rows(self) -> dict[str, str]:
         """Return a row that compares the sizes of the input files and of the output."""

@@ -11,8 +11,8 @@ TrackOption = Annotated[
     tuple[str, ...],
     Option(
         "Error bound of a track, once per track: stress=0.1% (of its range), stress=500Pa or =500 "
-        "(in its unit), normal=0.5deg, color=8bit, id=exact, velocity=drop. Default: normals "
-        "0.5deg, colors 8bit, integers exact, all others 0.1%.",
+        "(in its unit), stress=1kPa, normal=0.5deg, color=8bit, id=exact, velocity=drop. Default: "
+        "that of --bound; without it, normals 0.5deg, colors 8bit, integers exact, others 0.1%.",
         metavar="NAME=BOUND",
         group="Tracks",
     ),

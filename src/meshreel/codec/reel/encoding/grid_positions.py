@@ -222,7 +222,8 @@ def _of_one_frame(source: Source, step: float | None) -> Source:
     """Return the source with the method `grid`, and a step in diagonals unless that is None."""
     changes: dict[str, Any] = {"method": "grid", "block_frames": None}
     if step is not None:
-        changes |= {kind.value: None for kind in TargetKind} | {"step": _allowed(step)}
+        targets = "bound", *(kind.value for kind in TargetKind)
+        changes |= {**dict.fromkeys(targets), "step": _allowed(step)}
     return replace(source, config=replace(source.config, **changes))
 
 
