@@ -5,6 +5,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 import meshreel
+from conformance.sources import boxes, of_type
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.colormap import DIVERGING, HEAT
 from samples.commands import assert_fails, run, run_json, run_ok
@@ -269,3 +270,23 @@ def test_render_shows_distances_of_frames_whose_faces_change(capture, tmp_path, 
     with Image.open(tmp_path / "a.png") as image:
         picture = np.asarray(image.convert("RGB"))
     assert (picture == HEAT[-1]).all(axis=2).sum() > 10
+
+
+def test_render_cuts_a_volume_mesh_open(tmp_path):
+    points, cells = boxes(3, 3, 3)
+    heat = np.abs(points - 1.5).max(axis=1)[None]
+    block = MeshSequence(points[None], cells=of_type(12, cells), tracks={"heat": heat})
+    meshreel.save(block, tmp_path / "a.npz")
+    size = ["--size", "320x240", "--track", "heat"]
+    run_ok("render", tmp_path / "a.npz", "-o", tmp_path / "whole.png", *size)
+    run_ok("render", tmp_path / "a.npz", "-o", tmp_path / "half.png", *size, "--cut", "z=50%")
+    whole, half = (Image.open(tmp_path / name).tobytes() for name in ("whole.png", "half.png"))
+    assert whole != half
+    done = run("render", tmp_path / "a.npz", "-o", tmp_path / "b.png", "--cut", "z=-1")
+    assert_fails(done, "no cell is below z = -1", "--cut")
+
+
+def test_render_refuses_to_cut_a_surface(flag, tmp_path):
+    done = run("render", flag / "flag.npz", "-o", tmp_path / "a.png", "--cut", "x")
+    assert_fails(done, "--cut shows the inside of cells")
+    assert not (tmp_path / "a.png").exists()

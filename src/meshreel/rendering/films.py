@@ -8,7 +8,7 @@ from PIL import Image as PillowImage
 
 from meshreel.model.timing import DUE_TOLERANCE, Timing
 from meshreel.rendering.layout import Size
-from meshreel.rendering.scenes import ChosenFrames, Scales, Scene
+from meshreel.rendering.scenes import Scales, Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
 from meshreel.rendering.shots import (
     ASPECT_FRAMES,
@@ -103,10 +103,10 @@ def film(
     scales = scene.scales(numbers, progress)
     labels = [frame_labels(scene, number)[0] for number in numbers]
     words = scene_words(scene, scales, labels)
-    sample = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
+    sample = scene.frames(spread_frames(numbers, ASPECT_FRAMES))
     framing = framing_of(view, sample, is_followed=is_followed)
     layout = plan_sheet(words, len(words.titles), framing.aspect(sample), size, max_size)
-    cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
+    cameras = framing.cameras(scene.frames(numbers), *layout.view_size)
     shots = list(zip(numbers, cameras, strict=True))
     times = scene.sequence.timing.times
     if times is not None and len(numbers) > 1 and (np.diff(numbers) > 0).all():

@@ -1,6 +1,6 @@
 """Views of a frame: the mesh, its original and the heat map of their difference."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Values
+from meshreel.arrays import Floats, Integers, Values
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.polygons import triangle_corners
 from meshreel.metrics.compare import mesh_difference, require_comparable
@@ -27,6 +27,7 @@ from meshreel.model.surface import Domain, Kind, Surface
 from meshreel.model.tracks import describe_track, track_by_name
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
+from meshreel.rendering.cuts import Cut, cut_open
 from meshreel.rendering.painting import Color, Image
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackLook, TrackScale
@@ -90,12 +91,18 @@ class MeshLook:
         As for `render`.
     shading : RowNormals or None
         Normals of a mesh with hard edges; None for a smooth mesh.
+    owners : integer array of shape (P,), or None
+        Cell of each polygon of a volume mesh.
+    is_cut : bool
+        Whether some cells are hidden; then faces are flat.
     """
 
     faces: Faces
     surface: Surface
     colors: npt.ArrayLike
     shading: RowNormals | None
+    owners: Integers | None
+    is_cut: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +141,8 @@ class Scene:
         sRGB in 0..255.
     track : TrackLook, optional
         Colors the mesh and the original by the track of this name.
+    cut : Cut, optional
+        Hides cells of volume meshes, so that the inside is visible.
 
     Raises
     ------
@@ -150,6 +159,7 @@ class Scene:
         *,
         background: Color = WHITE,
         track: TrackLook | None = None,
+        cut: Cut | None = None,
     ) -> None:
         if heat is not None and original is None:
             raise InvalidInputError(
@@ -171,14 +181,21 @@ class Scene:
                 f"{self._difference}; a heat map of {heat} compares the same vertices, that of "
                 "distance compares any surfaces"
             )
+        self._cut = cut
         # Frames are drawn in order: only the look of the last segment is needed again.
-        self._looks = [lru_cache(1)(partial(_look_of, source)) for source in self._sources]
+        self._looks = [lru_cache(1)(partial(_look_of, source, cut)) for source in self._sources]
         self._field = lru_cache(1)(self._field_of_segments)
         self.track: TrackColors | None = None
         if track is not None:
             tracks = [track_by_name(tracks_of_all(source), track.name) for source in self._sources]
             _require_same_kind(self._sources, track.name)
             self.track = TrackColors(track, tracks[-1])
+            if cut is not None and self.track.domain in (Domain.FACE, Domain.CORNER):
+                raise InvalidInputError(
+                    f"track {track.name!r} has values of each {self.track.domain} of the outer "
+                    "surface, which a cut replaces; omit ",
+                    Keyword("cut"),
+                )
 
     @property
     def track_column(self) -> int:
@@ -212,6 +229,11 @@ class Scene:
     def framed(self) -> MeshSequence:
         """The sequence that the camera frames: the original if there is one."""
         return self.original if self.original is not None else self.sequence
+
+    def frames(self, numbers: Sequence[int]) -> "ChosenFrames":
+        """Return the positions that the camera frames: with a cut, those of the kept cells."""
+        faces_of = None if self._cut is None else lambda segment: self._looks[0](segment).faces
+        return ChosenFrames(self.framed, numbers, faces_of)
 
     def read(self, number: int) -> Moment:
         """Read a frame of each sequence."""
@@ -296,6 +318,7 @@ class Scene:
             render(
                 frame, look.faces, camera,
                 colors=view_colors, background=self.background, glow=glow, shading=look.shading,
+                smooth=not look.is_cut,
             )
             for frame, look, view_colors, glow in views
         ]  # fmt: skip
@@ -317,7 +340,10 @@ class Scene:
 
     @staticmethod
     def _of_items(track: TrackColors, colors: Image, look: MeshLook) -> Image:
-        return colors_of_items(colors, track.domain, look.surface, look.faces)
+        domain = track.domain
+        if domain is Domain.CELL:
+            colors, domain = colors[look.owners], Domain.FACE
+        return colors_of_items(colors, domain, look.surface, look.faces)
 
 
 def _mesh_difference(sources: Sequence[MeshSequence]) -> str:
@@ -347,14 +373,20 @@ def _mesh_difference(sources: Sequence[MeshSequence]) -> str:
     return ""
 
 
-def _look_of(source: MeshSequence, number: int) -> MeshLook:
+def _look_of(source: MeshSequence, cut: Cut | None, number: int) -> MeshLook:
     """Return what the frames of a segment share."""
     segment = source.segments[number]
     faces, surface = segment.faces, segment.surface
+    owners: Integers | None = None
+    if cut is not None:
+        faces, surface, owners = cut_open(segment, cut)
+    elif surface.cells is not None:
+        owners = surface.cells.surface(segment.n_verts).owners.astype(np.int64)
     colors, shading = surface_colors(surface, faces), None
     if surface.hard_edges is not None:
         shading = RowNormals.of_surface(faces, surface, segment.n_verts)
-    return MeshLook(faces, surface, CLAY if colors is None else colors, shading)
+    paint = CLAY if colors is None else colors
+    return MeshLook(faces, surface, paint, shading, owners, cut is not None)
 
 
 def _require_same_kind(sources: Sequence[MeshSequence], name: str) -> None:
@@ -371,10 +403,17 @@ def _require_same_kind(sources: Sequence[MeshSequence], name: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class ChosenFrames:
-    """Positions of selected frames, read during iteration."""
+    """Positions of selected frames, read during iteration.
+
+    Attributes
+    ----------
+    faces_of : callable, optional
+        Returns the faces of a segment whose vertices are included. Default: all vertices are.
+    """
 
     source: MeshSequence
     numbers: Sequence[int]
+    faces_of: Callable[[int], Faces] | None = None
 
     def __iter__(self) -> Iterator[Frame]:
         return (frame for frame, _ in self._read())
@@ -391,7 +430,13 @@ class ChosenFrames:
             yield frame, center
 
     def _read(self) -> Iterator[tuple[Frame, Faces]]:
-        return map(self.source.__getitem__, self.numbers)
+        for number in self.numbers:
+            frame, faces = self.source[number]
+            if self.faces_of is not None:
+                drawn = self.faces_of(segment_of_frame(self.source.starts, number)[0])
+                vertices, corners = np.unique(drawn, return_inverse=True)
+                frame, faces = frame[vertices], corners.reshape(-1, 3).astype(np.int32)
+            yield frame, faces
 
 
 def centroid(vertices: Frame, faces: Faces) -> Floats:

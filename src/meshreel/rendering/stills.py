@@ -6,7 +6,7 @@ from PIL import Image as PillowImage
 
 from meshreel.rendering.layout import Size
 from meshreel.rendering.painting import Image
-from meshreel.rendering.scenes import ChosenFrames, Scene
+from meshreel.rendering.scenes import Scene
 from meshreel.rendering.sheets import Sheet, plan_sheet
 from meshreel.rendering.shots import (
     ASPECT_FRAMES,
@@ -57,10 +57,10 @@ def still(
     scales = scene.scales(numbers, progress)
     labels = [label for number in numbers for label in frame_labels(scene, number)]
     words = scene_words(scene, scales, labels if n_views > 1 else (), caption)
-    sample = ChosenFrames(scene.framed, spread_frames(numbers, ASPECT_FRAMES))
+    sample = scene.frames(spread_frames(numbers, ASPECT_FRAMES))
     framing = framing_of(view, sample, is_followed=is_followed, max_travel=MAX_TRAVEL)
     layout = plan_sheet(words, n_views, framing.aspect(sample), size, STILL_PX)
-    cameras = framing.cameras(ChosenFrames(scene.framed, numbers), *layout.view_size)
+    cameras = framing.cameras(scene.frames(numbers), *layout.view_size)
     views: list[Image] = []
     for frame_views in draw_shots(scene, list(zip(numbers, cameras, strict=True)), scales):
         views += frame_views

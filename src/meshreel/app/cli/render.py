@@ -60,6 +60,16 @@ def render_command(
     component: ComponentOption = None,
     range: RangeOption = None,
     colormap: ColormapOption = None,
+    cut: Annotated[
+        str | None,
+        Option(
+            "Hide the cells of a volume mesh beyond a plane, so that the inside is visible: x=40% "
+            "of the box, x=0.2 in model units, x for the middle; -x keeps the other side. The "
+            "first frame decides which cells.",
+            metavar="AXIS[=POSITION]",
+            group=LOOK,
+        ),
+    ] = None,
     frames: Annotated[
         str | None,
         Option(
@@ -122,6 +132,8 @@ def render_command(
     - `meshreel render walk.reel -o walk.mp4 --original walk.npz --heatmap angle`
 
     - `meshreel render crash.reel -o stress.png --track stress --range 0:500`
+
+    - `meshreel render block.reel -o inside.png --track temperature --cut y=50%`
     """
     from dataclasses import replace
 
@@ -137,6 +149,7 @@ def render_command(
     from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
+    from meshreel.rendering.cuts import parse_cut
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.views import guess_up, parse_view
     from meshreel.runtime.extras import require
@@ -147,6 +160,7 @@ def render_command(
         raise click.UsageError(
             "--heatmap shows the error of FILE relative to its original; give that with --original"
         )
+    plane = None if cut is None else parse_cut(cut)
     look = track_look(track, component, range, colormap, heatmap)
     files = [file for path in (source, original) if path for file in files_of_source(path)]
     require([*_drawing_extras(output), *extras_to_read(files)])
@@ -162,7 +176,7 @@ def render_command(
         if original:
             reference = open_for_encoding(original, None, supported_only(reading, original))
         numbers = frame_numbers(frames, shown.n_frames, notes)
-        scene = Scene(shown, reference, heatmap, background=color, track=look)
+        scene = Scene(shown, reference, heatmap, background=color, track=look, cut=plane)
         parsed_view = parse_view(view, up or guess_up(scene.framed.extent))
         figures = _draw(
             scene, numbers, parsed_view, output,
