@@ -62,6 +62,9 @@ PAGE_FUNCTIONS = (
     "meshreel_triangles",
     "page_check_image",
     "page_open",
+    "reel_cell_size",
+    "reel_cells_memory",
+    "reel_cells_surface",
 )
 
 

@@ -259,6 +259,22 @@ export interface Cells {
   readonly faceCells: Uint32Array;
 }
 
+/** Polygons of the surface of cells, each a fan of triangles. */
+export interface CellPolygons {
+  /** Vertex indices, three per triangle. */
+  readonly triangles: Uint32Array;
+  /** Corners of each polygon. */
+  readonly faceSizes: Uint32Array;
+  /** Cell of each polygon. */
+  readonly faceCells: Uint32Array;
+}
+
+/** A plane: the points whose dot product with `normal` is `offset`, in model units. */
+export interface CutPlane {
+  readonly normal: readonly [number, number, number];
+  readonly offset: number;
+}
+
 /** Everything about a mesh but its positions; shared by all frames. */
 export interface Surface {
   /** Vertex indices, three per triangle. */
@@ -305,6 +321,8 @@ export interface OpenReel {
   frame(index: number, options?: { signal?: AbortSignal }): Promise<Positions>;
   /** Decode a block for shaders. */
   fields(block: number, options?: { signal?: AbortSignal }): Promise<BlockFields>;
+  /** Return the surface of a volume mesh without the cells beyond a plane. */
+  cut(plane: CutPlane, options?: { signal?: AbortSignal }): Promise<Surface>;
   /** Read the bytes of an image; `index` is that in `Surface.images`. */
   image(index: number, options?: { signal?: AbortSignal }): Promise<Uint8Array>;
   /** Return a track by name. @throws InvalidInputError if there is no track of this name. */

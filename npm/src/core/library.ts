@@ -68,6 +68,22 @@ interface Functions {
     values: number,
     error: number,
   ): number;
+  reel_cell_size(type: bigint): bigint;
+  reel_cells_memory(nCells: bigint, nVerts: bigint): number;
+  reel_cells_surface(
+    memory: number,
+    memorySize: number,
+    types: number,
+    nCells: bigint,
+    nodes: number,
+    nNodes: bigint,
+    nVerts: bigint,
+    capacity: bigint,
+    triangles: number,
+    sizes: number,
+    owners: number,
+    nPolygons: number,
+  ): bigint;
 }
 
 /** The bytes of a file that have been fetched so far. */

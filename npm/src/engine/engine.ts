@@ -1,5 +1,6 @@
 // Decodes a segment and fetches the bytes that decoding needs.
 
+import { cutCells } from "../core/cells.js";
 import { type File, readFile } from "../core/file.js";
 import { type Library, MissingBytes } from "../core/library.js";
 import { readModes } from "../core/modes.js";
@@ -9,7 +10,16 @@ import { SourceError } from "../errors.js";
 import { type Fields, fieldsOfModes, sliceFrames, markMissing } from "../fields/mode_fields.js";
 import { fieldsOfValues } from "../fields/value_fields.js";
 import { type Piece, splitBlocks } from "../fields/pieces.js";
-import type { ReelInfo, Surface, TrackFields, TrackValues } from "../types.js";
+import type {
+  CellPolygons,
+  Cells,
+  CutPlane,
+  Positions,
+  ReelInfo,
+  Surface,
+  TrackFields,
+  TrackValues,
+} from "../types.js";
 import { Ranges } from "./ranges.js";
 
 /** Reads the bytes `start` to `end - 1`, or fewer at the end of the file. */
@@ -100,6 +110,12 @@ export class Engine {
       library.check((error) => library.functions.page_check_image(file.handle, index, error));
       return bytes.slice(start, start + sizeBytes);
     });
+  }
+
+  /** Return the polygons of the cells that are not beyond a plane in the first frame. */
+  async cut(plane: CutPlane, signal: AbortSignal): Promise<CellPolygons> {
+    const positions = (await this.frame(POSITIONS, 0, signal)) as Positions;
+    return cutCells(this.library, this.surface.cells as Cells, positions, plane);
   }
 
   /** Decode columns of a track in a piece as fields for shaders. All indices must be valid. */

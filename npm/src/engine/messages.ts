@@ -1,6 +1,8 @@
 // Messages between a `ReelFile` and its engines, which run in workers or on the same thread.
 
 import type {
+  CellPolygons,
+  CutPlane,
   FileInfo,
   ReelInfo,
   SegmentInfo,
@@ -28,6 +30,7 @@ export interface Calls {
   ranges: object;
   segments: object;
   image: { segment: number | null; image: number };
+  cut: { segment: number | null; plane: CutPlane };
   frame: { segment: number | null; track: number; frame: number };
   fields: { segment: number | null; track: number; block: number; columns: readonly number[] };
 }
@@ -38,6 +41,7 @@ export interface Results {
   ranges: readonly Range[];
   segments: readonly SegmentInfo[];
   image: Uint8Array;
+  cut: CellPolygons;
   frame: TrackValues;
   fields: TrackFields;
 }

@@ -63,6 +63,7 @@ export function start(port: Port): void {
       return { file: opened.info, info, surface };
     }
     if (call === "image") return engine.image(args.image, signal);
+    if (call === "cut") return engine.cut(args.plane, signal);
     if (call === "frame") return engine.frame(args.track, args.frame, signal);
     const { track, block, columns } = args as Calls["fields"];
     return engine.fields(track, block, columns, signal);

@@ -6,6 +6,7 @@ import { requireIndex } from "./arguments.js";
 import type { SourceInput } from "../source/transport.js";
 import type {
   BlockFields,
+  CutPlane,
   OpenReel,
   Positions,
   ReelInfo,
@@ -134,6 +135,35 @@ export class ReelFile implements OpenReel {
     requireIndex("block", block, this.info.blocks.length);
     const call = { segment: this.index, track: 0, block, columns: POSITION_COLUMNS };
     return this.engines.positions.call("fields", call, signal);
+  }
+
+  /**
+   * Return the surface of a volume mesh without the cells beyond a plane, so that the inside is
+   * visible. The first frame decides: a cell is left out if the dot product of its center, the mean
+   * of its nodes, and `normal` exceeds `offset`. Of the attributes, those of vertices and cells remain.
+   *
+   * @throws InvalidInputError if the mesh has no cells, or all of them are beyond the plane.
+   * @throws CorruptStreamError, SourceError as `frame`.
+   */
+  async cut(plane: CutPlane, { signal }: CallOptions = {}): Promise<Surface> {
+    const { surface, index: segment } = this;
+    const { cells } = surface;
+    if (!cells) throw new InvalidInputError("only volume meshes can be cut; this file has no cells");
+    const { triangles, faceSizes, faceCells } = await this.engines.positions.call("cut", { segment, plane }, signal);
+    if (!triangles.length) throw new InvalidInputError("all cells are beyond the plane");
+    let corner = 0;
+    const triangleCorners = Uint32Array.from(
+      Array.from(faceSizes, (size) => {
+        const first = (corner += size) - size;
+        return Array.from({ length: size - 2 }, (_, i) => [first, first + i + 1, first + i + 2]);
+      }).flat(2),
+    );
+    return {
+      ...surface,
+      ...{ triangles, faceSizes, triangleCorners, hardEdges: null, groups: [] },
+      attributes: surface.attributes.filter(({ domain }) => domain === "vertex" || domain === "cell"),
+      cells: { ...cells, faceCells },
+    };
   }
 
   /**

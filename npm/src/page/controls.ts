@@ -1,6 +1,7 @@
 // Connects controls and keys with their actions.
 
 import { ComparisonPanel } from "./comparison.js";
+import { connectCut } from "./cut.js";
 import { Labels } from "./labels.js";
 import type { Opening } from "./opening.js";
 import { byId, Choice, darkScheme, inputById } from "./page.js";
@@ -24,6 +25,7 @@ export function connectControls(
   fillPanel(reel);
   const comparison = reel.original && new ComparisonPanel(player, reel.original, opening);
   const tracks = new TrackPanel(reel, picture, player);
+  if (reel.file.surface.cells && reel.segments.segments.length === 1) connectCut(reel, player);
   view.canvas.addEventListener("dblclick", ({ clientX, clientY }) => {
     if (player.hasTrack) tracks.pick(picture.pickAt(clientX, clientY));
   });

@@ -1,6 +1,6 @@
 // The contents of the views: the decoded mesh, the original, heat maps and shading.
 
-import type { TrackValues } from "../index.js";
+import type { CutPlane, TrackValues } from "../index.js";
 import type { PlayerParts } from "../player/element.js";
 import { parseComponent } from "../player/settings.js";
 import type { View } from "../player/view.js";
@@ -207,6 +207,12 @@ export class Picture {
     });
     this.rebuildAttributes();
     return legend;
+  }
+
+  /** Hide the cells beyond a plane; null: none. */
+  async cut(plane: CutPlane | null): Promise<void> {
+    await this.mesh.cut(plane);
+    this.rebuildAttributes();
   }
 
   /** Return the vertex, face and corner at a position on the page; null outside of the mesh. */

@@ -5,6 +5,7 @@ import { isDamageError } from "../three/block_cache.js";
 import type { ColorLegend } from "../three/color/track_colors.js";
 import type { ReelMesh } from "../three/reel_mesh.js";
 
+import type { CutPlane } from "../index.js";
 import { FrameData } from "./frame_data.js";
 import type { Reel, TrackSettings } from "./facts.js";
 import { showError } from "./page.js";
@@ -105,6 +106,12 @@ export class Player {
     this.extras.setTrack(legend?.name ?? null);
     await this.show();
     return legend;
+  }
+
+  /** Hide the cells beyond a plane; null: none. */
+  async cut(plane: CutPlane | null): Promise<void> {
+    await this.picture.cut(plane);
+    await this.show();
   }
 
   async setHeat(kind: string | null): Promise<void> {

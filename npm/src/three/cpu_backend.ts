@@ -42,10 +42,10 @@ export class CpuBackend implements Backend {
   }
 
   show(picture: Picture): void {
-    const { reel, drawing, shift } = this.#segment;
+    const { surface, drawing, shift } = this.#segment;
     const fieldsOf = (block: LoadedBlock) => this.#fields.get(block) as Int16Array;
     computePositions(picture, fieldsOf, shift, this.#positions);
-    computeNormals(this.#positions, reel.surface.triangles, this.#normals, drawing.cornerRows);
+    computeNormals(this.#positions, surface.triangles, this.#normals, drawing.cornerRows);
     for (const [attribute, values, rows] of this.#attributes) {
       gather(values, rows, attribute.array as Float32Array);
       attribute.needsUpdate = true;

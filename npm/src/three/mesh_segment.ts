@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 
-import type { BlockFields, OpenReel, OpenSegments } from "../types.js";
+import type { BlockFields, OpenReel, OpenSegments, Surface } from "../types.js";
 import type { Backend } from "./backend.js";
 import type { Split } from "./corners.js";
 import { createDrawing, type Drawing } from "./drawing.js";
@@ -33,6 +33,9 @@ export class MeshSegment {
   nBlocks = 0;
   /** Domain by which the vertices of the geometry are split. */
   split: Split | null = null;
+  /** The surface that is drawn: that of the file, or of a cut. */
+  surface: Surface;
+  #drawn: Surface;
 
   /**
    * @param number - index of the segment
@@ -46,6 +49,7 @@ export class MeshSegment {
   ) {
     const [x, y, z] = reel.info.center;
     this.shift = [x - origin[0], y - origin[1], z - origin[2]];
+    this.surface = this.#drawn = reel.surface;
     this.#createGeometry();
     this.materials = material ? null : new Materials(reel, this.drawing, flat, send);
   }
@@ -56,11 +60,12 @@ export class MeshSegment {
     return this.drawing.groups.length ? list : list?.[0];
   }
 
-  /** Prepare the geometry for a new backend; replaces it if the split changes. */
+  /** Prepare the geometry for a new backend; replaces it if the split or the surface changes. */
   rebuildGeometry(split: Split | null): void {
     this.geometry.dispose(); // also frees the buffers of attributes that will be replaced
-    if (split === this.split) return;
+    if (split === this.split && this.surface === this.#drawn) return;
     this.split = split;
+    this.#drawn = this.surface;
     this.#createGeometry();
   }
 
@@ -83,8 +88,8 @@ export class MeshSegment {
 
   /** Create the geometry; its bounds contain all frames, including the coding error. */
   #createGeometry(): void {
-    const { surface, info } = this.reel;
-    const drawing = (this.drawing = createDrawing(surface, info.nVerts, this.split));
+    const { info } = this.reel;
+    const drawing = (this.drawing = createDrawing(this.surface, info.nVerts, this.split));
     const geometry = (this.geometry = new THREE.BufferGeometry());
     geometry.setIndex(new THREE.BufferAttribute(drawing.index, 1));
     for (const { name, width, values } of drawing.attributes) {

@@ -3,7 +3,7 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../errors.js";
-import type { OpenReel, OpenSegments, TrackValues } from "../types.js";
+import type { CutPlane, OpenReel, OpenSegments, Surface, TrackValues } from "../types.js";
 import type { Backend } from "./backend.js";
 import type { FrameRange, Loop } from "./clock.js";
 import type {
@@ -112,6 +112,7 @@ export class ReelMesh extends THREE.Mesh<
   #renderer: THREE.WebGLRenderer | null = null;
   #texture: AppliedTexture | null = null;
   #appearanceRequest: AbortController | null = null;
+  #cutRequest: AbortController | null = null;
   #colors: TrackColors | null = null;
   #picture: Picture = { blocks: [], corrections: new Map() };
   /** A mesh with the current positions in memory; null until it is needed. */
@@ -398,8 +399,44 @@ export class ReelMesh extends THREE.Mesh<
     const mesh = { file: this.file, drawing, material: this.material, send: this.#send };
     const colors = await TrackColors.create(name, options, mesh, signal);
     signal.throwIfAborted();
+    this.#checkCut(this.surface, colors);
     this.#setColors(colors);
     return colors.legend;
+  }
+
+  /** The surface that is drawn: that of the file, or of a cut. */
+  get surface(): Surface {
+    return this.#current.surface;
+  }
+
+  /**
+   * Hide the cells of a volume mesh beyond a plane, so that the inside is visible; null shows all.
+   * See `ReelFile.cut`. Changes `geometry`, `sources` and `surface`, and loads all blocks again. A new
+   * call cancels a pending one, which throws an `AbortError`.
+   *
+   * @throws InvalidInputError if the mesh has no cells, all of them are beyond the plane, the file has
+   *   several segments, or a track of faces or corners colors the mesh.
+   */
+  async cut(plane: CutPlane | null): Promise<void> {
+    this.#cutRequest?.abort();
+    const { signal } = (this.#cutRequest = new AbortController());
+    const segment = this.#current;
+    if (plane && this.file.segments.length > 1) {
+      throw new InvalidInputError("a file with several segments cannot be cut");
+    }
+    const surface = plane ? await segment.reel.cut(plane, { signal }) : segment.reel.surface;
+    signal.throwIfAborted();
+    this.#checkCut(surface, this.#colors);
+    segment.surface = surface;
+    if (this.#createBackend) this.#setBackend(this.#createBackend);
+  }
+
+  /** Faces of a cut are not those of the file. */
+  #checkCut(surface: Surface, colors: TrackColors | null): void {
+    const { split = null } = colors ?? {};
+    if (split && split !== "cell" && surface !== this.#current.reel.surface) {
+      throw new InvalidInputError(`a track of each ${split} of the file cannot color a cut mesh`);
+    }
   }
 
   /**
@@ -431,7 +468,7 @@ export class ReelMesh extends THREE.Mesh<
   }
 
   /**
-   * Intersect the current picture. `faceIndex` is a triangle of the file; `face` has vertices of the
+   * Intersect the current picture. `faceIndex` is a triangle of `surface`; `face` has vertices of the
    * geometry, see `sources`.
    */
   override raycast(raycaster: THREE.Raycaster, intersects: THREE.Intersection[]): void {
@@ -475,6 +512,7 @@ export class ReelMesh extends THREE.Mesh<
     if (this.#lifetime.signal.aborted) return;
     this.dispatchEvent({ type: "dispose" });
     this.#lifetime.abort();
+    this.#cutRequest?.abort();
     this.#removeTexture();
     this.#colors?.dispose();
     this.#playback.dispose();

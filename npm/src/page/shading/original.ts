@@ -54,7 +54,7 @@ export class OriginalMesh extends Mesh {
     if (!this.areNormalsStale || !this.current) return;
     this.areNormalsStale = false;
     const normals = new Float32Array(this.current.length);
-    this.update(this.normals, computeNormals(this.current, this.decoded.reel.surface.triangles, normals));
+    this.update(this.normals, computeNormals(this.current, this.decoded.surface.triangles, normals));
   }
 
   /** Set an attribute to three numbers of each vertex of the file. */

@@ -21,7 +21,7 @@ export function pickFirst(ray: Raycaster, mesh: ReelMesh): Picked | null {
     return mesh.localToWorld(point).distanceTo(hit.point);
   });
   const corner = 3 * hit.faceIndex + distances.indexOf(Math.min(...distances));
-  const lookup = createItemLookup(mesh.reel.surface);
+  const lookup = createItemLookup(mesh.surface);
   const itemOf = (domain: Domain) => lookup(domain)(corner);
   return { vertex: itemOf("vertex"), face: itemOf("face"), corner: itemOf("corner"), cell: itemOf("cell") };
 }
@@ -29,7 +29,7 @@ export function pickFirst(ray: Raycaster, mesh: ReelMesh): Picked | null {
 /** Return a vertex of a face, a corner or a cell, or the vertex itself; null for a cell inside. */
 export function vertexOfItem(mesh: ReelMesh, domain: Domain, item: number): number | null {
   if (domain === "vertex") return item;
-  const { surface } = mesh.reel;
+  const { surface } = mesh;
   const itemAt = createItemLookup(surface)(domain);
   return surface.triangles.find((_, corner) => itemAt(corner) === item) ?? null;
 }

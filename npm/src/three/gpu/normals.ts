@@ -57,7 +57,7 @@ export function topologySize({ drawing }: MeshSegment): number {
  * - for each corner of a row, the other two vertices of its triangle.
  */
 function createTopology(segment: MeshSegment): Uint32Array {
-  const { triangles } = segment.reel.surface;
+  const { triangles } = segment.surface;
   const { sources, rows, nRows, cornerRows } = segment.drawing;
   const pairs = new Uint32Array(2 * topologySize(segment));
   const firstRow = sources.length;
