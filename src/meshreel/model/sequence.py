@@ -262,16 +262,15 @@ class MeshSequence(Timed):
             If there is no segment, or their times do not fit: see `Timing.joined`.
         """
         parts: list[FrameSource] = []
-        for segment in segments:
+        given = list(segments)
+        for segment in given:
             parts += segment.segments if isinstance(segment, MeshSequence) else [segment]
         if not parts:
             raise InvalidInputError("a sequence needs at least one segment; got none")
         first = parts[0]
         name = first.name if name is None else name
         if timing is None:
-            timing = Timing.joined(
-                [part.timing for part in parts], [part.n_frames for part in parts]
-            )
+            timing = Timing.joined([one.timing for one in given], [one.n_frames for one in given])
         if len(parts) == 1 and (name, timing) != (first.name, first.timing):
             first = _replaced(first, {"name": name, "timing": timing})
         if len(parts) == 1:

@@ -90,3 +90,11 @@ def test_the_frame_at_a_time_is_the_last_one_due():
     times = [-1, 0, 0.0049, 0.005, 0.016, 0.0175, 9]
     assert [timing.frame_at(time, 5) for time in times] == [0, 0, 0, 1, 3, 4, 4]
     assert [Timing(10, 1.0).frame_at(time, 5) for time in (0, 1.0, 1.1, 1.39, 9)] == [0, 0, 1, 3, 4]
+
+
+def test_segments_of_a_sequence_keep_its_times():
+    times = [0, 0.3, 0.5, 0.6]
+    several = MeshSequence.of_segments([waving_grid(2), waving_grid(2, 5, 5)]).replace(times=times)
+    again = MeshSequence.of_segments([several])
+    assert again.times.tolist() == times
+    assert again.n_segments == 2
