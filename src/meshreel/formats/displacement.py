@@ -2,18 +2,15 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError, Keyword, Message
-from meshreel.formats.frames.stored_frames import BLOCK_BYTES, Description, FrameSurvey
+from meshreel.formats.frames.stored_frames import ComputedFrames, Description
 from meshreel.formats.notes import NoteKind, add_note
-from meshreel.model.sequence import FrameSource, MeshSequence, Vertices, positions_size_bytes
+from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackSource, read_tracks, size_bytes, track_by_name
-from meshreel.model.validation import validate_finite
+from meshreel.model.tracks import TrackSource, track_by_name
 
 NAMES = {"displacement", "displacements", "displ", "disp", "u"}
 """Usual names of displacements, in lower case."""
@@ -78,25 +75,10 @@ def _displaced(segment: FrameSource, choice: str, max_loaded_bytes: int | None) 
             f" takes a track of three numbers per vertex; {name} has {track.shape[2]} per "
             f"{track.domain}, {track.dtype}",
         )
-    read = _reader(segment, track, factor)
     tracks = {other: kept for other, kept in segment.tracks.items() if other != name}
-    n_frames, n_verts = segment.n_frames, segment.n_verts
-    size = positions_size_bytes(segment) + sum(map(size_bytes, tracks.values()))
-    is_loaded = max_loaded_bytes is None or size <= max_loaded_bytes
-    step = max(1, BLOCK_BYTES // (n_verts * 3 * segment.dtype.itemsize))
-    survey = FrameSurvey()
-    blocks: list[npt.NDArray[Any]] = []
-    for start in range(0, n_frames, step):
-        block = read(start, min(start + step, n_frames))
-        validate_finite(block, first_frame=start)
-        survey.add(block)
-        if is_loaded:
-            blocks.append(block)
     about = Description(segment.faces, segment.name, segment.timing, segment.surface)
-    if is_loaded:
-        return about.loaded(np.concatenate(blocks), read_tracks(tracks))
-    files = getattr(segment, "files", ())
-    return about.stored((n_frames, n_verts), survey, read, files, tracks)
+    reader = ComputedFrames(segment, segment.n_frames, _reader(segment, track, factor))
+    return reader.open(about, tracks, max_loaded_bytes)
 
 
 def _reader(

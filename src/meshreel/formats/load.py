@@ -33,6 +33,7 @@ def load(
     allow_outside: bool = False,
     animation: str | int | None = None,
     displace: str | None = None,
+    resample: float | None = None,
     memory: float | str | None = None,
     progress: Progress = silent,
     notes: list[str] | None = None,
@@ -74,6 +75,9 @@ def load(
     displace : str, optional
         Name of a track of three numbers per vertex, such as the displacement of a simulation, that
         is added to the positions and not kept; ``"name:10"`` adds ten times its values.
+    resample : float, optional
+        Frames per second of new, evenly spaced frames, from the time of the first one on. Positions
+        and values of floats are interpolated linearly; integers are those of the frame before.
     memory : float or str, optional
         Memory limit for decoding a ``.reel``, as in `meshreel.decode`.
     progress : Progress, default silent
@@ -105,7 +109,7 @@ def load(
     options = ReadOptions(
         fps, object, merge, mesh_path, dataset, None, progress,
         notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
-        displace=displace,
+        displace=displace, resample=resample,
     )  # fmt: skip
     return load_any(source, options)
 

@@ -31,6 +31,8 @@ class ReadOptions:
         Tolerance of the registration of frames whose faces change, as in `meshreel.register`.
     displace : str, optional
         Track that moves the vertices, as in `meshreel.load`.
+    resample : float, optional
+        Frames per second to interpolate at, as in `meshreel.load`.
     registrations : list of Registration
         Receives the registration, which can be compared with decoded frames.
     """
@@ -52,6 +54,7 @@ class ReadOptions:
     register: float | str | None = None
     registrations: "list[Registration]" = field(default_factory=list)
     displace: str | None = None
+    resample: float | None = None
 
 
 @dataclass(frozen=True)

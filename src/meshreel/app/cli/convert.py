@@ -37,7 +37,9 @@ def convert_command(
     output: OutputOption,
     reading: Annotated[
         "ReadOptions",
-        reading("fps", *MESHES, "topology", "dataset", "displace", "attributes", "register"),
+        reading(
+            "fps", *MESHES, "topology", "dataset", "displace", "resample", "attributes", "register"
+        ),
     ],
     writing: Annotated[dict[str, Any], WRITING],
     encoding: Annotated[Encoding, encoding(max_error=OUTPUT_ERROR)],

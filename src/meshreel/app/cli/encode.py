@@ -35,7 +35,9 @@ def encode_command(
     encoding: Annotated[Encoding, ENCODING],
     reading: Annotated[
         "ReadOptions",
-        reading("fps", *MESHES, "topology", "dataset", "displace", "attributes", "register"),
+        reading(
+            "fps", *MESHES, "topology", "dataset", "displace", "resample", "attributes", "register"
+        ),
     ],
     output: StreamOption = None,
     track: TrackOption = (),

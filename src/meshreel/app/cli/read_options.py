@@ -85,6 +85,12 @@ _OPTIONS = {
         "simulation; a factor enlarges it. The result itself is not kept.",
         "NAME[:FACTOR]",
     ),
+    "resample": _option(
+        float,
+        "Interpolate new frames at this rate, evenly spaced. Default: frames stay at their times.",
+        "RATE",
+        range=Range(0.0, MAX_FPS, is_open=True),
+    ),
     "memory": MEMORY,
     "topology": _option(
         Path,

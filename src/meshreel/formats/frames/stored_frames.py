@@ -25,6 +25,7 @@ from meshreel.model.tracks import (
     check_kind,
     check_tracks,
     read_track,
+    read_tracks,
     size_bytes,
 )
 from meshreel.model.validation import (
@@ -325,3 +326,52 @@ class ArrayFrames:
             validate_finite(block, first_frame=start)
             yield start, block
             options.progress("reading", (start + len(block)) / self.n_frames)
+
+
+@dataclass(frozen=True, eq=False)
+class ComputedFrames:
+    """Frames computed from those of another sequence.
+
+    Parameters
+    ----------
+    origin : FrameSource
+        Has the vertices and their number type.
+    n_frames : int
+    read : function of a start and a stop
+        Computes the positions of frames start..stop - 1.
+    """
+
+    origin: FrameSource
+    n_frames: int
+    read: Callable[[int, int], Vertices]
+
+    def open(
+        self,
+        description: Description,
+        tracks: Mapping[str, TrackSource],
+        max_loaded_bytes: int | None,
+    ) -> FrameSource:
+        """Return the sequence, loaded if it is within a size; all positions are computed once now.
+
+        Raises
+        ------
+        InvalidInputError
+            If a position is not finite.
+        """
+        n_verts, dtype = self.origin.n_verts, self.origin.dtype
+        frame_bytes = n_verts * 3 * dtype.itemsize
+        size = self.n_frames * frame_bytes + sum(map(size_bytes, tracks.values()))
+        is_loaded = max_loaded_bytes is None or size <= max_loaded_bytes
+        step = max(1, BLOCK_BYTES // frame_bytes)
+        survey = FrameSurvey()
+        blocks: list[npt.NDArray[Any]] = []
+        for start in range(0, self.n_frames, step):
+            block = self.read(start, min(start + step, self.n_frames))
+            validate_finite(block, first_frame=start)
+            survey.add(block)
+            if is_loaded:
+                blocks.append(block)
+        if is_loaded:
+            return description.loaded(np.concatenate(blocks), read_tracks(tracks))
+        files = getattr(self.origin, "files", ())
+        return description.stored((self.n_frames, n_verts), survey, self.read, files, tracks)
