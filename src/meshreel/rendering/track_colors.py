@@ -94,6 +94,8 @@ class TrackColors:
         self.domain: Domain = track.domain
         self.error_unit: str = error_unit(track)
         self.n_columns: int = track.shape[2]
+        bound = 0.0 if self.kind is TrackKind.NORMAL else getattr(track, "error_bound", 0.0)
+        self._error_bound: float = bound or 0.0  # that of normals is an angle
         self.component: str
         self._columns, self.component = _select_columns(look, track)
         self.shows_colors: bool = self.component == "color"
@@ -164,6 +166,7 @@ class TrackColors:
         low, high = (
             frames.percentile(amount) if is_percent else amount for amount, is_percent in self._ends
         )
+        low, high = self._snapped_to_zero(low, high)
         if all(is_percent for _, is_percent in self._ends) and low < 0 < high:
             high = max(-low, high)
             low = -high
@@ -176,6 +179,22 @@ class TrackColors:
             half = abs(low) / 2 or 0.5
             low, high = low - half, low + half
         return TrackScale(low, high, smallest, largest, frames.has_missing)
+
+    def _snapped_to_zero(self, low: float, high: float) -> tuple[float, float]:
+        """Return 0 for percentiles whose sign may be due to the coding error.
+
+        A track without negative values must not appear to have some. If that applies to both ends,
+        the range is 0 to the bound.
+        """
+        bound = self._error_bound
+        if bound == 0 or low > 0 or high < 0:
+            return low, high
+        (_, low_is_percentile), (_, high_is_percentile) = self._ends
+        is_low_error = low_is_percentile and low >= -bound
+        is_high_error = high_is_percentile and high <= bound
+        if is_low_error and is_high_error:
+            return 0.0, bound
+        return 0.0 if is_low_error else low, 0.0 if is_high_error else high
 
     def caption(self, scale: TrackScale) -> str:
         """A caption that explains the color bar."""

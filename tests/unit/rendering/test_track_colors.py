@@ -107,6 +107,23 @@ def test_range_is_symmetric_about_0_when_percentiles_lie_on_both_sides():
     assert "symmetric about 0" in colors.caption(scale)
 
 
+@pytest.mark.parametrize(
+    ("values", "text", "ends"),
+    [
+        ([-0.04, 2, 5], "0%:100%", (0, 5)),
+        ([-5, -2, 0.04], "0%:100%", (-5, 0)),
+        ([-0.04, 0, 0.05], "0%:100%", (0, 0.1)),
+        ([-0.2, 2, 5], "0%:100%", (-5, 5)),
+        ([-0.04, 2, 5], "-1:100%", (-1, 5)),
+    ],
+)
+def test_percentile_within_the_coding_error_of_0_becomes_0(values, text, ends):
+    track = track_of([values])
+    track.error_bound = 0.1  # as that of a decoded file
+    scale = scale_of(TrackColors(TrackLook("s", range=text), track), track)
+    assert (scale.low, scale.high) == pytest.approx(ends, abs=1e-6)
+
+
 def test_range_of_numbers_is_used_unchanged():
     track = track_of(np.linspace(-1, 3, 1001)[None])
     colors = TrackColors(TrackLook("s", range="-0.5:2e0"), track)
