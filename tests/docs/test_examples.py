@@ -111,6 +111,21 @@ def test_a_simulation_decodes_within_its_bounds(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_solver_is_recorded_with_its_cells(tmp_path):
+    pytest.importorskip("skfem", reason="scikit-fem is not installed")
+    output = run_script("record_solver.py", "--out", tmp_path / "twist.reel", "--across", 2)
+    assert "81 nodes, 192 tetrahedra, 31 steps" in output
+    result = meshreel.decode((tmp_path / "twist.reel").read_bytes())
+    assert result.surface.cells.n_solids == 192
+    assert result.times.tolist() == list(range(31))
+    stress = result.tracks["stress"]
+    assert (stress.domain, stress.unit) == ("cell", "Pa")
+    assert abs(stress[0]).max() < 0.01 * stress[30].max()
+    turned = result.vertices[30, result.vertices[0, :, 0] > 3.99] - [4, 0, 0]
+    assert np.linalg.norm(turned, axis=1).max() == pytest.approx(np.sqrt(0.5), abs=0.01)
+
+
+@pytest.mark.slow
 def test_a_recording_whose_recorder_is_killed_can_be_read(tmp_path):
     path = tmp_path / "crashed.reel"
     output = run_script("record.py", "--seconds", 60, "--crash-after", 2.5, "--out", path)

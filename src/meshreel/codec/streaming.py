@@ -26,9 +26,10 @@ from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.times import write_times
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError, Keyword
+from meshreel.model.cells import Cells
 from meshreel.model.extent import extent_of
 from meshreel.model.sequence import Faces
-from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.surface import PLAIN, Surface, surface_of_cells
 from meshreel.model.timing import UNTIMED, Timing
 from meshreel.model.tracks import Track, concatenate_tracks, describe_track, validated_tracks
 from meshreel.model.validation import (
@@ -106,8 +107,9 @@ class Encoder:
 
     Parameters
     ----------
-    faces : integer array of shape (M, 3)
-        Of the first frame, and of all others that are pushed without faces.
+    faces : integer array of shape (M, 3), or Cells
+        Of the first frame, and of all others that are pushed without faces; cells of a volume mesh,
+        whose surface are the faces.
     output : path that ends in ``.reel``, or binary file that is open for writing
         An open file stays open.
     fps : float, default 0
@@ -155,7 +157,7 @@ class Encoder:
 
     def __init__(
         self,
-        faces: npt.ArrayLike,
+        faces: npt.ArrayLike | Cells,
         output: str | os.PathLike[str] | BinaryIO,
         *,
         fps: float = 0.0,
@@ -179,7 +181,7 @@ class Encoder:
         self._max_latency_s = max_latency_s
         self._config = _checked_config(block_frames, options)
         self._targets = tracks
-        self._faces = np.asarray(faces)
+        self._faces = faces if isinstance(faces, Cells) else np.asarray(faces)
         self._mesh: _Mesh | None = None  # of the last frame
         self._frames: list[Vertices] = []
         self._tracks: list[dict[str, Track]] = []
@@ -308,13 +310,12 @@ class Encoder:
     def __repr__(self) -> str:
         name = f" {self._name!r}" if self._name else ""
         state = "closed" if self._is_closed else "open"
-        # The first faces are not validated before the first frame.
-        faces = np.atleast_1d(self._faces) if self._mesh is None else self._mesh.faces
+        mesh = "not begun" if self._mesh is None else counted(len(self._mesh.faces), "face")
         several = f" in {self.n_segments} segments" if self.n_segments > 1 else ""
         return (
             f"<Encoder{name}, {state}: {counted(self.n_frames, 'frame')}{several} pushed, "
             f"{counted(self.size_bytes, 'byte')} written, "
-            f"{counted(len(faces), 'face')}, {self._timing.fps:g} fps>"
+            f"{mesh}, {self._timing.fps:g} fps>"
         )
 
     def _release(self) -> None:
@@ -353,8 +354,9 @@ class Encoder:
         validate_vertices(array[None])
         last = self._mesh
         if last is None:
-            faces = self._faces if faces is None else faces
             surface = self._surface if surface is None else surface
+            if faces is None:
+                faces, surface = _faces_of(self._faces, len(array), surface)
         elif _begins_segment(last, len(array), faces, surface):
             if self._config.method_row.positions_only:
                 raise InvalidInputError(
@@ -492,6 +494,16 @@ def _checked_config(block_frames: int | str, options: dict[str, Any]) -> Encoder
     config = config_of(**{**options, "block_frames": chosen})
     config.check_live()
     return config
+
+
+def _faces_of(
+    faces: npt.NDArray[Any] | Cells, n_verts: int, surface: Surface
+) -> tuple[npt.NDArray[Any], Surface]:
+    """Return faces with their surface; of cells, those of their boundary."""
+    if not isinstance(faces, Cells):
+        return faces, surface
+    triangles, of_cells = surface_of_cells(faces, n_verts)
+    return triangles, replace(surface, face_sizes=of_cells.face_sizes, cells=of_cells.cells)
 
 
 def _begins_segment(
