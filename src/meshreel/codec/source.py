@@ -283,6 +283,12 @@ class Source:
         timing = sequence.timing
         return CodedMesh(sequence.faces, sequence.n_verts, config, surface, timing, self.edit)
 
+    def with_tracks(self, tracks: Sequence["CodedTrack"]) -> "Source":
+        """Return the source with encoded tracks; its mesh is not coded again."""
+        changed = replace(self, tracks=tracks)
+        vars(changed)["mesh"] = self.mesh
+        return changed
+
     @cached_property
     def frame(self) -> BoundingFrame:
         """Center and diagonal of the bounding box."""

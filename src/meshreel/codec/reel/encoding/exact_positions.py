@@ -146,7 +146,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     SolverError
         As `ExactPositionCoder.code`.
     """
-    source = replace(source, tracks=encode_tracks(source, progress))
+    source = source.with_tracks(encode_tracks(source, progress))
     coder = ExactPositionCoder(source.mesh.links, source.mesh.n_verts)
     if source.n_frames == 1 and (found := on_stored_grid(source)):
         source, grid = found

@@ -65,7 +65,7 @@ class FollowingTracks:
         """
         source, tracks = self._source, self._encoded(data, MAX_TRIALS)
         if tracks != source.tracks:
-            source = replace(source, tracks=tracks)
+            source = source.with_tracks(tracks)
             opened = whole_stream(data, UNLIMITED)
             bounds = (section for section in opened.leading if section.id == Section.ERROR_BOUND)
             leading = [(Section.ERROR_BOUND, opened.payload(section)) for section in bounds]

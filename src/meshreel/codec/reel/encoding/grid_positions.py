@@ -145,7 +145,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     InvalidInputError
         If a bound cannot be guaranteed.
     """
-    return _encoded(replace(source, tracks=encode_tracks(source, progress)), progress, engine)
+    return _encoded(source.with_tracks(encode_tracks(source, progress)), progress, engine)
 
 
 def suits_one_frame(source: Source) -> bool:

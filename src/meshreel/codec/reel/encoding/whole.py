@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -74,7 +73,7 @@ def encode(
             step, _ = step_for_target(config, RateSearch(source, progress, None))
         return encode_frame(source, progress, step)
     if source.bounds:
-        source = replace(source, tracks=encode_tracks(source, progress))
+        source = source.with_tracks(encode_tracks(source, progress))
     sequence = RateSearch(source, progress, engine)
     bound = None
     if step is None:
