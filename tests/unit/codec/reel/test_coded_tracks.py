@@ -132,7 +132,7 @@ def test_single_track_is_read_from_a_file():
 REFUSED = {
     "no track 'heap'; did you mean 'heat'": {"heap": "1%"},
     "there is no track 'x'; there are heat, n, c": {"x": "1%"},
-    "500K in its unit, exact or drop; got '3Pa'": {"heat": "3Pa"},
+    "500K in its unit or one that converts to it, exact or drop; got '3Pa'": {"heat": "3Pa"},
     "cannot be guaranteed, since its numbers of type float32 are rounded": {"heat": "1e-7%"},
 }
 
