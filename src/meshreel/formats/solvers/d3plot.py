@@ -32,7 +32,7 @@ from meshreel.formats.solvers.d3plot_files import (
 )
 from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh, used_points
 from meshreel.model.geometry.polygons import ragged_indices
-from meshreel.model.surface import Domain, FaceGroups, Surface
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.runtime.counting import counted
 
 NODE_RESULTS = (
@@ -46,7 +46,7 @@ OTHER_SECTIONS = (
 )  # fmt: skip
 
 PARTS = "part"
-"""Name of the groups of faces by part."""
+"""Name of the groups of faces by part, and of the attribute of cells with their numbers."""
 
 
 def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
@@ -149,14 +149,19 @@ class _States:
         return Step(layout.n_nodes, n_cells, self._surface(index), points, arrays)
 
     def surface(self, index: int) -> Surface:
-        """Return the parts of the faces of a state."""
+        """Return the parts of the faces and cells of a state."""
         layout, _ = self._states[index]
         if "coordinates" not in layout.sections:
             note_left_out(self._notes, "motion: the states contain no positions")
         surface = self._surface(index)
         surface.note_interior(self._notes)
-        numbers = layout.part_numbers[surface.cells].astype(np.int32)
-        return Surface(groups=(FaceGroups(PARTS, layout.part_names, numbers),))
+        numbers = layout.part_numbers.astype(np.int32)
+        groups = FaceGroups(PARTS, layout.part_names, numbers[surface.cells])
+        of_cells: tuple[Attribute, ...] = ()
+        if surface.volume is not None:
+            values = numbers[surface.volume_rows, None]
+            of_cells = (Attribute(PARTS, Kind.OTHER, Domain.CELL, values),)
+        return Surface(attributes=of_cells, groups=(groups,))
 
     def _surface(self, index: int) -> CellSurface:
         """Return the surface of the cells that exist in a state, cached while they are equal."""

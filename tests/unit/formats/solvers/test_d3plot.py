@@ -72,6 +72,9 @@ def test_positions_times_and_parts_are_those_of_the_states(tmp_path, code, name)
     [parts] = loaded.surface.groups
     assert parts.labels == ("lower block", "upper block", "skin")
     assert np.bincount(parts.numbers).tolist() == [5, 5, 2]  # the cubes share a face
+    [of_cells] = loaded.surface.attributes
+    assert (of_cells.name, of_cells.domain) == ("part", "cell")
+    assert np.bincount(of_cells.values[:, 0]).tolist() == [1, 1, 2]
     assert "left out: elements without faces: beams" in notes
 
 
