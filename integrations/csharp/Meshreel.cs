@@ -82,9 +82,10 @@ namespace Meshreel
     public sealed class ReelInfo
     {
         private Native.info c;
-        internal ReelInfo(Native.info c)
+        internal ReelInfo(Native.info c, IntPtr times)
         {
             this.c = c;
+            Times = times == IntPtr.Zero ? null : Native.Copied<double>(times, c.n_frames);
             Name = c.name.ToString();
             Damage = c.is_whole == 0 ? Native.Failure(ref this.c.damage, null) : null;
         }
@@ -92,6 +93,8 @@ namespace Meshreel
         public string Name { get; }
         /// <summary>Frames per second; 0 if unknown.</summary>
         public double Fps => c.fps;
+        /// <summary>Time of each frame in seconds, ascending; null if frames are evenly spaced.</summary>
+        public double[] Times { get; }
         public double StartSeconds => c.start_s;
         /// <summary>Error bound of any vertex, in percent of `Diagonal`; 0 if none.</summary>
         public double ErrorBoundPercent => c.error_bound_percent;
@@ -104,6 +107,8 @@ namespace Meshreel
         public int TriangleCount => checked((int)c.n_triangles);
         public int FaceCount => checked((int)c.n_faces);
         public int CornerCount => checked((int)c.n_corners);
+        /// <summary>Cells of a volume mesh, whose surface the faces are; 0: the mesh has faces only.</summary>
+        public int CellCount => checked((int)c.n_cells);
         public int BlockCount => checked((int)c.n_blocks);
         public int LongestBlock => checked((int)c.longest_block);
         /// <summary>Number of tracks including the positions, track 0; 0 for a file with several segments.</summary>
@@ -241,6 +246,17 @@ namespace Meshreel
         public long SizeBytes { get; internal set; }
     }
 
+    /// <summary>Cells of a volume mesh, such as hexahedra.</summary>
+    public sealed class ReelCells
+    {
+        /// <summary>Types of VTK.</summary>
+        public byte[] Types { get; internal set; }
+        /// <summary>Vertices of all cells, concatenated, in the order of VTK.</summary>
+        public int[] Nodes { get; internal set; }
+        /// <summary>Cell of each face.</summary>
+        public int[] OfFaces { get; internal set; }
+    }
+
     /// <summary>The surface: everything about the mesh but positions and triangles.</summary>
     public sealed class ReelSurface
     {
@@ -256,11 +272,23 @@ namespace Meshreel
         public ReelImage[] Images { get; internal set; }
         /// <summary>Edges, two vertices each, across which faces do not share normals.</summary>
         public int[] HardEdges { get; internal set; }
+        /// <summary>Cells whose surface the faces are; null if the mesh has faces only.</summary>
+        public ReelCells Cells { get; internal set; }
 
-        internal ReelSurface(Native.surface c, int faceCount, int triangleCount)
+        internal ReelSurface(Native.surface c, IntPtr cells, ReelInfo info)
         {
+            int faceCount = info.FaceCount;
+            if (cells != IntPtr.Zero)
+            {
+                Native.cells of = Native.At<Native.cells>(cells);
+                Cells = new ReelCells
+                {
+                    Types = Native.Copied<byte>(of.types, of.n_cells), Nodes = Native.Copied<int>(of.nodes, of.n_nodes),
+                    OfFaces = Native.Copied<int>(of.face_cells, faceCount),
+                };
+            }
             FaceSizes = Native.Copied<int>(c.face_sizes, faceCount);
-            TriangleCorners = Native.Copied<int>(c.triangle_corners, 3L * triangleCount);
+            TriangleCorners = Native.Copied<int>(c.triangle_corners, 3L * info.TriangleCount);
             HardEdges = Native.Copied<int>(c.hard_edges, 2L * c.n_hard_edges);
             Attributes = Native.Each<Native.attribute, ReelAttribute>(c.attributes, c.n_attributes, a => new ReelAttribute
             {
@@ -396,7 +424,8 @@ namespace Meshreel
                 {
                     Handle.OpenSegment(whole.Handle, segment);
                 }
-                Info = new ReelInfo(Native.At<Native.info>(Native.meshreel_info_of(Handle)));
+                Info = new ReelInfo(Native.At<Native.info>(Native.meshreel_info_of(Handle)),
+                    Native.meshreel_times_of(Handle));
                 tracks = new ReelTrack[Info.TrackCount];
                 for (int i = 0; i < tracks.Length; i++)
                 {
@@ -460,6 +489,12 @@ namespace Meshreel
             return checked((int)Native.meshreel_segment_of_frame(Handle, (uint)frame));
         }
 
+        /// <summary>The frame that is shown at a time in seconds: the last one that is due, else frame 0.</summary>
+        public int FrameAt(double seconds)
+        {
+            return checked((int)Native.meshreel_frame_at(Handle, seconds));
+        }
+
         /// <summary>Open a segment as a separate file, whose frames are counted from 0.</summary>
         public ReelFile OpenSegment(int number)
         {
@@ -517,7 +552,8 @@ namespace Meshreel
                         Native.error error;
                         Native.Check(Native.meshreel_read_surface(Handle, out error), ref error);
                         surface = surface ?? new ReelSurface(
-                            Native.At<Native.surface>(Native.meshreel_surface_of(Handle)), Info.FaceCount);
+                            Native.At<Native.surface>(Native.meshreel_surface_of(Handle)),
+                            Native.meshreel_cells_of(Handle), Info);
                     });
                 }
                 return surface;

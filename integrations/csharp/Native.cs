@@ -115,6 +115,12 @@ namespace Meshreel
             public uint n_attributes, n_groups, n_parts, n_materials, n_images, n_hard_edges;
         }
 
+        internal struct cells
+        {
+            public uint n_cells, n_nodes;
+            public IntPtr types, nodes, face_cells;
+        }
+
         internal struct track
         {
             public text name, unit;
@@ -136,6 +142,9 @@ namespace Meshreel
             ref source source, ref host host, out IntPtr file, out error error);
         [DllImport(Library, CallingConvention = C)] internal static extern void meshreel_close(IntPtr file);
         [DllImport(Library, CallingConvention = C)] internal static extern IntPtr meshreel_info_of(FileHandle file);
+        [DllImport(Library, CallingConvention = C)] internal static extern IntPtr meshreel_times_of(FileHandle file);
+        [DllImport(Library, CallingConvention = C)] internal static extern uint meshreel_frame_at(
+            FileHandle file, double time_s);
         [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_segment_of(
             FileHandle file, uint number, out segment segment);
         [DllImport(Library, CallingConvention = C)] internal static extern uint meshreel_segment_of_frame(
@@ -154,6 +163,7 @@ namespace Meshreel
         [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_read_surface(
             FileHandle file, out error error);
         [DllImport(Library, CallingConvention = C)] internal static extern IntPtr meshreel_surface_of(FileHandle file);
+        [DllImport(Library, CallingConvention = C)] internal static extern IntPtr meshreel_cells_of(FileHandle file);
         [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_track_of(
             FileHandle file, uint number, out track track);
         [DllImport(Library, CallingConvention = C)] internal static extern int meshreel_begin(

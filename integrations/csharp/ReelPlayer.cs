@@ -47,7 +47,8 @@ namespace Meshreel
         public double time { get; set; }
         /// <summary>The current frame; -1 if none is shown yet.</summary>
         public int frame { get; private set; } = -1;
-        public double duration => file == null ? 0 : file.Info.FrameCount / Fps;
+        public double duration => file == null ? 0 : file.Info.Times == null ? file.Info.FrameCount / Fps
+            : file.Info.Times[file.Info.FrameCount - 1] - file.Info.Times[0] + 1 / Fps;
         private double Fps => file.Info.Fps > 0 ? file.Info.Fps : defaultFps;
 
         public void Play() => isPlaying = true;
@@ -108,7 +109,8 @@ namespace Meshreel
             }
             try
             {
-                int wanted = (int)(time * Fps + 1e-6); // tolerance for a `time` that was computed as frame / Fps
+                int wanted = file.Info.Times != null ? file.FrameAt(file.Info.Times[0] + time)
+                    : (int)(time * Fps + 1e-6); // tolerance for a `time` that was computed as frame / Fps
                 Show(Math.Max(0, Math.Min(wanted, file.Info.FrameCount - 1)));
             }
             catch (ReelException)

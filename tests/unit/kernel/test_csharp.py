@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import meshreel
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.kernel.library import NAME
 from meshreel.kernel.library import library as core
 from meshreel.model.materials import SLOTS
 from samples import c_reader
 from samples.c_reader import CModes, CSurface, Decoder, File, Layout, RefusalError
+from samples.meshes import waving_grid
 from samples.programs import output_of
 
 ROOT = Path(__file__).parents[3]
@@ -75,6 +77,8 @@ def whole_lines(data):
             f"file {info.n_frames} frames, {info.n_segments} segments, {number(info.fps)} fps, "
             f"start {number(info.start_s)}, whole {bool(info.is_whole)}"
         )
+        yield f"times {hashed(file.times)}"
+        yield f"shown {file.frame_at(-1)} {file.frame_at(1.99)} {file.frame_at(1e9)}"
         for i, segment in enumerate(file.segments):
             last = file.segment_of_frame(segment.first_frame + segment.n_frames - 1)
             yield f"segment {i} {segment.first_frame} {segment.n_frames} {segment.offset} {last}"
@@ -87,7 +91,7 @@ def whole_lines(data):
 
 def number(value):
     """Format a number like C#."""
-    return f"{value:.15g}"
+    return f"{value:.15G}"
 
 
 def mesh_lines(file):
@@ -153,6 +157,12 @@ def surface_lines(file, data):
     c = c_reader.returned("surface_of", POINTER(CSurface), file.handle).contents
     edges = c_reader.array_at(c.hard_edges, 2 * c.n_hard_edges, np.int32)
     yield f"faces {hashed(surface.face_sizes)} hard {hashed(edges)}"
+    cells = surface.cells
+    arrays = (None,) * 3
+    if cells is not None:
+        owners = cells.surface(file.info.n_verts).owners
+        arrays = cells.types, cells.nodes, owners.astype(np.int32)
+    yield f"cells {file.info.n_cells} {' '.join(map(hashed, arrays))}"
     names = {"uint8": "Byte", "int32": "Int32", "float32": "Single", "float64": "Double"}
     for i, attribute in enumerate(surface.attributes):
         code, values = c.attributes[i], attribute.values
@@ -314,6 +324,17 @@ def test_unity_component_shows_every_frame(play, name, way):
     played = frames[::-1] if way == "backwards" else frames
     expected = played + played[:2] + [frames[-1], frames[0], frames[-2], last]  # loops, and seeks
     assert output_of("mono", play, way, path).splitlines() == expected
+
+
+def test_unity_component_shows_frames_when_they_are_due(play, tmp_path):
+    path = tmp_path / "uneven.reel"
+    times = [2, 2.5, 3, 3.5, 3.75]
+    path.write_bytes(meshreel.encode(waving_grid(5).replace(times=times)))
+    seconds = (-1, 0, 0.49, 0.5, 1.5, 1.74, 1.75, 2.1)
+    shown = output_of("mono", play, "at", path, *map(str, seconds))
+    mean = 1.75 / 4
+    assert float(shown.split()[0]) == pytest.approx(1.75 + mean)
+    assert shown.split()[1:] == ["0", "0", "0", "1", "3", "3", "4", "4"]
 
 
 def test_unity_component_stops_at_damage(play, tmp_path):

@@ -55,6 +55,8 @@ internal static class Describe
             ReelInfo info = file.Info;
             Console.WriteLine("file {0} frames, {1} segments, {2} fps, start {3}, whole {4}", info.FrameCount,
                 info.SegmentCount, info.Fps, info.StartSeconds, info.Damage == null);
+            Console.WriteLine("times {0}", Hash(info.Times));
+            Console.WriteLine("shown {0} {1} {2}", file.FrameAt(-1), file.FrameAt(1.99), file.FrameAt(1e9));
             for (int i = 0; i < info.SegmentCount; i++)
             {
                 ReelSegment segment = file.Segment(i);
@@ -124,6 +126,9 @@ internal static class Describe
     {
         ReelSurface surface = file.Surface;
         Console.WriteLine("faces {0} hard {1}", Hash(surface.FaceSizes), Hash(surface.HardEdges));
+        ReelCells cells = surface.Cells;
+        Console.WriteLine("cells {0} {1} {2} {3}", file.Info.CellCount, Hash(cells?.Types), Hash(cells?.Nodes),
+            Hash(cells?.OfFaces));
         foreach (ReelAttribute a in surface.Attributes)
         {
             int count = a.Rows == null ? a.Values.Length / a.Width : a.Rows.Length;

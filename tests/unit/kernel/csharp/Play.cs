@@ -1,4 +1,5 @@
-// Plays a file with ReelPlayer.cs and stubs of Unity: `Play ahead|direct|backwards|"as it is" FILE` prints what is shown.
+// Plays a file with ReelPlayer.cs and stubs of Unity: `Play ahead|direct|backwards|"as it is" FILE` prints what is shown,
+// `Play at FILE SECONDS...` the frames at these times.
 
 using System;
 using System.Linq;
@@ -24,6 +25,11 @@ internal static class Play
         try
         {
             Send("Start");
+            if (words[0] == "at")
+            {
+                Console.WriteLine("{0} {1}", player.duration, string.Join(" ", words.Skip(2).Select(FrameAt)));
+                return 0;
+            }
             int n = player.Info.FrameCount;
             double fps = player.Info.Fps > 0 ? player.Info.Fps : player.defaultFps;
             Time.deltaTime = 0;
@@ -55,6 +61,13 @@ internal static class Play
             Console.WriteLine("failed {0}, {1}", failure.Code, player.Info == null ? "closed" : "open");
         }
         return 0;
+    }
+
+    private static int FrameAt(string seconds)
+    {
+        player.time = double.Parse(seconds, System.Globalization.CultureInfo.InvariantCulture);
+        Send("Update");
+        return player.frame;
     }
 
     private static void Need(bool holds, string what)
