@@ -60,6 +60,11 @@ PLAYED = {
     "loop": ({}, {"settings": {"end": "LOOP"}}, {4: 4, 5: 0, 11: 1, -1: 4}),
     "other scene rate": ({}, {"fps": 48}, {0: 0, 2: 1, 4: 2, 8: 4}),
     "no blending": ({}, {"fps": 48, "settings": {"interpolate": False}}, {1: 0, 3: 1, 4: 2}),
+    "uneven": (
+        {"fps": 0, "times": [1, 1.5, 2, 2.5, 2.75]},
+        {"fps": 8},
+        {8: 0, 12: 1, 16: 2, 20: 3, 22: 4, 99: 4},
+    ),
     "no rate": ({"fps": 0}, {"fps": 60}, {0: 0, 1: 1, 4: 4}),
 }
 """Options of the sequence and of the scene, and the shown frame at each scene frame."""

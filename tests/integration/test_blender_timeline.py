@@ -66,3 +66,26 @@ def test_an_unknown_rate_maps_scene_frames_to_frames(timeline):
 @pytest.mark.parametrize(("duration", "last"), [(1.0, 14), (2.0, 18), (0.5, 12), (0.8, 13)])
 def test_last_scene_frame_is_the_last_that_moves(timeline, duration, last):
     assert timeline.last_scene_frame(10.0, duration, 5) == last
+
+
+TIMES = [0, 0.005, 0.01, 0.015, 0.0175]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "end", "position"),
+    [
+        (-1, "HOLD", 0),
+        (0, "HOLD", 0),
+        (0.0025, "HOLD", 0.5),
+        (0.015, "HOLD", 3),
+        (0.01624999999, "HOLD", 3.5),
+        (0.0174999999, "HOLD", 4),
+        (1, "HOLD", 4),
+        (0.0175, "LOOP", 4),
+        (0.0175 * 1.25 + 0.0025, "LOOP", 0.5),
+        (-0.001, "LOOP", 4),
+    ],
+)
+def test_frames_at_times_of_their_own_are_shown_when_due(timeline, seconds, end, position):
+    assert timeline.uneven_position(seconds, TIMES, end) == pytest.approx(position, abs=1e-4)
+    assert timeline.uneven_position(seconds, [0.0], end) == 0

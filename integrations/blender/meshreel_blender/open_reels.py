@@ -57,6 +57,8 @@ class OpenReel:
     Attributes
     ----------
     reel : meshreel.ReelFile
+    uneven_times : list of float, or None
+        Seconds from the first frame to each, if they are not evenly spaced.
 
     Raises
     ------
@@ -66,6 +68,8 @@ class OpenReel:
 
     def __init__(self, path: Path) -> None:
         self.reel = meshreel.open(path)
+        times = self.reel.timing.times
+        self.uneven_times = None if times is None else (times - times[0]).tolist()
         self._name = self.reel.name or path.stem
         self._meshes: OrderedDict[int, SegmentMesh] = OrderedDict()
         self._shown: tuple[float, Shown] | None = None

@@ -42,6 +42,8 @@ def description(obj: Any) -> tuple[bool, str]:
     except UnplayableError as error:
         return True, str(error)
     rate = f"{reel.fps:g} fps" if reel.fps else "one per scene frame"
+    if reel.timing.uneven_times is not None:
+        rate = f"uneven, {rate} on average"
     cut = "" if reel.is_whole else "; the end of the file is missing"
     segments = f" in {reel.n_segments} segments" if reel.n_segments > 1 else ""
     n_verts = reel.segments[obj.meshreel.segment].n_verts

@@ -12,7 +12,7 @@ from meshreel.formats.scenes.parts import PartMesh
 
 from .mesh_building import fill_mesh, write_positions
 from .open_reels import OpenReel, SegmentMesh, UnplayableError, open_reel, release_all
-from .timeline import reel_position, scene_frames_per_reel_frame, scene_rate
+from .timeline import reel_position, scene_frames_per_reel_frame, scene_rate, uneven_position
 
 logger = logging.getLogger(__name__)
 
@@ -85,13 +85,13 @@ def _update_mesh(obj: Any, scene: Any) -> None:
         )
     if mesh.shape_keys:
         raise UnplayableError(f"{obj.name} has shape keys, which override its file; remove them")
-    duration = scene_frames_per_reel_frame(
-        scene_rate(scene.render.fps, scene.render.fps_base), opened.reel.fps
-    )
-    position = reel_position(
-        scene.frame_current_final, settings.start_frame, duration, opened.reel.n_frames,
-        settings.end,
-    )  # fmt: skip
+    rate = scene_rate(scene.render.fps, scene.render.fps_base)
+    scene_frame, start_frame, end = scene.frame_current_final, settings.start_frame, settings.end
+    if opened.uneven_times is not None:
+        position = uneven_position((scene_frame - start_frame) / rate, opened.uneven_times, end)
+    else:
+        duration = scene_frames_per_reel_frame(rate, opened.reel.fps)
+        position = reel_position(scene_frame, start_frame, duration, opened.reel.n_frames, end)
     shown = opened.shown(position if settings.interpolate else float(int(position)))
     if shown.segment == settings.segment:
         if part:

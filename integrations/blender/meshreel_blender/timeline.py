@@ -1,6 +1,8 @@
 """Convert scene frames to frames of a file, and frame rates to Blender's two numbers."""
 
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
 from enum import StrEnum
 
 NTSC = 1000 / 1001
@@ -62,6 +64,29 @@ def reel_position(
     if end == End.LOOP:
         position %= n_frames
     return min(max(position, 0.0), n_frames - 1.0)
+
+
+def uneven_position(seconds: float, times: Sequence[float], end: str) -> float:
+    """Position in a file whose frames have times of their own, in frames: 0 to n_frames - 1.
+
+    Parameters
+    ----------
+    seconds : float
+        Since the first frame of the file.
+    times : sequence of float
+        Seconds from the first frame to each, ascending.
+    end : str
+        One of `End`. When looping, the last frame lasts as long as the mean of the others.
+    """
+    last = len(times) - 1
+    if end == End.LOOP and last:
+        seconds %= times[last] * (1 + 1 / last)
+    before = bisect_right(times, seconds) - 1
+    if before < 0 or before >= last:
+        return float(min(max(before, 0), last))
+    position = before + (seconds - times[before]) / (times[before + 1] - times[before])
+    nearest = float(round(position))
+    return nearest if abs(position - nearest) < FRAME_TOLERANCE else position
 
 
 def last_scene_frame(start_frame: float, duration: float, n_frames: int) -> int:
