@@ -791,6 +791,22 @@ encoded(
 )
 
 
+def standing(sequence, n_frames=7):
+    """Return the first frame of a sequence several times."""
+    tracks = {"x": np.arange(n_frames * sequence.n_verts, dtype=np.int32).reshape(n_frames, -1)}
+    still = np.repeat(sequence.vertices[:1], n_frames, axis=0)
+    return sequence.replace(vertices=still, tracks=tracks)
+
+
+encoded(
+    "grid_still",
+    lambda: standing(moving(shuffled(holes(6, 7)), 1, rough=0.01)),
+    max_error=0.05,
+    block_frames=4,
+)
+encoded("grid_still_cells", lambda: standing(of_cells(12, *boxes(3, 2, 2))), max_error=0.1)
+
+
 encoded(
     "grid_one_frame_listed",
     lambda: moving(together(grid(4, 5), tangled(12, 20)), 1, rough=0.01),

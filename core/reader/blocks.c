@@ -526,7 +526,7 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, cons
     return reel_fail_core(call, result, coded.at, "exact values are damaged");
 }
 
-/* Decode the positions of a block of one frame on a grid. */
+/* Decode the positions on a grid of a block of one frame, or of equal ones. */
 static int load_one_frame(reel_call *call, const meshreel_decoder *decoder,
                           reel_track_state *state) {
     const reel_outline *outline = &decoder->file->outline;
@@ -553,7 +553,8 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
     const reel_group *group = &state->current.group;
-    uint64_t n_positions = group->n_frames * decoder->file->outline.n_verts;
+    bool is_single = group->n_frames == 1 || group->is_still;
+    uint64_t n_positions = (is_single ? 1 : group->n_frames) * decoder->file->outline.n_verts;
     REEL_TRY(reel_read_rounding(call, &state->current.pool, group, n_positions,
                                 &state->current.rounding));
     uint32_t size = definition->size;
@@ -563,7 +564,7 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
     if (definition->difference) {
         type = REEL_SIGNED_INTEGERS;
     }
-    if (group->grid > 0.0 && group->n_frames == 1) {
+    if (group->grid > 0.0 && is_single) {
         return load_one_frame(call, decoder, state);
     }
     if (group->grid > 0.0) {

@@ -195,6 +195,8 @@ static int read_values(reel_call *call, bool is_grid, const payloads *all, reel_
     uint64_t at = left.at;
     if (is_grid || payload(all, REEL_ROUNDING)->at) {
         REEL_TRY(reel_read_bytes(call, &left, &group->grid, sizeof group->grid));
+        group->is_still = group->grid < 0.0 && group->n_frames > 1;
+        group->grid = group->is_still ? -group->grid : group->grid;
     }
     group->values = left;
     group->rounding = *payload(all, REEL_ROUNDING);

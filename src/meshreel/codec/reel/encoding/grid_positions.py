@@ -27,6 +27,7 @@ from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.targets import TargetKind
 from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.extent import Extent
+from meshreel.model.sequence import FrameSource
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
 
@@ -76,16 +77,18 @@ class GridPositionCoder(PositionCoder):
         """Encode a contiguous block of shape (T_b, V, 3), in internal order.
 
         Positions are lossless if the grid exceeds the bound or the limits of the format, or if
-        that takes fewer bytes for several frames.
+        that takes fewer bytes for several frames. Equal frames are coded as one.
         """
         coordinates = self.grid.coordinates(vertices)
         meets_bound = self._meets_bound(coordinates, vertices)
-        rounding = self.grid.rounding(coordinates, vertices) if self.is_stored else None
-        if rounding and meets_bound and len(rounding) > vertices.size * MAX_ROUNDING_BYTES:
+        rounding = self.grid.rounding(coordinates[:1], vertices[:1]) if self.is_stored else None
+        if rounding and meets_bound and len(rounding) > vertices[0].size * MAX_ROUNDING_BYTES:
             rounding = None
         is_precise = meets_bound or rounding is not None
-        if len(vertices) == 1 and is_precise and np.abs(coordinates).max() <= MAX_VALUE:
-            return write_grid_frame(coordinates, self.grid.step, *self.sides, rounding)
+        is_single = (coordinates[1:] == coordinates[0]).all()
+        if is_single and is_precise and np.abs(coordinates).max() <= MAX_VALUE:
+            step, n_frames = self.grid.step, len(vertices)
+            return write_grid_frame(coordinates, step, *self.sides, rounding, n_frames=n_frames)
         exact = write_grid_positions(vertices, NO_GRID, self.graph)
         if len(vertices) == 1 or not meets_bound:
             return exact
@@ -172,7 +175,7 @@ def encode_frame(source: Source, progress: Progress, step: float | None) -> byte
     InvalidInputError
         If a bound cannot be guaranteed.
     """
-    return encode(_of_one_frame(source, step), progress, None)
+    return encode(_on_grid(source, step), progress, None)
 
 
 def frame_error(source: Source, vertices: Vertices, step: float) -> float:
@@ -186,13 +189,38 @@ def frame_error(source: Source, vertices: Vertices, step: float) -> float:
 def may_use_grid(source: Source, size_bytes: int) -> bool:
     """Return whether a grid might take fewer bytes than a stream of modes of this size.
 
-    A grid stores a number for each position, so it cannot compress many times. Options of the
-    search for modes exclude it.
+    A grid stores a number for each position, so it cannot compress many times, unless no vertex
+    moves. Options of the search for modes exclude it.
     """
     if not _takes_grid(source.config):
         return False
+    if is_still(source.sequence):
+        return True
     raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
     return size_bytes * RAW_RATIO > raw_bytes
+
+
+def is_still(sequence: FrameSource) -> bool:
+    """Return whether all frames of a sequence of several have the same positions."""
+    frames = (sequence.read(number, number + 1) for number in range(sequence.n_frames))
+    first = next(frames)
+    return sequence.n_frames > 1 and all(np.array_equal(first, frame) for frame in frames)
+
+
+def _has_one_shape(source: Source) -> bool:
+    return source.n_frames == 1 or is_still(source.sequence)
+
+
+def encode_still(source: Source, step: float, progress: Progress) -> bytes | None:
+    """Return a stream of `reel` on a grid with a step in diagonals; None if a vertex moves.
+
+    The grid is that of the quantizer of the positions, if that takes fewer bytes.
+    """
+    if not (_takes_grid(source.config) and is_still(source.sequence)):
+        return None
+    own = _encoded(_on_grid(source, step, _cut(source)), progress, None)
+    stored = encode_on_stored_grid(source, progress)
+    return own if stored is None else min(own, stored, key=len)
 
 
 def _takes_grid(config: EncoderConfig) -> bool:
@@ -203,24 +231,29 @@ def _takes_grid(config: EncoderConfig) -> bool:
 
 def encode_on_grid(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     """Return a stream of the method `grid` of a source of `reel`, with its coded tracks."""
-    cut = source.block_frames if source.tracks else source.config.block_frames
-    config = replace(source.config, method="grid", block_frames=cut)
-    return _encoded(replace(source, config=config), progress, engine)
+    return _encoded(_on_grid(source, None, _cut(source)), progress, engine)
+
+
+def _cut(source: Source) -> int | None:
+    """Return the frames per block that coded tracks require."""
+    return source.block_frames if source.tracks else source.config.block_frames
 
 
 def encode_on_stored_grid(source: Source, progress: Progress) -> bytes | None:
-    """Return a stream of one frame of `reel` on the grid of its quantizer; None without one."""
-    found = on_stored_grid(source) if source.n_frames == 1 and _takes_grid(source.config) else None
+    """Return a stream of one shape of `reel` on the grid of its quantizer; None without one."""
+    found = None
+    if _takes_grid(source.config) and _has_one_shape(source):
+        found = on_stored_grid(source)
     if found is None:
         return None
     moved, grid = found
     coder = replace(step_coder(moved.mesh, moved.frame, grid.step), is_stored=True)
-    return stream_of(_of_one_frame(moved, grid.step), coder, progress, None)
+    return stream_of(_on_grid(moved, grid.step, _cut(source)), coder, progress, None)
 
 
-def _of_one_frame(source: Source, step: float | None) -> Source:
+def _on_grid(source: Source, step: float | None, block_frames: int | None = None) -> Source:
     """Return the source with the method `grid`, and a step in diagonals unless that is None."""
-    changes: dict[str, Any] = {"method": "grid", "block_frames": None}
+    changes: dict[str, Any] = {"method": "grid", "block_frames": block_frames}
     if step is not None:
         targets = "bound", *(kind.value for kind in TargetKind)
         changes |= {**dict.fromkeys(targets), "step": _allowed(step)}
@@ -235,7 +268,7 @@ def _allowed(step: float) -> float:
 def _encoded(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
-    if source.n_frames == 1:
+    if _has_one_shape(source):
         source, coder = _on_stored_grid(source, coder)
     return stream_of(source, coder, progress, engine)
 

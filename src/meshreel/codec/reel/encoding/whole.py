@@ -22,6 +22,7 @@ from meshreel.codec.reel.encoding.grid_positions import (
     encode_frame,
     encode_on_grid,
     encode_on_stored_grid,
+    encode_still,
     may_use_grid,
     suits_one_frame,
 )
@@ -85,6 +86,8 @@ def encode(
     other: bytes | None
     if bound is not None and may_use_grid(source, len(data)):
         other = encode_on_grid(source, progress, engine)
+    elif bound is None and source.n_frames > 1 and not config.target.kind.is_budget:
+        other = encode_still(source, step, progress)
     else:
         other = encode_on_stored_grid(source, progress)
     if following is not None:

@@ -85,8 +85,10 @@ def write_grid_frame(
     faces: Faces,
     twins: npt.NDArray[np.int32],
     rounding: bytes | None = None,
+    *,
+    n_frames: int = 1,
 ) -> list[tuple[Section, bytes]]:
-    """Return the sections of a block of one frame on a grid.
+    """Return the sections of a block of one frame on a grid, or of equal frames.
 
     Parameters
     ----------
@@ -100,11 +102,14 @@ def write_grid_frame(
         The other side at the edge of each side, or the side itself.
     rounding : bytes or None
         As of `PositionGrid.rounding`, so that positions are exact.
+    n_frames : int
+        Number of frames with these positions.
     """
+    signed_step = step if n_frames == 1 else -step
     return [
-        (Section.BLOCK, write_block_counts(1, 0)),
+        (Section.BLOCK, write_block_counts(n_frames, 0)),
         *([] if rounding is None else [(Section.ROUNDING, rounding)]),
-        (Section.VALUES, write_step(step) + encode_on_surface(values[0], faces, twins)),
+        (Section.VALUES, write_step(signed_step) + encode_on_surface(values[0], faces, twins)),
     ]
 
 
