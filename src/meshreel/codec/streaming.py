@@ -310,7 +310,10 @@ class Encoder:
     def __repr__(self) -> str:
         name = f" {self._name!r}" if self._name else ""
         state = "closed" if self._is_closed else "open"
-        mesh = "not begun" if self._mesh is None else counted(len(self._mesh.faces), "face")
+        given = self._faces if self._mesh is None else self._mesh.faces
+        mesh = (
+            repr(given) if isinstance(given, Cells) else counted(len(np.atleast_1d(given)), "face")
+        )
         several = f" in {self.n_segments} segments" if self.n_segments > 1 else ""
         return (
             f"<Encoder{name}, {state}: {counted(self.n_frames, 'frame')}{several} pushed, "
