@@ -310,7 +310,7 @@ class Encoder:
     def __repr__(self) -> str:
         name = f" {self._name!r}" if self._name else ""
         state = "closed" if self._is_closed else "open"
-        given = self._faces if self._mesh is None else self._mesh.faces
+        faces = self._faces if self._mesh is None else self._mesh.faces
         mesh = (
             repr(given) if isinstance(given, Cells) else counted(len(np.atleast_1d(given)), "face")
         )
