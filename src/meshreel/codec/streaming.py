@@ -312,7 +312,7 @@ class Encoder:
         state = "closed" if self._is_closed else "open"
         faces = self._faces if self._mesh is None else self._mesh.faces
         mesh = (
-            repr(given) if isinstance(given, Cells) else counted(len(np.atleast_1d(given)), "face")
+            repr(faces) if isinstance(faces, Cells) else counted(len(np.atleast_1d(faces)), "face")
         )
         several = f" in {self.n_segments} segments" if self.n_segments > 1 else ""
         return (
