@@ -9,7 +9,6 @@ from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import NoteKind, add_note, combined, listed, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.resampling import resampled
 from meshreel.formats.scenes.scene_source import open_mesh, select_mesh
 from meshreel.formats.sources import SourceFiles
 from meshreel.formats.supported_options import check_read_options
@@ -45,6 +44,8 @@ def open_any(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     else:
         opened = displaced(opened, options.displace, options.max_loaded_bytes)
     if options.resample is not None:
+        from meshreel.formats.resampling import resampled
+
         opened = resampled(opened, options.resample, options.max_loaded_bytes, reading.notes)
     options.notes.extend(dict.fromkeys(reading.notes))
     return opened if options.register is None else registered(opened, options)

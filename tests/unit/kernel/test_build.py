@@ -124,6 +124,7 @@ def test_wheel_tag_names_the_deployment_target_when_built_for_macos(core, monkey
 def test_page_build_exports_the_public_header_and_imports_its_host(core):
     declared = (COMPILE.parent / "include" / "meshreel.h").read_text()
     declared += (COMPILE.parent / "reader" / "page.c").read_text()
+    declared += (COMPILE.parent / "reel.h").read_text()  # of cells, which the page cuts
     for name in core["PAGE_FUNCTIONS"]:
         assert f" {name}(" in declared or f"*{name}(" in declared, name
 
