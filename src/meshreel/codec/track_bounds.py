@@ -136,10 +136,10 @@ def kept_bounds(
     InvalidInputError
         If a bound does not suit its track, or the method does not support tracks.
     """
-    is_exact, percent = config.method == LOSSLESS, config.bound_percent
+    is_exact = config.method == LOSSLESS
 
     def default(track: TrackSource) -> TrackBound:
-        return EXACT if is_exact else default_bound(track, percent)
+        return EXACT if is_exact else default_bound(track, config.bound_percent)
 
     bounds = track_bounds(tracks, targets, default)
     kept = {name: bound for name, bound in bounds.items() if bound != DROP}

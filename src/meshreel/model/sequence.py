@@ -39,6 +39,7 @@ __all__ = [
     "concatenate",
     "frames_by_segment",
     "frames_of",
+    "is_still",
     "mesh_digest",
     "positions_size_bytes",
     "segment_of_frame",
@@ -603,6 +604,13 @@ def tracks_of_all(sequence: MeshSequence) -> dict[str, TrackSource]:
     """Return the tracks of all segments by name; of equal names the first."""
     segments = reversed(sequence.segments)
     return {name: track for segment in segments for name, track in segment.tracks.items()}
+
+
+def is_still(sequence: FrameSource) -> bool:
+    """Return whether all frames have the same positions; reads until one differs."""
+    first = sequence.read(0, 1)
+    others = range(1, sequence.n_frames)
+    return all(np.array_equal(first, sequence.read(number, number + 1)) for number in others)
 
 
 def mesh_digest(n_verts: int, *faces: npt.NDArray[np.signedinteger]) -> bytes:

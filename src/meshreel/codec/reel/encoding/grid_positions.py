@@ -27,7 +27,7 @@ from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.targets import TargetKind
 from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.extent import Extent
-from meshreel.model.sequence import FrameSource
+from meshreel.model.sequence import is_still
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
 
@@ -148,7 +148,8 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     InvalidInputError
         If a bound cannot be guaranteed.
     """
-    return _encoded(source.with_tracks(encode_tracks(source, progress)), progress, engine)
+    source = source.with_tracks(encode_tracks(source, progress))
+    return _encoded(source, progress, engine, is_still(source.sequence))
 
 
 def suits_one_frame(source: Source) -> bool:
@@ -186,7 +187,7 @@ def frame_error(source: Source, vertices: Vertices, step: float) -> float:
     return float(np.vdot(error, error))
 
 
-def may_use_grid(source: Source, size_bytes: int) -> bool:
+def may_use_grid(source: Source, size_bytes: int, has_one_shape: bool) -> bool:
     """Return whether a grid might take fewer bytes than a stream of modes of this size.
 
     A grid stores a number for each position, so it cannot compress many times, unless no vertex
@@ -194,31 +195,20 @@ def may_use_grid(source: Source, size_bytes: int) -> bool:
     """
     if not _takes_grid(source.config):
         return False
-    if is_still(source.sequence):
+    if has_one_shape and source.n_frames > 1:
         return True
     raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
     return size_bytes * RAW_RATIO > raw_bytes
 
 
-def is_still(sequence: FrameSource) -> bool:
-    """Return whether all frames of a sequence of several have the same positions."""
-    frames = (sequence.read(number, number + 1) for number in range(sequence.n_frames))
-    first = next(frames)
-    return sequence.n_frames > 1 and all(np.array_equal(first, frame) for frame in frames)
-
-
-def _has_one_shape(source: Source) -> bool:
-    return source.n_frames == 1 or is_still(source.sequence)
-
-
 def encode_still(source: Source, step: float, progress: Progress) -> bytes | None:
-    """Return a stream of `reel` on a grid with a step in diagonals; None if a vertex moves.
+    """Return a stream of one shape on a grid with a step in diagonals; None if options forbid it.
 
     The grid is that of the quantizer of the positions, if that takes fewer bytes.
     """
-    if not (_takes_grid(source.config) and is_still(source.sequence)):
+    if not _takes_grid(source.config):
         return None
-    own = _encoded(_on_grid(source, step, _cut(source)), progress, None)
+    own = _encoded(_on_grid(source, step, _cut(source)), progress, None, has_one_shape=True)
     stored = encode_on_stored_grid(source, progress)
     return own if stored is None else min(own, stored, key=len)
 
@@ -229,9 +219,11 @@ def _takes_grid(config: EncoderConfig) -> bool:
     return config.effort is None and config.tune is None and config.n_modes is None
 
 
-def encode_on_grid(source: Source, progress: Progress, engine: Engine | None) -> bytes:
+def encode_on_grid(
+    source: Source, progress: Progress, engine: Engine | None, has_one_shape: bool
+) -> bytes:
     """Return a stream of the method `grid` of a source of `reel`, with its coded tracks."""
-    return _encoded(_on_grid(source, None, _cut(source)), progress, engine)
+    return _encoded(_on_grid(source, None, _cut(source)), progress, engine, has_one_shape)
 
 
 def _cut(source: Source) -> int | None:
@@ -241,9 +233,7 @@ def _cut(source: Source) -> int | None:
 
 def encode_on_stored_grid(source: Source, progress: Progress) -> bytes | None:
     """Return a stream of one shape of `reel` on the grid of its quantizer; None without one."""
-    found = None
-    if _takes_grid(source.config) and _has_one_shape(source):
-        found = on_stored_grid(source)
+    found = on_stored_grid(source) if _takes_grid(source.config) else None
     if found is None:
         return None
     moved, grid = found
@@ -265,10 +255,12 @@ def _allowed(step: float) -> float:
     return min(max(step, 1.0 / MAX_COORDINATE), 1.0)
 
 
-def _encoded(source: Source, progress: Progress, engine: Engine | None) -> bytes:
+def _encoded(
+    source: Source, progress: Progress, engine: Engine | None, has_one_shape: bool
+) -> bytes:
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
-    if _has_one_shape(source):
+    if has_one_shape:
         source, coder = _on_stored_grid(source, coder)
     return stream_of(source, coder, progress, engine)
 

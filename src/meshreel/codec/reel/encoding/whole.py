@@ -36,10 +36,13 @@ from meshreel.codec.source import Source, error_bound_sections
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, Keyword, SolverError
 from meshreel.metrics.rate import rate_bpvf
-from meshreel.model.sequence import MeshSequence
+from meshreel.model.sequence import MeshSequence, is_still
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import prefetch
+
+SINGLE_TRIALS = TargetKind.QUALITY, TargetKind.STEP
+"""Targets that set the step, so that nothing is searched."""
 
 LARGEST_ERROR_STEP = 0.1
 """Coarsest step of a search for an error, in diagonals of the model."""
@@ -83,10 +86,13 @@ def encode(
     if following is not None:
         step = sequence.step_for_tracks(following, step, bound)
     data = sequence.stream(step, bound)
-    other: bytes | None
-    if bound is not None and may_use_grid(source, len(data)):
-        other = encode_on_grid(source, progress, engine)
-    elif bound is None and source.n_frames > 1 and not config.target.kind.is_budget:
+    other: bytes | None = None
+    has_one_shape = is_still(source.sequence)
+    if bound is not None and may_use_grid(source, len(data), has_one_shape):
+        other = encode_on_grid(source, progress, engine, has_one_shape)
+    elif not has_one_shape:
+        pass  # modes code motion better
+    elif source.n_frames > 1 and config.target.kind in SINGLE_TRIALS:
         other = encode_still(source, step, progress)
     else:
         other = encode_on_stored_grid(source, progress)
@@ -309,7 +315,7 @@ class RateSearch:
 
     @property
     def _is_single_trial(self) -> bool:
-        return self._target.kind in (TargetKind.QUALITY, TargetKind.STEP)
+        return self._target.kind in SINGLE_TRIALS
 
     @cached_property
     def _keeps_blocks(self) -> bool:
