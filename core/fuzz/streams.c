@@ -531,7 +531,8 @@ static void put_exact(stream *s, bool is_grid, bool has_rounding) {
         payload = s->size;
     }
     if (is_grid || has_rounding) {
-        put_double(s, fuzz_one_in(4) ? 0.0 : 0x1p-20);
+        double step = fuzz_one_in(4) ? 0.0 : 0x1p-20;
+        put_double(s, fuzz_one_in(3) ? -step : step); /* negative: equal frames */
     }
     put_bits(s);
     end_section(s, REEL_VALUES, payload);
