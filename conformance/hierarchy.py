@@ -79,10 +79,16 @@ def edges_of(faces, n_verts):
     return near
 
 
-def thinned(near, vertices):
-    """Return an independent subset, selected by falling rank."""
+def dividing(near):
+    """Return the vertices that divide an edge."""
+    ends = {v for v in near if len(near[v]) > 2 and all(len(near[u]) == 2 for u in near[v])}
+    return {v for v in near if len(near[v]) == 2 and near[v] <= ends}
+
+
+def thinned(near, vertices, last):
+    """Return an independent subset, selected by falling rank; those of `last` come last."""
     selected = set()
-    for v in sorted(vertices, key=scattered, reverse=True):
+    for v in sorted(vertices, key=lambda v: (v not in last, scattered(v)), reverse=True):
         if not near[v] & selected:
             selected.add(v)
     return selected
@@ -97,10 +103,10 @@ def coarser_graph(near, kept):
     return coarser
 
 
-def stencil_of(near, v, known, size):
+def stencil_of(near, v, known, size, radius=3):
     """Return up to `size` pairs of a known vertex and its distance, nearest first."""
     stencil, ring, seen = [], {v: 1}, {v}
-    for distance in (1, 2, 3):
+    for distance in range(1, radius + 1):
         following = {}
         for u, paths in ring.items():
             if u == v or len(near[u]) <= MAX_PATH_DEGREE:
@@ -156,28 +162,30 @@ class Vertex:
 def resolutions_of(faces, n_verts, size):
     """Return the vertices in coding order, a list per resolution, from the coarsest."""
     near, finest_first, n_total = edges_of(faces, n_verts), [], 0
+    divide = dividing(near)
     while True:
         n_total += len(near)
         may_grow = len(finest_first) < MAX_RESOLUTIONS and n_total <= 4 * n_verts
         if not any(near.values()) or not may_grow:
             break
-        kept = thinned(near, near)
+        kept = thinned(near, near, divide)
         levels, others = [], set(near) - kept
         for _ in range(2):
-            levels.append(thinned(near, others))
+            levels.append(thinned(near, others, divide))
             others -= levels[-1]
-        finest_first.append(vertices_of(near, kept, [*levels, others], size))
+        own = set() if finest_first else divide
+        finest_first.append(vertices_of(near, kept, [*levels, others], size, own))
         near = coarser_graph(near, kept)
     coarsest = [Vertex(v, [], below(near, v, set(near)), {}) for v in sorted(near)]
     return [coarsest, *reversed(finest_first)]
 
 
-def vertices_of(near, known, levels, size):
+def vertices_of(near, known, levels, size, divide):
     """Return the vertices of the levels of a resolution."""
     smooth, known, vertices = smooth_fields(near), set(known), []
     for level in levels:
         for v in sorted(level):
-            stencil = stencil_of(near, v, known, size)
+            stencil = stencil_of(near, v, known, size, 1 if v in divide else 3)
             contexts = (below(near, v, level) + [u for u, _ in stencil])[:MAX_CONTEXTS]
             vertices.append(Vertex(v, stencil, contexts, smooth))
         known |= level

@@ -20,6 +20,7 @@ typedef struct {
     int32_t *members;   /* mesh vertex of each vertex of the graph, ascending */
     int32_t *ranked;    /* vertices of the graph by descending rank */
     uint8_t *states;    /* level of each vertex: 0 if the coarser resolution keeps it */
+    uint8_t *divides;   /* whether each vertex divides an edge, in the finest resolution */
     int32_t *cells;     /* vertex of the coarser graph whose cell contains each vertex */
     int32_t *starts[2]; /* of coarser graphs, double buffered */
     int32_t *near[2];
@@ -64,6 +65,40 @@ static void rank_vertices(int32_t n, int32_t *ranked, int32_t *ends) {
         }
         ranked[place] = v;
     }
+}
+
+/* Whether a vertex has several edges, each of them divided by a vertex with no other neighbors. */
+static bool has_divided_edges(const reel_graph *graph, int32_t v) {
+    bool result = reel_degree(graph, v) > 2;
+    for (int32_t i = graph->starts[v]; result && i < graph->starts[v + 1]; i++) {
+        result = reel_degree(graph, graph->near[i]) == 2;
+    }
+    return result;
+}
+
+/* Find the vertices that divide an edge, as the nodes on edges of quadratic cells do. They rank
+   after all others. */
+static void find_dividing(workspace *work) {
+    const reel_graph *graph = &work->graph;
+    uint8_t *has_divided = work->states;
+    for (int32_t v = 0; v < graph->n; v++) {
+        has_divided[v] = has_divided_edges(graph, v);
+    }
+    for (int32_t v = 0; v < graph->n; v++) {
+        const int32_t *ends = graph->near + graph->starts[v];
+        work->divides[v] =
+            reel_degree(graph, v) == 2 && has_divided[ends[0]] && has_divided[ends[1]];
+    }
+    int32_t n_others = 0, n_dividing = 0, *dividing = work->cells;
+    for (int32_t i = 0; i < graph->n; i++) {
+        int32_t v = work->ranked[i];
+        if (work->divides[v]) {
+            dividing[n_dividing++] = v;
+        } else {
+            work->ranked[n_others++] = v;
+        }
+    }
+    reel_copy(work->ranked + n_others, dividing, (size_t)n_dividing * sizeof *dividing);
 }
 
 /* Thin the vertices of state `left` to a maximal independent set, greedily by descending rank.
@@ -157,8 +192,10 @@ static void find_stencils(workspace *work, hierarchy_results *results, int32_t b
     size_t size = (size_t)results->size, n = (size_t)(end - begin);
     int32_t *order = results->order + begin, *stencil = results->stencil + (size_t)begin * size;
     int32_t *contexts = results->contexts + (size_t)begin * REEL_CONTEXT_NEIGHBORS;
-    reel_find_stencils(&work->finder, &work->graph, work->states, order, end - begin, results->size,
-                       stencil, results->hops + (size_t)begin * size);
+    bool is_finest = !results->n_rows;
+    reel_find_stencils(&work->finder, &work->graph, work->states,
+                       is_finest ? work->divides : NULL, order, end - begin, results->size, stencil,
+                       results->hops + (size_t)begin * size);
     for (size_t i = 0; i < n; i++) {
         list_contexts(work, order[i], stencil + i * size, results->size,
                       contexts + i * REEL_CONTEXT_NEIGHBORS);
@@ -266,6 +303,7 @@ static workspace allocate_workspace(reel_arena *arena, size_t n, size_t n_near) 
         .members = reel_allocate(arena, n + 1, sizeof(int32_t)),
         .ranked = reel_allocate(arena, n + 1, sizeof(int32_t)),
         .states = reel_allocate(arena, n, 1),
+        .divides = reel_allocate(arena, n, 1),
         .cells = reel_allocate(arena, n + 1, sizeof(int32_t)),
         .starts = {reel_allocate(arena, n + 1, sizeof(int32_t)),
                    reel_allocate(arena, n + 1, sizeof(int32_t))},
@@ -360,6 +398,7 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
         work.members[v] = v;
     }
     rank_vertices((int32_t)n, work.ranked, work.cells);
+    find_dividing(&work);
     hierarchy_results results = {.order = order,
                                  .stencil = stencil,
                                  .hops = hops,

@@ -191,13 +191,13 @@ static void keep_lowest(const int32_t *numbers, int32_t count, int32_t *lowest, 
     }
 }
 
-/* Find the vertices of earlier levels nearest to v, by distance, then by number of shortest
-   paths. */
+/* Find the vertices of earlier levels nearest to v, at most `radius` edges away, by distance, then
+   by number of shortest paths. */
 static void find_nearest(reel_stencil_finder *finder, const reel_graph *graph,
-                         const uint8_t *states, int32_t search, int32_t v, int32_t size,
-                         int32_t *stencil, uint8_t *hops) {
+                         const uint8_t *states, int32_t search, int32_t v, int radius,
+                         int32_t size, int32_t *stencil, uint8_t *hops) {
     int32_t n_found = 0, n_ring = 0, sorted[SMALL_SORT + 1];
-    for (int distance = 1; distance <= RADIUS && n_found < size; distance++) {
+    for (int distance = 1; distance <= radius && n_found < size; distance++) {
         n_ring = distance == 1 ? begin_ring(finder, graph, search, v)
                                : grow_ring(finder, graph, search, distance, states[v], n_ring);
         int32_t count = list_keys(finder, states, states[v], n_ring), capacity = size - n_found;
@@ -222,12 +222,14 @@ static void find_nearest(reel_stencil_finder *finder, const reel_graph *graph,
 }
 
 void reel_find_stencils(reel_stencil_finder *finder, const reel_graph *graph, const uint8_t *states,
-                        const int32_t *order, int32_t n, int32_t size, int32_t *stencil,
-                        uint8_t *hops) {
+                        const uint8_t *divides, const int32_t *order, int32_t n, int32_t size,
+                        int32_t *stencil, uint8_t *hops) {
     reel_zero(finder->visits, (size_t)graph->n * sizeof *finder->visits);
     sort_rows(finder, graph, states);
     for (int32_t i = 0; i < n; i++) {
         size_t row = (size_t)i * (size_t)size;
-        find_nearest(finder, graph, states, i + 1, order[i], size, stencil + row, hops + row);
+        int radius = divides && divides[order[i]] ? 1 : RADIUS;
+        find_nearest(finder, graph, states, i + 1, order[i], radius, size, stencil + row,
+                     hops + row);
     }
 }

@@ -28,9 +28,10 @@ typedef struct {
 reel_stencil_finder reel_allocate_stencil_finder(reel_arena *arena, size_t n, size_t n_near);
 
 /* Find the stencils of the vertices order[0 .. n - 1], whose states are 1 or more: up to `size`
-   vertices of lower state, padded with -1, and their distances in edges. */
+   vertices of lower state, padded with -1, and their distances in edges. The stencils of vertices
+   that divide an edge have neighbors only; `divides` may be NULL. */
 void reel_find_stencils(reel_stencil_finder *finder, const reel_graph *graph, const uint8_t *states,
-                        const int32_t *order, int32_t n, int32_t size, int32_t *stencil,
-                        uint8_t *hops);
+                        const uint8_t *divides, const int32_t *order, int32_t n, int32_t size,
+                        int32_t *stencil, uint8_t *hops);
 
 #endif

@@ -36,12 +36,27 @@ def book(n_pages=40):
     return np.stack([np.zeros_like(pages), np.ones_like(pages), pages], axis=1), n_pages + 2
 
 
+def divided_edges():
+    """A grid, most of its edges divided by a vertex, and a chain; edges as degenerate faces."""
+    faces = grid_faces(8, 11)
+    ends = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)), axis=0)
+    whole, (low, high) = ends[:20], ends[20:].T
+    middles = 88 + np.arange(len(low))
+    n_verts = 88 + len(low) + 12
+    chain = np.arange(n_verts - 12, n_verts)
+    edges = [whole, np.stack([low, middles], 1), np.stack([high, middles], 1)]
+    edges.append(np.stack([chain[:-1], chain[1:]], 1))
+    faces = np.concatenate(edges)[:, [0, 1, 1]]
+    return np.random.default_rng(2).permutation(n_verts)[faces], n_verts
+
+
 MESHES = {
     "components": several_components(),
     "fan": fan(),
     "book": book(),
     "large book": book(400),
     "grid": (grid_faces(20, 9), 180),
+    "divided edges": divided_edges(),
     "isolated": (np.zeros((1, 3), np.int64), 5),
 }
 
