@@ -74,7 +74,7 @@ def test_positions_are_lossless_when_the_grid_is_too_fine():
 
 @pytest.mark.slow
 def test_max_error_selects_the_grid_when_it_takes_fewer_bytes():
-    sequence = noisy()
+    sequence = noisy(3)
     data = meshreel.encode(sequence, max_error=1e-4)
     assert meshreel.info(data).method == "grid"
     assert data == meshreel.encode(sequence, "grid", max_error=1e-4)

@@ -272,7 +272,7 @@ def with_normals(sheet):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", [{"quality": 40}, {"max_error": 1.0}, {"kg": 0.5}])
+@pytest.mark.parametrize("target", [{"quality": 20}, {"max_error": 1.0}, {"kg": 2.0}])
 def test_positions_are_finer_when_that_saves_bytes_of_tracks(target, monkeypatch):
     sequence = with_normals(quad_sheet(14))
     data = meshreel.encode(sequence, **target)

@@ -17,7 +17,7 @@ At this step and below, the nine sequences of `docs/codec.md` look like their or
 
 POINTS_PER_HALVING = 12.0
 
-STEPS_OF_BOUND = 14.0
+STEPS_OF_BOUND = 7.0
 """Ratio of an error bound to the first step tried: larger errors are rare, so cheap to correct."""
 
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from io import BytesIO
 
-from meshreel.codec.achieved import measure_tracks
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.memory import OWN_STREAM, UNLIMITED
 from meshreel.codec.open_stream import whole_stream
@@ -22,7 +21,6 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.source import CodedTrack, Source
 from meshreel.codec.track_bounds import EXACT
 from meshreel.codec.tracks import Coding
-from meshreel.errors import SolverError
 from meshreel.model.tracks import TrackSource, value_range
 from meshreel.runtime.progress import Count, Progress
 
@@ -35,9 +33,6 @@ FEW_TRIALS = 3
 MIN_TRACK_SHARE = 0.25
 """Finer positions are tried if predicted tracks take more than this share of the bytes of
 positions, about as many as half the step costs."""
-
-SLACK = 1e-9
-"""Relative tolerance of measured errors, for rounding in the measurement."""
 
 
 class FollowingTracks:
@@ -56,13 +51,7 @@ class FollowingTracks:
         self._steps: dict[str, float] = {}
 
     def stream(self, data: bytes) -> bytes:
-        """Return a stream of the source with its tracks predicted; its positions do not change.
-
-        Raises
-        ------
-        SolverError
-            If a track exceeds its bound.
-        """
+        """Return a stream of the source with its tracks predicted; its positions do not change."""
         source, tracks = self._source, self._encoded(data, MAX_TRIALS)
         if tracks != source.tracks:
             source = source.with_tracks(tracks)
@@ -74,7 +63,6 @@ class FollowingTracks:
                 for number in range(opened.n_blocks)
             )
             data = source.stream(leading, blocks)
-        _check_bounds(source, data)
         return data
 
     def size_bytes(self, data: bytes) -> int:
@@ -140,15 +128,3 @@ class FollowingTracks:
 
 def _size_bytes(tracks: Iterable[CodedTrack]) -> int:
     return sum(track.size_bytes for track in tracks)
-
-
-def _check_bounds(source: Source, data: bytes) -> None:
-    """Raise SolverError if a track of a stream exceeds its bound."""
-    measured = measure_tracks(source.sequence, data)
-    for track in whole_stream(data).tracks:
-        largest = measured[track.name].largest
-        if largest > track.bound * (1.0 + SLACK):
-            raise SolverError(
-                f"track {track.name!r} decodes to errors of up to {largest:g}, above its bound of "
-                f"{track.bound:g}; nothing is written; please report this sequence"
-            )

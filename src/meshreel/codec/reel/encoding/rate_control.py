@@ -1,10 +1,21 @@
 """Searches for the quantization step of a target, independent of meshes and streams."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
+T = TypeVar("T")
+
+SAMPLED_BLOCKS = 3
+"""Blocks of a long sequence that are coded to compare steps: a key block and others."""
+
 MAX_TRIALS = 16
+CLOSE_STEPS = 0.04
+STRIDE_GROWTH = 1.5
+"""A search for the least cost ends where the logarithm of the next step is this close to the
+best one; a stride that lowers the cost is followed by one that is this many times as long."""
+
 MAX_JUMP = np.log(64.0)
 MAX_SPAN = np.log(1e7)
 """Largest logarithmic ratios of consecutive steps, and of any step and the first."""
@@ -78,29 +89,68 @@ def _next_place(
 def least_cost(
     cost: Callable[[float], float], start: float, *, n_trials: int = 6, ratio: float = 1.5
 ) -> float:
-    """Return a step of low cost, found by descent with decreasing ratios of steps.
+    """Return a step of low cost: bracket the minimum in growing strides, then fit parabolas.
 
     Parameters
     ----------
     cost : callable
-        Cost of a step; called once per step.
+        Non-negative cost of a step; called once per step.
     start : float
     n_trials : int, default 6
-        Maximum number of steps to try.
+        Maximum number of steps to try. Strides that lower the cost do not count: more are tried
+        where the best step is far from the start, as for few frames.
     ratio : float, default 1.5
         Ratio of the first two steps; above 1.
     """
-    best, least = start, cost(start)
-    tried = {start}
-    for _ in range(n_trials - 1):
-        step = best / ratio
-        if step in tried:
-            step = best * ratio
-        if step in tried:
-            ratio = float(np.sqrt(ratio))
-            step = best / ratio
-        tried.add(step)
-        step_cost = cost(step)
-        if step_cost < least:
-            best, least = step, step_cost
-    return best
+    stride = float(np.log(ratio))
+    costs = {0.0: cost(start)}  # by logarithm of the step, relative to the start
+    n_left = n_trials - 1
+    while n_left > 0 and len(costs) < MAX_TRIALS:
+        best = min(costs, key=lambda place: costs[place])
+        finer = max((place for place in costs if place < best), default=None)
+        coarser = min((place for place in costs if place > best), default=None)
+        if finer is not None and coarser is not None:
+            place = _lowest_place(*((at, costs[at]) for at in (finer, best, coarser)))
+            if abs(place - best) < CLOSE_STEPS:
+                break
+        else:
+            place = best - stride if finer is None else best + stride
+        costs[place] = cost(float(start * np.exp(place)))
+        if costs[place] < costs[best] and (finer is None or coarser is None):
+            stride *= STRIDE_GROWTH
+        else:
+            n_left -= 1
+    return float(start * np.exp(min(costs, key=lambda place: costs[place])))
+
+
+def _lowest_place(
+    finer: tuple[float, float], best: tuple[float, float], coarser: tuple[float, float]
+) -> float:
+    """Return where the parabola through three costs is lowest, from the place and cost of each.
+
+    Without a parabola, return the middle of the wider gap, or of the one without an infinite cost.
+    """
+    left, right = best[0] - finer[0], coarser[0] - best[0]
+    down, up = finer[1] - best[1], coarser[1] - best[1]
+    curvature = left * up + right * down
+    if 0.0 < curvature < np.inf:
+        return best[0] + 0.5 * (right**2 * down - left**2 * up) / curvature
+    goes_right = right > left if np.isfinite(up) == np.isfinite(down) else np.isfinite(up)
+    return best[0] + 0.5 * (right if goes_right else -left)
+
+
+def sampled(blocks: Sequence[T]) -> Sequence[T]:
+    """Return the blocks with which steps are compared: consecutive ones in the middle, or few all.
+
+    Blocks far apart would share fewer fields than those of the sequence.
+    """
+    if len(blocks) <= 2 * SAMPLED_BLOCKS:
+        return blocks
+    first = (len(blocks) - SAMPLED_BLOCKS) // 2
+    return blocks[first : first + SAMPLED_BLOCKS]
+
+
+def estimated_bytes(sizes: Sequence[int], n_blocks: int) -> float:
+    """Estimate the bytes of all blocks from those of `sampled` ones."""
+    key, *others = sizes
+    return key + sum(others) * (n_blocks - 1) / max(1, len(others))

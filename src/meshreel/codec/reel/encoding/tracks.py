@@ -12,7 +12,7 @@ import numpy.typing as npt
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.methods import LOSSLESS
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND
-from meshreel.codec.reel.encoding.rate_control import least_cost
+from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack, shared_track
 from meshreel.codec.reel.encoding.track_coders import (
     ExactTrackCoder,
@@ -219,6 +219,8 @@ def live_track_coders(
 class StepSearch:
     """Searches for the step with which a track takes the fewest bytes, including corrections.
 
+    Steps of a long track are compared by a sample of its blocks.
+
     Parameters
     ----------
     coder : TrackCoder
@@ -237,8 +239,9 @@ class StepSearch:
         decoded: Callable[[int, int], Vertices] | None = None,
     ) -> None:
         self._coder, self._track, self._pieces, self._decoded = coder, track, pieces, decoded
+        self._sampled = sampled(pieces)
         self._sizes: dict[float, float] = {}
-        self._smallest: list[Sections] = []
+        self._best: tuple[float, list[Sections]] | None = None
 
     def best(
         self, n_trials: int = MAX_TRIALS, start: float | None = None
@@ -249,21 +252,29 @@ class StepSearch:
         """
         first = self._coder.share / STEPS_OF_BOUND if start is None else start
         step = least_cost(self._size_bytes, first, n_trials=n_trials)
-        return step, CodedTrack(self._coder.leading_section(), self._smallest)
+        if self._best is None or self._best[0] != step:
+            self._best = step, self._coded(step, self._pieces)
+        return step, CodedTrack(self._coder.leading_section(), self._best[1])
 
     def _size_bytes(self, step: float) -> float:
         if step not in self._sizes:
-            coder = self._coder.with_step(step)
-            blocks = [coder.code_prepared(prepared) for prepared in self._blocks()]
-            size = float(sum(len(payload) for block in blocks for _, payload in block))
-            if size < min(self._sizes.values(), default=math.inf):
-                self._smallest = blocks
+            blocks = self._coded(step, self._sampled)
+            sizes = [sum(len(payload) for _, payload in block) for block in blocks]
+            size = estimated_bytes(sizes, len(self._pieces))
+            if len(blocks) == len(self._pieces) and size < min(
+                self._sizes.values(), default=math.inf
+            ):
+                self._best = step, blocks
             self._sizes[step] = size
         return self._sizes[step]
 
-    def _blocks(self) -> Iterable[PreparedValues]:
-        """Return the prepared blocks; a single one is cached."""
-        return [self._single] if len(self._pieces) == 1 else map(self._prepare, self._pieces)
+    def _coded(self, step: float, pieces: Sequence[slice]) -> list[Sections]:
+        coder = self._coder.with_step(step)
+        return [coder.code_prepared(prepared) for prepared in self._blocks(pieces)]
+
+    def _blocks(self, pieces: Sequence[slice]) -> Iterable[PreparedValues]:
+        """Return the prepared blocks of frames; a single one is cached."""
+        return [self._single] if len(pieces) == 1 else map(self._prepare, pieces)
 
     @cached_property
     def _single(self) -> PreparedValues:

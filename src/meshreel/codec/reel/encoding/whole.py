@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from meshreel.codec.achieved import measure_stream
+from meshreel.codec.achieved import measure_stream, measure_tracks
 from meshreel.codec.bitstream.container import Sections
+from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
     FieldFrames,
@@ -27,12 +28,12 @@ from meshreel.codec.reel.encoding.grid_positions import (
     suits_one_frame,
 )
 from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
-from meshreel.codec.reel.encoding.rate_control import least_cost
+from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import Source, error_bound_sections
+from meshreel.codec.source import Piece, Source, error_bound_sections
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, Keyword, SolverError
 from meshreel.metrics.rate import rate_bpvf
@@ -46,6 +47,9 @@ SINGLE_TRIALS = TargetKind.QUALITY, TargetKind.STEP
 
 LARGEST_ERROR_STEP = 0.1
 """Coarsest step of a search for an error, in diagonals of the model."""
+
+SLACK = 1e-9
+"""Relative tolerance of measured errors of tracks, for rounding in the measurement."""
 
 CACHED_POSITION_BYTES = 36
 """Memory of a position of a cached block: the original, and coordinate matrices."""
@@ -100,20 +104,32 @@ def encode(
         data = following.stream(data)
     if other is not None:
         data = min(data, other, key=len)
-    if bound is not None:
-        achieved = measure_stream(
-            MeshSequence.of_segments([source.sequence]),
-            data,
-            extent=source.extent,
-            progress=progress,
-        )
+    if bound is not None or source.tracks:
+        _check_bounds(source, data, bound, progress)
+    return data
+
+
+def _check_bounds(source: Source, data: bytes, bound: float | None, progress: Progress) -> None:
+    """Raise SolverError if a position or a value of a track exceeds its bound."""
+    if bound is None:
+        tracks = measure_tracks(source.sequence, data) if source.tracks else {}
+    else:
+        original = MeshSequence.of_segments([source.sequence])
+        achieved = measure_stream(original, data, extent=source.extent, progress=progress)
+        tracks = achieved.tracks
         if achieved.max_error_percent > 100.0 * bound:
             raise SolverError(
                 Keyword("max_error"),
                 f" {100.0 * bound:g} was not kept: the stream decodes to "
                 f"{achieved.max_error_percent:g}; nothing is written; please report this sequence",
             )
-    return data
+    for track in whole_stream(data).tracks:
+        largest = tracks[track.name].largest
+        if largest > track.bound * (1.0 + SLACK):
+            raise SolverError(
+                f"track {track.name!r} decodes to errors of up to {largest:g}, above its bound of "
+                f"{track.bound:g}; nothing is written; please report this sequence"
+            )
 
 
 class RateSearch:
@@ -142,6 +158,7 @@ class RateSearch:
         self._progress = progress
         self._engine = engine
         self._streams: dict[float, bytes] = {}
+        self._payload_bytes: dict[float, list[int]] = {}
         self._errors: dict[float, float] = {}
         self._best: tuple[float, list[tuple[int, Sections]]] | None = None
         self.finest_step: float = finest_step()
@@ -176,8 +193,19 @@ class RateSearch:
         return largest_rounding(low, high, self.dtype, self._source.frame)
 
     def size_bytes(self, step: float, bound: float) -> float:
-        """Return the bytes of the stream of a step, with corrections that keep a bound."""
-        return len(self.stream(step, bound))
+        """Return the bytes of the blocks of a step, with corrections that keep a bound.
+
+        Those of a long sequence are estimated from a sample.
+        """
+        step, pieces = self._limited(step), list(self._source.pieces())
+        chosen = sampled(pieces)
+        if len(chosen) == len(pieces):
+            self.stream(step, bound)
+        elif step not in self._payload_bytes:
+            blocks = KeyedBlocks(self._coder.with_step(step, bound))
+            coded = (blocks.code(frames).sections for frames in self._read_blocks(chosen))
+            self._payload_bytes[step] = list(map(_payload_bytes, coded))
+        return estimated_bytes(self._payload_bytes[step], len(pieces))
 
     def measured(self, step: float) -> float:
         """Return the error, bytes, or bits per vertex and frame for a step."""
@@ -272,6 +300,7 @@ class RateSearch:
             if self._is_cut:  # analyze a block while the previous one is entropy coded
                 blocks = prefetch(blocks)
         coded = [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
+        self._payload_bytes[step] = [_payload_bytes(sections) for _, sections in coded]
         return self._source.stream(error_bound_sections(bound), coded)
 
     def _coded(self, step: float, bound: float | None) -> Iterator[tuple[int, Sections]]:
@@ -307,7 +336,7 @@ class RateSearch:
         """Return the blocks, cached for further trials or re-read for each."""
         if self._keeps_blocks:
             return self._kept_blocks
-        return self._read_blocks()
+        return self._read_blocks(self._source.pieces())
 
     @property
     def _is_cut(self) -> bool:
@@ -330,10 +359,9 @@ class RateSearch:
 
     @cached_property
     def _kept_blocks(self) -> list[FieldFrames]:
-        return list(self._read_blocks())
+        return list(self._read_blocks(self._source.pieces()))
 
-    def _read_blocks(self) -> Iterator[FieldFrames]:
-        pieces = self._source.pieces()
+    def _read_blocks(self, pieces: Iterable[Piece]) -> Iterator[FieldFrames]:
         return (self._coder.frames(piece.read_given(), piece.order) for piece in pieces)
 
     def _new_meter(self) -> Meter:
@@ -366,3 +394,7 @@ class RateSearch:
         stage = "encoding" if self._is_single_trial else f"encoding, try {number}"
         if self._is_single_trial or n_done < self._n_frames:
             self._progress(stage, Count(n_done, self._n_frames, "frames"))
+
+
+def _payload_bytes(sections: Sections) -> int:
+    return sum(len(payload) for _, payload in sections)
