@@ -27,13 +27,18 @@ export function connectCut({ file }: Reel, player: Player): void {
     }
     if (isStale) await apply(); // the slider has moved on
   };
-  const planeAt = async (along: number): Promise<CutPlane> => {
+  const rangeAlong = async (along: number): Promise<[number, number]> => {
     const positions = await file.frame(0);
     let [low, high] = [Infinity, -Infinity];
     for (let i = along; i < positions.length; i += 3) {
       low = Math.min(low, positions[i]);
       high = Math.max(high, positions[i]);
     }
+    return [low, high];
+  };
+  const ranges: Promise<[number, number]>[] = []; // of each axis that was chosen
+  const planeAt = async (along: number): Promise<CutPlane> => {
+    const [low, high] = await (ranges[along] ??= rangeAlong(along));
     const sign = side.checked ? -1 : 1;
     const normal = AXES.map((_, i) => (i === along ? sign : 0)) as [number, number, number];
     return { normal, offset: sign * (low + (Number(place.value) / 100) * (high - low)) };
