@@ -8,7 +8,7 @@ from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.stored_frames import ComputedFrames, Description, StoredTrack
 from meshreel.formats.notes import NoteKind, add_note
-from meshreel.formats.scenes.timing import neighbours
+from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbours
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.timing import DUE_TOLERANCE, Timing
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -37,7 +37,8 @@ def resampled(
     Raises
     ------
     InvalidInputError
-        If the rate is not above 0, or the times of the frames are unknown.
+        If the rate is not above 0, the times of the frames are unknown, or there would be more than
+        `MAX_FRAMES`.
     """
     if not (rate := validate_fps(rate)):
         raise InvalidInputError(Keyword("resample"), " must be above 0 frames per second")
@@ -46,7 +47,14 @@ def resampled(
         raise InvalidInputError(
             Keyword("resample"), " needs the frame rate of the input; give it with ", Keyword("fps")
         )
-    n_frames = int((times[-1] - times[0]) * rate + DUE_TOLERANCE) + 1
+    last = (times[-1] - times[0]) * rate + DUE_TOLERANCE
+    if last >= MAX_FRAMES:
+        raise InvalidInputError(
+            Keyword("resample"),
+            f" {rate:g} would give {last + 1:.6g} frames; the limit is {MAX_FRAMES}; "
+            "choose a lower rate",
+        )
+    n_frames = int(last) + 1
     wanted = times[0] + np.arange(n_frames) / rate
     segments = []
     for number, segment in enumerate(opened.segments):
@@ -87,10 +95,7 @@ def _resampled(
             return earlier
         share = shares[start:stop, None, None]
         later = block[after[start:stop] - first]
-        with np.errstate(invalid="ignore"):  # infinite values
-            values = np.where(share, (1 - share) * earlier + share * later, earlier)
-        converted: Values = values.astype(block.dtype)
-        return converted
+        return np.where(share, blend(earlier, later, share), earlier)
 
     def resampled_track(track: TrackSource) -> StoredTrack:
         def read(start: int, stop: int) -> Values:

@@ -113,6 +113,12 @@ def test_invalid_rate_is_refused(path, rate):
         load(path, resample=rate)
 
 
+@pytest.mark.parametrize("rate", [1e9, 1e300])
+def test_too_many_frames_are_refused(path, rate):
+    with pytest.raises(InvalidInputError, match=r"the limit is 1000000; choose a lower rate"):
+        load(path, resample=rate)
+
+
 def test_unknown_rate_of_the_input_is_refused(tmp_path):
     save(waving_grid(3).replace(fps=0), tmp_path / "a.npz")
     with pytest.raises(InvalidInputError, match=r"needs the frame rate of the input; .* with fps"):

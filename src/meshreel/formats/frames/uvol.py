@@ -14,10 +14,8 @@ from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import download_sibling, is_within
 from meshreel.formats.notes import listed
+from meshreel.formats.scenes.timing import MAX_FRAMES
 from meshreel.runtime.stores.address import is_remote
-
-MAX_FRAMES = 1_000_000
-"""More than nine hours at 30 frames per second; a wrong count must not fill the memory."""
 
 FILE_EXTENSIONS = {"draco": ".drc", "obj": ".obj"}
 """Extension of the frame files of each geometry format."""

@@ -12,6 +12,9 @@ from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.options import ReadOptions
 from meshreel.model.validation import validate_fps
 
+MAX_FRAMES = 1_000_000
+"""More than nine hours at 30 frames per second; a wrong count must not fill the memory."""
+
 
 def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.float64]:
     """Return the union of ascending times; those of static meshes are ignored if any moves.
@@ -104,7 +107,7 @@ def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:
     return Neighbours(before, after, share)
 
 
-def blend(before: Values, after: Values, share: float) -> Values:
+def blend(before: Values, after: Values, share: float | Floats) -> Values:
     """Return values between two frames in the type of the first, computed in float64."""
     with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
         blended = (1 - share) * before.astype(np.float64) + share * after

@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
+from meshreel.formats.scenes.timing import MAX_FRAMES
 
 Codes = npt.NDArray[np.float64]
 
 MAX_CODE = 1e9
-MAX_FRAMES = 1_000_000
 MAX_UPSAMPLING = 4
 """Largest ratio of frames to samples when gaps between uneven samples are filled."""
 
