@@ -40,6 +40,9 @@ Integers = npt.NDArray[np.int64]
 RAW_RATIO = 8
 """A track compressed less than this many times is also tried losslessly."""
 
+FEW_VALUES = 16
+"""A track with at most this many different numbers in a frame is also tried losslessly."""
+
 MAX_TRIALS = 6
 """Maximum number of steps tried per track."""
 
@@ -118,10 +121,16 @@ def encode_track(
         return encode_losslessly(exact_coder(name, track, mesh), track, pieces)
     coder = track_coder(name, track, bound, mesh, value_range(track))
     _, lossy = StepSearch(coder, track, pieces).best(n_trials)
-    if lossy.size_bytes * RAW_RATIO < math.prod(track.shape) * track.dtype.itemsize:
+    is_compact = lossy.size_bytes * RAW_RATIO < math.prod(track.shape) * track.dtype.itemsize
+    if is_compact and not _has_few_values(track):
         return lossy
     exact = encode_losslessly(coder.as_exact, track, pieces)
     return min(lossy, exact, key=lambda coded: coded.size_bytes)
+
+
+def _has_few_values(track: TrackSource) -> bool:
+    middle = track.shape[0] // 2
+    return len(np.unique(track.read(middle, middle + 1))) <= FEW_VALUES
 
 
 def _prediction(
