@@ -21,7 +21,12 @@ NORMALS = "Normals"
 UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
 COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
 
-SUFFIXES = {Domain.VERTEX: "_", Domain.FACE: " (faces)", Domain.CORNER: " (corners)"}
+SUFFIXES = {
+    Domain.VERTEX: "_",
+    Domain.FACE: " (faces)",
+    Domain.CORNER: " (corners)",
+    Domain.CELL: " (cells)",
+}
 """Suffixes that make names unique if arrays of several domains share a name."""
 
 UNIT_LENGTH = 1e-3
@@ -85,7 +90,8 @@ def field_tracks(
     """Return the tracks that consist of the arrays of all frames, by name.
 
     A track is NaN in frames without its array; integers become float64 then. If a point array and
-    a cell array share a name, the track of the cells is called "NAME (faces)". Notes report both.
+    a cell array share a name, the track of the cells is called "NAME (faces)", or "NAME (cells)" of
+    a volume mesh. Notes report both.
 
     Parameters
     ----------
@@ -104,7 +110,7 @@ def field_tracks(
         while name in found:
             name += SUFFIXES[key[0]]
         if name != key[1]:
-            where = "at points and at cells" if key[0] is Domain.FACE else "also at corners"
+            where = "also at corners" if key[0] is Domain.CORNER else "at points and at cells"
             text = f"{key[1]!r} is {where}; the one of {plural(key[0])} is called {name!r}"
             add_note(notes, NoteKind.CHANGED, name, text)
         found[name] = track

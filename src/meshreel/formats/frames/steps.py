@@ -1,6 +1,6 @@
 """Meshes of VTK cells at one or several time steps, as frames, surfaces and tracks.
 
-Arrays that never change are attributes, others are tracks.
+Floating-point results are tracks, and so are other arrays that change; the rest are attributes.
 """
 
 import math
@@ -174,7 +174,7 @@ class Step:
                 elif values.dtype.kind not in "iuf" or values.shape[1] > MAX_COMPONENTS:
                     unsupported.append(array.name)
                 else:
-                    kind = _attribute_kind(array, values)
+                    kind = _attribute_kind(array, values.dtype, values.shape[1])
                     attributes.append(Attribute(array.name, kind, domain, _as_value_type(values)))
         if has_normals:
             note_normals(notes)
@@ -200,7 +200,8 @@ class Step:
         for array in self.arrays:
             values, field = self.values(array), array.describe()
             assert field is not None
-            is_attribute = array.is_attribute or _attribute_kind(array, values) is not Kind.OTHER
+            kind = _attribute_kind(array, values.dtype, values.shape[1])
+            is_attribute = array.is_attribute or kind is not Kind.OTHER
             if is_attribute:
                 attributes.append(array)
             is_track = field.is_track or not is_attribute
@@ -220,16 +221,25 @@ def _as_value_type(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return values.astype(np.int32 if is_small else np.float64)
 
 
-def _attribute_kind(array: DataArray, values: npt.NDArray[Any]) -> Kind:
-    """Return the kind of attribute that an array represents, given values of shape (N, C)."""
-    name, width, is_float = array.name.lower(), values.shape[1], values.dtype.kind == "f"
+def _attribute_kind(array: DataArray, dtype: np.dtype[Any], width: int) -> Kind:
+    """Return the kind of attribute that an array represents, given its numbers per value."""
+    name, is_float = array.name.lower(), dtype.kind == "f"
     is_uv = array.kind == Kind.UV or array.role == TEXTURE_COORDINATES
     if width == 2 and is_float and (is_uv or name in UV_NAMES):
         return Kind.UV
     is_color = array.kind == Kind.COLOR or name in COLOR_NAMES
-    if width in (3, 4) and (values.dtype == np.uint8 or (is_float and is_color)):
+    if width in (3, 4) and (dtype == np.uint8 or (is_float and is_color)):
         return Kind.COLOR
     return Kind.OTHER
+
+
+def _is_track(array: DataArray) -> bool:
+    """Whether an array is a track even if it never changes: declared as such, or real numbers."""
+    field = array.describe()
+    if array.is_track or array.is_attribute or field is None or array.role == NORMALS:
+        return array.is_track
+    is_other = _attribute_kind(array, field.dtype, field.n_columns) is Kind.OTHER
+    return field.dtype.kind == "f" and is_other
 
 
 class StepFrames:
@@ -254,7 +264,7 @@ class StepFrames:
         identities: dict[Key, list[object]] = {}
         for array in step.arrays:
             identities.setdefault(array.key, []).append(array.identify())
-            self._tracks |= {array.key} if array.is_track else set()
+            self._tracks |= {array.key} if _is_track(array) else set()
             self._attributes |= {array.key} if array.is_attribute else set()
         self._identities[index] = identities
         return step.mesh
@@ -292,7 +302,7 @@ class StepFrames:
         return field_tracks(described, sizes, read, self._notes)
 
     def _changing(self) -> set[Key]:
-        """Arrays that differ or are missing in some frames read so far, or are declared tracks."""
+        """Arrays that differ or are missing in some frames read so far, or are always tracks."""
         steps = list(self._identities.values())
         keys = {key for step in steps for key in step}
         differing = {

@@ -363,13 +363,10 @@ def test_collection_gives_times_and_files_of_the_frames(tmp_path, fps, read):
     assert isinstance(result, StoredFrames) == (read is open_source)
     assert positions_of(result).tobytes() == positions.tobytes()
     assert (result.fps, result.start_s, result.name) == (fps, 2.0, "walk")
-    assert {attribute.name for attribute in result.surface.attributes} == {
-        "uv set",
-        "paint",
-        "heat",
-    }
-    [heat] = [attribute for attribute in result.surface.attributes if attribute.name == "heat"]
-    assert (heat.domain, heat.values.ravel().tolist()) == (Domain.FACE, HEAT.tolist())
+    assert {attribute.name for attribute in result.surface.attributes} == {"uv set", "paint"}
+    heat = result.tracks["heat"]
+    assert heat.domain == Domain.FACE
+    assert heat.read(0, 5).reshape(5, -1).tolist() == [HEAT.tolist()] * 5
 
 
 def test_changing_data_of_a_collection_are_a_track(tmp_path):
@@ -443,11 +440,8 @@ def test_merge_joins_the_files_of_a_time(tmp_path, read):
     expected = positions.reshape(2, -1, 3)
     assert positions_of(result).tobytes() == expected.tobytes()
     assert [part.name for part in result.surface.parts] == ["/piece_0", "/piece_1"]
-    assert {attribute.name for attribute in result.surface.attributes} == {
-        "uv set",
-        "paint",
-        "heat",
-    }
+    assert {attribute.name for attribute in result.surface.attributes} == {"uv set", "paint"}
+    assert set(result.tracks) == {"heat"}
 
 
 def test_files_of_a_time_keep_the_order_of_the_collection(tmp_path):
