@@ -338,7 +338,7 @@ def test_encode_compares_the_output_with_the_input_files_first(tmp_path):
 def test_convert_says_that_a_file_is_compact_and_grows(reel, tmp_path):
     shown = run("convert", reel, "-o", "b.reel", "--lossless", cwd=tmp_path).stdout
     assert shown.splitlines()[1].endswith(" x larger")
-    assert "compact already: it stores less than all positions of all frames" in shown
+    assert "compact already: smaller than the raw values of all frames" in shown
 
 
 def test_info_and_encode_count_the_same_raw_bytes(tmp_path):

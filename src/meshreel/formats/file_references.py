@@ -3,19 +3,20 @@
 from pathlib import Path
 
 from meshreel.errors import FormatError, Keyword
+from meshreel.formats.options import ReadOptions
 from meshreel.runtime.stores.transfer import download, exists, sibling
 
 DOWNLOADED: dict[Path, str] = {}
 """Address of the downloaded file in each temporary folder that exists."""
 
 
-def resolve_reference(source: Path, reference: str, *, allow_outside: bool) -> Path:
+def resolve_reference(source: Path, reference: str, options: ReadOptions) -> Path:
     """Return the path of a file that `source` refers to, relative to its folder.
 
     Parameters
     ----------
-    allow_outside : bool
-        Whether the file may be outside the folder of `source`.
+    options : ReadOptions
+        Whether the file may be outside the folder of `source`; receives the path.
 
     Raises
     ------
@@ -28,10 +29,11 @@ def resolve_reference(source: Path, reference: str, *, allow_outside: bool) -> P
         is_file = found.is_file()
     except (OSError, ValueError) as error:
         raise FormatError(f"refers to {reference[:80]!r}, which is not a path ({error})") from error
-    if not (allow_outside or is_within(found, folder)):
+    if not (options.allow_outside or is_within(found, folder)):
         raise outside_error(reference)
     if not is_file and not download_sibling(found):
         raise FormatError(f"refers to the file {reference!r}, which does not exist")
+    options.referenced.add(found)
     return found
 
 

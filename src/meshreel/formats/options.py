@@ -35,6 +35,8 @@ class ReadOptions:
         Frames per second to interpolate at, as in `meshreel.load`.
     registrations : list of Registration
         Receives the registration, which can be compared with decoded frames.
+    referenced : set of Path
+        Receives the files that read files refer to, as far as they are resolved.
     """
 
     fps: float | None = None
@@ -55,6 +57,7 @@ class ReadOptions:
     registrations: "list[Registration]" = field(default_factory=list)
     displace: str | None = None
     resample: float | None = None
+    referenced: set[Path] = field(default_factory=set)
 
 
 @dataclass(frozen=True)

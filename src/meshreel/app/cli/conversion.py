@@ -21,13 +21,6 @@ if TYPE_CHECKING:
     from meshreel.model.sequence import MeshSequence
 
 
-def input_size(files: Sequence[Path], reading: "ReadOptions", *, split: bool) -> int | None:
-    """Return the bytes of input files; None if each output contains only a part of them."""
-    if split or reading.object is not None:
-        return None
-    return sum(path.stat().st_size for path in files if path.is_file())
-
-
 @dataclass
 class Conversion:
     """Writes sequences and collects figures of the written files.
@@ -42,21 +35,20 @@ class Conversion:
         Options of streams.
     tracks : mapping of str to str, or None
         Error bounds of the tracks of streams.
-    input_bytes : int, optional
-        Size of the inputs, to be compared with an output of all their frames. Default: unknown, or
-        an output contains only a part of them.
+    reading : ReadOptions
+        Options with which the inputs are read.
     """
 
     target: "Output"
     inputs: Sequence[Path]
     options: WriteOptions
+    reading: "ReadOptions"
     config: EncoderConfig
     start_number: int | None
     force: bool
     progress: Progress
     notes: list[str]
     tracks: Mapping[str, float | str] | None = None
-    input_bytes: int | None = None
     figures: list[dict[str, Any]] = field(default_factory=list)
     streams: list["EncodedFile"] = field(default_factory=list)
 
@@ -91,19 +83,24 @@ class Conversion:
         chosen: slice | None = None,
         *,
         first: int = 0,
+        is_part: bool = False,
     ) -> None:
-        """Write the chosen frames of a sequence whose first frame has the number `first`."""
+        """Write the chosen frames of a sequence whose first frame has the number `first`.
+
+        The size of a stream is compared with that of the inputs unless the frames are a part.
+        """
         from meshreel.app.cli.encoded_file import encode_file
         from meshreel.app.cli.write_options import chosen_frames, is_stream, written_figures
         from meshreel.formats.save import save_part
 
         frames = chosen_frames(chosen, sequence.n_frames, self.notes)
+        is_part = is_part or len(frames) < sequence.n_frames
         if is_stream(output):
             stream = encode_file(
                 sequence.part(frames), Path(output), self.config, self.notes,
                 tracks=self.tracks, force=self.force, progress=self.progress,
                 name=self.target.name(output),
-                input_bytes=self.input_bytes if len(frames) == sequence.n_frames else None,
+                input_bytes=None if is_part else self._input_bytes(),
             )  # fmt: skip
             self.streams.append(stream)
             figures = written_figures([Path(output)], sequence, len(frames), self.target)
@@ -115,6 +112,13 @@ class Conversion:
             inputs=self.inputs, options=self.options, progress=self.progress, notes=self.notes,
         )  # fmt: skip
         self.figures.append(written_figures(written, sequence, len(frames), self.target))
+
+    def _input_bytes(self) -> int | None:
+        """Return the bytes of the inputs and of files that they refer to; None of one object."""
+        if self.reading.object is not None:
+            return None
+        files = {path.resolve() for path in self.inputs} | self.reading.referenced
+        return sum(path.stat().st_size for path in files if path.is_file())
 
     def write_segments(self, source: "Source", reading: "ReadOptions") -> None:
         """Write each segment of an input to its own output, after checking all outputs."""
@@ -135,7 +139,8 @@ class Conversion:
         for frames, path in zip(ranges, paths, strict=True):
             self.check(path, range(len(frames)), first=frames[0])
         for segment, frames, path in zip(sequence.segments, ranges, paths, strict=True):
-            self.write(MeshSequence.of_segments([segment]), path, first=frames[0])
+            part = MeshSequence.of_segments([segment])
+            self.write(part, path, first=frames[0], is_part=len(ranges) > 1)
 
     def _number(self, output: "str | os.PathLike[str]", frames: range, first: int) -> int | None:
         """Number of the first file of an output; None for a single file."""

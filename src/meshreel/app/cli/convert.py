@@ -77,7 +77,7 @@ def convert_command(
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
-    from meshreel.app.cli.conversion import Conversion, input_size
+    from meshreel.app.cli.conversion import Conversion
     from meshreel.app.cli.read_options import source_of
     from meshreel.app.cli.write_options import (
         checked_bound,
@@ -119,13 +119,13 @@ def convert_command(
             target,
             files,
             WriteOptions(max_error=bound, origin=origin, **writing),
+            reading,
             config,
             start_number,
             force,
             progress,
             notes,
             track_targets(track),
-            input_size(files, reading, split=split),
         )
         require([*extras_to_read(files, reading), *extras_to_write(target.local)])
         # Check the output before the input is read, which may take long.

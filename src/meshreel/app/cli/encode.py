@@ -88,7 +88,7 @@ def encode_command(
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
-    from meshreel.app.cli.conversion import Conversion, input_size
+    from meshreel.app.cli.conversion import Conversion
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.options import config_of
     from meshreel.formats.load import loading_for, open_for_encoding
@@ -109,8 +109,7 @@ def encode_command(
         files = files_of_source(source, reading.topology)
         progress = stack.enter_context(progress_bar())
         conversion = Conversion(
-            target, files, WriteOptions(), config, None, force, progress, notes, targets,
-            input_size(files, reading, split=split),
+            target, files, WriteOptions(), reading, config, None, force, progress, notes, targets,
         )  # fmt: skip
         conversion.check(target.local, None)
         require(extras_to_read(files, reading))

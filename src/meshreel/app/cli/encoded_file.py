@@ -73,7 +73,7 @@ class EncodedFile:
         change = change_text(self.input_bytes, size)
         rows = {"size": f"{size_text(self.input_bytes)} -> {size_text(size)}, {change}"}
         if self.input_bytes < MAX_COMPACT_SHARE * raw:
-            rows["input"] = "compact already: it stores less than all positions of all frames"
+            rows["input"] = "compact already: smaller than the raw values of all frames"
         return rows
 
 

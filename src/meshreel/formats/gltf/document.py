@@ -22,6 +22,7 @@ from meshreel.formats.file_errors import os_errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.gltf.container import split_container
 from meshreel.formats.gltf.meshopt import decode_view
+from meshreel.formats.options import ReadOptions
 
 LISTS = {
     "accessors": "accessor",
@@ -264,8 +265,8 @@ class Document:
 
     Parameters
     ----------
-    allow_outside : bool, default False
-        Whether it may refer to files outside of its folder.
+    options : ReadOptions, optional
+        Whether it may refer to files outside of its folder. Default: it may not.
 
     Attributes
     ----------
@@ -280,7 +281,7 @@ class Document:
         If it cannot be read.
     """
 
-    def __init__(self, path: Path, *, allow_outside: bool = False) -> None:
+    def __init__(self, path: Path, options: ReadOptions | None = None) -> None:
         data = read_bytes(path)
         parsed, self._binary = split_container(data)
         if not isinstance(parsed, dict):
@@ -291,7 +292,7 @@ class Document:
         _check_extensions(self.root)
         unnamed_root = JsonObject(parsed, "", self.lists)
         self.lists.update((kind, unnamed_root.children(kind, name)) for kind, name in LISTS.items())
-        self._path, self._allow_outside = path, allow_outside
+        self._path, self._options = path, options or ReadOptions()
         self._available, self._reserved = len(data), 0
         self._buffers: dict[str, memoryview] = {}
         self._decompressed: dict[str, memoryview] = {}
@@ -427,7 +428,7 @@ class Document:
                 "or below are supported; move the file there"
             )
         try:
-            path = resolve_reference(self._path, name, allow_outside=self._allow_outside)
+            path = resolve_reference(self._path, name, self._options)
         except FormatError as error:
             raise FormatError(f"{json.place}: {error}") from None
         with os_errors_naming(path), path.open("rb") as file:

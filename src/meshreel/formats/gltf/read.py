@@ -114,7 +114,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     InvalidInputError
         If it does not have the requested animation.
     """
-    document, notes = Document(path, allow_outside=options.allow_outside), options.notes
+    document, notes = Document(path, options), options.notes
     nodes = Nodes(document)
     shown = shown_meshes(document, nodes, notes)
     if not shown:
@@ -164,7 +164,7 @@ def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
     FormatError
         If the file is damaged outside of its animations.
     """
-    document = Document(path, allow_outside=options.allow_outside)
+    document = Document(path, options)
     nodes = Nodes(document)
     shown = shown_meshes(document, nodes, [])
     return Clips(document, _moving_nodes(shown, nodes)).describe()

@@ -148,8 +148,7 @@ class EnsightCase:
         FormatError
             If it does not exist, or is outside the folder of the case without permission.
         """
-        allow_outside = self._options.allow_outside
-        return resolve_reference(self._path, series.name(step), allow_outside=allow_outside)
+        return resolve_reference(self._path, series.name(step), self._options)
 
     def _read_model(self, words: list[str]) -> FileSeries:
         if PER_PART in words:

@@ -207,6 +207,7 @@ def open_stage(path: Path, options: ReadOptions) -> Any:
         If USD cannot read the file, a rate is invalid, or layers are outside of its folder.
     """
     layers = checked_layers(path, allow_outside=options.allow_outside)
+    options.referenced.update(Path(layer.realPath).resolve() for layer in layers)
     with usd_errors(DAMAGED):
         stage = USD.load("Usd").Stage.Open(layers[0])
         _note_missing(stage, options.notes)

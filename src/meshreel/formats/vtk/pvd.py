@@ -69,7 +69,7 @@ def _time(element: Element) -> float:
 
 
 def _file(path: Path, element: Element, options: ReadOptions) -> Path:
-    found = resolve_reference(path, element.get("file", ""), allow_outside=options.allow_outside)
+    found = resolve_reference(path, element.get("file", ""), options)
     if found.suffix.lower() not in READERS:
         raise FormatError(f"refers to {found.name}; {', '.join(READERS)} files are supported")
     return found

@@ -36,7 +36,7 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     root = parse_xml(read_bytes(path))
     if root.tag != "Xdmf":
         raise FormatError(f"is {root.tag}; expected Xdmf")
-    items = DataItems(path, root, allow_outside=options.allow_outside)
+    items = DataItems(path, root, options)
     grids = [items.resolved(grid) for domain in root.findall("Domain") for grid in domain]
     grids = [grid for grid in grids if grid.tag == "Grid"]
     temporal = [grid for grid in grids if _is_collection(grid, "temporal")]

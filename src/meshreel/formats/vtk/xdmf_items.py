@@ -13,6 +13,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.hdf import Dataset, Node, hdf_errors, open_hdf, require_dataset
+from meshreel.formats.options import ReadOptions
 
 CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}
@@ -30,12 +31,12 @@ class DataItems:
     ----------
     root : Element
         Root of the document.
-    allow_outside : bool
+    options : ReadOptions
         Whether referenced files may be outside the folder of this one.
     """
 
-    def __init__(self, path: Path, root: Element, *, allow_outside: bool) -> None:
-        self._path, self._root, self._allow_outside = path, root, allow_outside
+    def __init__(self, path: Path, root: Element, options: ReadOptions) -> None:
+        self._path, self._root, self._options = path, root, options
         self._files: dict[Path, Node] = {}
 
     def resolved(self, element: Element) -> Element:
@@ -162,7 +163,7 @@ class DataItems:
         return dataset, np.array([number for axis in axes[:3] for number in axis], np.int64)
 
     def _resolve(self, file: str) -> Path:
-        return resolve_reference(self._path, file, allow_outside=self._allow_outside)
+        return resolve_reference(self._path, file, self._options)
 
     def _parse(self, item: Element, text: str) -> Array:
         """Parse numbers in XML text."""
