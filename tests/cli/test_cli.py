@@ -335,6 +335,12 @@ def test_encode_compares_the_output_with_the_input_files_first(tmp_path):
     assert part["input_size_bytes"] is None
 
 
+def test_size_of_an_index_includes_the_files_that_it_refers_to(tmp_path):
+    meshreel.save(waving_grid(12), tmp_path / "a.pvd")
+    n_bytes = sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
+    assert run_json("encode", "a.pvd", cwd=tmp_path)["input_size_bytes"] == n_bytes
+
+
 def test_convert_says_that_a_file_is_compact_and_grows(reel, tmp_path):
     shown = run("convert", reel, "-o", "b.reel", "--lossless", cwd=tmp_path).stdout
     assert shown.splitlines()[1].endswith(" x larger")

@@ -169,6 +169,15 @@ def test_unsupported_tracks_are_refused():
     meshreel.encode(quad_sheet_with(area=area), method="pca-qp", tracks={"area": "drop"})
 
 
+def test_few_different_values_are_exact_where_that_takes_fewer_bytes():
+    moving = waving_grid(40)
+    contact = np.zeros((40, moving.n_verts), np.float32)
+    contact[:, RNG.permutation(moving.n_verts)[:20]] = 1.0
+    sequence = moving.replace(tracks={"contact": contact})
+    decoded = meshreel.decode(meshreel.encode(sequence, bound="0.1%"))
+    assert (decoded.tracks["contact"].values[..., 0] == contact).all()
+
+
 def test_tracks_do_not_change_the_frames():
     moving = waving_grid(12)
     heat = smooth(moving.n_verts, 1)

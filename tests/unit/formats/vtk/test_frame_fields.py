@@ -304,3 +304,26 @@ def test_segments_have_their_part_of_a_track(tmp_path):
     results = [segment.tracks["heat"].read(0, 3)[..., 0] for segment in load(path).segments]
     assert [len(values) for values in results] == [2, 1]
     assert np.array_equal(np.concatenate(results), heat)
+
+
+@pytest.mark.parametrize("n_frames", [1, 2])
+def test_arrays_of_points_and_cells_of_a_volume_mesh_share_a_name(tmp_path, n_frames):
+    corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
+    nodes, cells = np.arange(4.0), np.array([7.0])
+    paths = []
+    for number in range(n_frames):
+        mesh = grid(corners, [(10, [0, 1, 2, 3])])
+        for data, values in ((mesh.GetPointData(), nodes), (mesh.GetCellData(), cells)):
+            array = numpy_to_vtk(values, deep=True)
+            array.SetName("A")
+            data.AddArray(array)
+        paths.append(f"{number}.vtu")
+        write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / paths[-1])
+    rows = "".join(f'<DataSet timestep="{i}" file="{path}"/>' for i, path in enumerate(paths))
+    text = f'<VTKFile type="Collection"><Collection>{rows}</Collection></VTKFile>'
+    (tmp_path / "a.pvd").write_text(text)
+    notes = []
+    tracks = load(tmp_path / "a.pvd", notes=notes).tracks
+    assert tracks["A"].values.tolist() == [nodes[:, None].tolist()] * n_frames
+    assert tracks["A (cells)"].values.tolist() == [[[7.0]]] * n_frames
+    assert notes == ["'A' is at points and at cells; the one of cells is called 'A (cells)'"]
