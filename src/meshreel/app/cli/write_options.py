@@ -85,6 +85,15 @@ WRITING = Group(
             default=None,
         ),
         _option(
+            "compression",
+            bool,
+            GLTF,
+            "Compress the file (EXT_meshopt_compression; default), which reorders vertices and "
+            "triangles; or write plain buffers, for programs without this extension.",
+            flag="--compression/--no-compression",
+            default=True,
+        ),
+        _option(
             "layout",
             str,
             TEXTURES,

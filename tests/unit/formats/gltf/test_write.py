@@ -280,10 +280,11 @@ def test_positions_beyond_float32_are_rejected(tmp_path):
 
 
 @pytest.mark.slow
-def test_gltf_has_the_same_contents_as_glb(tmp_path):
-    glb = written(tmp_path, grid(), targets=4)
-    notes = []
-    write_gltf(tmp_path / "a.gltf", stream_of(grid(), notes), WriteOptions(targets=4))
+@pytest.mark.parametrize("compression", [False, True])
+def test_gltf_has_the_same_contents_as_glb(tmp_path, compression):
+    options = {"targets": 4, "compression": compression}
+    glb = written(tmp_path, grid(), **options)
+    write_gltf(tmp_path / "a.gltf", stream_of(grid()), WriteOptions(**options))
     document = json.loads((tmp_path / "a.gltf").read_text("utf-8"))
     uri = document["buffers"][0].pop("uri")
     assert document == glb.document
