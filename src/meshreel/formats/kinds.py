@@ -18,7 +18,7 @@ ReadOption = Literal[
     "object", "merge", "topology", "dataset", "skip_bad", "allow_outside", "animation"
 ]
 WriteOption = Literal[
-    "targets", "max_error", "normals", "compression", "lossless", "layout", "textures"
+    "targets", "max_error", "normals", "compression", "meshopt", "lossless", "layout", "textures"
 ]
 
 NO_TRACKS: frozenset[Domain] = frozenset()

@@ -88,10 +88,18 @@ WRITING = Group(
             "compression",
             bool,
             GLTF,
-            "Compress the file (EXT_meshopt_compression; default), which reorders vertices and "
-            "triangles; or write plain buffers, for programs without this extension.",
+            "Compress the file (default), which reorders vertices and triangles; or write plain "
+            "buffers, for programs without the extension.",
             flag="--compression/--no-compression",
             default=True,
+        ),
+        _option(
+            "meshopt",
+            str,
+            GLTF,
+            "Extension for compression: ext, EXT_meshopt_compression; or khr, "
+            "KHR_meshopt_compression, for smaller files in fewer programs. Default: ext.",
+            metavar="NAME",
         ),
         _option(
             "layout",

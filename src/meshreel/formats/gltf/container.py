@@ -31,7 +31,9 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 ALIGNMENT = 4
 """Alignment of each vertex attribute and its stride, in bytes."""
 
-MESHOPT = "EXT_meshopt_compression"
+MESHOPT = {"ext": "EXT_meshopt_compression", "khr": "KHR_meshopt_compression"}
+"""Extensions for compressed buffer views, by the names of options."""
+ATTRIBUTES_VERSIONS = {"ext": 0, "khr": 1}
 EXTENSION_BYTES = 200
 """Bytes of JSON that a compressed buffer view adds, about."""
 
@@ -112,8 +114,9 @@ class BufferWriter:
 
     Parameters
     ----------
-    is_compressed : bool, default False
-        Whether arrays are compressed with meshoptimizer where that makes the file smaller.
+    meshopt : str, optional
+        Extension by which arrays are compressed where that makes the file smaller, a key of
+        `MESHOPT`. Default: no compression.
 
     Attributes
     ----------
@@ -125,26 +128,29 @@ class BufferWriter:
         Entries of the JSON.
     """
 
-    def __init__(self, *, is_compressed: bool = False) -> None:
+    def __init__(self, meshopt: str | None = None) -> None:
         self.pieces: list[bytes] = []
         self.size_bytes: int = 0
         self.decompressed_bytes: int = 0
         self.views: list[Json] = []
         self.accessors: list[Json] = []
-        self.is_compressed = is_compressed
+        self._meshopt = meshopt
 
     @property
     def required(self) -> list[str]:
         """The extensions that readers of the buffer need."""
-        return [MESHOPT] if self.decompressed_bytes else []
+        return [MESHOPT[self._meshopt]] if self._meshopt and self.decompressed_bytes else []
 
     def buffers(self, **properties: Any) -> list[Json]:
         """Return the JSON of the buffer, and of the one that readers decompress it to."""
         stored = {"byteLength": self.size_bytes, **properties}
-        if not self.decompressed_bytes:
-            return [stored]
-        extensions = {MESHOPT: {"fallback": True}}
-        return [stored, {"byteLength": self.decompressed_bytes, "extensions": extensions}]
+        return [
+            stored,
+            *(
+                {"byteLength": self.decompressed_bytes, "extensions": {name: {"fallback": True}}}
+                for name in self.required
+            ),
+        ]
 
     def add_vertices(self, arrays: Sequence[npt.NDArray[Any]]) -> list[VertexValues]:
         """Append vertex values, consecutive arrays of the same type and shape (N, C)."""
@@ -157,7 +163,7 @@ class BufferWriter:
             exact = np.ascontiguousarray(array, dtype.newbyteorder("<"))
             target[:, :row] = exact.view(np.uint8).reshape(n_verts, row)
         rows = padded.reshape(-1, stride)
-        elements = rows.view("<f4") if dtype.kind == "f" else rows
+        elements = rows.view(dtype.newbyteorder("<"))
         view = self._add_elements(elements, "ATTRIBUTES", byteStride=stride, target=ARRAY_BUFFER)
         return [
             VertexValues(view, number * n_verts * stride, stride, array)
@@ -210,8 +216,10 @@ class BufferWriter:
         self, elements: npt.NDArray[Any], mode: str = "ATTRIBUTES", **properties: Any
     ) -> int:
         """Append rows, compressed if that is shorter, and return the index of their view."""
-        data, kind = encode_view(elements, mode) if self.is_compressed else (b"", "NONE")
-        if not data or len(data) + EXTENSION_BYTES > elements.nbytes:
+        if self._meshopt is None:
+            return self.add_view(elements.tobytes(), **properties)
+        data, kind = encode_view(elements, mode, ATTRIBUTES_VERSIONS[self._meshopt])
+        if len(data) + EXTENSION_BYTES > elements.nbytes:
             return self.add_view(elements.tobytes(), **properties)
         index = self.add_view(data)
         compression = {
@@ -226,7 +234,7 @@ class BufferWriter:
             "byteOffset": self.decompressed_bytes,
             "byteLength": elements.nbytes,
             **properties,
-            "extensions": {MESHOPT: compression},
+            "extensions": {MESHOPT[self._meshopt]: compression},
         }
         self.decompressed_bytes += elements.nbytes + -elements.nbytes % ALIGNMENT
         return index

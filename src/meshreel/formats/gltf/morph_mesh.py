@@ -224,14 +224,14 @@ class MorphOptions:
     normals : bool, optional
         Whether meshes get normals, animated by all targets. Default: smooth ones do, animated by as
         few targets as needed.
-    is_compressed : bool, default False
-        Whether targets have few levels and triangles are reordered, for compression.
+    meshopt : str, optional
+        Extension for compression, as of `BufferWriter`. With it targets have few levels.
     """
 
     n_targets: int | None
     bound: float
     normals: bool | None
-    is_compressed: bool = False
+    meshopt: str | None = None
 
     @property
     def length_error(self) -> float:
@@ -328,7 +328,7 @@ def _fit(
     n_targets: int | None,
     options: MorphOptions,
 ) -> Morphs:
-    is_compressed = options.is_compressed
+    is_compressed = options.meshopt is not None
     if n_targets is None:
         return fit_morphs(displacements, bound, is_compressed=is_compressed)
     return fit_fixed_morphs(displacements, n_targets, bound, is_compressed=is_compressed)

@@ -15,7 +15,13 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, share_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.gltf.container import BufferWriter, Json, write_container, write_text
+from meshreel.formats.gltf.container import (
+    MESHOPT,
+    BufferWriter,
+    Json,
+    write_container,
+    write_text,
+)
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import (
@@ -105,9 +111,8 @@ def _write(
         allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
     stream.progress("morph targets", 0.0)
-    morph_options = MorphOptions(
-        options.targets, budget.added, options.normals, is_compressed=options.compression
-    )
+    meshopt = (options.meshopt or "ext") if options.compression else None
+    morph_options = MorphOptions(options.targets, budget.added, options.normals, meshopt)
     scene = SceneWriter(stream.name, times_s, morph_options, notes)
     for segment in segments:
         scene.add_segment(segment)
@@ -159,6 +164,12 @@ def _check_options(options: WriteOptions) -> None:
         )
     if options.max_error is not None:
         bound_of(options.max_error)
+    if options.meshopt is not None and options.meshopt not in MESHOPT:
+        raise InvalidInputError(f"meshopt must be {' or '.join(MESHOPT)}; got {options.meshopt!r}")
+    if options.meshopt is not None and not options.compression:
+        raise InvalidInputError(
+            Keyword("meshopt"), " has no effect without compression; use only one of them"
+        )
 
 
 def _times(stream: SegmentedStream) -> Sequence[float]:
@@ -234,7 +245,7 @@ class SceneWriter:
         options: MorphOptions,
         notes: list[str],
     ) -> None:
-        self.buffer: BufferWriter = BufferWriter(is_compressed=options.is_compressed)
+        self.buffer: BufferWriter = BufferWriter(options.meshopt)
         self.morph_meshes: list[MorphMesh] = []
         self.errors: list[npt.NDArray[np.floating]] = []
         self.n_isolated = 0
@@ -300,7 +311,7 @@ class SceneWriter:
         n_verts = part.verts.stop - part.verts.start
         shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
         split = split_at_seams(part, shading.rows.of_corner)
-        if self._options.is_compressed:
+        if self._options.meshopt:
             split = split.along_edges()
         used = np.zeros(n_verts, bool)
         used[split.sources] = True

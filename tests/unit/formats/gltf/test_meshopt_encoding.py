@@ -39,11 +39,26 @@ def rotated(triangles):
 
 @pytest.mark.parametrize("count", [1, 2, 15, 16, 17, 255, 256, 257, 1000])
 @pytest.mark.parametrize("stride", [4, 8, 12, 48, 220, 256])
-def test_attributes_decode_to_themselves(count, stride):
+@pytest.mark.parametrize(("version", "integer_bytes"), [(0, 1), (1, 1), (1, 2)])
+def test_attributes_decode_to_themselves(count, stride, version, integer_bytes):
     for largest_step in (0, 1, 3, 9, 127):
         elements = rows(count, stride, largest_step)
-        decoded = decode_attributes(encode_attributes(elements), count, stride)
-        np.testing.assert_array_equal(decoded, elements)
+        data = encode_attributes(elements, version, integer_bytes=integer_bytes)
+        np.testing.assert_array_equal(decode_attributes(data, count, stride), elements)
+
+
+def test_attributes_of_several_pieces_decode_to_themselves(monkeypatch):
+    elements = rows(3000, 8, 4)
+    whole = encode_attributes(elements)
+    monkeypatch.setattr("meshreel.formats.gltf.meshopt_encoding.PIECE_BLOCKS", 2)
+    assert encode_attributes(elements) == whole
+    np.testing.assert_array_equal(decode_attributes(whole, 3000, 8), elements)
+
+
+def test_version_1_is_shorter_for_16_bit_integers_with_changing_signs():
+    values = RNG.integers(-20, 20, (1000, 4)).astype(np.int16)
+    sizes = [len(encode_view(values, "ATTRIBUTES", version)[0]) for version in (0, 1)]
+    assert sizes[1] < 0.8 * sizes[0]
 
 
 def test_attributes_have_the_shortest_group_modes():
@@ -96,22 +111,23 @@ def test_exponential_filter_does_not_apply_where_it_would_round(values):
     assert encode_exponential(np.float32([values])) is None
 
 
+@pytest.mark.parametrize("version", [0, 1])
 @pytest.mark.parametrize("values", [np.float32([[0.5], [-3], [0]]), RNG.random((99, 4), "f4")])
-def test_floats_decode_to_themselves_through_the_shorter_filter(values):
-    data, kind = encode_view(values, "ATTRIBUTES")
+def test_floats_decode_to_themselves_through_the_shorter_filter(values, version):
+    data, kind = encode_view(values, "ATTRIBUTES", version)
     decoded = decode_view(data, len(values), values[0].nbytes, "ATTRIBUTES", kind)
     np.testing.assert_array_equal(decoded.view("<f4").reshape(values.shape), values)
 
 
 def test_buffer_is_plain_where_compression_saves_nothing():
-    buffer = BufferWriter(is_compressed=True)
+    buffer = BufferWriter("ext")
     buffer.add_indices(np.array([0, 1, 2]))
     assert buffer.required == []
     assert [buffer.size_bytes, *map(len, (buffer.views, buffer.buffers()))] == [8, 1, 1]
 
 
 def test_compressed_views_refer_to_a_buffer_without_data():
-    buffer = BufferWriter(is_compressed=True)
+    buffer = BufferWriter("ext")
     buffer.add_vertices([np.zeros((1000, 3), np.int16)])
     buffer.add_indices(np.arange(999) % 7)
     stored, decompressed = buffer.buffers()
@@ -126,12 +142,16 @@ def sources_of(sequence):
     return split_at_seams(part).along_edges().sources
 
 
-@pytest.mark.parametrize("options", [{}, {"targets": 3}, {"normals": False}, {"max_error": 0.02}])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"targets": 3}, {"normals": False}, {"max_error": 0.02}, {"meshopt": "khr"}],
+)
 @pytest.mark.parametrize("make", [lambda: waving_grid(20, 15, 17), irregular_sequence])
 def test_compressed_file_has_the_positions_and_triangles_of_the_sequence(tmp_path, make, options):
     sequence, notes = make(), []
     result = written(tmp_path, sequence, notes, compression=True, **options)
-    assert "EXT_meshopt_compression" in result.document["extensionsRequired"]
+    extension = f"{options.get('meshopt', 'ext').upper()}_meshopt_compression"
+    assert extension in result.document["extensionsRequired"]
     [name] = [node["name"] for node in result.document["nodes"]]
     sources, (low, high) = sources_of(sequence), (sequence.extent.low, sequence.extent.high)
     distances = np.linalg.norm(result.world(name) - sequence.vertices[:, sources], axis=2)
