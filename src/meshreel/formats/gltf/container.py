@@ -143,14 +143,11 @@ class BufferWriter:
 
     def buffers(self, **properties: Any) -> list[Json]:
         """Return the JSON of the buffer, and of the one that readers decompress it to."""
-        stored = {"byteLength": self.size_bytes, **properties}
-        return [
-            stored,
-            *(
-                {"byteLength": self.decompressed_bytes, "extensions": {name: {"fallback": True}}}
-                for name in self.required
-            ),
-        ]
+        buffers: list[Json] = [{"byteLength": self.size_bytes, **properties}]
+        for name in self.required:
+            extensions = {name: {"fallback": True}}
+            buffers.append({"byteLength": self.decompressed_bytes, "extensions": extensions})
+        return buffers
 
     def add_vertices(self, arrays: Sequence[npt.NDArray[Any]]) -> list[VertexValues]:
         """Append vertex values, consecutive arrays of the same type and shape (N, C)."""

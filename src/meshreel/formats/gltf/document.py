@@ -42,8 +42,14 @@ LISTS = {
 DRACO = "KHR_draco_mesh_compression"
 INSTANCING = "EXT_mesh_gpu_instancing"
 VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
-SUPPORTED_EXTENSIONS = {DRACO, INSTANCING, VISIBILITY, POINTER, "KHR_mesh_quantization"}
-SUPPORTED_EXTENSIONS |= {*MESHOPT.values()}
+SUPPORTED_EXTENSIONS = {
+    "KHR_mesh_quantization",
+    DRACO,
+    INSTANCING,
+    POINTER,
+    VISIBILITY,
+    *MESHOPT.values(),
+}
 APPEARANCE_PREFIXES = (
     "KHR_materials_",
     "KHR_texture_",

@@ -32,6 +32,8 @@ IMPOSSIBLE = 1 << 20
 
 NEXT, EXPLICIT = 0, 15
 """Nibbles of the next unused vertex, and of an index that is stored explicitly."""
+ALL_NEXT, FIRST_NEXT, FIRST_EXPLICIT = 0xF0, 0xFE, 0xFF
+"""Codes of triangles without shared edge: `ALL_NEXT` with a lookup table of zeros."""
 MAX_EDGE, MAX_THIRD, MAX_CORNER = 14, 12, 13
 """Largest positions in a FIFO of a shared edge, of the corner opposite to it, and of other corners
 to which a nibble can refer."""
@@ -121,6 +123,7 @@ def _encode_blocks(deltas: Bytes, n_block: int, version: int) -> bytes:
         rows, is_stored, _ = _encode_runs(runs, counts, WIDTHS_0)
         return bytes(rows[is_stored])
     codings = [_encode_runs(runs, counts, WIDTHS[control]) for control in (0, 1)]
+    # The other controls: no bytes, which is possible only for zeros, and deltas as they are.
     literal, is_literal = np.zeros_like(codings[0][0]), np.zeros_like(codings[0][1])
     literal[:, -n_block:], is_literal[:, -n_block:] = runs, np.arange(n_block) < counts
     zero_sizes = np.where(runs.any(axis=1), IMPOSSIBLE, 0)
@@ -130,8 +133,8 @@ def _encode_blocks(deltas: Bytes, n_block: int, version: int) -> bytes:
     chosen = controls, np.arange(len(controls))
     heads = controls.astype(np.uint8).reshape(n_blocks, -1, 4) @ QUAD_WEIGHTS
     blocks = np.concatenate([heads, rows[chosen].reshape(n_blocks, -1)], axis=1)
-    is_head = np.ones(heads.shape, bool)
-    return bytes(blocks[np.concatenate([is_head, is_stored[chosen].reshape(n_blocks, -1)], axis=1)])
+    are_stored = [np.ones(heads.shape, bool), is_stored[chosen].reshape(n_blocks, -1)]
+    return bytes(blocks[np.concatenate(are_stored, axis=1)])
 
 
 def _encode_runs(
@@ -224,47 +227,67 @@ def encode_triangles(triangles: npt.NDArray[np.integer]) -> bytes:
     triangles : integer array of shape (M, 3)
         Vertex indices below 2^31.
     """
-    codes, explicit = bytearray([TRIANGLES_HEAD]), _IndexWriter()
-    edges, recent = _Fifo(), _Fifo()
-    next_vertex = 0  # the first vertex that no triangle has used
-    for a, b, c in triangles.tolist():
+    writer = _TriangleWriter()
+    for triangle in triangles.tolist():
+        writer.add(*triangle)
+    return bytes([TRIANGLES_HEAD, *writer.codes, *writer.explicit.data]) + bytes(TRIANGLES_TAIL)
+
+
+class _TriangleWriter:
+    """Codes of triangles, and the state that the decoder derives from them."""
+
+    def __init__(self) -> None:
+        self.codes, self.explicit = bytearray(), _IndexWriter()
+        self._edges, self._recent = _Fifo(), _Fifo()
+        self._next_vertex = 0  # the first vertex that no triangle has used
+
+    def add(self, a: int, b: int, c: int) -> None:
+        """Append a triangle."""
         rotations = ((a, b, c), (b, c, a), (c, a, b))
-        positions = [edges.position(corners[:2]) for corners in rotations]
-        edge = min(positions)
-        if edge <= MAX_EDGE:
-            a, b, c = rotations[positions.index(edge)]
-            vertex = recent.position(c)
-            if c == next_vertex:
-                low, next_vertex = NEXT, next_vertex + 1
-            elif 0 < vertex <= MAX_THIRD:
-                low = vertex
-            else:
-                low = explicit.add_near(c)
-            if not 0 < low <= MAX_THIRD:
-                recent.push(c)
-            codes.append(edge << 4 | low)
+        positions = [self._edges.position(corners[:2]) for corners in rotations]
+        position = min(positions)
+        if position <= MAX_EDGE:
+            a, b, c = rotations[positions.index(position)]
+            self.codes.append(position << 4 | self._third_corner(c))
         else:
-            starts = [corners[0] for corners in rotations]
-            a, b, c = rotations[starts.index(next_vertex) if next_vertex in starts else 0]
-            kinds: list[int] = []
-            for corner in (a, b, c):
-                vertex = recent.position(corner) if kinds else FIFO_SIZE
-                kinds.append(vertex + 1 if vertex <= MAX_CORNER else EXPLICIT)
-                if corner == next_vertex:
-                    kinds[-1], next_vertex = NEXT, next_vertex + 1
-            codes.append(0xF0 if not any(kinds) else 0xFE if kinds[0] == NEXT else 0xFF)
-            if any(kinds):
-                explicit.data.append(kinds[1] << 4 | kinds[2])
-            for kind, corner in zip(kinds, (a, b, c), strict=True):
-                if kind == EXPLICIT:
-                    explicit.add(corner)
-            edges.push((b, a))
-            for kind, corner in zip(kinds, (a, b, c), strict=True):
-                if kind in (NEXT, EXPLICIT):
-                    recent.push(corner)
-        edges.push((c, b))
-        edges.push((a, c))
-    return bytes(codes + explicit.data) + bytes(TRIANGLES_TAIL)
+            is_next = [corners[0] == self._next_vertex for corners in rotations]
+            a, b, c = rotations[is_next.index(True) if any(is_next) else 0]
+            self.codes.append(self._three_corners(a, b, c))
+            self._edges.push((b, a))
+        self._edges.push((c, b))
+        self._edges.push((a, c))
+
+    def _third_corner(self, corner: int) -> int:
+        """Return the nibble of the corner opposite to a shared edge."""
+        if 0 < (position := self._recent.position(corner)) <= MAX_THIRD:
+            return position
+        nibble = NEXT if self._takes_next(corner) else self.explicit.add_near(corner)
+        self._recent.push(corner)
+        return nibble
+
+    def _three_corners(self, *corners: int) -> int:
+        """Return the code of a triangle without shared edge."""
+        nibbles: list[int] = []
+        for corner in corners:
+            position = self._recent.position(corner) if nibbles else FIFO_SIZE
+            known = position + 1 if position <= MAX_CORNER else EXPLICIT
+            nibbles.append(NEXT if self._takes_next(corner) else known)
+        new = [pair for pair in zip(corners, nibbles, strict=True) if pair[1] in (NEXT, EXPLICIT)]
+        if any(nibbles):
+            self.explicit.data.append(nibbles[1] << 4 | nibbles[2])
+        for corner, nibble in new:
+            if nibble == EXPLICIT:
+                self.explicit.add(corner)
+            self._recent.push(corner)
+        if not any(nibbles):
+            return ALL_NEXT
+        return FIRST_EXPLICIT if nibbles[0] == EXPLICIT else FIRST_NEXT
+
+    def _takes_next(self, corner: int) -> bool:
+        """Return whether a corner is the next unused vertex, which then is used."""
+        is_next = corner == self._next_vertex
+        self._next_vertex += is_next
+        return is_next
 
 
 class _Fifo:

@@ -52,6 +52,11 @@ CREASED_REASON = "much of the surface is creased (--normals, normals=True, write
 
 TOO_FEW_TARGETS = "normals need at least two targets"
 
+COMPRESSED_ADVICE = (
+    "vertices and triangles are reordered; for Blender, Godot and other programs without the "
+    "extension use --no-compression (compression=False)"
+)
+
 QUANTIZATION = "KHR_mesh_quantization"
 
 
@@ -153,6 +158,8 @@ def _write(
             )
         )
     _note_normals(notes, scene, options)
+    for extension in scene.buffer.required:
+        notes.append(f"compressed with {extension}: {COMPRESSED_ADVICE}")
 
 
 def _check_options(options: WriteOptions) -> None:

@@ -1,10 +1,12 @@
 """Compressed buffer views, which the independently tested decoder reads back."""
 
+import base64
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from meshreel.codec.dropped_order import match_order
 from meshreel.formats.gltf.container import BufferWriter
 from meshreel.formats.gltf.mesh_writer import split_at_seams
 from meshreel.formats.gltf.meshopt import decode_attributes, decode_triangles, decode_view
@@ -18,9 +20,11 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.kernel.order import depth_first_order
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.costs import draws
 from samples.glb import written
 from samples.meshes import irregular_sequence, waving_grid
+from samples.meshopt import STREAMS
 from samples.surfaces import rich_cube
 
 RNG = np.random.default_rng(7)
@@ -45,6 +49,22 @@ def test_attributes_decode_to_themselves(count, stride, version, integer_bytes):
         elements = rows(count, stride, largest_step)
         data = encode_attributes(elements, version, integer_bytes=integer_bytes)
         np.testing.assert_array_equal(decode_attributes(data, count, stride), elements)
+
+
+@pytest.mark.parametrize(
+    ("mode", "count", "stride", "text"),
+    [
+        (mode, count, stride, text)
+        for mode, kind, count, stride, text, _ in STREAMS
+        if mode != "INDICES" and kind == "NONE" and base64.b64decode(text)[0] != 0xA1
+    ],
+)
+def test_streams_are_as_short_as_those_of_the_library(mode, count, stride, text):
+    stored = base64.b64decode(text)
+    decoded = decode_view(stored, count, stride, mode, "NONE")
+    dtype = f"<u{stride}" if mode == "TRIANGLES" else "u1"
+    data, _ = encode_view(decoded.view(dtype).reshape(count, -1), mode, 0)
+    assert len(data) <= len(stored) + (8 if mode == "TRIANGLES" else 0)
 
 
 def test_attributes_of_several_pieces_decode_to_themselves(monkeypatch):
@@ -173,6 +193,17 @@ def test_compressed_surface_is_read_back_like_the_plain_one(tmp_path):
     for one, other in zip(plain.surface.attributes, compressed.surface.attributes, strict=True):
         values, others = (np.sort(each.per_item(), axis=0) for each in (one, other))
         np.testing.assert_array_equal(values, others)
+
+
+def test_vertices_of_a_compressed_file_are_matched_across_seams(tmp_path):
+    grid = waving_grid(12, 15, 17)
+    uv = Attribute("uv", Kind.UV, Domain.CORNER, RNG.random((grid.faces.size, 2), "f4"))
+    sequence = grid.replace(surface=Surface(None, (uv,)))
+    save(sequence, tmp_path / "a.glb")
+    _, matched, is_matched = match_order(sequence, load(tmp_path / "a.glb"))
+    [segment] = matched.segments
+    assert is_matched
+    np.testing.assert_allclose(segment.vertices, grid.vertices, atol=4e-3)
 
 
 def test_compressed_weights_are_those_of_the_plain_accessor(tmp_path):

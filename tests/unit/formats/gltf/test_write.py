@@ -294,6 +294,14 @@ def test_gltf_has_the_same_contents_as_glb(tmp_path, compression):
     assert Glb(document, data).buffer == glb.buffer
 
 
+def test_compression_is_noted(tmp_path):
+    notes = [[], []]
+    for compression, each in zip((False, True), notes, strict=True):
+        written(tmp_path, grid(), each, compression=compression)
+    assert not any("compress" in note for note in notes[0])
+    assert notes[1][-1].startswith("compressed with EXT_meshopt_compression: vertices and triang")
+
+
 def test_file_size_is_noted(tmp_path):
     notes = []
     write_glb(tmp_path / "a.glb", stream_of(grid(), notes), WriteOptions(targets=4))
