@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -79,29 +80,34 @@ def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, name:
         (view,) = buffer.add_vertices([values])
         buffer.vertex_accessor("POSITION", view, slice(0, len(values)))
     buffer.add_indices(sequence.faces.ravel())
-    times = np.arange(sequence.n_frames, dtype=np.float32)[:, np.newaxis]
-    buffer.add_samples(times, are_times=True)
-    buffer.add_samples(np.eye(len(times), n_morphs, -1, dtype=np.float32).reshape(-1, 1))
+    buffer.add_times(np.arange(sequence.n_frames, dtype=np.float32))
+    buffer.add_samples(np.eye(sequence.n_frames, n_morphs, -1, dtype=np.float32), width=1)
     described = json.dumps([buffer.accessors, buffer.views]).encode()
     return size_of(name, n_morphs, b"".join([*buffer.pieces, described]), error, start_s)
 
 
-NORMALS = {None: "", False: ", --no-normals", True: ", --normals"}
+VARIANTS: dict[str, dict[str, Any]] = {
+    "--no-compression": {"compression": False},
+    "--meshopt khr": {"meshopt": "khr"},
+    "--no-normals": {"normals": False},
+    "--normals": {"normals": True},
+}
+"""Options of our files besides their error, by their names in the table."""
 
 
 def ours(
-    sequence: meshreel.MeshSequence, folder: Path, max_error: float, *, normals: bool | None
+    sequence: meshreel.MeshSequence, folder: Path, max_error: float, variant: str = ""
 ) -> Size:
     """Write our file, and read error and number of morph targets from its notes."""
     notes: list[str] = []
     plain = meshreel.MeshSequence(sequence.vertices, sequence.faces, fps=25.0)
     stream = SegmentedStream(plain, notes=notes)
     start_s = time.perf_counter()
-    options = WriteOptions(max_error=max_error, normals=normals)
+    options = WriteOptions(max_error=max_error, **VARIANTS.get(variant, {}))
     write_glb(folder / "ours.glb", stream, options)
     words = next(note for note in notes if note.startswith("the largest error is")).split()
     n_morphs, error_percent = int(words[words.index("morph") - 1]), float(words[4])
-    name = f"our .glb, at most {max_error:g} %{NORMALS[normals]}"
+    name = f"our .glb, at most {max_error:g} %, {variant}".removesuffix(", ")
     return size_of(name, n_morphs, (folder / "ours.glb").read_bytes(), error_percent, start_s)
 
 
@@ -121,9 +127,9 @@ def measure(sequence: meshreel.MeshSequence, errors: list[float]) -> Iterator[Si
     yield morph_per_frame(sequence, np.int16, "a morph target per frame, int16")
     with TemporaryDirectory() as folder:
         for max_error in errors:
-            yield ours(sequence, Path(folder), max_error, normals=None)
-        for normals in (False, True):
-            yield ours(sequence, Path(folder), errors[0], normals=normals)
+            yield ours(sequence, Path(folder), max_error)
+        for variant in VARIANTS:
+            yield ours(sequence, Path(folder), errors[0], variant)
     yield reel(sequence)
 
 
@@ -144,7 +150,7 @@ def main() -> None:
     """Measure, print tables, and write JSON if requested."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("files", type=Path, nargs="+")
-    parser.add_argument("--errors", default="0.1,0.5,0.05", help="percent; normals by the first")
+    parser.add_argument("--errors", default="0.1,0.5,0.05", help="percent; variants by the first")
     parser.add_argument("--out", type=Path, help="write the figures here as JSON")
     options, results = parser.parse_args(), []
     for file in options.files:

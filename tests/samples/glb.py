@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.formats.frames.frame_stream import SegmentedStream
+from meshreel.formats.gltf.meshopt import decode_view
 from meshreel.formats.gltf.write import write_glb
 from meshreel.formats.options import WriteOptions
 
@@ -20,9 +21,9 @@ def stream_of(sequence, notes=None):
 
 
 def written(folder, sequence, notes=None, **options):
-    """Write a sequence as GLB, and parse it."""
+    """Write a sequence as GLB, without compression unless the options request it, and parse it."""
     path = folder / "written.glb"
-    write_glb(path, stream_of(sequence, notes), WriteOptions(**options))
+    write_glb(path, stream_of(sequence, notes), WriteOptions(**{"compression": False, **options}))
     return Glb.read(path.read_bytes())
 
 
@@ -47,10 +48,11 @@ class Glb:
         accessor = self.document["accessors"][number]
         view = self.document["bufferViews"][accessor["bufferView"]]
         dtype, width = np.dtype(DTYPES[accessor["componentType"]]), WIDTHS[accessor["type"]]
-        start = view["byteOffset"] + accessor.get("byteOffset", 0)
+        buffer, start = self._buffer_of(view)
+        start += accessor.get("byteOffset", 0)
         strides = (view.get("byteStride", width * dtype.itemsize), dtype.itemsize)
         shape = (accessor["count"], width)
-        values = np.ndarray(shape, dtype, self.buffer, start, strides)
+        values = np.ndarray(shape, dtype, buffer, start, strides)
         for bound, reduce in (("min", np.min), ("max", np.max)):
             if bound in accessor:
                 assert reduce(values, axis=0).tolist() == accessor[bound]
@@ -58,6 +60,18 @@ class Glb:
             return values
         largest = np.iinfo(dtype).max
         return np.maximum(values / np.float64(largest), -1)
+
+    def _buffer_of(self, view):
+        """Return the buffer with the values of a view, and their offset."""
+        compression = next(iter(view.get("extensions", {}).values()), None)
+        if compression is None:
+            return self.buffer, view["byteOffset"]
+        start, end = (
+            compression["byteOffset"],
+            compression["byteOffset"] + compression["byteLength"],
+        )
+        names = ("count", "byteStride", "mode", "filter")
+        return decode_view(self.buffer[start:end], *map(compression.get, names)), 0
 
     def node(self, name):
         """Return the first node with a name."""

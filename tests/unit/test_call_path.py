@@ -36,7 +36,7 @@ def test_decoding_rarely_changes_file():
 def test_loading_gltf_rarely_changes_file(tmp_path):
     sequence = meshreel.simulate_flag(60, n_rows=20, n_columns=20)
     meshreel.save(sequence, tmp_path / "flag.glb")
-    assert file_changes(partial(meshreel.load, tmp_path / "flag.glb")).total() <= 250
+    assert file_changes(partial(meshreel.load, tmp_path / "flag.glb")).total() <= 270
 
 
 def loading_changes(path, n_nodes):

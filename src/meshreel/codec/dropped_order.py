@@ -1,10 +1,11 @@
-"""Vertices of streams whose order was dropped, matched with those of their original."""
+"""Vertices of streams and compressed glTF files without their order, matched with the original."""
 
 import numpy as np
 
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.coder import encode_mesh
 from meshreel.codec.reordering import without_reordering
+from meshreel.kernel.order import depth_first_order, number_by_use
 from meshreel.metrics.compare import has_same_triangles
 from meshreel.model.sequence import FrameSource, MeshSequence, frames_of
 from meshreel.model.surface import PLAIN, Domain
@@ -24,14 +25,23 @@ def internal_numbers(source: FrameSource) -> Integers:
     return np.argsort(connectivity.internal_to_given)
 
 
+def walk_numbers(source: FrameSource) -> Integers:
+    """Return the number of each vertex of a mesh in a compressed glTF file of one material."""
+    numbers = np.full(source.n_verts, -1, np.int64)
+    _, used = number_by_use(source.faces[depth_first_order(source.faces)])
+    numbers[: len(used)] = used
+    return numbers
+
+
 def match_order(
     original: MeshSequence, decoded: MeshSequence
 ) -> tuple[MeshSequence, MeshSequence, bool]:
     """Return the sequences with the vertices of the decoded one in the order of the original.
 
-    The encoder's order follows from the faces of the original. A segment is reordered if its faces
-    then equal those of the original, and returned unchanged otherwise. Segments of the original
-    that the encoder joined, as only their order differs, are joined too.
+    The order of the encoder and of the glTF writer follows from the faces of the original. A
+    segment is reordered if its faces then equal those of the original, and returned unchanged
+    otherwise. Segments of the original that the encoder joined, as only their order differs, are
+    joined too.
 
     Returns
     -------
@@ -62,10 +72,12 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
         return decoded
     if has_same_triangles(original.faces, decoded.faces, n_verts):
         return decoded
-    numbers = internal_numbers(original)
-    given = np.argsort(numbers)
-    faces = given[decoded.faces].astype(np.int32)
-    if not has_same_triangles(original.faces, faces, n_verts):
+    for numbers_of in (internal_numbers, walk_numbers):
+        numbers = numbers_of(original)
+        faces = np.argsort(numbers)[decoded.faces].astype(np.int32)
+        if has_same_triangles(original.faces, faces, n_verts):
+            break
+    else:
         return decoded
     loaded = frames_of(decoded, range(decoded.n_frames))
     tracks = {

@@ -17,7 +17,9 @@ from meshreel.runtime.extras import Extra
 ReadOption = Literal[
     "object", "merge", "topology", "dataset", "skip_bad", "allow_outside", "animation"
 ]
-WriteOption = Literal["targets", "max_error", "normals", "lossless", "layout", "textures"]
+WriteOption = Literal[
+    "targets", "max_error", "normals", "compression", "meshopt", "lossless", "layout", "textures"
+]
 
 NO_TRACKS: frozenset[Domain] = frozenset()
 EVERY_DOMAIN = frozenset(Domain)

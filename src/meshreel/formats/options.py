@@ -106,6 +106,12 @@ class WriteOptions:
         glTF: whether normals are written, animated by all morph targets. Default: smooth surfaces
         have normals, animated by as many targets as their error requires. ``.vat``: whether a
         texture of normals is written (default).
+    compression : bool, default True
+        glTF: whether the buffer is compressed (`EXT_meshopt_compression`), which reorders vertices
+        and triangles. False for programs without the extension.
+    meshopt : str, optional
+        glTF: extension for the compression, "ext" (default), or "khr" for its draft successor,
+        which makes files smaller, but few programs support.
     lossless : bool, default False
         ``.reel``: whether positions and tracks are stored bit for bit; excludes `max_error`.
     layout : str, optional
@@ -121,6 +127,8 @@ class WriteOptions:
     targets: int | None = None
     max_error: float | str | None = None
     normals: bool | None = None
+    compression: bool = True
+    meshopt: str | None = None
     lossless: bool = False
     layout: str | None = None
     textures: str | None = None

@@ -38,6 +38,37 @@ def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
     return twins
 
 
+def depth_first_order(faces: AnyIntegers) -> npt.NDArray[np.int64]:
+    """The order in which a depth-first walk across shared edges reaches faces, of shape (M,).
+
+    Raises
+    ------
+    InvalidInputError
+        If there are too many faces.
+    """
+    twins = opposite_sides(faces, int(faces.max(initial=0)) + 1).tolist()
+    is_visited = bytearray(len(faces))
+    order = []
+    for start in range(0, len(twins), 3):
+        sides = [start]
+        while sides:
+            face, corner = divmod(sides.pop(), 3)
+            if not is_visited[face]:
+                is_visited[face] = True
+                order.append(face)
+                sides += [twins[3 * face + (corner + step) % 3] for step in (1, 2)]
+    return np.array(order, np.int64)
+
+
+def number_by_use(faces: AnyIntegers) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Vertices in the order in which faces of shape (M, 3) use them, and the number of each."""
+    used, first = np.unique(faces.astype(np.int64), return_index=True)
+    by_use = used[np.argsort(first)]
+    numbers = np.full(int(faces.max(initial=-1)) + 1, -1, np.int64)
+    numbers[by_use] = np.arange(len(by_use))
+    return by_use, numbers
+
+
 def encode_order(
     faces: AnyIntegers,
     twins: AnyIntegers | None,

@@ -10,7 +10,12 @@ import click
 
 from meshreel.errors import Keyword, Message
 
-RENAMED = {"overwrite": "--force", "n_frames": "--frames", "n_samples": "--samples"}
+RENAMED = {
+    "compression": "--no-compression",
+    "n_frames": "--frames",
+    "n_samples": "--samples",
+    "overwrite": "--force",
+}
 """Keywords with options of other names, in addition to those of encoding."""
 
 _CONTROLS = re.compile(

@@ -85,6 +85,23 @@ WRITING = Group(
             default=None,
         ),
         _option(
+            "compression",
+            bool,
+            GLTF,
+            "Compress the file (default), which reorders vertices and triangles; or write plain "
+            "buffers, for programs without the extension.",
+            flag="--compression/--no-compression",
+            default=True,
+        ),
+        _option(
+            "meshopt",
+            str,
+            GLTF,
+            "Extension for compression: ext, EXT_meshopt_compression; or khr, "
+            "KHR_meshopt_compression, for smaller files in fewer programs. Default: ext.",
+            metavar="NAME",
+        ),
+        _option(
             "layout",
             str,
             TEXTURES,

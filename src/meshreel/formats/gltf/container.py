@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.gltf.meshopt import MAX_STRIDE
+from meshreel.formats.gltf.meshopt_encoding import encode_view
 
 Json = dict[str, Any]
 
@@ -28,6 +30,12 @@ TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 ALIGNMENT = 4
 """Alignment of each vertex attribute and its stride, in bytes."""
+
+MESHOPT = {"ext": "EXT_meshopt_compression", "khr": "KHR_meshopt_compression"}
+"""Extensions for compressed buffer views, by the names of options."""
+ATTRIBUTES_VERSIONS = {"ext": 0, "khr": 1}
+EXTENSION_BYTES = 200
+"""Bytes of JSON that a compressed buffer view adds, about."""
 
 
 def split_container(data: bytes) -> tuple[Any, memoryview | None]:
@@ -104,19 +112,42 @@ class VertexValues:
 class BufferWriter:
     """The buffer of a file, to which arrays are appended.
 
+    Parameters
+    ----------
+    meshopt : str, optional
+        Extension by which arrays are compressed where that makes the file smaller, a key of
+        `MESHOPT`. Default: no compression.
+
     Attributes
     ----------
     pieces : list of bytes
         Consecutive pieces of the buffer.
+    size_bytes, decompressed_bytes : int
+        Size of the buffer, and of the values that readers decompress.
     views, accessors : list of dict
         Entries of the JSON.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, meshopt: str | None = None) -> None:
         self.pieces: list[bytes] = []
         self.size_bytes: int = 0
+        self.decompressed_bytes: int = 0
         self.views: list[Json] = []
         self.accessors: list[Json] = []
+        self._meshopt = meshopt
+
+    @property
+    def required(self) -> list[str]:
+        """The extensions that readers of the buffer need."""
+        return [MESHOPT[self._meshopt]] if self._meshopt and self.decompressed_bytes else []
+
+    def buffers(self, **properties: Any) -> list[Json]:
+        """Return the JSON of the buffer, and of the one that readers decompress it to."""
+        buffers: list[Json] = [{"byteLength": self.size_bytes, **properties}]
+        for name in self.required:
+            extensions = {name: {"fallback": True}}
+            buffers.append({"byteLength": self.decompressed_bytes, "extensions": extensions})
+        return buffers
 
     def add_vertices(self, arrays: Sequence[npt.NDArray[Any]]) -> list[VertexValues]:
         """Append vertex values, consecutive arrays of the same type and shape (N, C)."""
@@ -128,7 +159,9 @@ class BufferWriter:
         for target, array in zip(padded, arrays, strict=True):
             exact = np.ascontiguousarray(array, dtype.newbyteorder("<"))
             target[:, :row] = exact.view(np.uint8).reshape(n_verts, row)
-        view = self.add_view(padded.tobytes(), byteStride=stride, target=ARRAY_BUFFER)
+        rows = padded.reshape(-1, stride)
+        elements = rows.view(dtype.newbyteorder("<"))
+        view = self._add_elements(elements, "ATTRIBUTES", byteStride=stride, target=ARRAY_BUFFER)
         return [
             VertexValues(view, number * n_verts * stride, stride, array)
             for number, array in enumerate(arrays)
@@ -150,16 +183,23 @@ class BufferWriter:
         """Append triangle corners in the smallest index type, and return their accessor."""
         dtype = np.dtype("<u2" if indices.max() < 0xFFFF else "<u4")  # 0xFFFF is primitive restart
         values = indices.astype(dtype).reshape(-1, 1)
-        view = self.add_view(values.tobytes(), target=ELEMENT_ARRAY_BUFFER)
+        view = self._add_elements(values, "TRIANGLES", target=ELEMENT_ARRAY_BUFFER)
         return self._add_accessor(view, values)
 
-    def add_samples(self, values: npt.NDArray[Any], *, are_times: bool = False) -> int:
-        """Append key times or values of an animation, of shape (N, C), and return their accessor.
+    def add_times(self, times_s: npt.NDArray[np.floating]) -> int:
+        """Append key times of an animation, of shape (T,), and return their accessor."""
+        values = times_s.astype("<f4").reshape(-1, 1)
+        return self._add_accessor(self._add_elements(values), values, has_bounds=True)
 
-        Floats become float32.
+    def add_samples(self, values: npt.NDArray[np.floating], width: int) -> int:
+        """Append values of an animation, of shape (T, N), and return their accessor.
+
+        It has items of `width` values, of which each row may have several.
         """
-        stored = values.astype("<f4") if values.dtype.kind == "f" else values
-        return self._add_accessor(self.add_view(stored.tobytes()), stored, has_bounds=are_times)
+        rows = values.astype("<f4")
+        items = rows.reshape(-1, width)
+        view = self._add_elements(rows if rows[0].nbytes <= MAX_STRIDE else items)
+        return self._add_accessor(view, items)
 
     def add_view(self, data: bytes, **properties: Any) -> int:
         """Append bytes, such as those of an image, and return the index of their buffer view."""
@@ -168,6 +208,33 @@ class BufferWriter:
         self.pieces.append(data + bytes(-len(data) % ALIGNMENT))
         self.size_bytes += len(self.pieces[-1])
         return len(self.views) - 1
+
+    def _add_elements(
+        self, elements: npt.NDArray[Any], mode: str = "ATTRIBUTES", **properties: Any
+    ) -> int:
+        """Append rows, compressed if that is shorter, and return the index of their view."""
+        if self._meshopt is None:
+            return self.add_view(elements.tobytes(), **properties)
+        data, kind = encode_view(elements, mode, ATTRIBUTES_VERSIONS[self._meshopt])
+        if len(data) + EXTENSION_BYTES > elements.nbytes:
+            return self.add_view(elements.tobytes(), **properties)
+        index = self.add_view(data)
+        compression = {
+            **self.views[index],
+            "byteStride": elements[0].nbytes,
+            "count": len(elements),
+            "mode": mode,
+            "filter": kind,
+        }
+        self.views[index] = {
+            "buffer": 1,
+            "byteOffset": self.decompressed_bytes,
+            "byteLength": elements.nbytes,
+            **properties,
+            "extensions": {MESHOPT[self._meshopt]: compression},
+        }
+        self.decompressed_bytes += elements.nbytes + -elements.nbytes % ALIGNMENT
+        return index
 
     def _add_accessor(
         self, view: int, values: npt.NDArray[Any], *, has_bounds: bool = False, **properties: Any
@@ -199,7 +266,7 @@ def write_container(path: Path, document: Json, buffer: BufferWriter, advice: st
     InvalidInputError
         If the file is too large for its format.
     """
-    complete = document | {"buffers": [{"byteLength": buffer.size_bytes}]}
+    complete = document | {"buffers": buffer.buffers()}
     text = json.dumps(complete, ensure_ascii=False, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     size_bytes = HEADER.size + CHUNK.size + len(text) + CHUNK.size + buffer.size_bytes
@@ -220,6 +287,6 @@ def write_text(path: Path, document: Json, buffer: BufferWriter) -> int:
     """Write a ``.gltf`` file with the buffer as base64, and return its size in bytes."""
     data = base64.b64encode(b"".join(buffer.pieces)).decode("ascii")
     uri = f"data:application/octet-stream;base64,{data}"
-    buffers = [{"byteLength": buffer.size_bytes, "uri": uri}]
-    text = json.dumps(document | {"buffers": buffers}, ensure_ascii=False, indent=1)
+    complete = document | {"buffers": buffer.buffers(uri=uri)}
+    text = json.dumps(complete, ensure_ascii=False, indent=1)
     return path.write_bytes(text.encode())

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
-from meshreel.formats.gltf.container import split_container
+from meshreel.formats.gltf.container import MESHOPT, split_container
 from meshreel.formats.gltf.meshopt import decode_view
 from meshreel.formats.options import ReadOptions
 
@@ -41,10 +41,16 @@ LISTS = {
 """Lists of the file that are read, and the name of their items in messages."""
 
 DRACO = "KHR_draco_mesh_compression"
-MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 INSTANCING = "EXT_mesh_gpu_instancing"
 VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
-SUPPORTED_EXTENSIONS = {DRACO, INSTANCING, VISIBILITY, POINTER, "KHR_mesh_quantization", *MESHOPT}
+SUPPORTED_EXTENSIONS = {
+    "KHR_mesh_quantization",
+    DRACO,
+    INSTANCING,
+    POINTER,
+    VISIBILITY,
+    *MESHOPT.values(),
+}
 APPEARANCE_PREFIXES = (
     "KHR_materials_",
     "KHR_texture_",
@@ -362,7 +368,7 @@ class Document:
         """
         view = parent.item("bufferView", "bufferViews")
         stride = view.integer("byteStride", 0)
-        compressed = next(filter(None, map(view.extension, MESHOPT)), None)
+        compressed = next(filter(None, map(view.extension, MESHOPT.values())), None)
         if compressed is None:
             return self._stored(view), stride
         if view.place not in self._decompressed:
@@ -454,7 +460,7 @@ class Document:
             data = memoryview(self.read_uri(buffer, size)[0])
         elif buffer is self.lists["buffers"][0] and self._binary is not None:
             data = self._binary
-        elif extension := next((name for name in MESHOPT if buffer.extension(name)), None):
+        elif extension := next((name for name in MESHOPT.values() if buffer.extension(name)), None):
             raise FormatError(
                 f"{buffer.place}: is the fallback of {extension} without data; its buffer views "
                 "must have that extension too"

@@ -12,7 +12,7 @@ FORMATS = tuple(
         write=write,
         holds_segments=True,
         names_files=True,
-        writes=frozenset({"targets", "max_error", "normals"}),
+        writes=frozenset({"targets", "max_error", "normals", "compression", "meshopt"}),
         holds_materials=True,
         list_animations=list_animations,
     )

@@ -14,6 +14,7 @@ from meshreel.formats.gltf.morph_mesh import MorphMesh
 from meshreel.formats.gltf.morphs import BYTE
 from meshreel.formats.scenes.parts import PartMesh
 from meshreel.formats.surfaces.welding import weld_rows
+from meshreel.kernel.order import depth_first_order, number_by_use
 from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
@@ -67,6 +68,21 @@ class SplitVertices:
     def with_indices(self, of_vertices: Integers, of_rows: Integers) -> "SplitVertices":
         """Return the same mesh with new indices of original vertices and normal rows."""
         return replace(self, sources=of_vertices[self.sources], rows=of_rows[self.rows])
+
+    def along_edges(self) -> "SplitVertices":
+        """Return the same mesh with triangles next to their neighbors, and vertices by first use.
+
+        Primitives remain contiguous. Compression depends on this order.
+        """
+        verts, primitives = np.empty_like(self.sources), []
+        for primitive in self.primitives:
+            sources = self.sources[primitive.verts]
+            walked = primitive.triangles[depth_first_order(sources[primitive.triangles])]
+            by_use, numbers = number_by_use(walked)
+            verts[primitive.verts] = primitive.verts.start + by_use
+            primitives.append(replace(primitive, triangles=numbers[walked]))
+        attributes = {name: values[verts] for name, values in self.attributes.items()}
+        return SplitVertices(self.sources[verts], self.rows[verts], attributes, tuple(primitives))
 
 
 def split_at_seams(

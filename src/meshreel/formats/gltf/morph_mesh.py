@@ -21,6 +21,7 @@ from meshreel.formats.gltf.morphs import (
     place_frames,
     place_static,
     project,
+    rounded_weights,
 )
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces, Vertices
@@ -110,6 +111,7 @@ def fit_normals(
     factors = np.maximum(1, np.abs(fields).max(axis=1))
     scaled_fields = _as_bytes(fields / factors[:, None]).reshape(len(factors), -1, 3)
     weights[:, numbers] *= factors
+    weights = rounded_weights(weights, morphs.error)
     scaled = _scaled_down(morphs.targets, selected, factors[:-1])
     measured = measure(scaled, weights, displacements)
     normal_targets = NormalTargets(_as_bytes(base), scaled_fields, numbers)
@@ -211,7 +213,7 @@ def _inner_edges(faces: Faces, n_verts: int) -> tuple[npt.NDArray[np.int64], npt
 
 @dataclass(frozen=True)
 class MorphOptions:
-    """Number of morph targets, error bound, and normals.
+    """Number of morph targets, error bound, normals, and compression.
 
     Parameters
     ----------
@@ -222,11 +224,14 @@ class MorphOptions:
     normals : bool, optional
         Whether meshes get normals, animated by all targets. Default: smooth ones do, animated by as
         few targets as needed.
+    meshopt : str, optional
+        Extension for compression, as of `BufferWriter`. With it targets have few levels.
     """
 
     n_targets: int | None
     bound: float
     normals: bool | None
+    meshopt: str | None = None
 
     @property
     def length_error(self) -> float:
@@ -295,7 +300,7 @@ def fit_part(
     if has_normals and options.n_targets != 1:  # normals need an additional target
         morphs, normals = _fit_both(frames, shading, displacements, bound, options)
     else:
-        morphs, normals = _fit(displacements, bound, options.n_targets), None
+        morphs, normals = _fit(displacements, bound, options.n_targets, options), None
     return MorphMesh(placement, integers, morphs, normals, morphs.errors * placement.scale)
 
 
@@ -310,14 +315,20 @@ def _fit_both(
     n_targets = None if options.n_targets is None else options.n_targets - 1
     split = frames[:, shading.vertices]
     for share in POSITION_SHARES:
-        morphs = _fit(displacements, share * bound, n_targets)
+        morphs = _fit(displacements, share * bound, n_targets, options)
         fitted = fit_normals(split, shading.faces, displacements, morphs, options.length_error)
         if fitted[0].error <= bound or n_targets is not None:
             break
     return fitted
 
 
-def _fit(displacements: npt.NDArray[np.float32], bound: float, n_targets: int | None) -> Morphs:
+def _fit(
+    displacements: npt.NDArray[np.float32],
+    bound: float,
+    n_targets: int | None,
+    options: MorphOptions,
+) -> Morphs:
+    is_compressed = options.meshopt is not None
     if n_targets is None:
-        return fit_morphs(displacements, bound)
-    return fit_fixed_morphs(displacements, n_targets, bound)
+        return fit_morphs(displacements, bound, is_compressed=is_compressed)
+    return fit_fixed_morphs(displacements, n_targets, bound, is_compressed=is_compressed)

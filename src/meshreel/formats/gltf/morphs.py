@@ -27,12 +27,15 @@ from meshreel.runtime.threads import chunks, in_threads
 BYTE, SHORT = 127, 32767
 """Integers that represent 1 in normalized accessors of int8 and int16."""
 
+WEIGHT_STEP_SHARE = 1 / 64
+"""Rounding step of weights, as a fraction of the error."""
+
 PIECE_TARGETS, PIECE_VALUES = 16, 8192
 
 
 @dataclass(frozen=True, eq=False)
 class IntegerTargets:
-    """Morph targets, each scaled so that its largest coordinate is 1.
+    """Morph targets, each scaled to coordinates from -1 to 1.
 
     Attributes
     ----------
@@ -56,13 +59,9 @@ class IntegerTargets:
 
 
 def integer_targets(
-    fields: Singles, max_weights: npt.NDArray[np.float64], noise: float
+    fields: Singles, max_weights: npt.NDArray[np.float64], noise: float, *, is_compressed: bool
 ) -> IntegerTargets:
     """Return quantized targets, in int8 where that is precise enough.
-
-    The standard deviation of the rounding error of a coordinate is the integer step divided by the
-    square root of 12, times the weight. As many targets as possible become int8, smallest first,
-    as long as their combined error stays below `noise` in the root mean square.
 
     Parameters
     ----------
@@ -71,22 +70,41 @@ def integer_targets(
     max_weights : float array of shape (K,)
         Largest absolute weight of each field.
     noise : float
-        In the units of the fields.
+        Acceptable root mean square of all rounding errors together, in the units of the fields.
+    is_compressed : bool
+        Whether targets have only as many levels as needed, or all those of their type.
     """
     largest = np.abs(fields).max(axis=1)
     largest[largest == 0] = 1
-    variances = 3 * (max_weights * largest / BYTE) ** 2 / 12
-    order = np.argsort(variances)
-    levels = np.full(len(fields), SHORT, np.float32)
-    levels[order[np.cumsum(variances[order]) <= noise**2]] = BYTE
+    choose_maxima = equal_step_maxima if is_compressed else full_range_maxima
+    maxima = choose_maxima(max_weights * largest, noise)
     integers = np.empty(fields.shape, np.int16)
 
     def quantize(rows: slice) -> None:
-        fields[rows] *= (levels / largest)[rows, None]
+        fields[rows] *= (maxima / largest)[rows, None]
         integers[rows] = np.rint(fields[rows])
 
     in_threads(quantize, chunks(len(fields), PIECE_TARGETS))
-    return IntegerTargets(integers, levels)
+    return IntegerTargets(integers, np.where(maxima <= BYTE, BYTE, SHORT).astype(np.float32))
+
+
+def full_range_maxima(amplitudes: npt.NDArray[np.float64], noise: float) -> Singles:
+    """Return the largest integer of each target, `BYTE` for as many as the noise allows.
+
+    The standard deviation of the rounding error of a coordinate is the step divided by the square
+    root of 12. The smallest amplitudes come first.
+    """
+    variances = 3 * (amplitudes / BYTE) ** 2 / 12
+    order = np.argsort(variances)
+    maxima = np.full(len(amplitudes), SHORT, np.float32)
+    maxima[order[np.cumsum(variances[order]) <= noise**2]] = BYTE
+    return maxima
+
+
+def equal_step_maxima(amplitudes: npt.NDArray[np.float64], noise: float) -> Singles:
+    """Return the largest integer of each target with one step for all, which compresses best."""
+    step = max(noise / np.sqrt(3 * len(amplitudes) / 12), amplitudes.max() / SHORT)
+    return np.asarray(np.ceil(amplitudes / step).clip(1, SHORT), np.float32)
 
 
 def best_weights(targets: IntegerTargets, frames: Singles) -> Singles:
@@ -107,6 +125,17 @@ def best_weights(targets: IntegerTargets, frames: Singles) -> Singles:
 
     in_threads(multiply, chunks(len(targets), PIECE_TARGETS))
     return np.ascontiguousarray(solve_gram(gram, products).T, dtype=np.float32)
+
+
+def rounded_weights(weights: Singles, error: float) -> Singles:
+    """Return weights rounded to a power of two that adds little to an error.
+
+    Their mantissas then have few bits, which compresses well.
+    """
+    if error <= 0:
+        return weights
+    step = np.float32(2.0 ** np.floor(np.log2(WEIGHT_STEP_SHARE * error)))
+    return np.asarray(np.rint(weights / step) * step, np.float32)
 
 
 def project(time_vectors: Singles, frames: Singles) -> Singles:
@@ -231,8 +260,9 @@ PATIENCE = 8
 POSITION_SHARE = 0.9
 """Fraction of the bound at which positions aim."""
 
-ROUNDING_SHARE = 0.15
-"""Mean rounding error of int8 targets, as a fraction of the bound; nearly all are below half."""
+ROUNDING_SHARE, COMPRESSED_ROUNDING_SHARE = 0.15, 0.11
+"""Mean rounding error of targets, as a fraction of the bound; nearly all are below half. That of
+compressed targets is reached, the other one usually not."""
 
 INITIAL_AIM, NEXT_AIM = 0.35, 0.75
 """Error at which a fixed number of targets aims: as a fraction of that of the components, and then
@@ -263,12 +293,13 @@ class Morphs:
         return float(self.errors.max())
 
 
-def fit_morphs(displacements: Singles, bound: float) -> Morphs:
+def fit_morphs(displacements: Singles, bound: float, *, is_compressed: bool = False) -> Morphs:
     """Return few targets with which no vertex has an error above `bound`.
 
-    If int16 is too coarse for the bound, return those with the smallest error found.
+    If int16 is too coarse for the bound, return those with the smallest error found. Compressed
+    targets have fewer levels.
     """
-    search = _Search(displacements)
+    search = _Search(displacements, is_compressed=is_compressed)
     n_initial = _initial_count(displacements, INITIAL_ERROR * bound)
     best = _grow(search, n_initial, min(displacements.shape), bound)
     n_failed = 0
@@ -293,9 +324,14 @@ def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> 
     return best
 
 
-def fit_fixed_morphs(displacements: Singles, n_targets: int, bound: float) -> Morphs:
-    """Return `n_targets` targets with the smallest error found, or with one below `bound`."""
-    search = _Search(displacements)
+def fit_fixed_morphs(
+    displacements: Singles, n_targets: int, bound: float, *, is_compressed: bool = False
+) -> Morphs:
+    """Return `n_targets` targets with the smallest error found, or with one below `bound`.
+
+    Compressed targets have fewer levels.
+    """
+    search = _Search(displacements, is_compressed=is_compressed)
     best = search.round(min(n_targets, *displacements.shape), bound)
     aim = INITIAL_AIM * best.error
     for _ in range(MAX_FIXED_ROUNDS):
@@ -322,8 +358,8 @@ def measure(targets: IntegerTargets, weights: Singles, displacements: Singles) -
 class _Search:
     """Target displacements, updated round by round."""
 
-    def __init__(self, displacements: Singles) -> None:
-        self._displacements = displacements
+    def __init__(self, displacements: Singles, *, is_compressed: bool) -> None:
+        self._displacements, self._is_compressed = displacements, is_compressed
         self._aims = displacements.copy()
         self._excess = np.zeros_like(displacements)
 
@@ -332,8 +368,11 @@ class _Search:
         _, time_vectors = joint_trajectories(self._aims[None], n_targets)
         max_weights = np.abs(time_vectors).max(axis=0)
         fields = project(time_vectors.astype(np.float32), self._aims)
-        targets = integer_targets(fields, max_weights, ROUNDING_SHARE * bound)
-        weights = best_weights(targets, self._aims)
+        share = COMPRESSED_ROUNDING_SHARE if self._is_compressed else ROUNDING_SHARE
+        targets = integer_targets(
+            fields, max_weights, share * bound, is_compressed=self._is_compressed
+        )
+        weights = rounded_weights(best_weights(targets, self._aims), bound)
         errors = np.empty(len(self._displacements), np.float32)
 
         def update(frames: slice) -> None:

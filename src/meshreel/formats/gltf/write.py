@@ -15,7 +15,13 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, share_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.gltf.container import BufferWriter, Json, write_container, write_text
+from meshreel.formats.gltf.container import (
+    MESHOPT,
+    BufferWriter,
+    Json,
+    write_container,
+    write_text,
+)
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import (
@@ -45,6 +51,11 @@ MAX_COMMON_TARGETS = 256
 CREASED_REASON = "much of the surface is creased (--normals, normals=True, writes them anyway)"
 
 TOO_FEW_TARGETS = "normals need at least two targets"
+
+COMPRESSED_ADVICE = (
+    "vertices and triangles are reordered; for Blender, Godot and other programs without the "
+    "extension use --no-compression (compression=False)"
+)
 
 QUANTIZATION = "KHR_mesh_quantization"
 
@@ -105,7 +116,8 @@ def _write(
         allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
     stream.progress("morph targets", 0.0)
-    morph_options = MorphOptions(options.targets, budget.added, options.normals)
+    meshopt = (options.meshopt or "ext") if options.compression else None
+    morph_options = MorphOptions(options.targets, budget.added, options.normals, meshopt)
     scene = SceneWriter(stream.name, times_s, morph_options, notes)
     for segment in segments:
         scene.add_segment(segment)
@@ -146,6 +158,8 @@ def _write(
             )
         )
     _note_normals(notes, scene, options)
+    for extension in scene.buffer.required:
+        notes.append(f"compressed with {extension}: {COMPRESSED_ADVICE}")
 
 
 def _check_options(options: WriteOptions) -> None:
@@ -157,6 +171,12 @@ def _check_options(options: WriteOptions) -> None:
         )
     if options.max_error is not None:
         bound_of(options.max_error)
+    if options.meshopt is not None and options.meshopt not in MESHOPT:
+        raise InvalidInputError(f"meshopt must be {' or '.join(MESHOPT)}; got {options.meshopt!r}")
+    if options.meshopt is not None and not options.compression:
+        raise InvalidInputError(
+            Keyword("meshopt"), " has no effect without compression; use only one of them"
+        )
 
 
 def _times(stream: SegmentedStream) -> Sequence[float]:
@@ -232,7 +252,7 @@ class SceneWriter:
         options: MorphOptions,
         notes: list[str],
     ) -> None:
-        self.buffer: BufferWriter = BufferWriter()
+        self.buffer: BufferWriter = BufferWriter(options.meshopt)
         self.morph_meshes: list[MorphMesh] = []
         self.errors: list[npt.NDArray[np.floating]] = []
         self.n_isolated = 0
@@ -298,6 +318,8 @@ class SceneWriter:
         n_verts = part.verts.stop - part.verts.start
         shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
         split = split_at_seams(part, shading.rows.of_corner)
+        if self._options.meshopt:
+            split = split.along_edges()
         used = np.zeros(n_verts, bool)
         used[split.sources] = True
         self.n_isolated += int((~used).sum())
@@ -326,7 +348,7 @@ class SceneWriter:
         """Return the animation of all segments, and of meshes with targets; None without any."""
         samplers: list[Json] = []
         channels: list[Json] = []
-        times = np.asarray(self._times_s, np.float32)[:, np.newaxis]
+        times = np.asarray(self._times_s, np.float32)
         inputs: dict[tuple[int, int], int] = {}
 
         def animate(target: Json, keys: int, values: int, interpolation: str) -> None:
@@ -338,8 +360,8 @@ class SceneWriter:
                 continue
             key = frames.start, frames.stop
             if key not in inputs:
-                inputs[key] = self.buffer.add_samples(times[frames], are_times=True)
-            values = self.buffer.add_samples(morph_mesh.morphs.weights.reshape(-1, 1))
+                inputs[key] = self.buffer.add_times(times[frames])
+            values = self.buffer.add_samples(morph_mesh.morphs.weights, width=1)
             animate({"node": node, "path": "weights"}, inputs[key], values, "LINEAR")
         for node, frames in self._segments:
             # The first segment has keys in all frames, so that readers find each of them even if no
@@ -348,8 +370,8 @@ class SceneWriter:
             others = sorted({0, frames.start, min(frames.stop, last)})
             keys = [*range(len(times))] if frames.start == 0 else others
             scales = np.array([3 * [float(frames.start <= key < frames.stop)] for key in keys])
-            sampled = self.buffer.add_samples(times[keys], are_times=True)
-            values = self.buffer.add_samples(scales)
+            sampled = self.buffer.add_times(times[keys])
+            values = self.buffer.add_samples(scales, width=3)
             animate({"node": node, "path": "scale"}, sampled, values, "STEP")
         name = self._name or "animation"
         return {"name": name, "samplers": samplers, "channels": channels} if samplers else None
@@ -373,10 +395,10 @@ def assemble_document(
     materials : Materials
         Notes the materials that are not used.
     required : iterable of str
-        Extensions besides those of the materials.
+        Extensions besides those of the materials and the buffer.
     """
     materials.note_unused()
-    all_required = {*required, *materials.required}
+    all_required = {*required, *materials.required, *buffer.required}
     lists = {
         **materials.lists,
         "accessors": buffer.accessors,

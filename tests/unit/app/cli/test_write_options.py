@@ -17,8 +17,12 @@ PANELS = {
 @pytest.mark.parametrize(
     ("command", "name"),
     [
-        *(("decode", name) for name in ("targets", "max_error", "normals", "layout", "textures")),
-        *(("convert", name) for name in ("targets", "normals", "layout", "textures")),
+        ("decode", "max_error"),
+        *(
+            (command, name)
+            for command in ("decode", "convert")
+            for name in ("targets", "normals", "compression", "meshopt", "layout", "textures")
+        ),
     ],
 )
 def test_option_is_in_the_panel_of_its_outputs(command, name):

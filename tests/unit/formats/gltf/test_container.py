@@ -1,16 +1,16 @@
-from types import SimpleNamespace
-
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.gltf.container import write_container
+from meshreel.formats.gltf.container import BufferWriter, write_container
 
 LARGEST = (1 << 32) - 4  # sizes are multiples of 4
 
 
 def file_size(path, buffer_bytes):
     """Return the size of a file with such a buffer, whose bytes are not written."""
-    return write_container(path, {}, SimpleNamespace(size_bytes=buffer_bytes, pieces=[]), "less")
+    buffer = BufferWriter()
+    buffer.size_bytes = buffer_bytes
+    return write_container(path, {}, buffer, "less")
 
 
 def test_files_are_limited_to_the_size_that_the_header_can_store(tmp_path):

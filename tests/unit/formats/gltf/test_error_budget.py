@@ -43,7 +43,8 @@ def write_frames(reel, path, frames=None, **options):
     """Write frames of a stream, and return the positions in the file and the notes."""
     notes = []
     wanted = range(reel.n_frames) if frames is None else frames
-    save_part(reel, wanted, path, options=WriteOptions(**options), notes=notes)
+    plain = WriteOptions(**options, compression=False)  # keeps the order of vertices
+    save_part(reel, wanted, path, options=plain, notes=notes)
     return Glb.read(path.read_bytes()).world("sheet"), notes
 
 

@@ -1,12 +1,16 @@
+from functools import partial
+
 import numpy as np
 
+from meshreel.formats.gltf import morphs
 from meshreel.formats.gltf.morphs import (
     BYTE,
     SHORT,
     best_weights,
-    integer_targets,
     project,
 )
+
+integer_targets = partial(morphs.integer_targets, is_compressed=False)
 
 RNG = np.random.default_rng(5)
 

@@ -93,6 +93,8 @@ def test_bound_that_integers_cannot_meet_is_rejected(tmp_path):
         ({"max_error": 0.0}, "max_error must be above 0"),
         ({"max_error": float("nan")}, "max_error must be above 0"),
         ({"max_error": "0.5mm"}, "the model has no length unit"),
+        ({"compression": True, "meshopt": "zip"}, "meshopt must be ext or khr; got 'zip'"),
+        ({"meshopt": "khr"}, "meshopt has no effect without compression"),
     ],
 )
 def test_options_out_of_range_are_rejected(tmp_path, options, message):
@@ -280,15 +282,24 @@ def test_positions_beyond_float32_are_rejected(tmp_path):
 
 
 @pytest.mark.slow
-def test_gltf_has_the_same_contents_as_glb(tmp_path):
-    glb = written(tmp_path, grid(), targets=4)
-    notes = []
-    write_gltf(tmp_path / "a.gltf", stream_of(grid(), notes), WriteOptions(targets=4))
+@pytest.mark.parametrize("compression", [False, True])
+def test_gltf_has_the_same_contents_as_glb(tmp_path, compression):
+    options = {"targets": 4, "compression": compression}
+    glb = written(tmp_path, grid(), **options)
+    write_gltf(tmp_path / "a.gltf", stream_of(grid()), WriteOptions(**options))
     document = json.loads((tmp_path / "a.gltf").read_text("utf-8"))
     uri = document["buffers"][0].pop("uri")
     assert document == glb.document
     data = base64.b64decode(uri.removeprefix("data:application/octet-stream;base64,"))
     assert Glb(document, data).buffer == glb.buffer
+
+
+def test_compression_is_noted(tmp_path):
+    notes = [[], []]
+    for compression, each in zip((False, True), notes, strict=True):
+        written(tmp_path, grid(), each, compression=compression)
+    assert not any("compress" in note for note in notes[0])
+    assert notes[1][-1].startswith("compressed with EXT_meshopt_compression: vertices and triang")
 
 
 def test_file_size_is_noted(tmp_path):
