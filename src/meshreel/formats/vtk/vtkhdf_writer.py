@@ -224,8 +224,7 @@ class _DataArrays:
         """Write an array that is the same in all steps of a segment; return the dataset."""
         rows = self._rows(key, domain, name, self._stream.n_segments)
         rows.append(values, segment.n_frames)
-        if self._stream.n_segments > 1:
-            rows.dataset.attrs[IS_ATTRIBUTE] = True
+        rows.dataset.attrs[IS_ATTRIBUTE] = True
         return rows.dataset
 
     def _add_track(self, output: HdfOutput, name: str, track: TrackSource) -> None:
