@@ -176,11 +176,12 @@ def is_harmless(message):
 def test_the_browser_plays_the_frames(page, tmp_path, case):
     make, options = CASES[case]
     sequence, notes = make(), []
-    write_glb(tmp_path / "a.glb", stream_of(sequence, notes), WriteOptions(**options))
+    writing = WriteOptions(**options)
+    write_glb(tmp_path / "a.glb", stream_of(sequence, notes), writing)
     frames = sorted({0, sequence.n_frames // 3, sequence.n_frames - 1})
     times = [sequence.start_s + frame / sequence.fps for frame in frames]
     positions, picture = play(page, tmp_path / "a.glb", times)
-    sources = split_sources(sequence, is_compressed=options.get("compression", True))
+    sources = split_sources(sequence, is_compressed=writing.compression)
     shown = sequence.replace(vertices=sequence.vertices[frames][:, sources], surface=Surface())
     error = largest_error_percent(shown, positions)
     # Chosen frames may have a smaller diagonal than all of them.

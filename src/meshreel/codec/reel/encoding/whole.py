@@ -158,7 +158,7 @@ class RateSearch:
         self._progress = progress
         self._engine = engine
         self._streams: dict[float, bytes] = {}
-        self._payload_bytes: dict[float, list[int]] = {}
+        self._block_sizes: dict[float, list[int]] = {}
         self._errors: dict[float, float] = {}
         self._best: tuple[float, list[tuple[int, Sections]]] | None = None
         self.finest_step: float = finest_step()
@@ -201,11 +201,11 @@ class RateSearch:
         chosen = sampled(pieces)
         if len(chosen) == len(pieces):
             self.stream(step, bound)
-        elif step not in self._payload_bytes:
+        elif step not in self._block_sizes:
             blocks = KeyedBlocks(self._coder.with_step(step, bound))
             coded = (blocks.code(frames).sections for frames in self._read_blocks(chosen))
-            self._payload_bytes[step] = list(map(_payload_bytes, coded))
-        return estimated_bytes(self._payload_bytes[step], len(pieces))
+            self._block_sizes[step] = list(map(_size_bytes, coded))
+        return estimated_bytes(self._block_sizes[step], len(pieces))
 
     def measured(self, step: float) -> float:
         """Return the error, bytes, or bits per vertex and frame for a step."""
@@ -300,7 +300,7 @@ class RateSearch:
             if self._is_cut:  # analyze a block while the previous one is entropy coded
                 blocks = prefetch(blocks)
         coded = [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
-        self._payload_bytes[step] = [_payload_bytes(sections) for _, sections in coded]
+        self._block_sizes[step] = [_size_bytes(sections) for _, sections in coded]
         return self._source.stream(error_bound_sections(bound), coded)
 
     def _coded(self, step: float, bound: float | None) -> Iterator[tuple[int, Sections]]:
@@ -396,5 +396,5 @@ class RateSearch:
             self._progress(stage, Count(n_done, self._n_frames, "frames"))
 
 
-def _payload_bytes(sections: Sections) -> int:
+def _size_bytes(sections: Sections) -> int:
     return sum(len(payload) for _, payload in sections)
