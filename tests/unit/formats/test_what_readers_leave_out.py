@@ -91,8 +91,8 @@ def test_vtkhdf_groups_and_field_data_are_noted(tmp_path):
         file.create_group("notes of the lab")
     assert left_out(tmp_path / "a.vtkhdf") == [
         "groups: notes of the lab",
-        "field data: mass",
         "arrays: heat of 99 rows; step 1 needs 99 from row 99 on",
+        "field data: mass",
     ]
 
 
@@ -179,7 +179,7 @@ def test_constant_attributes_are_not_noted(tmp_path):
 
 def test_wide_arrays_of_a_collection_are_noted(tmp_path):
     wide = " ".join(["1"] * 51)
-    data = f'<PointData><DataArray type="Float32" Name="wide" NumberOfComponents="17">{wide}'
+    data = f'<PointData><DataArray type="Int32" Name="wide" NumberOfComponents="17">{wide}'
     data += "</DataArray></PointData>"
     stored(tmp_path, "a.vtp", XML.format(field="", data=data))
     row = '<DataSet timestep="0" file="a.vtp"/>'
