@@ -36,9 +36,9 @@ export function connectCut({ file }: Reel, player: Player): void {
     }
     return [low, high];
   };
-  const ranges: Promise<[number, number]>[] = []; // of each axis that was chosen
+  const ranges: [number, number][] = []; // of each axis that was chosen
   const planeAt = async (along: number): Promise<CutPlane> => {
-    const [low, high] = await (ranges[along] ??= rangeAlong(along));
+    const [low, high] = (ranges[along] ??= await rangeAlong(along));
     const sign = side.checked ? -1 : 1;
     const normal = AXES.map((_, i) => (i === along ? sign : 0)) as [number, number, number];
     return { normal, offset: sign * (low + (Number(place.value) / 100) * (high - low)) };
