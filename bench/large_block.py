@@ -10,7 +10,6 @@ array at the same bound. Needs the extra [peers], and 3.3 GB on disk per million
 
 import argparse
 import resource
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.lib.format import open_memmap
 
 import meshreel
-from measuring import machine_text, print_table
+from measuring import machine_text, print_table, timed
 from meshreel.evaluation.peers import sz3_bytes
 
 HEXAHEDRON = 12
@@ -59,14 +58,9 @@ def simulate(n: int, n_steps: int, folder: Path) -> None:
         arrays["velocity"][step] = 25 * (positions - before) + 0.01 * np.sin(5 * x)[:, None]
 
 
-def timed(work: Callable[[], bytes]) -> tuple[bytes, float]:
-    """Return the result of the work, and its processor seconds."""
-    start = time.process_time()
-    return work(), time.process_time() - start
-
-
-def row(name: str, raw_bytes: int, data: bytes, seconds: float) -> list[str]:
+def measured(name: str, raw_bytes: int, work: Callable[[], bytes]) -> list[str]:
     """Return cells: bytes, ratio, seconds, speed, and the peak memory of the process so far."""
+    data, _, seconds = timed(work)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     sizes = [f"{len(data):,}", f"{raw_bytes / len(data):.0f}"]
     return [name, *sizes, f"{seconds:.0f}", f"{raw_bytes / 1e6 / seconds:.1f}", f"{peak:.1f}"]
@@ -77,8 +71,11 @@ def sz3(name: str, array: Any) -> list[str]:
     low, high = (getattr(array.reshape(-1, array.shape[2]), end)(axis=0) for end in ("min", "max"))
     bound = BOUND / 100 * float(np.linalg.norm(high - low)) / np.sqrt(array.shape[2])
     column = np.ascontiguousarray(array[..., 0])
-    measured = timed(lambda: sz3_bytes(column, bound, "INTERP_LORENZO"))
-    return row(f"SZ3, a column of {name}", column.nbytes, *measured)
+    return measured(
+        f"SZ3, a column of {name}",
+        column.nbytes,
+        lambda: sz3_bytes(column, bound, "INTERP_LORENZO"),
+    )
 
 
 def main() -> None:
@@ -103,8 +100,7 @@ def main() -> None:
     print(sequence, machine_text(), flush=True)
     raw_bytes = positions.nbytes + sum(result.nbytes for result in results)
     options = {"bound": BOUND, "memory": arguments.memory}
-    measured = timed(lambda: meshreel.encode(sequence, **options))
-    rows = [row("meshreel", raw_bytes, *measured)]
+    rows = [measured("meshreel", raw_bytes, lambda: meshreel.encode(sequence, **options))]
     rows += [sz3(name, array) for name, array in arrays.items()]
     header = ["", "bytes", "ratio", "processor s", "MB/s", "peak memory, GB"]
     print_table("", header, rows)

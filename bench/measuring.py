@@ -17,6 +17,13 @@ UNSTEADY = 1.5
 """Runs are unsteady if the slowest exceeds the fastest by this factor."""
 
 
+def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
+    """Return the result of the work, and its wall-clock and processor seconds."""
+    wall, processor = time.perf_counter(), time.process_time()
+    result = work()
+    return result, time.perf_counter() - wall, time.process_time() - processor
+
+
 def rounds(
     tasks: Mapping[Name, Callable[[], Any]],
     n_rounds: int = 5,

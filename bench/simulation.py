@@ -11,7 +11,6 @@ VTK's reader, the package vtk. Needs about 3 GB on disk at full size.
 import argparse
 import resource
 import runpy
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib import import_module
@@ -21,17 +20,11 @@ from typing import Any
 import numpy as np
 
 import meshreel
+from measuring import timed
 from meshreel.runtime.counting import counted
 
 SIMULATION = Path(__file__).with_name("heat_on_a_sphere.py")
 BOUNDS: dict[str, float | str] = {"temperature": "0.1K", "velocity": "0.1%", "heat flow": "0.1%"}
-
-
-def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
-    """Return the result of the work, and its wall-clock and processor seconds."""
-    wall, processor = time.perf_counter(), time.process_time()
-    result = work()
-    return result, time.perf_counter() - wall, time.process_time() - processor
 
 
 def print_row(task: str, wall: float, processor: float) -> None:

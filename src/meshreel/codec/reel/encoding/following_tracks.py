@@ -53,17 +53,16 @@ class FollowingTracks:
     def stream(self, data: bytes) -> bytes:
         """Return a stream of the source with its tracks predicted; its positions do not change."""
         source, tracks = self._source, self._encoded(data, MAX_TRIALS)
-        if tracks != source.tracks:
-            source = source.with_tracks(tracks)
-            opened = whole_stream(data, UNLIMITED)
-            bounds = (section for section in opened.leading if section.id == Section.ERROR_BOUND)
-            leading = [(Section.ERROR_BOUND, opened.payload(section)) for section in bounds]
-            blocks = (
-                (opened.file.block(number).n_frames, opened.group(number))
-                for number in range(opened.n_blocks)
-            )
-            data = source.stream(leading, blocks)
-        return data
+        if tracks == source.tracks:
+            return data
+        opened = whole_stream(data, UNLIMITED)
+        bounds = (section for section in opened.leading if section.id == Section.ERROR_BOUND)
+        leading = [(Section.ERROR_BOUND, opened.payload(section)) for section in bounds]
+        blocks = (
+            (opened.file.block(number).n_frames, opened.group(number))
+            for number in range(opened.n_blocks)
+        )
+        return source.with_tracks(tracks).stream(leading, blocks)
 
     def size_bytes(self, data: bytes) -> int:
         """Estimate the bytes of `stream`, with few trials per track."""

@@ -94,7 +94,7 @@ def least_cost(
     Parameters
     ----------
     cost : callable
-        Non-negative cost of a step; called once per step.
+        Cost of a step, which may be infinite; called once per step.
     start : float
     n_trials : int, default 6
         Maximum number of steps to try. Strides that lower the cost do not count: more are tried
