@@ -4,8 +4,9 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from conformance.bits import BitStream, NamedBits, integers, need, stripped
+from conformance.bits import BitStream, NamedBits, need, stripped
 from conformance.container import Payload
+from conformance.order import read_items
 
 
 @dataclass(frozen=True, eq=False)
@@ -423,14 +424,37 @@ def links_of(cells):
     return links
 
 
-def permutation(steps):
-    """Return the sums of steps, each of 0..n-1 once."""
-    numbers, number = [], 0
-    for step in steps:
-        number += step
-        numbers.append(number)
-    need(sorted(numbers) == list(range(len(numbers))), "an order repeats a number")
-    return numbers
+def neighbors_of(pairs, n):
+    """Return the neighbors of each of n items, ascending."""
+    around = [set() for _ in range(n)]
+    for a, b in pairs:
+        if a != b:
+            around[a].add(b)
+            around[b].add(a)
+    return [sorted(numbers) for numbers in around]
+
+
+def across_sides(cells):
+    """Return pairs of cells that share a side."""
+    return [(a, b) for (a, _), (b, _) in paired(cells).items()]
+
+
+def read_order(payload, cells, n_verts):
+    """Return the internal numbers of cells, and of vertices, in output order."""
+    if not payload:
+        return list(range(len(cells))), list(range(n_verts))
+    need(payload[0] == 3, "ORDER has an unknown kind")
+    need(len(payload) == 1 or payload[-1], "ORDER ends in a zero byte")
+    bits = NamedBits(BitStream(payload[1:]))
+    around = neighbors_of(across_sides(cells), len(cells))
+    listed = read_items(bits, "cells", len(cells), around)
+    names = list(dict.fromkeys(node for i in listed for node in cells[i].nodes))
+    names += sorted(set(range(n_verts)) - set(names))
+    name_of = {vertex: name for name, vertex in enumerate(names)}
+    links = [(name_of[a], name_of[b]) for a, b in links_of(cells)]
+    vertices = read_items(bits, "vertices", n_verts, neighbors_of(links, n_verts))
+    bits.stream.end()
+    return listed, [names[vertex] for vertex in vertices]
 
 
 def read_cells(container):
@@ -444,19 +468,11 @@ def read_cells(container):
     internal = CellReader(payload.rest(), n_cells, n_nodes, header.n_verts).read()
     faces, sizes, _ = surface_of(internal)
     need((len(faces), len(sizes)) == (header.n_faces, n_faces), "the surface has other faces")
-    numbers, of_cells = list(range(header.n_verts)), list(range(n_cells))
-    if header.order == 0:
-        coded = container.only("ORDER")
-        need(not coded or coded[0] == 3, "ORDER has an unknown kind")
-        if coded:
-            rows = integers(coded[1:], [n_cells, header.n_verts])
-            of_cells, numbers = map(permutation, rows)
-    else:
-        need(not container.all_of("ORDER"), "ORDER is not needed")
-    renumbered = [Cell(cell.code, [numbers[node] for node in cell.nodes]) for cell in internal]
-    order = sorted(range(n_cells), key=of_cells.__getitem__)
-    output = [renumbered[i] for i in order]
+    payload = b"" if header.order else container.only("ORDER")
+    need(header.order == 0 or not container.all_of("ORDER"), "ORDER is not needed")
+    order, vertices = read_order(payload, internal, header.n_verts)
+    number_of = {vertex: number for number, vertex in enumerate(vertices)}
+    output = [Cell(internal[i].code, [number_of[v] for v in internal[i].nodes]) for i in order]
     listed, sizes, owners = surface_of(output)
-    vertices = sorted(range(header.n_verts), key=numbers.__getitem__)
-    neighbors = [(a, b) for (a, _), (b, _) in paired(output).items()]
-    return faces, vertices, listed, Cells(output, sizes, owners, links_of(internal), neighbors)
+    links = links_of(internal), across_sides(output)
+    return faces, vertices, listed, Cells(output, sizes, owners, *links)

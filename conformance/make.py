@@ -1275,12 +1275,14 @@ REFUSED["cells_with_polygons"] = partial(
 )
 REFUSED["cells_with_connectivity"] = partial(cells_and, (Section.CONNECTIVITY, b""))
 REFUSED["cells_twice"] = lambda: cells_and(0)
-REFUSED["cells_with_an_order_twice"] = partial(
-    cells_and,
-    (Section.ORDER, b"\3" + encode_integers([np.zeros(36, int), np.ones(80, int)])),
-    n_replaced=1,
-)
-REFUSED["cells_with_an_order_of_faces"] = partial(cells_and, (Section.ORDER, b"\2"), n_replaced=1)
+for reason, order in {
+    "of_faces": b"\2",
+    "with_a_zero_byte": b"\3\1\0",
+    "with_more_bytes": b"\3" + bytes(200) + b"\1",
+}.items():
+    REFUSED[f"cells_with_an_order_{reason}"] = partial(
+        cells_and, (Section.ORDER, order), n_replaced=1
+    )
 for reason, counts in {
     "none": (0, 288, 66),
     "fewer_nodes": (36, 287, 66),

@@ -118,34 +118,41 @@ def neighbors_in_order(n_verts, faces):
     return around
 
 
-def read_vertices(bits, n_verts, faces):
-    """Return the numbers of the vertices in the original order."""
-    leap, leap_any = Leaps(bits, "leap of vertices"), Leaps(bits, "any of vertices")
-    h, earlier, coded, times, vertices = 6, 6, set(), {}, []
-    around = neighbors_in_order(n_verts, faces)
+def read_items(bits, kind, n_verts, around):
+    """Return the numbers of the vertices, or cells, in the original order; with their neighbors."""
+    leap, leap_any = Leaps(bits, ("leap", kind)), Leaps(bits, ("any", kind))
+    h, earlier, vertices = 6, 6, []
+    coded, again, times, opener = set(), set(), {}, {}
     for _ in range(n_verts):
         vertex, following = None, vertices[-1] + 1 if vertices else 0
         follows = following < n_verts and following not in coded
-        if follows and bits.bit(("next", h, earlier, following in times)):
+        if follows and bits.bit(("next", kind, h, earlier, following in times)):
             vertex, way = following, 0
         if vertex is None and vertices:
             near = [v for v in dict.fromkeys(around[vertices[-1]]) if v not in coded]
             near = [v for v in near if v != following][:16]
             near.sort(key=lambda v: times[v])
             for j, v in enumerate(near):
-                if bits.bit(("is it", min(j, 4), min(len(near), 7), h)):
+                if bits.bit(("is it", kind, min(j, 4), min(len(near), 7), h)):
                     vertex, way = v, 1 + min(j, 3)
                     break
         opens = {time: v for v, time in times.items() if v not in coded}
-        if vertex is None and opens and bits.bit(("open vertex", h)):
+        if vertex is None and opens and bits.bit(("open item", kind, h)):
             vertex, way = opens[leap.read(sorted(opens))], 5
         if vertex is None:
             vertex, way = leap_any.read([v for v in range(n_verts) if v not in coded]), 6
         vertices.append(vertex)
         coded.add(vertex)
-        for v in around[vertex]:
-            if v not in coded:
-                times.setdefault(v, len(times))
+        for v in dict.fromkeys(around[vertex]):
+            if v in coded:
+                continue
+            if v not in times:
+                times[v], opener[v] = len(times), vertex
+            elif v not in again:
+                siblings = [u for u in times if opener[u] == opener[v]]
+                first = min((u for u in siblings if u not in coded | again), key=times.get)
+                times[first], times[v] = times[v], times[first]
+                again.add(v)
         h, earlier = way, h
     return vertices
 
@@ -167,7 +174,8 @@ def read_order(payload, faces, n_verts):
         numbers += sorted(set(range(n_verts)) - set(numbers))
     number_of = {vertex: number for number, vertex in enumerate(numbers)}
     renumbered = [tuple(number_of[v] for v in face) for face in listed]
-    internal = [numbers[v] for v in read_vertices(bits, n_verts, renumbered)]
+    around = neighbors_in_order(n_verts, renumbered)
+    internal = [numbers[v] for v in read_items(bits, "vertices", n_verts, around)]
     bits.stream.end()
     output = {vertex: number for number, vertex in enumerate(internal)}
     return internal, [tuple(output[v] for v in face) for face in listed], of_faces

@@ -1,16 +1,17 @@
-/* Coding of the original order of faces and vertices, relative to the internal order of the
-   connectivity.
+/* Coding of the original order of faces and vertices, or of cells and vertices, relative to the
+   internal order of the connectivity.
 
    docs/format.md, "ORDER". Face lists follow the mesh: the next face is usually near the last two,
    or across an open side of an earlier face. Open sides are kept in the order in which they opened,
-   because lists that sweep over the mesh close them in about that order. Vertices are coded
-   likewise; they also follow the order in which the faces first use them. */
+   because lists that sweep over the mesh close them in about that order. Vertices and cells are
+   coded likewise; vertices also follow the order in which the faces or cells first use them. */
 
+#include "cells.h"
 #include "integers.h"
 #include "ranks.h"
 
-#define N_VERTEX_WAYS 7 /* ways in which a vertex is coded */
-#define OPEN 5          /* 0: the next vertex; 1..4: a neighbor; OPEN: across an open edge */
+#define N_ITEM_WAYS 7 /* ways in which a vertex or cell is coded */
+#define OPEN 5        /* 0: the next item; 1..4: a neighbor; OPEN: an open item */
 #define ANY 6
 /* Ways in which a face is coded: 0..5: across a side; 6..17: across two sides; FAR: all else. */
 #define FAR 18
@@ -37,12 +38,12 @@ typedef struct {
 } face_models;
 
 typedef struct {
-    reel_model next[N_VERTEX_WAYS][N_VERTEX_WAYS][2];
-    reel_model near[5][N_VERTEX_WAYS][N_VERTEX_WAYS];
-    reel_model open[N_VERTEX_WAYS];
+    reel_model next[N_ITEM_WAYS][N_ITEM_WAYS][2];
+    reel_model near[5][N_ITEM_WAYS][N_ITEM_WAYS];
+    reel_model open[N_ITEM_WAYS];
     leap_model leap, leap_any;
     int last_ways[2];
-} vertex_models;
+} item_models;
 
 typedef struct {
     const int32_t *faces;
@@ -305,31 +306,50 @@ static int64_t code_faces(reel_range_coder *coder, reel_arena *arena, const mesh
     return 0;
 }
 
-/* ---- vertices ---- */
+/* ---- vertices, and cells ---- */
+
+/* Items with neighbors: vertices of faces or cells, or cells that share sides. The neighbors of
+   item i are near[starts[i]] .. near[starts[i + 1] - 1], in a defined order, with repetitions. */
+typedef struct {
+    int64_t n;
+    int64_t *starts; /* n + 2, of which the last is for construction */
+    int32_t *near;
+} item_graph;
 
 typedef struct {
-    vertex_models *models;
+    item_models *models;
+    const item_graph *graph;
     reel_ranks uncoded;
-    reel_ranks open;    /* opening times of uncoded vertices with a coded neighbor */
-    int32_t *opened_at; /* opening time of each vertex, or -1 */
-    int32_t *vertex_at; /* vertex that opened at each time */
-    /* Where the neighbors of each vertex begin; listed face by face, with repetitions. */
-    int64_t *starts;
-    int32_t *neighbours;
+    reel_ranks open;    /* opening times of uncoded items with a coded neighbor */
+    int32_t *opened_at; /* opening time of each item, or -1 */
+    int32_t *item_at;   /* item that opened at each time */
+    int32_t *opener;    /* item that opened each item */
+    /* Of the items that an item opened, those that no other coded item has as a neighbor are at the
+       end: their first time. */
+    int32_t *first_once;
     int32_t clock;
     int64_t last_open, last_any;
-} vertex_state;
+} item_state;
 
-static size_t vertex_coder_bytes(int64_t n_verts, int64_t n_faces) {
-    size_t verts = (size_t)n_verts;
-    return reel_array_bytes(1, sizeof(vertex_models)) + 2 * reel_ranks_bytes(n_verts) +
-           2 * reel_array_bytes(verts, sizeof(int32_t)) +
-           reel_array_bytes(verts + 2, sizeof(int64_t)) +
-           reel_array_bytes(6 * (size_t)n_faces, sizeof(int32_t));
+static size_t graph_bytes(int64_t n, int64_t n_near) {
+    return reel_array_bytes((size_t)n + 2, sizeof(int64_t)) +
+           reel_array_bytes((size_t)n_near, sizeof(int32_t));
 }
 
-static void find_neighbours(vertex_state *state, const mesh_order *mesh) {
-    int64_t *starts = state->starts;
+static item_graph allocate_graph(reel_arena *arena, int64_t n, int64_t n_near) {
+    return (item_graph){.n = n,
+                        .starts = reel_allocate(arena, (size_t)n + 2, sizeof(int64_t)),
+                        .near = reel_allocate(arena, (size_t)n_near, sizeof(int32_t))};
+}
+
+static size_t item_coder_bytes(int64_t n) {
+    return reel_array_bytes(1, sizeof(item_models)) + 2 * reel_ranks_bytes(n) +
+           4 * reel_array_bytes((size_t)n, sizeof(int32_t));
+}
+
+/* List the neighbors of vertices face by face and corner by corner. */
+static void find_neighbors(const item_graph *graph, const mesh_order *mesh) {
+    int64_t *starts = graph->starts;
     reel_zero(starts, ((size_t)mesh->n_verts + 2) * sizeof *starts);
     for (int64_t i = 0; i < 3 * mesh->n_faces; i++) {
         starts[mesh->faces[i] + 2] += 2;
@@ -340,28 +360,27 @@ static void find_neighbours(vertex_state *state, const mesh_order *mesh) {
     for (int64_t i = 0; i < 3 * mesh->n_faces; i++) {
         /* the cursor starts[v + 1] ends behind v's list */
         int64_t face = i / 3 * 3, *end = &starts[mesh->faces[i] + 1];
-        state->neighbours[(*end)++] = mesh->faces[face + (i + 1) % 3];
-        state->neighbours[(*end)++] = mesh->faces[face + (i + 2) % 3];
+        graph->near[(*end)++] = mesh->faces[face + (i + 1) % 3];
+        graph->near[(*end)++] = mesh->faces[face + (i + 2) % 3];
     }
 }
 
-static vertex_state start_vertex_coder(reel_arena *arena, const mesh_order *mesh) {
-    size_t verts = (size_t)mesh->n_verts;
-    vertex_state state = {.models = reel_allocate(arena, 1, sizeof(vertex_models))};
-    state.uncoded = reel_ranks_of(arena, mesh->n_verts, true);
-    state.open = reel_ranks_of(arena, mesh->n_verts, false);
-    state.opened_at = reel_allocate(arena, verts, sizeof(int32_t));
-    state.vertex_at = reel_allocate(arena, verts, sizeof(int32_t));
-    state.starts = reel_allocate(arena, verts + 2, sizeof(int64_t));
-    state.neighbours = reel_allocate(arena, 6 * (size_t)mesh->n_faces, sizeof(int32_t));
+static item_state start_item_coder(reel_arena *arena, const item_graph *graph) {
+    size_t n = (size_t)graph->n;
+    item_state state = {.models = reel_allocate(arena, 1, sizeof(item_models)), .graph = graph};
+    state.uncoded = reel_ranks_of(arena, graph->n, true);
+    state.open = reel_ranks_of(arena, graph->n, false);
+    state.opened_at = reel_allocate(arena, n, sizeof(int32_t));
+    state.item_at = reel_allocate(arena, n, sizeof(int32_t));
+    state.opener = reel_allocate(arena, n, sizeof(int32_t));
+    state.first_once = reel_allocate(arena, n, sizeof(int32_t));
     if (arena->failed) {
         return state;
     }
-    for (size_t i = 0; i < verts; i++) {
+    for (size_t i = 0; i < n; i++) {
         state.opened_at[i] = -1;
     }
-    find_neighbours(&state, mesh);
-    vertex_models *models = state.models;
+    item_models *models = state.models;
     reset_models(models->next, sizeof models->next);
     reset_models(models->near, sizeof models->near);
     reset_models(models->open, sizeof models->open);
@@ -373,10 +392,11 @@ static vertex_state start_vertex_coder(reel_arena *arena, const mesh_order *mesh
 
 /* Find up to 16 distinct uncoded neighbors, except `next`, in the order in which they opened;
    returns their number. */
-static int near_vertices(const vertex_state *state, int32_t last, int32_t next, int32_t *result) {
+static int near_items(const item_state *state, int32_t last, int32_t next, int32_t *result) {
+    const item_graph *graph = state->graph;
     int n = 0;
-    for (int64_t i = state->starts[last]; i < state->starts[last + 1] && n < MAX_NEIGHBORS; i++) {
-        int32_t here = state->neighbours[i];
+    for (int64_t i = graph->starts[last]; i < graph->starts[last + 1] && n < MAX_NEIGHBORS; i++) {
+        int32_t here = graph->near[i];
         int last_open = n;
         if (here == next || !reel_ranks_has(&state->uncoded, here)) {
             continue;
@@ -395,14 +415,14 @@ static int near_vertices(const vertex_state *state, int32_t last, int32_t next, 
     return n;
 }
 
-/* Code whether the next vertex follows the last or is a neighbor of it. Returns it, or -1; `way` is
+/* Code whether the next item follows the last or is a neighbor of it. Returns it, or -1; `way` is
    how it was found. */
-static int32_t code_near_vertex(reel_range_coder *coder, vertex_state *state, int64_t n_verts,
-                                int32_t last, int32_t target, int *way) {
-    vertex_models *models = state->models;
+static int32_t code_near_item(reel_range_coder *coder, item_state *state, int32_t last,
+                              int32_t target, int *way) {
+    item_models *models = state->models;
     int h = models->last_ways[0], g = models->last_ways[1];
     int32_t next = last + 1;
-    if (next >= n_verts || !reel_ranks_has(&state->uncoded, next)) {
+    if (next >= state->graph->n || !reel_ranks_has(&state->uncoded, next)) {
         next = -1;
     } else {
         *way = 0;
@@ -411,10 +431,10 @@ static int32_t code_near_vertex(reel_range_coder *coder, vertex_state *state, in
         }
     }
     int32_t result[MAX_NEIGHBORS];
-    int n = last < 0 ? 0 : near_vertices(state, last, next, result);
+    int n = last < 0 ? 0 : near_items(state, last, next, result);
     for (int i = 0; i < n; i++) {
         reel_model *model =
-            &models->near[i < 4 ? i : 4][n < N_VERTEX_WAYS ? n - 1 : N_VERTEX_WAYS - 1][h];
+            &models->near[i < 4 ? i : 4][n < N_ITEM_WAYS ? n - 1 : N_ITEM_WAYS - 1][h];
         if (reel_bit(coder, model, target == result[i])) {
             *way = 1 + (i < 4 ? i : 3);
             return result[i];
@@ -423,15 +443,15 @@ static int32_t code_near_vertex(reel_range_coder *coder, vertex_state *state, in
     return -1;
 }
 
-static int32_t code_far_vertex(reel_range_coder *coder, vertex_state *state, int32_t target,
-                               int *way) {
-    vertex_models *models = state->models;
+static int32_t code_far_item(reel_range_coder *coder, item_state *state, int32_t target,
+                             int *way) {
+    item_models *models = state->models;
     int64_t time = reel_is_encoder(coder) ? state->opened_at[target] : -1, result;
     if (state->open.size && reel_bit(coder, &models->open[models->last_ways[0]], time >= 0)) {
         *way = OPEN;
         result = code_leap(coder, &models->leap, &state->open, state->last_open, time);
         state->last_open = result;
-        return state->vertex_at[result];
+        return state->item_at[result];
     }
     *way = ANY;
     result = code_leap(coder, &models->leap_any, &state->uncoded, state->last_any, target);
@@ -439,41 +459,77 @@ static int32_t code_far_vertex(reel_range_coder *coder, vertex_state *state, int
     return (int32_t)result;
 }
 
-/* Mark a vertex as coded: it closes, its neighbors open. */
-static void mark_vertex_coded(vertex_state *state, int32_t vertex) {
-    reel_ranks_change(&state->uncoded, vertex, -1);
-    if (state->opened_at[vertex] >= 0) {
-        reel_ranks_change(&state->open, state->opened_at[vertex], -1);
+/* Move an open item that a second coded item reached: before those of its opener that none did. */
+static void reach_again(item_state *state, int32_t item) {
+    int32_t *first_once = &state->first_once[state->opener[item]], time = state->opened_at[item];
+    if (time < *first_once) {
+        return;
     }
-    for (int64_t i = state->starts[vertex]; i < state->starts[vertex + 1]; i++) {
-        int32_t here = state->neighbours[i];
-        if (state->opened_at[here] < 0 && reel_ranks_has(&state->uncoded, here)) {
-            state->opened_at[here] = state->clock;
-            state->vertex_at[state->clock] = here;
-            reel_ranks_change(&state->open, state->clock++, 1);
-        }
+    while (!reel_ranks_has(&state->open, *first_once)) {
+        ++*first_once;
     }
+    int32_t earlier = (*first_once)++, other = state->item_at[earlier];
+    state->item_at[time] = other;
+    state->opened_at[other] = time;
+    state->item_at[earlier] = item;
+    state->opened_at[item] = earlier;
 }
 
-static int64_t code_vertices(reel_range_coder *coder, reel_arena *arena, const mesh_order *mesh) {
-    vertex_state state = start_vertex_coder(arena, mesh);
-    if (arena->failed) {
+/* Mark an item as coded: it closes, its neighbors open. */
+static void mark_item_coded(item_state *state, int32_t item) {
+    const item_graph *graph = state->graph;
+    int32_t first_time = state->clock;
+    reel_ranks_change(&state->uncoded, item, -1);
+    if (state->opened_at[item] >= 0) {
+        reel_ranks_change(&state->open, state->opened_at[item], -1);
+    }
+    for (int64_t i = graph->starts[item]; i < graph->starts[item + 1]; i++) {
+        int32_t here = graph->near[i], time = state->opened_at[here];
+        if (!reel_ranks_has(&state->uncoded, here)) {
+            continue;
+        }
+        if (time < 0) {
+            state->opened_at[here] = state->clock;
+            state->item_at[state->clock] = here;
+            state->opener[here] = item;
+            reel_ranks_change(&state->open, state->clock++, 1);
+        } else if (time < first_time) {
+            reach_again(state, here);
+        }
+    }
+    state->first_once[item] = first_time;
+}
+
+/* Code the items in their original order, `sequence`. */
+static int64_t code_items(reel_range_coder *coder, reel_arena arena, const item_graph *graph,
+                          int32_t *sequence) {
+    item_state state = start_item_coder(&arena, graph);
+    if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     int32_t last = -1;
-    for (int64_t i = 0; i < mesh->n_verts; i++) {
-        int32_t target = reel_is_encoder(coder) ? mesh->sequence[i] : -1;
+    for (int64_t i = 0; i < graph->n; i++) {
+        int32_t target = reel_is_encoder(coder) ? sequence[i] : -1;
         int way;
-        int32_t result = code_near_vertex(coder, &state, mesh->n_verts, last, target, &way);
+        int32_t result = code_near_item(coder, &state, last, target, &way);
         if (result < 0) {
-            result = code_far_vertex(coder, &state, target, &way);
+            result = code_far_item(coder, &state, target, &way);
         }
-        mesh->sequence[i] = last = result;
-        mark_vertex_coded(&state, result);
+        sequence[i] = last = result;
+        mark_item_coded(&state, result);
         state.models->last_ways[1] = state.models->last_ways[0];
         state.models->last_ways[0] = way;
     }
     return 0;
+}
+
+static int64_t code_vertices(reel_range_coder *coder, reel_arena arena, const mesh_order *mesh) {
+    item_graph graph = allocate_graph(&arena, mesh->n_verts, 6 * mesh->n_faces);
+    if (arena.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    find_neighbors(&graph, mesh);
+    return code_items(coder, arena, &graph, mesh->sequence);
 }
 
 /* ---- both ---- */
@@ -511,7 +567,7 @@ static void rename_vertices(int32_t *vertices, int64_t n, const int32_t *names) 
 static int64_t code_order(reel_range_coder *coder, reel_arena arena, const mesh_order *mesh,
                           bool with_faces) {
     if (!with_faces) {
-        int64_t failed = code_vertices(coder, &arena, mesh);
+        int64_t failed = code_vertices(coder, arena, mesh);
         return failed ? failed : reel_finish(coder);
     }
     size_t verts = (size_t)mesh->n_verts;
@@ -529,7 +585,7 @@ static int64_t code_order(reel_range_coder *coder, reel_arena arena, const mesh_
     if (reel_is_encoder(coder)) {
         rename_vertices(mesh->sequence, mesh->n_verts, name_of);
     }
-    failed = code_vertices(coder, &arena, &named);
+    failed = code_vertices(coder, arena, &named);
     if (failed) {
         return failed;
     }
@@ -538,7 +594,8 @@ static int64_t code_order(reel_range_coder *coder, reel_arena arena, const mesh_
 }
 
 size_t reel_order_memory(int64_t n_verts, int64_t n_faces) {
-    size_t faces = face_coder_bytes(n_faces), verts = vertex_coder_bytes(n_verts, n_faces);
+    size_t faces = face_coder_bytes(n_faces);
+    size_t verts = graph_bytes(n_verts, 6 * n_faces) + item_coder_bytes(n_verts);
     return (faces > verts ? faces : verts) +
            reel_array_bytes(3 * (size_t)n_faces, sizeof(int32_t)) +
            2 * reel_array_bytes((size_t)n_verts, sizeof(int32_t));
@@ -560,4 +617,148 @@ int64_t reel_order_decode(void *memory, size_t memory_size, const uint8_t *in, s
     mesh_order mesh = {faces, twins, n_verts, n_faces, corners, sequence};
     reel_range_coder coder = reel_start_decoder(in, size);
     return code_order(&coder, reel_arena_of(memory, memory_size), &mesh, with_faces != 0);
+}
+
+/* ---- cells, then their vertices ---- */
+
+typedef struct {
+    const uint8_t *types;
+    const int32_t *nodes;
+    int64_t n_cells, n_nodes, n_verts;
+    int32_t *cell_sequence;   /* cell of each original number */
+    int32_t *vertex_sequence; /* vertex of each original number */
+} cell_order;
+
+static int64_t most_neighbors(const cell_order *order, bool of_cells) {
+    return of_cells ? REEL_MAX_SIDES * order->n_cells : 4 * order->n_nodes;
+}
+
+/* Find the neighbors of cells across sides, or of vertices along the edges of cells, ascending. */
+static int64_t find_cell_graph(reel_arena *arena, const cell_order *order, bool of_cells,
+                               item_graph *graph) {
+    int64_t n = of_cells ? order->n_cells : order->n_verts;
+    *graph = allocate_graph(arena, n, most_neighbors(order, of_cells));
+    reel_arena scratch = *arena;
+    size_t size =
+        reel_cells_adjacency_memory(order->n_cells, order->n_nodes, order->n_verts, of_cells);
+    int32_t *starts = reel_allocate(&scratch, (size_t)n + 1, sizeof *starts);
+    void *memory = reel_allocate(&scratch, size, 1);
+    if (scratch.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    int64_t result =
+        reel_cells_adjacency(memory, size, order->types, order->n_cells, order->nodes,
+                             order->n_nodes, order->n_verts, of_cells, starts, graph->near);
+    for (int64_t i = 0; result >= 0 && i <= n; i++) {
+        graph->starts[i] = starts[i];
+    }
+    return result;
+}
+
+static int64_t code_cells(reel_range_coder *coder, reel_arena arena, const cell_order *order) {
+    item_graph graph;
+    int64_t result = find_cell_graph(&arena, order, true, &graph);
+    return result < 0 ? result : code_items(coder, arena, &graph, order->cell_sequence);
+}
+
+/* Rename vertices by their first use in the cells in original order, unused ones last: `nodes`
+   receives the nodes of the cells in new names, `vertex_of` the vertex of each name, `name_of` the
+   name of each vertex. `starts` is scratch for n_cells + 1 numbers. */
+static void name_nodes(const cell_order *order, int32_t *starts, int32_t *nodes, int32_t *name_of,
+                       int32_t *vertex_of) {
+    int32_t n_named = 0;
+    starts[0] = 0;
+    for (int64_t i = 0; i < order->n_cells; i++) {
+        starts[i + 1] = starts[i] + (int32_t)reel_cell_size(order->types[i]);
+    }
+    for (int64_t v = 0; v < order->n_verts; v++) {
+        name_of[v] = -1;
+    }
+    for (int64_t i = 0; i < order->n_cells; i++) {
+        int32_t cell = order->cell_sequence[i];
+        for (int32_t k = starts[cell]; k < starts[cell + 1]; k++) {
+            if (name_of[order->nodes[k]] < 0) {
+                vertex_of[n_named] = order->nodes[k];
+                name_of[order->nodes[k]] = n_named++;
+            }
+            nodes[k] = name_of[order->nodes[k]];
+        }
+    }
+    for (int32_t v = 0; v < order->n_verts; v++) {
+        if (name_of[v] < 0) {
+            vertex_of[n_named] = v;
+            name_of[v] = n_named++;
+        }
+    }
+}
+
+static int64_t code_cell_vertices(reel_range_coder *coder, reel_arena arena,
+                                  const cell_order *order) {
+    cell_order named = *order;
+    item_graph graph;
+    int32_t *nodes = reel_allocate(&arena, (size_t)order->n_nodes, sizeof *nodes);
+    int32_t *name_of = reel_allocate(&arena, (size_t)order->n_verts, sizeof *name_of);
+    int32_t *vertex_of = reel_allocate(&arena, (size_t)order->n_verts, sizeof *vertex_of);
+    reel_arena scratch = arena;
+    int32_t *starts = reel_allocate(&scratch, (size_t)order->n_cells + 1, sizeof *starts);
+    if (scratch.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    name_nodes(order, starts, nodes, name_of, vertex_of);
+    named.nodes = nodes;
+    int64_t result = find_cell_graph(&arena, &named, false, &graph);
+    if (result < 0) {
+        return result;
+    }
+    if (reel_is_encoder(coder)) {
+        rename_vertices(order->vertex_sequence, order->n_verts, name_of);
+    }
+    result = code_items(coder, arena, &graph, order->vertex_sequence);
+    rename_vertices(order->vertex_sequence, result < 0 ? 0 : order->n_verts, vertex_of);
+    return result;
+}
+
+static int64_t code_cell_order(reel_range_coder *coder, void *memory, size_t memory_size,
+                               const cell_order *order) {
+    int64_t result = code_cells(coder, reel_arena_of(memory, memory_size), order);
+    if (result >= 0) {
+        result = code_cell_vertices(coder, reel_arena_of(memory, memory_size), order);
+    }
+    return result < 0 ? result : reel_finish(coder);
+}
+
+size_t reel_cells_order_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts) {
+    const cell_order order = {.n_cells = n_cells, .n_nodes = n_nodes, .n_verts = n_verts};
+    size_t most = 0;
+    for (int of_cells = 0; of_cells < 2; of_cells++) {
+        int64_t n = of_cells ? n_cells : n_verts;
+        size_t graph = graph_bytes(n, most_neighbors(&order, of_cells));
+        size_t adjacency =
+            reel_array_bytes((size_t)n + 1, sizeof(int32_t)) +
+            reel_array_bytes(reel_cells_adjacency_memory(n_cells, n_nodes, n_verts, of_cells), 1);
+        size_t coder = item_coder_bytes(n);
+        size_t size = graph + (adjacency > coder ? adjacency : coder);
+        most = most > size ? most : size;
+    }
+    return most + reel_array_bytes((size_t)n_nodes, sizeof(int32_t)) +
+           2 * reel_array_bytes((size_t)n_verts, sizeof(int32_t)) +
+           reel_array_bytes((size_t)n_cells + 1, sizeof(int32_t));
+}
+
+int64_t reel_cells_order_encode(void *memory, size_t memory_size, const uint8_t *types,
+                                int64_t n_cells, const int32_t *nodes, int64_t n_nodes,
+                                int64_t n_verts, int32_t *cell_sequence, int32_t *vertex_sequence,
+                                uint8_t *out, size_t capacity) {
+    cell_order order = {types, nodes, n_cells, n_nodes, n_verts, cell_sequence, vertex_sequence};
+    reel_range_coder coder = reel_start_encoder(out, capacity);
+    return code_cell_order(&coder, memory, memory_size, &order);
+}
+
+int64_t reel_cells_order_decode(void *memory, size_t memory_size, const uint8_t *in, size_t size,
+                                const uint8_t *types, int64_t n_cells, const int32_t *nodes,
+                                int64_t n_nodes, int64_t n_verts, int32_t *cell_sequence,
+                                int32_t *vertex_sequence) {
+    cell_order order = {types, nodes, n_cells, n_nodes, n_verts, cell_sequence, vertex_sequence};
+    reel_range_coder coder = reel_start_decoder(in, size);
+    return code_cell_order(&coder, memory, memory_size, &order);
 }

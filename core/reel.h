@@ -457,6 +457,19 @@ REEL_API int64_t reel_order_decode(void *memory, size_t memory_size, const uint8
                                    int64_t n_faces, int64_t with_faces, int32_t *corners,
                                    int32_t *sequence);
 
+/* The original order of cells, then of their vertices (order.c). Cells and nodes are valid;
+   cell_sequence[i] and vertex_sequence[i] are the i-th original cell and vertex. The decoder fills
+   them in, and the encoder restores them. Writes at most 32 bytes for each, and 32 more. */
+REEL_API size_t reel_cells_order_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts);
+REEL_API int64_t reel_cells_order_encode(void *memory, size_t memory_size, const uint8_t *types,
+                                         int64_t n_cells, const int32_t *nodes, int64_t n_nodes,
+                                         int64_t n_verts, int32_t *cell_sequence,
+                                         int32_t *vertex_sequence, uint8_t *out, size_t capacity);
+REEL_API int64_t reel_cells_order_decode(void *memory, size_t memory_size, const uint8_t *in,
+                                         size_t size, const uint8_t *types, int64_t n_cells,
+                                         const int32_t *nodes, int64_t n_nodes, int64_t n_verts,
+                                         int32_t *cell_sequence, int32_t *vertex_sequence);
+
 /* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory:
    released blocks of an allocator, up to max_bytes of them, are reused by all files that share the
    store. May be called from several threads. Functions of this section are not pure: they change

@@ -79,6 +79,40 @@ static int64_t decode(fuzz_bytes bytes, const fuzz_cells_of *cells, uint8_t *typ
                              cells->n_verts, types, nodes);
 }
 
+static int64_t decode_order(fuzz_bytes bytes, const fuzz_cells_of *cells, int32_t *cell_sequence,
+                            int32_t *vertex_sequence) {
+    size_t size = reel_cells_order_memory(cells->n, cells->n_nodes, cells->n_verts);
+    return reel_cells_order_decode(FUZZ_MEMORY(size), bytes.bytes, bytes.size, cells->types,
+                                   cells->n, cells->nodes, cells->n_nodes, cells->n_verts,
+                                   cell_sequence, vertex_sequence);
+}
+
+/* Code a random order of cells and vertices. */
+static void check_order(const fuzz_cells_of *cells) {
+    int64_t capacity = 32 * (cells->n + cells->n_verts + 1);
+    uint8_t *out = fuzz_allocate(capacity, 1);
+    const int32_t *of_cells = fuzz_permutation(cells->n);
+    const int32_t *of_verts = fuzz_permutation(cells->n_verts);
+    size_t cells_size = (size_t)cells->n * sizeof *of_cells;
+    size_t verts_size = (size_t)cells->n_verts * sizeof *of_verts;
+    int32_t *cell_sequence = fuzz_allocate(cells->n, sizeof *cell_sequence);
+    int32_t *vertex_sequence = fuzz_allocate(cells->n_verts, sizeof *vertex_sequence);
+    memcpy(cell_sequence, of_cells, cells_size);
+    memcpy(vertex_sequence, of_verts, verts_size);
+    size_t size = reel_cells_order_memory(cells->n, cells->n_nodes, cells->n_verts);
+    int64_t length = reel_cells_order_encode(
+        FUZZ_MEMORY(size), cells->types, cells->n, cells->nodes, cells->n_nodes, cells->n_verts,
+        cell_sequence, vertex_sequence, out, (size_t)capacity);
+    FUZZ_CHECK(length >= 0 && !memcmp(vertex_sequence, of_verts, verts_size));
+    memset(cell_sequence, 0, cells_size);
+    memset(vertex_sequence, 0, verts_size);
+    fuzz_bytes bytes = fuzz_written(out, length);
+    FUZZ_CHECK(decode_order(bytes, cells, cell_sequence, vertex_sequence) >= 0);
+    FUZZ_CHECK(!memcmp(cell_sequence, of_cells, cells_size));
+    FUZZ_CHECK(!memcmp(vertex_sequence, of_verts, verts_size));
+    fuzz_check_code(decode_order(fuzz_mutate(bytes), cells, cell_sequence, vertex_sequence));
+}
+
 void fuzz_cells(void) {
     fuzz_cells_of cells = make_cells();
     int64_t capacity = 16 * cells.n_nodes + 64;
@@ -91,6 +125,7 @@ void fuzz_cells(void) {
     check_surface(&cells);
     check_adjacency(&cells, 0);
     check_adjacency(&cells, 1);
+    check_order(&cells);
     size_t size = reel_cells_code_memory(cells.n, cells.n_nodes, cells.n_verts);
     int64_t length = reel_cells_encode(FUZZ_MEMORY(size), cells.types, cells.n, cells.nodes,
                                        cells.n_nodes, cells.n_verts, fuzz_one_in(4), types, nodes,

@@ -58,54 +58,42 @@ int reel_decode_cells(reel_call *call, reel_pool *pool, const reel_outline *outl
 
 /* ---- order */
 
-/* Add up differences to numbers, each of 0..n-1 once; `inverse` becomes the
- * item of each number. */
-static bool is_permutation(int32_t *numbers, int64_t n, int32_t *inverse) {
-    int64_t number = 0;
-    for (int64_t i = 0; i < n; i++) {
-        inverse[i] = -1;
-    }
-    for (int64_t i = 0; i < n; i++) {
-        number += numbers[i];
-        if (number < 0 || number >= n || inverse[number] >= 0) {
-            return false;
-        }
-        numbers[i] = (int32_t)number;
-        inverse[number] = (int32_t)i;
-    }
-    return true;
-}
-
-/* Read the output number of each internal cell and vertex; `given_cells`
-   becomes the internal number of each output cell, or NULL if all are in output
-   order. */
+/* Read the order of cells and vertices; `given_cells` becomes the internal number of each output
+   cell, or NULL if all are in output order. */
 static int read_order(reel_call *call, const reel_outline *outline, reel_mesh_data *mesh,
                       int32_t **given_cells) {
     reel_range coded = {0, 0};
-    uint8_t kind;
-    int32_t *numbers;
-    int64_t lengths[] = {(int64_t)outline->n_cells, (int64_t)outline->n_verts};
-    const int32_t tables[] = {0, 1};
+    const uint8_t *bytes;
+    int64_t n_cells = (int64_t)outline->n_cells, n_nodes = (int64_t)outline->n_cell_nodes;
+    int64_t n_verts = (int64_t)outline->n_verts;
     *given_cells = NULL;
     uint32_t count = reel_count_sections(outline, REEL_ORDER, &coded);
     REEL_CORRUPT_IF(count != (outline->order == REEL_ORDER_KEPT), outline->begin,
                     "a section ORDER is missing, or is not needed");
+    for (int32_t v = 0; v < n_verts; v++) {
+        mesh->to_internal[v] = mesh->to_output[v] = v;
+    }
     if (!coded.length) {
-        for (int32_t v = 0; v < (int32_t)outline->n_verts; v++) {
-            mesh->to_internal[v] = mesh->to_output[v] = v;
-        }
         return MESHREEL_OK;
     }
-    REEL_TRY(reel_read_bytes(call, &coded, &kind, 1));
-    REEL_CORRUPT_IF(kind != CELLS_AND_VERTICES, coded.at, "the order of cells begins without a 3");
-    REEL_TRY(reel_decode_rows(call, coded, lengths, tables, 2, 2, &numbers));
     *given_cells = reel_scratch(call, outline->n_cells, sizeof **given_cells);
-    REEL_NEED(*given_cells);
-    REEL_CORRUPT_IF(!is_permutation(numbers, lengths[0], *given_cells) ||
-                        !is_permutation(numbers + lengths[0], lengths[1], mesh->to_internal),
-                    coded.at, "the order of cells or vertices repeats a number");
-    reel_copy(mesh->to_output, numbers + lengths[0],
-              (size_t)outline->n_verts * sizeof *mesh->to_output);
+    const reel_chunk *mark = call->scratch.last;
+    size_t size = reel_cells_order_memory(n_cells, n_nodes, n_verts);
+    void *memory = reel_scratch(call, size, 1);
+    REEL_NEED(*given_cells && memory);
+    REEL_TRY(reel_view(call, coded, &bytes));
+    REEL_CORRUPT_IF(bytes[0] != CELLS_AND_VERTICES, coded.at,
+                    "the order of cells begins without a 3");
+    REEL_CORRUPT_IF(coded.length > 1 && !bytes[coded.length - 1], coded.at + coded.length - 1,
+                    "the order ends with a zero byte");
+    int64_t result = reel_cells_order_decode(
+        memory, size, bytes + 1, (size_t)coded.length - 1, mesh->cell_types, n_cells,
+        mesh->cell_nodes, n_nodes, n_verts, *given_cells, mesh->to_internal);
+    reel_drop_scratch(call, mark);
+    REEL_TRY(reel_fail_core(call, result, coded.at, "the order of cells is damaged"));
+    for (int32_t v = 0; v < n_verts; v++) {
+        mesh->to_output[mesh->to_internal[v]] = v;
+    }
     return MESHREEL_OK;
 }
 

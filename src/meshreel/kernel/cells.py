@@ -16,7 +16,7 @@ Types = npt.NDArray[np.uint8]
 MAX_CELLS, MAX_NODES = 1 << 26, 1 << 28
 """Largest numbers of cells, and of nodes of all cells together."""
 
-NODE_BYTES, MORE_BYTES = 16, 64
+NODE_BYTES, MORE_BYTES, ORDER_BYTES = 16, 64, 32
 
 
 class CellSurface(NamedTuple):
@@ -158,3 +158,23 @@ def encode_cells(types: Types, nodes: Int32s, n_verts: int, *, listed: bool) -> 
     )
     order = internal_to_given.astype(np.int64)
     return EncodedCells(data, internal_types, internal_nodes, given_cells, order)
+
+
+def encode_cells_order(cells: EncodedCells) -> bytes:
+    """Encode the given order of cells and vertices that `encode_cells` returned."""
+    n_cells, n_verts = len(cells.types), len(cells.internal_to_given)
+    sequences = np.empty(n_cells, np.int32), np.empty(n_verts, np.int32)
+    sequences[0][cells.given_cells] = np.arange(n_cells, dtype=np.int32)
+    sequences[1][cells.internal_to_given] = np.arange(n_verts, dtype=np.int32)
+    shape = n_cells, len(cells.nodes), n_verts
+    return encoded(
+        "reel_cells_order_encode",
+        cells.types,
+        n_cells,
+        cells.nodes,
+        *shape[1:],
+        *sequences,
+        what="orders",
+        capacity=ORDER_BYTES * (n_cells + n_verts + 1),
+        memory_of=("reel_cells_order_memory", *shape),
+    )

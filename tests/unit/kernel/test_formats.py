@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from conformance.bits import BitStream, NamedBits, integers
-from conformance.order import FaceOrder, read_vertices
+from conformance.cells import Cell, read_order
+from conformance.order import FaceOrder, neighbors_in_order, read_items
 from conformance.patterns import read_patterns
 from conformance.surface import AlongFaces
 from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.kernel.cells import cell_sizes, encode_cells, encode_cells_order
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.order import encode_order
 from meshreel.kernel.patterns import encode_patterns, expected_along
@@ -44,7 +46,8 @@ def test_plain_reader_computes_the_same_orders(name, is_mixed):
         corners, sequence = rng.permutation(corners), rng.permutation(n_verts)
         corners += rng.integers(-1, 2, n_faces)
     alone = NamedBits(BitStream(encode_order(faces, None, None, sequence)))
-    assert read_vertices(alone, n_verts, faces.tolist()) == sequence.tolist()
+    around = neighbors_in_order(n_verts, faces.tolist())
+    assert read_items(alone, "vertices", n_verts, around) == sequence.tolist()
     twins = twin_sides(faces, n_verts)
     both = NamedBits(BitStream(encode_order(faces, twins, corners, sequence)))
     order = FaceOrder(both, n_faces, twins.tolist()).read()
@@ -53,8 +56,26 @@ def test_plain_reader_computes_the_same_orders(name, is_mixed):
     names = list(dict.fromkeys(one for face in listed for one in face))
     names += [number for number in range(n_verts) if number not in names]
     renamed = [[names.index(one) for one in face] for face in listed]
-    in_names = read_vertices(both, n_verts, renamed)
+    around = neighbors_in_order(n_verts, renamed)
+    in_names = read_items(both, "vertices", n_verts, around)
     assert [names[one] for one in in_names] == sequence.tolist()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_plain_reader_restores_the_same_order_of_cells(seed):
+    rng = np.random.default_rng(seed)
+    n_verts = int(rng.integers(30, 60))
+    types = rng.choice([5, 9, 10, 12, 24, 25, 27], 25).astype(np.uint8)
+    sizes = cell_sizes()[types]
+    near = [rng.integers(n_verts) + rng.permutation(n)[:n] for n in sizes]
+    coded = encode_cells(
+        types, np.concatenate(near).astype(np.int32) % n_verts, n_verts, listed=False
+    )
+    of_cells = np.split(coded.nodes, np.cumsum(cell_sizes()[coded.types])[:-1])
+    cells = [Cell(int(t), nodes.tolist()) for t, nodes in zip(coded.types, of_cells, strict=True)]
+    listed, vertices = read_order(b"\3" + encode_cells_order(coded), cells, n_verts)
+    np.testing.assert_array_equal(coded.given_cells[listed], np.arange(len(cells)))
+    np.testing.assert_array_equal(coded.internal_to_given[vertices], np.arange(n_verts))
 
 
 @pytest.mark.parametrize("name", meshes())

@@ -14,9 +14,8 @@ from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import encode_order, inverse_permutation
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.kernel.cells import cell_links, encode_cells
+from meshreel.kernel.cells import cell_links, encode_cells, encode_cells_order
 from meshreel.kernel.connectivity import encode_faces
-from meshreel.kernel.integers import encode_integers
 from meshreel.model.cells import Cells
 from meshreel.model.sequence import Faces
 
@@ -158,8 +157,7 @@ def _code_cells(cells: Cells, n_verts: int, order: str, *, listed: bool) -> Code
     counts = internal.n_cells, len(internal.nodes), len(surface.sizes)
     order_payload = b""
     if order == "keep" and not listed:
-        steps = [np.diff(row, prepend=0) for row in (coded.given_cells, coded.internal_to_given)]
-        order_payload = bytes([CELLS_AND_VERTICES]) + encode_integers(steps)
+        order_payload = bytes([CELLS_AND_VERTICES]) + encode_cells_order(coded)
     return CodedConnectivity(
         coded.data,
         order_payload,
