@@ -15,7 +15,14 @@ from meshreel.model.surface import SURFACE_DOMAINS, Domain
 from meshreel.runtime.extras import Extra
 
 ReadOption = Literal[
-    "object", "merge", "topology", "dataset", "skip_bad", "allow_outside", "animation"
+    "object",
+    "merge",
+    "topology",
+    "dataset",
+    "skip_bad",
+    "allow_outside",
+    "animation",
+    "keep_deleted",
 ]
 WriteOption = Literal[
     "targets", "max_error", "normals", "compression", "meshopt", "lossless", "layout", "textures"

@@ -34,6 +34,7 @@ def load(
     animation: str | int | None = None,
     displace: str | None = None,
     resample: float | None = None,
+    keep_deleted: bool = False,
     memory: float | str | None = None,
     progress: Progress = silent,
     notes: list[str] | None = None,
@@ -78,6 +79,9 @@ def load(
     resample : float, optional
         Frames per second of new, evenly spaced frames, from the time of the first one on. Positions
         and values of floats are interpolated linearly; integers are those of the frame before.
+    keep_deleted : bool, default False
+        Keep elements that a simulation deletes in the mesh, with a track "alive" of cells or faces
+        that is 1 while they exist. Default: the mesh changes when elements are deleted.
     memory : float or str, optional
         Memory limit for decoding a ``.reel``, as in `meshreel.decode`.
     progress : Progress, default silent
@@ -109,7 +113,7 @@ def load(
     options = ReadOptions(
         fps, object, merge, mesh_path, dataset, None, progress,
         notes if notes is not None else [], attributes, skip_bad, allow_outside, animation, memory,
-        displace=displace, resample=resample,
+        displace=displace, resample=resample, keep_deleted=keep_deleted,
     )  # fmt: skip
     return load_any(source, options)
 

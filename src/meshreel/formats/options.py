@@ -33,6 +33,8 @@ class ReadOptions:
         Track that moves the vertices, as in `meshreel.load`.
     resample : float, optional
         Frames per second to interpolate at, as in `meshreel.load`.
+    keep_deleted : bool, default False
+        Whether elements stay in the mesh after they are deleted, as in `meshreel.load`.
     registrations : list of Registration
         Receives the registration, which can be compared with decoded frames.
     referenced : set of Path
@@ -57,6 +59,7 @@ class ReadOptions:
     registrations: "list[Registration]" = field(default_factory=list)
     displace: str | None = None
     resample: float | None = None
+    keep_deleted: bool = False
     referenced: set[Path] = field(default_factory=set)
 
 

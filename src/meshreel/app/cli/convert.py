@@ -38,7 +38,15 @@ def convert_command(
     reading: Annotated[
         "ReadOptions",
         reading(
-            "fps", *MESHES, "topology", "dataset", "displace", "resample", "attributes", "register"
+            "fps",
+            *MESHES,
+            "topology",
+            "dataset",
+            "displace",
+            "resample",
+            "keep_deleted",
+            "attributes",
+            "register",
         ),
     ],
     writing: Annotated[dict[str, Any], WRITING],

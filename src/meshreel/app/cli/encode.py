@@ -36,7 +36,15 @@ def encode_command(
     reading: Annotated[
         "ReadOptions",
         reading(
-            "fps", *MESHES, "topology", "dataset", "displace", "resample", "attributes", "register"
+            "fps",
+            *MESHES,
+            "topology",
+            "dataset",
+            "displace",
+            "resample",
+            "keep_deleted",
+            "attributes",
+            "register",
         ),
     ],
     output: StreamOption = None,

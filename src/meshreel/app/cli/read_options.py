@@ -91,6 +91,12 @@ _OPTIONS = {
         "RATE",
         range=Range(0.0, MAX_FPS, is_open=True),
     ),
+    "keep_deleted": _option(
+        bool,
+        "Keep elements that a simulation deletes in the mesh, with a track alive, 1 while they "
+        "exist. Default: the mesh changes when elements are deleted.",
+        default=False,
+    ),
     "memory": MEMORY,
     "topology": _option(
         Path,

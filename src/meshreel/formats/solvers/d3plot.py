@@ -1,7 +1,7 @@
 """Reader for d3plot, the binary results of LS-DYNA, and its families of files.
 
-Shells and the boundary of solids and thick shells are one mesh, without deleted elements. Each
-frame is read from the files when it is needed, one table of a state at a time.
+Shells, solids and thick shells are one mesh, with or without deleted elements. Each frame is read
+from the files when it is needed, one table of a state at a time.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, Keyword, Message
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.frames.steps import DataArray, Step, StepFrames
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.notes import note_kinds, note_left_out
+from meshreel.formats.notes import NoteKind, add_note, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.solvers.d3plot_files import (
@@ -44,6 +44,15 @@ NODE_RESULTS = (
 OTHER_SECTIONS = (
     "temperatures of shell layers", "contact penetrations", "thermal results of solids",
 )  # fmt: skip
+
+ALIVE = "alive"
+"""Name of the track that is 1 for the elements that exist in a state, otherwise 0."""
+
+DELETED = Message(
+    "elements are deleted, which begins a new mesh each time; ",
+    Keyword("keep_deleted"),
+    f" keeps them in one mesh with a track {ALIVE!r}, which is usually smaller",
+)
 
 PARTS = "part"
 """Name of the groups of faces by part, and of the attribute of cells with their numbers."""
@@ -72,7 +81,7 @@ def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         raise FormatError(
             "contains no states; the files with the results (d3plot01, ...) must be next to it"
         )
-    read = _States([(layout, start) for _, layout, start in states], options.notes)
+    read = _States([(layout, start) for _, layout, start in states], options)
     frames = StepFrames(read.step, options.notes)
     times = np.array([time for time, _, _ in states])
     return [SceneMesh(path.stem, times, frames.frame, read.surface, tracks=frames.tracks)]
@@ -114,8 +123,9 @@ class _States:
         Layout and first word of each state.
     """
 
-    def __init__(self, states: list[tuple[D3plotLayout, int]], notes: list[str]) -> None:
-        self._states, self._notes = states, notes
+    def __init__(self, states: list[tuple[D3plotLayout, int]], options: ReadOptions) -> None:
+        self._states, self._notes = states, options.notes
+        self._keeps_deleted = options.keep_deleted
         self._cached: tuple[D3plotLayout, bytes, CellSurface] | None = None
 
     def step(self, index: int) -> Step:
@@ -145,6 +155,9 @@ class _States:
             for name, n_columns in ELEMENT_RESULTS.items()
             if layout.results[name]
         ]
+        if self._keeps_deleted:
+            alive = partial(layout.is_alive, state)
+            arrays.append(_result(Domain.FACE, ALIVE, alive, Field(np.dtype("u1"), 1)))
         n_cells = len(layout.cells.types)
         return Step(layout.n_nodes, n_cells, self._surface(index), points, arrays)
 
@@ -167,6 +180,10 @@ class _States:
         """Return the surface of the cells that exist in a state, cached while they are equal."""
         layout, state = self._states[index]
         is_alive = layout.is_alive(state)
+        if self._keeps_deleted:
+            is_alive[:] = True
+        elif not is_alive.all():
+            add_note(self._notes, NoteKind.SEGMENTS, "deleted elements", DELETED)
         key = np.packbits(is_alive).tobytes()
         if self._cached is None or self._cached[:2] != (layout, key):
             self._cached = layout, key, _surface_of(layout, np.flatnonzero(is_alive))
@@ -192,5 +209,11 @@ def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurf
 
 
 FORMATS = (
-    SequenceFormat(".d3plot", "LS-DYNA d3plot", read_meshes=read_d3plot, other_files=other_files),
+    SequenceFormat(
+        ".d3plot",
+        "LS-DYNA d3plot",
+        read_meshes=read_d3plot,
+        other_files=other_files,
+        reads=frozenset({"keep_deleted"}),
+    ),
 )

@@ -6,9 +6,11 @@ from meshreel.app.batch.discovery import find_inputs
 from meshreel.errors import FormatError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
+from meshreel.formats.notes import is_about
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import files_of_source, find_files
+from meshreel.model.surface import Domain
 from samples.d3plot import END, Model, padded, root, state, words_of, write_family
 from samples.datasets import positions_of, read_damaged
 
@@ -148,6 +150,23 @@ def test_deleted_elements_begin_a_segment_and_leave_no_nodes(tmp_path):
     last = np.delete(moved(3)[:12], 9, axis=0).astype(np.float32)
     assert positions_of(loaded.segments[2])[0].tobytes() == last.tobytes()
     assert loaded.fps == 1
+
+
+def test_deleted_elements_can_be_kept_with_a_track(tmp_path):
+    alive = np.array([[1, 2, 3, 3, 2], [1, 2, 3, 3, 2], [1, 0, 3, 3, 2], [1, 0, 0, 3, 2]])
+    states = [state(index, moved(index), alive[index]) for index in range(4)]
+    path = write_family(tmp_path / "d3plot", whole_model(**DELETION), [states])
+    notes: list[str] = []
+    kept = load(path, keep_deleted=True, notes=notes)
+    assert not any(is_about(note, "deleted elements") for note in notes)
+    track = kept.tracks["alive"]
+    assert (kept.surface.cells.n_cells, track.domain) == (4, Domain.CELL)
+    without_beam = alive[:, :4]
+    np.testing.assert_array_equal(track.values[..., 0].sum(axis=1), (without_beam > 0).sum(axis=1))
+    decoded = meshreel.decode(meshreel.encode(kept, max_error="0.001u"))
+    np.testing.assert_array_equal(decoded.tracks["alive"].values, track.values)
+    load(path, notes=notes)
+    assert any(is_about(note, "deleted elements") for note in notes)
 
 
 def test_deleted_nodes_delete_their_elements(tmp_path):
