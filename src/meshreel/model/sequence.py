@@ -150,7 +150,7 @@ class MeshSequence(Timed):
         Time of the first frame, in seconds.
     times : float array of shape (T,), optional
         Time of each frame in seconds, finite and ascending, in place of `fps` and `start_s`. Frames
-        that are evenly spaced within a thousandth of the interval get a frame rate.
+        that are evenly spaced, up to the digits of their times, get a frame rate.
     cells : Cells, optional
         Cells of a volume mesh, whose surface are the faces. ``sequence.surface.cells`` has them.
     surface : Surface, optional

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,10 @@ RATE_TOLERANCE = 2e-6
 """Relative; it covers the difference between 29.97 and 30000/1001, 1e-6."""
 
 EVEN_TOLERANCE = 1e-3
-"""Frames are evenly spaced if none is farther from its even time, in intervals."""
+"""Evenly spaced frames are not farther from their even times, in intervals."""
+
+EXACT_DIGITS = 15
+"""Significant digits of times that are not rounded to fewer."""
 
 DUE_TOLERANCE = 1e-6
 """Frames at a rate are due this early, in intervals: times have rounding errors."""
@@ -71,9 +75,10 @@ class Timing:
     ) -> "Timing":
         """Return the timing of frames at these times in seconds, ascending, of shape (T,).
 
-        If they are evenly spaced within a thousandth of the interval, the timing is a rate, rounded
-        to a common one that agrees with the times: an integer, an NTSC rate, or a decimal with up
-        to three places. A single time has no rate.
+        The timing is a rate if evenly spaced times, rounded to as many digits as the given ones
+        have, or to float32, are the given ones, and none is farther from its even time than a
+        thousandth of the interval. The rate is rounded to a common one that agrees with the times:
+        an integer, an NTSC rate, or a decimal with up to three places. A single time has no rate.
 
         Parameters
         ----------
@@ -94,10 +99,14 @@ class Timing:
         if not timing.fps:
             return timing
         coarse = _resolution(times) if resolution_s is None else resolution_s
-        fps = _common_rate(timing.fps, max(RATE_TOLERANCE, coarse / (times[-1] - times[0])))
-        expected = times[0] + np.arange(len(times)) / fps
-        if np.abs(times - expected).max() <= max(EVEN_TOLERANCE / fps, 2 * coarse):
-            return cls(fps, timing.start_s)
+        span, even_limit = times[-1] - times[0], EVEN_TOLERANCE / timing.fps
+        for rounding in _rounding_errors(times):
+            limits = np.maximum(np.minimum(rounding, even_limit), 2 * coarse)
+            tolerance = max(RATE_TOLERANCE, float(np.max(limits)) / span)
+            for fps in (_common_rate(timing.fps, tolerance), timing.fps):
+                even = times[0] + np.arange(len(times)) / fps
+                if (np.abs(times - even) <= limits).all():
+                    return cls(fps, timing.start_s)
         return timing
 
     @classmethod
@@ -242,6 +251,22 @@ def _resolution(times: Floats) -> float:
         rounded = times.astype(np.float32)
     is_single = np.array_equal(rounded, times)
     return float(np.spacing(np.abs(rounded).max())) if is_single else 0.0
+
+
+def _rounding_errors(times: Floats) -> list[Floats | float]:
+    """Return the largest errors of times that were rounded: each way in which they may have been.
+
+    That is, to a number of significant digits, or of decimal places; or if they have all digits,
+    by sums of float64.
+    """
+    decimals = [Decimal(repr(time)).normalize().as_tuple() for time in times.tolist()]
+    n_digits = max(len(decimal.digits) for decimal in decimals)
+    if n_digits >= EXACT_DIGITS:
+        return [(8 + len(times)) * float(np.spacing(np.abs(times).max()))]
+    exponents = np.array([int(decimal.exponent) for decimal in decimals])
+    magnitudes = exponents + [len(decimal.digits) for decimal in decimals]
+    half = 0.5000001  # of the last place; the even times have rounding errors, too
+    return [half * 10.0 ** (magnitudes - n_digits), half * 10.0 ** int(exponents.min())]
 
 
 def _common_rate(rate: float, tolerance: float) -> float:

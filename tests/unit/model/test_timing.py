@@ -49,6 +49,27 @@ def test_uneven_times_are_kept_and_even_ones_become_a_rate():
 
 
 @pytest.mark.parametrize(
+    ("times", "fps"),
+    [
+        ([float(f"{i / 24:.6g}") for i in range(300)], 24),  # as VTK writes them
+        ([float(f"{0.5 + i / 30:.5f}") for i in range(100)], 30),
+        (np.cumsum(np.full(1000, 0.1)), 10),
+        (10 + 0.1 * np.arange(200), 10),
+        ([0, 1, 2.0009, 3], None),
+        (0.04 * np.arange(500) + np.where(np.arange(500) == 77, 1e-9, 0), None),
+        (1e-6 * np.cumsum(1 + 1e-4 * np.sin(np.arange(50))), None),
+    ],
+)
+def test_times_are_even_only_if_their_digits_say_so(times, fps):
+    timing = Timing.of_times(times)
+    if fps is None:
+        np.testing.assert_array_equal(timing.times, times)
+    else:
+        assert timing.times is None
+        assert timing.fps == fps
+
+
+@pytest.mark.parametrize(
     ("times", "message"),
     [
         ([0, 1, 2], r"must have shape \(5,\); got \(3,\)"),
