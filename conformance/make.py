@@ -1118,6 +1118,21 @@ def cells_with_values():
     return meshreel.encode(whole, block_frames=3)
 
 
+@stream
+def cells_with_values_dropped():
+    """Tracks of nodes and cells, and an attribute of cells, without their order."""
+    whole = of_cells(12, *shuffled_cells(*boxes(3, 3, 2)))
+    centers = whole.vertices[:, whole.surface.cells.nodes.reshape(-1, 8)].mean(axis=2)
+    tracks = {
+        "heat": Track(whole.vertices[..., 0] * 3),
+        "stress": Track(centers[..., 1], "cell"),
+        "part": Track(np.arange(5 * 18).reshape(5, 18) // 7, "cell"),
+    }
+    number = Attribute("number", "other", "cell", np.arange(18, dtype=np.int32)[:, None])
+    whole = whole.replace(surface=replace(whole.surface, attributes=(number,)), tracks=tracks)
+    return meshreel.encode(whole, block_frames=3, order="drop")
+
+
 def cells_and(*sections, n_replaced=0):
     """Return the stream of listed cells with other sections behind CELLS."""
     return with_section(1, *sections, n_replaced=n_replaced, of=STREAMS["cells_listed"])

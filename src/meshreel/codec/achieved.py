@@ -22,7 +22,7 @@ from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import FrameSource, MeshSequence
-from meshreel.model.surface import Attribute
+from meshreel.model.surface import Attribute, Domain
 from meshreel.runtime.progress import Count, Progress, silent
 
 Vertices = npt.NDArray[np.floating]
@@ -105,9 +105,9 @@ def measure_stream(
         progress("measuring", Count(first_frame, n_frames, "frames"))
         with ReelFile(BytesIO(data), memory=OWN_STREAM, segment=number) as reel:
             is_dropped = reel.order == "drop"
-            internal = internal_numbers(segment) if is_dropped else None
-            add_blocks(sums, segment, decoded_blocks(reel, internal))
-            for name, errors in errors_of_tracks(segment.tracks, reel.tracks, internal).items():
+            numbers = internal_numbers(segment) if is_dropped else {}
+            add_blocks(sums, segment, decoded_blocks(reel, numbers.get(Domain.VERTEX)))
+            for name, errors in errors_of_tracks(segment.tracks, reel.tracks, numbers).items():
                 tracks.setdefault(name, []).append(errors)
         first_frame += segment.n_frames
     measured_sted = None
@@ -130,8 +130,8 @@ def measure_tracks(sequence: FrameSource, data: bytes) -> dict[str, TrackErrors]
     """Return the errors of the tracks of a stream; parameters as in `measure_stream`."""
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
         is_dropped = reel.order == "drop"
-        internal = internal_numbers(sequence) if is_dropped else None
-        return errors_of_tracks(sequence.tracks, reel.tracks, internal)
+        numbers = internal_numbers(sequence) if is_dropped else {}
+        return errors_of_tracks(sequence.tracks, reel.tracks, numbers)
 
 
 def measure_uvs(sequence: MeshSequence, data: bytes) -> float | None:
@@ -157,7 +157,7 @@ def _uv_errors(sequence: FrameSource, opened: OpenStream) -> list[float]:
     faces, order = sequence.faces, opened.order_kept
     internal = np.arange(sequence.n_verts)
     if order is Order.DROP and sequence.surface.attributes:
-        internal = np.argsort(internal_numbers(sequence))
+        internal = np.argsort(internal_numbers(sequence)[Domain.VERTEX])
     kept = surface_in_order(sequence.surface, order, faces, opened.faces, internal).attributes
     if not any(map(is_quantized, kept)):
         return []

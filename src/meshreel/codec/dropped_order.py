@@ -1,5 +1,7 @@
 """Vertices of streams and compressed glTF files without their order, matched with the original."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from meshreel.arrays import Integers
@@ -18,19 +20,25 @@ MATCHED = (
 """Note on sequences whose vertices were matched."""
 
 
-def internal_numbers(source: FrameSource) -> Integers:
-    """Return the number of each vertex of a mesh after decoding, if its order is dropped."""
+Numbers = dict[Domain, Integers]
+
+
+def internal_numbers(source: FrameSource) -> Numbers:
+    """Return the number of each vertex and cell of a mesh after decoding without its order."""
     cells = source.surface.cells
     connectivity = encode_mesh(source.faces, cells, source.n_verts, order="drop")
-    return np.argsort(connectivity.internal_to_given)
+    numbers: Numbers = {Domain.VERTEX: np.argsort(connectivity.internal_to_given)}
+    if connectivity.cells_to_internal is not None:
+        numbers[Domain.CELL] = connectivity.cells_to_internal
+    return numbers
 
 
-def walk_numbers(source: FrameSource) -> Integers:
+def walk_numbers(source: FrameSource) -> Numbers:
     """Return the number of each vertex of a mesh in a compressed glTF file of one material."""
     numbers = np.full(source.n_verts, -1, np.int64)
     _, used = number_by_use(source.faces[depth_first_order(source.faces)])
     numbers[: len(used)] = used
-    return numbers
+    return {Domain.VERTEX: numbers}
 
 
 def match_order(
@@ -74,17 +82,25 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
         return decoded
     for numbers_of in (internal_numbers, walk_numbers):
         numbers = numbers_of(original)
-        faces = np.argsort(numbers)[decoded.faces].astype(np.int32)
+        vertices = numbers[Domain.VERTEX]
+        faces = np.argsort(vertices)[decoded.faces].astype(np.int32)
         if has_same_triangles(original.faces, faces, n_verts):
             break
     else:
         return decoded
     loaded = frames_of(decoded, range(decoded.n_frames))
     tracks = {
-        name: Track(track.values[:, numbers], track.domain, track.kind, track.unit)
+        name: Track(track.values[:, numbers[track.domain]], track.domain, track.kind, track.unit)
         for name, track in loaded.tracks.items()
-        if track.domain is Domain.VERTEX  # others need the order
+        if track.domain in numbers  # others need the order
     }
+    given = original.surface
+    surface = PLAIN
+    if given.cells is not None:
+        faces, surface = (
+            original.faces,
+            replace(PLAIN, cells=given.cells, face_sizes=given.face_sizes),
+        )
     return loaded.replace(
-        vertices=loaded.vertices[:, numbers], faces=faces, surface=PLAIN, tracks=tracks
+        vertices=loaded.vertices[:, vertices], faces=faces, surface=surface, tracks=tracks
     )

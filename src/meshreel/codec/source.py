@@ -138,18 +138,22 @@ class CodedMesh:
     def _surface_sections(self) -> list[tuple[Section, bytes]]:
         faces = self.output_faces
         if self.surface.cells is not None and self.order_kept is Order.DROP:
-            return list(surface_sections(self._reordered_cells(), faces, self.config.uv_bits))
+            return list(surface_sections(self.cell_surface, faces, self.config.uv_bits))
         kept = surface_in_order(self.surface, self.order_kept, self.given_faces, faces, self.order)
         return list(surface_sections(kept, faces, self.config.uv_bits))
 
-    def _reordered_cells(self) -> Surface:
-        """Return the surface of internal cells."""
-        coded = self._connectivity
-        assert coded.internal_cells is not None
-        assert coded.cells_to_internal is not None
-        return surface_of_internal_cells(
-            self.surface, coded.internal_cells, self.order, np.argsort(coded.cells_to_internal)
-        )
+    @property
+    def cell_order(self) -> Integers:
+        """Given number of each internal cell."""
+        assert self._connectivity.cells_to_internal is not None
+        return inverse_permutation(self._connectivity.cells_to_internal)
+
+    @cached_property
+    def cell_surface(self) -> Surface:
+        """Surface of internal cells, which readers return if the order is dropped."""
+        cells = self._connectivity.internal_cells
+        assert cells is not None
+        return surface_of_internal_cells(self.surface, cells, self.order, self.cell_order)
 
     def header(
         self,

@@ -65,7 +65,7 @@ class TrackErrors:
 def errors_of_tracks(
     original: Mapping[str, TrackSource],
     decoded: Mapping[str, TrackSource],
-    order: npt.NDArray[np.integer] | None = None,
+    order: Mapping[Domain, npt.NDArray[np.integer]] | None = None,
 ) -> dict[str, TrackErrors]:
     """Errors of the tracks that both mappings contain.
 
@@ -73,11 +73,12 @@ def errors_of_tracks(
     ----------
     original, decoded : mapping of str to TrackSource
         Tracks of the same name must have equal numbers of frames and items.
-    order : integer array of shape (V,), optional
-        The decoded index of each vertex of the original. Default: the same.
+    order : mapping of Domain to integer array of shape (N,), optional
+        The decoded index of each vertex or cell of the original. Default: the same.
     """
+    numbers = order or {}
     return {
-        name: track_errors(track, decoded[name], order if track.domain is Domain.VERTEX else None)
+        name: track_errors(track, decoded[name], numbers.get(track.domain))
         for name, track in original.items()
         if name in decoded
     }
@@ -95,7 +96,7 @@ def track_errors(
     decoded: TrackSource,
     order: npt.NDArray[np.integer] | None = None,
 ) -> TrackErrors:
-    """Errors of a track; the parameters are those of `errors_of_tracks`."""
+    """Errors of a track; `order` is the decoded index of each item of the original."""
     n_frames, n_items, n_columns = original.shape
     n_per_chunk = max(1, NUMBERS_PER_CHUNK // (n_items * n_columns))
     largest, rms = np.zeros(n_frames), np.zeros(n_frames)

@@ -16,7 +16,7 @@ from conformance.sources import (
     tetrahedra,
     waving,
 )
-from meshreel import Cells, InvalidInputError, MeshSequence
+from meshreel import Cells, InvalidInputError, MeshSequence, Track
 from meshreel.kernel.cells import cell_sizes, encode_cells
 
 
@@ -60,6 +60,27 @@ def test_cells_of_a_dropped_order_are_the_same_up_to_it():
     renumbered = Cells(found.surface.cells.types, numbers[found.surface.cells.nodes])
     assert sorted(rows_of(renumbered)) == sorted(rows_of(given.surface.cells))
     assert meshreel.compare(given, data).max_error_percent <= 0.1
+
+
+@pytest.mark.parametrize("stress_bound", ["0.1%", "exact"])
+def test_values_of_cells_follow_them_where_the_order_is_dropped(stress_bound):
+    points = np.random.default_rng(4).random((60, 3))
+    tetrahedra = Delaunay(points).simplices
+    vertices = waving(points)
+    stress = vertices[:, tetrahedra].mean(axis=2)[..., 0]
+    given = MeshSequence(
+        vertices, cells=of_type(10, tetrahedra), tracks={"stress": Track(stress, "cell")}
+    )
+    data = meshreel.encode(
+        given, max_error="0.01%", order="drop", tracks={"stress": stress_bound}, block_frames=2
+    )
+    found = meshreel.decode(data)
+    assert not np.array_equal(found.surface.cells.nodes, given.surface.cells.nodes)
+    nodes = found.surface.cells.nodes.reshape(-1, 4)
+    expected = found.vertices[:, nodes].mean(axis=2)[..., 0]
+    assert np.abs(found.tracks["stress"].values[..., 0] - expected).max() <= 0.002 * np.ptp(stress)
+    compared = meshreel.compare(given, data)
+    assert compared.tracks["stress"].largest <= 0.001 * np.ptp(stress)
 
 
 def test_lossless_streams_keep_every_bit():

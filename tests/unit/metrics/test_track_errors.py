@@ -6,6 +6,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.track_errors import errors_of_tracks, track_errors
+from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 from samples.meshes import waving_grid
 
@@ -59,7 +60,7 @@ def test_only_vertex_values_follow_the_decoded_vertex_order():
     original = {"of vertices": Track(values), "of faces": Track(values, "face"),
                 "other": Track(values)}  # fmt: skip
     decoded = {"of vertices": Track(values[:, [1, 2, 0]]), "of faces": Track(values, "face")}
-    result = errors_of_tracks(original, decoded, places)
+    result = errors_of_tracks(original, decoded, {Domain.VERTEX: places})
     assert {name: one.largest for name, one in result.items()} == {"of vertices": 0, "of faces": 0}
     assert errors_of_tracks(original, decoded)["of vertices"].largest == 2
 

@@ -349,6 +349,9 @@ def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph
         return track.graph, track.order
     if track.domain is Domain.VERTEX:
         return ItemGraph(mesh.links, mesh.n_verts), mesh.order
+    if track.domain is Domain.CELL and mesh.order_kept is Order.DROP:
+        graph = item_graph(Domain.CELL, mesh.faces, mesh.cell_surface, mesh.n_verts)
+        return graph, mesh.cell_order
     if mesh.order_kept is not Order.KEEP:
         raise InvalidInputError(
             f"track {name!r} has a value per {track.domain}, whose order would be lost; keep it (",
