@@ -198,6 +198,14 @@ def test_color_bar_has_the_colors_of_the_map(warm, tmp_path, colormap, ends):
 
 
 @pytest.mark.slow
+def test_films_of_uneven_times_say_what_they_show(warm, tmp_path):
+    sequence = meshreel.load(warm / "warm.npz")[:4].replace(times=[0, 1, 2, 2.5])
+    meshreel.save(sequence, tmp_path / "uneven.npz")
+    result = run_json("render", tmp_path / "uneven.npz", "-o", tmp_path / "a.gif", *SMALL)
+    assert "frame times are uneven; the film has 1.2 pictures per second" in result["notes"][0]
+
+
+@pytest.mark.slow
 def test_render_shows_the_error_of_a_track_with_an_original(warm, tmp_path):
     run_json(
         "render", warm / "warm.reel", "-o", tmp_path / "a.gif", "--frames", "2:4",

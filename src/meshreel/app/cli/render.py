@@ -147,6 +147,7 @@ def render_command(
     )
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.needed_extras import extras_to_read
+    from meshreel.formats.notes import NoteKind, add_note
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
     from meshreel.rendering.cuts import parse_cut
@@ -177,6 +178,12 @@ def render_command(
             reference = open_for_encoding(original, None, supported_only(reading, original))
         numbers = frame_numbers(frames, shown.n_frames, notes)
         scene = Scene(shown, reference, heatmap, background=color, track=look, cut=plane)
+        if output.suffix.lower() != ".png" and shown.timing.times is not None:
+            text = (
+                f"frame times are uneven; the film has {shown.fps:g} pictures per second, each of "
+                "the frame that is due"
+            )
+            add_note(notes, NoteKind.CHANGED, "frame times", text)
         parsed_view = parse_view(view, up or guess_up(scene.framed.extent))
         figures = _draw(
             scene, numbers, parsed_view, output,
