@@ -32,7 +32,7 @@ from meshreel.formats.gltf.morph_mesh import (
 )
 from meshreel.formats.gltf.morphs import IDENTITY, Placement, check_range
 from meshreel.formats.gltf.read import SEGMENT_START
-from meshreel.formats.notes import add_once, written_times
+from meshreel.formats.notes import NoteKind, add_note, add_once, written_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.formats.surfaces.polygons import describe_triangles
@@ -186,6 +186,9 @@ def _times(stream: SegmentedStream) -> Sequence[float]:
     if start_s < 0:
         stream.notes.append(f"starts at 0 s, not {start_s:g} s: glTF has no time before 0")
         times = times - start_s
+    if stream.timing.times is not None and (times.astype(np.float32) != times).any():
+        text = "glTF stores times as float32, to which these are rounded"
+        add_note(notes, NoteKind.CHANGED, "frame times", text)
     seconds: list[float] = times.tolist()
     return seconds
 
