@@ -185,7 +185,7 @@ def animations_of(found: SourceFiles, options: ReadOptions) -> tuple[AnimationIn
 
 def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
     path, form = found.paths[0], found.format
-    if not isinstance(form, SequenceFormat) or form.read_meshes is None:
+    if not isinstance(form, SequenceFormat) or form.read_meshes is None or len(found.paths) > 1:
         yield _sequence_info(open_any(found, replace(options, max_loaded_bytes=0)))
         return
     with errors_naming(path):

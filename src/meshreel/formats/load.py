@@ -51,7 +51,8 @@ def load(
         (`meshreel formats` lists all); one static mesh (``.obj .ply .off .stl``), which gives one
         frame; a folder of frames with one file extension; a pattern such as ``dir/*.obj``; or a
         list of frame files. Folders and patterns are read in natural order (frame_2 before
-        frame_10).
+        frame_10). Several files with a whole animation, such as ``dir/*.glb``, must have one frame
+        each.
     fps : float, optional
         Frames per second, overriding the file; frame files have none, which is 0. For a glTF file,
         or a USD file with keyed transforms or skins, the sampling rate of its motion.

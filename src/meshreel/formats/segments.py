@@ -9,7 +9,7 @@ from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import NoteKind, add_note, combined, listed, note_left_out
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.scene_source import open_mesh, select_mesh
+from meshreel.formats.scenes.scene_source import open_mesh, select_frames, select_mesh
 from meshreel.formats.sources import SourceFiles
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.matching.segments import match_segments
@@ -108,8 +108,12 @@ def _runs(found: SourceFiles, options: ReadOptions) -> Iterator[FrameSource]:
     if not isinstance(form, SequenceFormat):
         yield from read_runs(FrameFiles(found.paths, form), found.name, options)
     elif form.read_meshes is not None:
-        mesh = select_mesh(form.read_meshes, path, options)
-        yield from open_mesh(mesh, path, options)
+        if len(found.paths) == 1:
+            mesh = select_mesh(form.read_meshes, path, options)
+            yield from open_mesh(mesh, path, options)
+        else:
+            mesh = select_frames(form.read_meshes, found.paths, options)
+            yield from open_mesh(mesh, path.parent, options)
 
 
 def _note_segments(

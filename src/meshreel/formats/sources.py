@@ -33,7 +33,7 @@ class SourceFiles:
     Parameters
     ----------
     paths : tuple of Path
-        At least one; exactly one for a format that stores whole sequences.
+        At least one; several of a format that stores whole sequences have one frame each.
     format : FrameFormat or SequenceFormat
         Format of all files.
     name : str
@@ -210,11 +210,11 @@ def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
             f"choose one with a pattern such as {paths[0].parent / f'*{paths[0].suffix}'}"
         )
     found = format_of(paths[0])
-    if isinstance(found, SequenceFormat) and len(paths) > 1:
+    is_one = len(paths) == 1 and isinstance(found, SequenceFormat)
+    if isinstance(found, SequenceFormat) and not is_one and found.read_meshes is None:
         raise FormatError(
             f"{origin} contains {len(paths)} {found.extension} files, each a whole "
             "sequence; choose one"
         )
-    whole = isinstance(found, SequenceFormat)
-    name = paths[0].stem if whole else paths[0].resolve().parent.name
+    name = paths[0].stem if is_one else paths[0].resolve().parent.name
     return SourceFiles(tuple(paths), found, name)

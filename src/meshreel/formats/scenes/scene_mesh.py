@@ -36,7 +36,7 @@ class SceneMesh:
         Returns attributes and groups for the faces of that frame, without face sizes. Called only
         for the first frame of a sequence.
     fps : float, optional
-        Frames per second that the file declares; None to infer it from the times.
+        Frames per second that the file declares; None to infer it from the times, 0 if unknown.
     tracks : function of a range of frame numbers, optional
         Returns the tracks of these frames, which share their faces and have all been read before.
         Frame 0 of a track is the first frame of the range.

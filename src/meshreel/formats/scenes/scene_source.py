@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
 from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
+from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
@@ -56,6 +57,39 @@ def select_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Sc
                 Keyword("merge", True),
             )
         return meshes[0]
+
+
+def select_frames(
+    read_meshes: ReadMeshes, paths: Sequence[Path], options: ReadOptions
+) -> SceneMesh:
+    """Return the meshes of several files, which have one frame each, as frames of one mesh.
+
+    Raises
+    ------
+    FormatError
+        When a frame is read: as `select_mesh`, or if a file has several frames.
+    """
+
+    @lru_cache(maxsize=2)
+    def mesh_of(index: int) -> SceneMesh:
+        mesh = select_mesh(read_meshes, paths[index], options)
+        if len(mesh.times_s) > 1:
+            raise FormatError(
+                f"{paths[index].name} has {len(mesh.times_s)} frames; files that are read together "
+                "must have one each: choose one of them"
+            )
+        return mesh
+
+    def frame(index: int) -> PolygonMesh:
+        with errors_naming(paths[index]):
+            return mesh_of(index).frame(0)
+
+    def surface(index: int) -> Surface:
+        with errors_naming(paths[index]):
+            return mesh_of(index).surface(0)
+
+    name = paths[0].resolve().parent.name
+    return SceneMesh(name, np.arange(len(paths), dtype=np.float64), frame, surface, fps=0.0)
 
 
 def selected_meshes(
@@ -105,6 +139,8 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> Iterator[Fra
 
 def _timing(mesh: SceneMesh, options: ReadOptions) -> Timing:
     """Return the timing of a mesh; a frame rate of the options replaces its times."""
+    if mesh.fps == 0:
+        return Timing(options.fps or 0.0)
     timing = Timing.of_times(mesh.times_s)
     declared = mesh.fps if timing.times is None else None
     return timing.at_rate(options.fps or declared or None)
