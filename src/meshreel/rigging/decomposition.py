@@ -1,0 +1,338 @@
+"""Skinning decomposition: bones, vertex weights and a rest pose that reproduce an animation.
+
+The alternation of Le and Deng, "Smooth skinning decomposition with rigid bones", SIGGRAPH Asia
+2012: rigid transforms of bones by weighted Procrustes, convex weights of at most four bones per
+vertex. Added to it are the rest pose, which is fitted too, bones added where the error is largest,
+and the excess of errors over a bound, which pulls the fit towards the worst vertices.
+
+All steps need only moments: sums over vertices or frames of products, from matrix products. So the
+cost of a round is two products of all frames with the bones, however many frames there are.
+"""
+
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats, Integers
+
+MAX_INFLUENCES = 4
+N_CANDIDATES = 10
+"""Bones of which the weights of a vertex are chosen: the nearest in motion, and its former ones."""
+
+N_SWEEPS = 4
+"""Sweeps over all bones in each round."""
+
+CHUNK = 2048
+"""Vertices whose candidate weights are solved together."""
+
+DAMPING = 1e-6
+"""Share of the former transform, and of the former rest position, in a new one."""
+
+MONOMIALS = np.triu_indices(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """A skinned animation without quantization.
+
+    Attributes
+    ----------
+    rest : float64 array of shape (V, 3)
+    bones : int64 array of shape (V, 4)
+        Bones of each vertex.
+    weights : float64 array of shape (V, 4)
+        Not negative, with sum 1.
+    transforms : float64 array of shape (T, B, 3, 4)
+        Rotation and translation of each bone in each frame, from the rest pose.
+    """
+
+    rest: Floats
+    bones: Integers
+    weights: Floats
+    transforms: Floats
+
+    @property
+    def n_bones(self) -> int:
+        """Number of bones."""
+        return self.transforms.shape[1]
+
+    def dense_weights(self) -> Floats:
+        """Return the weights of all bones, of shape (V, B)."""
+        dense = np.zeros((len(self.rest), self.n_bones))
+        rows = np.arange(len(self.rest))[:, np.newaxis]
+        np.add.at(dense, (rows, self.bones), self.weights)
+        return dense
+
+    def frames(self) -> Floats:
+        """Return the positions in all frames, as rows x, y, z of each frame: (3 T, V)."""
+        matrices = self.transforms.transpose(0, 2, 1, 3).reshape(-1, 4 * self.n_bones)
+        return matrices @ _weighted_rest(self.dense_weights(), self.rest).T
+
+
+def _weighted_rest(weights: Floats, rest: Floats) -> Floats:
+    """Return w (x, y, z, 1) of each vertex and bone, of shape (V, 4 B)."""
+    points = np.column_stack([rest, np.ones(len(rest))])
+    return (weights[:, :, np.newaxis] * points[:, np.newaxis]).reshape(len(rest), -1)
+
+
+def fit_rigid(moments: Floats, gram: Floats, former: Floats) -> Floats:
+    """Return the rotations and translations that best map weighted points, never reflections.
+
+    Parameters
+    ----------
+    moments : float64 array of shape (T, 3, 4)
+        Sum of w q (p, 1) over points p with weights w and their targets q.
+    gram : float64 array of shape (4, 4)
+        Sum of w^2 (p, 1) (p, 1).
+    former : float64 array of shape (T, 3, 4)
+        Former transforms, which a few points leave as they are as far as they are free.
+    """
+    total = gram[3, 3]
+    if total <= 0:
+        return former
+    center, target = gram[3, :3] / total, moments[:, :, 3] / total
+    spread = gram[:3, :3] - total * np.outer(center, center)
+    covariance = moments[:, :, :3] - total * target[:, :, np.newaxis] * center
+    damping = DAMPING * (np.trace(spread) + 1e-12 * total)
+    u, _, vt = np.linalg.svd(covariance + damping * former[:, :, :3])
+    u[:, :, 2] *= np.sign(np.linalg.det(u) * np.linalg.det(vt))[:, np.newaxis]
+    rotation = u @ vt
+    return np.concatenate([rotation, (target - rotation @ center)[:, :, np.newaxis]], axis=2)
+
+
+class Decomposition:
+    """A skin that is fitted to an animation, round by round.
+
+    Parameters
+    ----------
+    frames : float64 array of shape (3 T, V)
+        Rows x, y, z of each frame; centered, for accuracy.
+    rest : float64 array of shape (V, 3)
+        Initial rest pose.
+    components : int64 array of shape (V,)
+        Connected component of each vertex.
+    """
+
+    def __init__(self, frames: Floats, rest: Floats, components: Integers) -> None:
+        self._frames, self._components = frames, components
+        self._aims = frames
+        self._squares = np.square(frames).sum(axis=0)
+        self._n_frames, n_verts = len(frames) // 3, len(rest)
+        self.rest = rest.copy()
+        self.bones = np.zeros((n_verts, MAX_INFLUENCES), np.int64)
+        self.weights = np.zeros((n_verts, MAX_INFLUENCES))
+        self.transforms = np.empty((self._n_frames, 0, 3, 4))
+
+    @property
+    def skin(self) -> Skin:
+        """The current skin."""
+        return Skin(self.rest, self.bones, self.weights, self.transforms)
+
+    @property
+    def n_bones(self) -> int:
+        """Number of bones."""
+        return self.transforms.shape[1]
+
+    def copy(self) -> "Decomposition":
+        """Return a copy that changes independently."""
+        copied = copy(self)
+        copied.set_skin(self.skin)
+        return copied
+
+    def set_skin(self, skin: Skin) -> None:
+        """Continue from another skin of the same animation."""
+        self.rest, self.bones, self.weights = skin.rest.copy(), skin.bones.copy(), skin.weights.copy()
+        self.transforms = skin.transforms
+
+    def fit_rest(self) -> None:
+        """Update the rest pose alone."""
+        self._update_rest(*self._products())
+
+    def component_seeds(self, max_bones: int, tolerance: float) -> list[Integers]:
+        """Return sets of vertices for the first bones: components that move apart.
+
+        Parameters
+        ----------
+        tolerance : float
+            Root mean squared error of a component that another one's bone moves.
+        """
+        order = np.argsort(self._components, kind="stable")
+        sizes = np.bincount(self._components)
+        sets = np.split(order, np.cumsum(sizes)[:-1])
+        alone = np.array([self._error(own, self._rigid(own)) for own in sets])
+        errors = np.full(len(sets), np.inf)
+        allowed = alone + sizes * self._n_frames * tolerance**2
+        chosen: list[Integers] = []
+        while len(chosen) < max_bones:
+            gains = np.where(errors > allowed, np.minimum(errors, 1e300) - alone, -1.0)
+            if chosen and gains.max() <= 0:
+                break
+            worst = int(np.where(np.isinf(errors), sizes, gains).argmax())
+            chosen.append(sets[worst])
+            bone = self._rigid(sets[worst])
+            errors = np.minimum(errors, [self._error(own, bone) for own in sets])
+        return chosen
+
+    def _error(self, own: Integers, bone: Floats) -> float:
+        """Return the squared error of vertices that a bone moves."""
+        points = np.column_stack([self.rest[own], np.ones(len(own))])
+        return float(np.square(self._frames[:, own] - bone.reshape(-1, 4) @ points.T).sum())
+
+    def add_bones(self, vertices: list[Integers]) -> None:
+        """Add a bone for each set of vertices, which moves them rigidly."""
+        new = [self._rigid(own) for own in vertices]
+        self.transforms = np.concatenate([self.transforms, np.stack(new, axis=1)], axis=1)
+
+    def _rigid(self, own: Integers) -> Floats:
+        points = np.column_stack([self.rest[own], np.ones(len(own))])
+        moments = (self._frames[:, own] @ points).reshape(-1, 3, 4)
+        former = np.tile(np.eye(3, 4), (self._n_frames, 1, 1))
+        return fit_rigid(moments, points.T @ points, former)
+
+    def round(self, *, fits_rest: bool = True) -> None:
+        """Update weights, rest pose and transforms."""
+        products = self._products()
+        self._update_weights(*products)
+        if fits_rest:
+            self._update_rest(*products)
+        self._update_transforms()
+
+    def _products(self) -> tuple[Floats, Floats]:
+        """Return moments over frames: M M^T of shape (B, 4, B, 4), and x M, (V, B, 4)."""
+        n_bones = self.transforms.shape[1]
+        matrices = self.transforms.transpose(0, 2, 1, 3).reshape(-1, 4 * n_bones)
+        return (
+            (matrices.T @ matrices).reshape(n_bones, 4, n_bones, 4),
+            (self._aims.T @ matrices).reshape(-1, n_bones, 4),
+        )
+
+    def _update_weights(self, squares: Floats, projections: Floats) -> None:
+        n_bones = squares.shape[0]
+        n_candidates = min(N_CANDIDATES, n_bones)
+        symmetric = (squares + squares.transpose(0, 3, 2, 1)) / 2
+        grams = symmetric.transpose(0, 2, 1, 3)[:, :, *MONOMIALS]  # (B, B, 10)
+        factors = np.where(MONOMIALS[0] == MONOMIALS[1], 1, 2)
+        n_former = MAX_INFLUENCES if self.weights.any() else 0
+        for start in range(0, len(self.rest), CHUNK):
+            part = slice(start, start + CHUNK)
+            points = np.column_stack([self.rest[part], np.ones(len(self.rest[part]))])
+            monomials = points[:, MONOMIALS[0]] * points[:, MONOMIALS[1]] * factors
+            matches = np.einsum("vbi,vi->vb", projections[part], points)
+            distances = monomials @ grams[np.arange(n_bones), np.arange(n_bones)].T - 2 * matches
+            if n_former:
+                rows, cols = np.nonzero(self.weights[part] > 0)
+                distances[rows, self.bones[part][rows, cols]] = -np.inf
+            candidates = np.argpartition(distances, n_candidates - 1, axis=1)[:, :n_candidates]
+            pairs = grams[candidates[:, :, np.newaxis], candidates[:, np.newaxis]]
+            gram = np.einsum("vijm,vm->vij", pairs, monomials)
+            weights = convex_weights(gram, np.take_along_axis(matches, candidates, axis=1))
+            n_kept = min(MAX_INFLUENCES, n_candidates)
+            kept = np.argsort(-weights, axis=1)[:, :n_kept]
+            self.bones[part], self.weights[part] = 0, 0
+            self.bones[part, :n_kept] = np.take_along_axis(candidates, kept, axis=1)
+            self.weights[part, :n_kept] = np.take_along_axis(weights, kept, axis=1)
+
+    def _update_rest(self, squares: Floats, projections: Floats) -> None:
+        for start in range(0, len(self.rest), CHUNK):
+            part = slice(start, start + CHUNK)
+            bones, weights = self.bones[part], self.weights[part]
+            pairs = squares[bones[:, :, np.newaxis], :, bones[:, np.newaxis], :]
+            gram = np.einsum("vj,vk,vjkab->vab", weights, weights, pairs, optimize=True)
+            own = np.take_along_axis(projections[part], bones[:, :, np.newaxis], axis=1)
+            matches = np.einsum("vj,vja->va", weights, own)[:, :3] - gram[:, :3, 3]
+            damping = DAMPING * self._n_frames * 3
+            matches += damping * self.rest[part]
+            self.rest[part] = np.linalg.solve(
+                gram[:, :3, :3] + damping * np.eye(3), matches[:, :, np.newaxis]
+            )[:, :, 0]
+
+    def _update_transforms(self) -> None:
+        n_bones = self.transforms.shape[1]
+        weighted = _weighted_rest(self.skin.dense_weights(), self.rest)
+        moments = (self._aims @ weighted).reshape(-1, 3, 4 * n_bones)
+        grams = (weighted.T @ weighted).reshape(n_bones, 4, n_bones, 4)
+        matrices = self.transforms.transpose(0, 2, 1, 3).reshape(-1, 3, 4 * n_bones).copy()
+        touching = np.abs(grams).max(axis=(1, 3)) > 0
+        by_bone = [np.repeat(row, 4) for row in touching]
+        for _ in range(N_SWEEPS):
+            for bone in range(n_bones):
+                own = slice(4 * bone, 4 * bone + 4)
+                near, column = by_bone[bone], grams[:, :, bone].reshape(-1, 4)
+                others = matrices[:, :, near] @ column[near]
+                gram = grams[bone, :, bone]
+                rest = moments[:, :, own] - others + matrices[:, :, own] @ gram
+                matrices[:, :, own] = fit_rigid(rest, gram, matrices[:, :, own])
+        self.transforms = matrices.reshape(-1, 3, n_bones, 4).transpose(0, 2, 1, 3)
+
+    def residuals(self) -> Floats:
+        """Return what the skin lacks of the animation, of shape (3 T, V)."""
+        return self._frames - self.skin.frames()
+
+    def aim(self, residuals: Floats, bound: float) -> None:
+        """Move the positions that are fitted beyond those with an error above a bound."""
+        by_axis = residuals.reshape(-1, 3, residuals.shape[1])
+        lengths = np.linalg.norm(by_axis, axis=1, keepdims=True)
+        excess = np.clip(1 - bound / np.maximum(lengths, 1e-30), 0, 1)
+        pull = (by_axis * excess).reshape(residuals.shape)
+        self._aims = np.where(pull != 0, self._aims + pull, self._aims)
+
+    def seeds(self, residuals: Floats, n_new: int) -> list[Integers]:
+        """Return sets of vertices for new bones, where the error is largest."""
+        errors = np.square(residuals).sum(axis=0)
+        radius = 0.5 * float(np.ptp(self.rest, axis=0).max()) / max(1, self.transforms.shape[1]) ** 0.5
+        seeds = []
+        for _ in range(n_new):
+            worst = int(errors.argmax())
+            if errors[worst] <= 0:
+                break
+            distances = np.linalg.norm(self.rest - self.rest[worst], axis=1)
+            distances[self._components != self._components[worst]] = np.inf
+            n_near = min(len(errors), 24)
+            near = np.argpartition(distances, n_near - 1)[:n_near]
+            seeds.append(near[np.isfinite(distances[near])])
+            errors *= 1 - np.exp(-np.square(distances / radius))
+        return seeds
+
+
+def convex_weights(gram: Floats, matches: Floats) -> Floats:
+    """Return weights of at most four candidates, not negative with sum 1, per vertex.
+
+    Minimize w A w - 2 w b by backward elimination: of the weights that solve the equations, the
+    most negative is removed, or else the one whose removal costs least, until four remain.
+
+    Parameters
+    ----------
+    gram : float64 array of shape (N, C, C)
+    matches : float64 array of shape (N, C)
+    """
+    n_verts, n_candidates = matches.shape
+    weights = np.zeros((n_verts, n_candidates))
+    active = np.ones((n_verts, n_candidates), bool)
+    pending = np.arange(n_verts)
+    eye = np.eye(n_candidates)
+    scale = np.einsum("vii->v", gram)[:, np.newaxis, np.newaxis] / n_candidates + 1e-300
+    gram = gram / scale + 1e-9 * eye
+    matches = matches / scale[:, 0]
+    while len(pending):
+        mask = active[pending]
+        both = mask[:, :, np.newaxis] & mask[:, np.newaxis]
+        inverse = np.linalg.inv(np.where(both, gram[pending], eye))
+        inverse = np.where(both, inverse, 0)
+        sums = inverse.sum(axis=2)
+        total = sums.sum(axis=1, keepdims=True)
+        free = np.einsum("vij,vj->vi", inverse, matches[pending])
+        solution = free + sums * (1 - free.sum(axis=1, keepdims=True)) / total
+        variances = np.einsum("vii->vi", inverse) - np.square(sums) / total
+        costs = np.where(mask, np.square(solution) / np.maximum(variances, 1e-300), np.inf)
+        lowest = np.where(mask, solution, np.inf)
+        is_negative = lowest.min(axis=1) < 0
+        n_active = mask.sum(axis=1)
+        removed = np.where(is_negative, lowest.argmin(axis=1), costs.argmin(axis=1))
+        is_done = ~is_negative & (n_active <= MAX_INFLUENCES) | (n_active == 1)
+        done = pending[is_done]
+        weights[done] = np.where(mask, solution, 0)[is_done]
+        pending, removed = pending[~is_done], removed[~is_done]
+        active[pending, removed] = False
+    return weights

@@ -1,0 +1,271 @@
+"""Keyframes of bones: quantized, relative to parents, and left out where interpolation suffices."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats, Integers
+from meshreel.rigging.skeleton import Skeleton
+
+Shorts = npt.NDArray[np.int16]
+Singles = npt.NDArray[np.float32]
+
+SHORT = 32767
+MIN_BITS, MAX_BITS = 6, 16
+"""Bits of a component of a quaternion."""
+
+MAX_KEY_SHARE = 0.4
+"""Bones whose reduced keys are at most this share of the frames have key times of their own; with
+more, the times and larger differences take more bytes than the keys save."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Quantization of keys.
+
+    Attributes
+    ----------
+    bits : int
+        Of each of the three smaller components of a quaternion, `MIN_BITS` to `MAX_BITS`.
+    exponent : int
+        Translations are multiples of 2 to this power, in model units.
+    """
+
+    bits: int
+    exponent: int
+
+
+@dataclass(frozen=True, eq=False)
+class BoneTrack:
+    """Keys of a bone relative to its parent, of linear and spherical interpolation.
+
+    Attributes
+    ----------
+    frames : int64 array of shape (N,)
+        Frames that have a key, ascending; a single one if the bone rests.
+    codes : int16 array of shape (N, 4)
+        Rotations, as `encode_rotations` returns them.
+    translations : float32 array of shape (N, 3)
+        In model units.
+    """
+
+    frames: Integers
+    codes: Shorts
+    translations: Singles
+
+    @property
+    def rotations(self) -> Shorts:
+        """Unit quaternions x, y, z, w as normalized integers, of shape (N, 4)."""
+        return decode_rotations(self.codes)
+
+    def matrices(self, times_s: Floats) -> Singles:
+        """Return the transforms in all frames, in float32 as engines compute them: (T, 3, 4)."""
+        quaternions = unit(self.rotations.astype(np.float32))
+        return to_matrices(*_interpolated(times_s, self.frames, quaternions, self.translations))
+
+
+def unit(quaternions: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return quaternions with length 1."""
+    return quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+
+
+def _interpolated(
+    times_s: Floats,
+    frames: Integers,
+    quaternions: npt.NDArray[np.floating],
+    translations: npt.NDArray[np.floating],
+) -> tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]]:
+    """Return quaternions and translations at all times, given those at the times of some frames."""
+    if len(frames) == len(times_s):
+        return quaternions, translations
+    if len(frames) == 1:
+        n_frames = len(times_s)
+        return np.repeat(quaternions, n_frames, axis=0), np.repeat(translations, n_frames, axis=0)
+    numbers = np.arange(len(times_s))
+    before = np.clip(np.searchsorted(frames, numbers, "right") - 1, 0, len(frames) - 2)
+    first, second = frames[before], frames[before + 1]
+    share = (times_s - times_s[first]) / (times_s[second] - times_s[first])
+    share = np.clip(share, 0, 1).astype(quaternions.dtype)[:, np.newaxis]
+    a, b = quaternions[before], quaternions[before + 1]
+    cosine = (a * b).sum(axis=1, keepdims=True)
+    b = np.where(cosine < 0, -b, b)
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(b - a, axis=1, keepdims=True) / 2, 1))
+    is_arc = angle > 1e-6
+    sine = np.where(is_arc, np.sin(angle), 1)
+    mixed = (
+        np.where(is_arc, np.sin((1 - share) * angle) / sine, 1 - share) * a
+        + np.where(is_arc, np.sin(share * angle) / sine, share) * b
+    )
+    return unit(mixed), (1 - share) * translations[before] + share * translations[before + 1]
+
+
+def to_matrices(
+    quaternions: npt.NDArray[np.floating], translations: npt.NDArray[np.floating]
+) -> npt.NDArray[np.floating]:
+    """Return transforms of shape (T, 3, 4) of unit quaternions x, y, z, w and translations."""
+    x, y, z, w = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), translations[:, 0]],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), translations[:, 1]],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), translations[:, 2]],
+    ]
+    return np.array(rows).transpose(2, 0, 1)
+
+
+def to_quaternions(rotations: Floats) -> Floats:
+    """Return unit quaternions x, y, z, w of rotations of shape (T, 3, 3).
+
+    Each is computed from its largest component, which is positive.
+    """
+    xx, yy, zz = (rotations[:, axis, axis] for axis in range(3))
+    ws = rotations[:, [2, 0, 1], [1, 2, 0]] - rotations[:, [1, 2, 0], [2, 0, 1]]
+    squares = np.stack([1 + xx - yy - zz, 1 + yy - xx - zz, 1 + zz - xx - yy, 1 + xx + yy + zz], 1)
+    products = np.empty((len(rotations), 4, 4))  # row k: four times the quaternion, times q_k
+    products[:, :3, :3] = rotations + rotations.transpose(0, 2, 1)
+    products[:, 3, :3] = products[:, :3, 3] = ws
+    np.einsum("tkk->tk", products)[:] = squares
+    largest = squares.argmax(axis=1)
+    return np.asarray(unit(products[np.arange(len(rotations)), largest]))
+
+
+def encode_rotations(quaternions: Floats, bits: int) -> Shorts:
+    """Return the three smaller components of quaternions in so many bits, and the scale.
+
+    They are the input of the quaternion filter of `EXT_meshopt_compression`: the last component is
+    the value that stands for the square root of 1/2, with the number of the largest component in
+    its two lowest bits.
+    """
+    scale = (1 << (bits - 1)) - 1
+    rows = np.arange(len(quaternions))
+    largest = np.abs(quaternions).argmax(axis=1)
+    others = (largest[:, np.newaxis] + [1, 2, 3]) % 4
+    small = np.take_along_axis(quaternions, others, axis=1)
+    small = small * np.where(quaternions[rows, largest] < 0, -1, 1)[:, np.newaxis]
+    codes = np.empty((len(quaternions), 4), np.int16)
+    codes[:, :3] = np.clip(np.rint(small * np.sqrt(2) * scale), -scale, scale)
+    codes[:, 3] = (scale & ~3) | largest
+    return codes
+
+
+def decode_rotations(codes: Shorts) -> Shorts:
+    """Return unit quaternions as normalized integers, as the decoder of the filter does."""
+    scale = (codes[:, 3:] | 3).astype(np.float64)
+    small = codes[:, :3] / scale * np.sqrt(0.5)
+    largest = np.sqrt(np.maximum(0, 1 - np.square(small).sum(axis=1, keepdims=True)))
+    places = ((codes[:, 3:] & 3) + [1, 2, 3, 0]) % 4
+    values = np.concatenate([small, largest], axis=1) * SHORT
+    quaternions = np.empty_like(codes)
+    rounded = np.trunc(values + np.copysign(0.5, values)).astype(np.int16)
+    np.put_along_axis(quaternions, places.astype(np.int64), rounded, axis=1)
+    return quaternions
+
+
+def fit_tracks(
+    transforms: Floats,
+    skeleton: Skeleton,
+    radii: Floats,
+    times_s: Floats,
+    steps: Steps,
+    tolerance: float,
+) -> tuple[BoneTrack, ...]:
+    """Return the keys of all bones.
+
+    Each bone is placed relative to its parent as the keys of the latter move it, so that rounding
+    errors do not add up along the hierarchy.
+
+    Parameters
+    ----------
+    transforms : float64 array of shape (T, B, 3, 4)
+        From the rest pose, in model units.
+    radii : float64 array of shape (B,)
+        Typical distance of the vertices of a bone from its joint.
+    tolerance : float
+        Largest error by keys that are left out, at that distance.
+    """
+    placed: list[Floats] = []
+    tracks = []
+    for bone, parent in enumerate(skeleton.parents.tolist()):
+        matrices = at_joint(transforms[:, bone], skeleton.joints[bone])
+        above = placed[parent] if parent >= 0 else None
+        local = matrices if above is None else relative_to(above, matrices)
+        # The keys of the root tell readers the times of all frames.
+        own_tolerance = tolerance if above is not None else -1.0
+        track = _fit_track(local, float(radii[bone]), times_s, steps, own_tolerance)
+        tracks.append(track)
+        found = track.matrices(times_s).astype(np.float64)
+        placed.append(found if above is None else composed(above, found))
+    return tuple(tracks)
+
+
+def at_joint(transforms: Floats, joint: Floats) -> Floats:
+    """Return the transforms of a bone whose origin is its joint."""
+    moved = transforms.copy()
+    moved[:, :, 3] += transforms[:, :, :3] @ joint
+    return moved
+
+
+def relative_to(above: Floats, transforms: Floats) -> Floats:
+    """Return rigid transforms of shape (T, 3, 4) in the space of others."""
+    inverse = above[:, :, :3].transpose(0, 2, 1)
+    offset = transforms.copy()
+    offset[:, :, 3] -= above[:, :, 3]
+    return inverse @ offset
+
+
+def composed(first: npt.NDArray[Any], second: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the transforms that apply `second`, then `first`; both of shape (T, 3, 4)."""
+    product = first[:, :, :3] @ second
+    product[:, :, 3] += first[:, :, 3]
+    return product
+
+
+def _fit_track(
+    local: Floats, radius: float, times_s: Floats, steps: Steps, tolerance: float
+) -> BoneTrack:
+    quaternions = to_quaternions(local[:, :, :3])
+    codes = encode_rotations(quaternions, steps.bits)
+    # Adding 0 replaces -0, which takes more bytes.
+    translations = np.ldexp(np.rint(np.ldexp(local[:, :, 3], -steps.exponent)), steps.exponent) + 0
+    keys = np.arange(len(times_s))
+    if tolerance >= 0 and len(keys) > 1:
+        exact = unit(decode_rotations(codes).astype(np.float64))
+        keys = _reduced(exact, translations, quaternions, local, radius, times_s, tolerance)
+    return BoneTrack(keys, codes[keys], translations[keys].astype(np.float32))
+
+
+def _reduced(
+    rounded: Floats,
+    translations: Floats,
+    quaternions: Floats,
+    local: Floats,
+    radius: float,
+    times_s: Floats,
+    tolerance: float,
+) -> Integers:
+    """Return the frames whose keys suffice, or all if those are many.
+
+    The frame with the largest error becomes a key, until all errors are below the tolerance
+    (Ramer 1972, Douglas and Peucker 1973), in all intervals at once.
+    """
+    n_frames = len(times_s)
+    keys = np.array([0])
+    while len(keys) <= MAX_KEY_SHARE * n_frames:
+        turned, moved = _interpolated(times_s, keys, rounded[keys], translations[keys])
+        cosine = np.abs((turned * quaternions).sum(axis=1)).clip(0, 1)
+        angles = 2 * np.sqrt(2 * (1 - cosine))
+        errors = radius * angles + np.linalg.norm(moved - local[:, :, 3], axis=1)
+        errors[keys] = 0
+        if errors.max() <= tolerance:
+            return keys
+        if len(keys) == 1:
+            keys = np.array([0, n_frames - 1])
+            continue
+        intervals = np.searchsorted(keys, np.arange(n_frames), "right")
+        worst = np.zeros(len(keys) + 1)
+        np.maximum.at(worst, intervals, errors)
+        is_worst = (errors == worst[intervals]) & (errors > tolerance)
+        _, first = np.unique(np.where(is_worst, intervals, 0), return_index=True)
+        keys = np.union1d(keys, first[is_worst[first]])
+    return np.arange(n_frames)

@@ -1,0 +1,472 @@
+"""Rigs: skins, skeletons, keys and correctives as engines show them, fitted within a bound."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats, Integers
+from meshreel.errors import InvalidInputError, Keyword
+from meshreel.metrics.normals import normal_angles
+from meshreel.metrics.position_errors import position_errors
+from meshreel.metrics.reference import bounding_box_reference
+from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.model.sequence import Faces, Vertices
+from meshreel.rigging.correctives import MAX_TARGETS, Correctives, CorrectiveSearch
+from meshreel.rigging.decomposition import Decomposition, Skin
+from meshreel.rigging.keys import (
+    MAX_BITS,
+    MIN_BITS,
+    SHORT,
+    BoneTrack,
+    Shorts,
+    Singles,
+    Steps,
+    composed,
+    fit_tracks,
+)
+from meshreel.rigging.skeleton import Skeleton, build_skeleton
+from meshreel.runtime.counting import counted
+from meshreel.runtime.progress import Progress, silent
+
+MAX_BONES = 256
+"""Numbers of joints are bytes."""
+
+DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT = 0.5, 1.0
+
+GROWTH = 0.4
+"""Share of the bones that are added at a time while errors are far above the bound."""
+
+FINAL_GROWTH = 0.12
+"""Share that is added after rounds at a number of bones that did not reach the bound."""
+
+NEAR = 1.3
+"""Multiple of the bound that further rounds may reduce to it."""
+
+GROWING_ROUNDS, FINAL_ROUNDS = 3, 10
+N_RIGID_BONES = 8
+"""Bones with which the rest pose is the first frame, as fewer would distort it."""
+
+FIT_SHARE = 0.94
+"""Share of the bound for the skin before quantization."""
+
+ROUNDING_SHARE, MAX_ROUNDING = 0.45, 1e-3
+"""Root mean squared rounding error of rotations, translations and positions each: as share of the
+error that is left, and relative to the deviation of the vertices from the centroid of a frame, so
+that what rests does not tremble."""
+
+MIN_LEVELS = 2047
+"""Positive coordinates of the rest pose."""
+
+MAX_ATTEMPTS = 5
+"""Quantizations, each twice as fine."""
+
+FULL = 255
+"""Sum of the weights of a vertex."""
+
+Bytes = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class RigErrors:
+    """Errors of the vertices as engines show them, over all frames.
+
+    Attributes
+    ----------
+    kg_percent, largest_percent : float
+        As `kg_error_percent` and `max_error_percent` of `meshreel.compare`.
+    normal_deg : float
+        Mean angle between face normals.
+    """
+
+    kg_percent: float
+    largest_percent: float
+    normal_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A mesh that bones move, with correctives, as it is stored in files.
+
+    A vertex is at ``sum of w M (p + sum of c d)``: weights w and matrices M of its bones, position
+    p in the rest pose, weights c and displacements d of the correctives.
+
+    Attributes
+    ----------
+    faces : int32 array of shape (M, 3)
+    times_s : float64 array of shape (T,)
+    coordinates : int16 array of shape (V, 3)
+        Positions in the rest pose; 32767 is `scale` model units.
+    scale : float
+    offset : float64 array of shape (3,)
+        Position of coordinates 0 in the space of the skeleton.
+    origin : float64 array of shape (3,)
+        Position of the skeleton, float32 values.
+    joints, weights : uint8 arrays of shape (V, 4)
+        Bones of each vertex, and their weights, whose sum is 255.
+    skeleton : Skeleton
+    tracks : tuple of BoneTrack
+    correctives : Correctives
+        In units of `scale`.
+    errors : RigErrors
+    """
+
+    faces: Faces
+    times_s: Floats
+    coordinates: Shorts
+    scale: float
+    offset: Floats
+    origin: Floats
+    joints: Bytes
+    weights: Bytes
+    skeleton: Skeleton
+    tracks: tuple[BoneTrack, ...]
+    correctives: Correctives
+    errors: RigErrors
+
+    @property
+    def n_bones(self) -> int:
+        """Number of bones."""
+        return len(self.tracks)
+
+    @property
+    def n_targets(self) -> int:
+        """Number of corrective morph targets."""
+        return len(self.correctives.targets)
+
+    @property
+    def rest(self) -> Floats:
+        """Positions in the rest pose, of shape (V, 3)."""
+        return self.coordinates / SHORT * self.scale + self.offset + self.origin
+
+    @property
+    def inverse_binds(self) -> Singles:
+        """Matrices from coordinates, as normalized integers, to bones: (B, 4, 4)."""
+        matrices = np.zeros((self.n_bones, 4, 4), np.float32)
+        matrices[:, range(3), range(3)] = self.scale
+        matrices[:, :3, 3] = self.offset - self.skeleton.joints
+        matrices[:, 3, 3] = 1
+        return matrices
+
+    @cached_property
+    def matrices(self) -> Singles:
+        """Matrices of the bones in all frames, from coordinates to model units: (T, B, 3, 4)."""
+        world: list[Singles] = []
+        for track, parent in zip(self.tracks, self.skeleton.parents.tolist(), strict=True):
+            local = track.matrices(self.times_s)
+            world.append(local if parent < 0 else composed(world[parent], local))
+        return np.stack(world, axis=1) @ self.inverse_binds
+
+    def dense_weights(self) -> Singles:
+        """Return the weights of all bones, of shape (V, B)."""
+        dense = np.zeros((len(self.joints), self.n_bones), np.float32)
+        rows = np.arange(len(dense))[:, np.newaxis]
+        np.add.at(dense, (rows, self.joints), self.weights / np.float32(FULL))
+        return dense
+
+    def blended(self) -> Singles:
+        """Return the blended rotations of each vertex, in model units: (T, V, 3, 3)."""
+        linear = self.matrices[..., :3].reshape(len(self.times_s), self.n_bones, 9)
+        blended = self.dense_weights() @ linear / np.float32(self.scale)
+        return np.asarray(blended.reshape(*blended.shape[:2], 3, 3))
+
+    def positions(self) -> Singles:
+        """Return the vertices in all frames relative to `origin`, as float32: (T, V, 3)."""
+        weights, rest = self.dense_weights(), self.coordinates / np.float32(SHORT)
+        targets = self.correctives.targets / np.float32(127)
+        frames = np.empty((len(self.times_s), *rest.shape), np.float32)
+        flat = targets.reshape(self.n_targets, rest.size)
+        for frame, matrices, morph in zip(
+            frames, self.matrices, self.correctives.weights, strict=True
+        ):
+            blended = (weights @ matrices.reshape(self.n_bones, 12)).reshape(-1, 3, 4)
+            points = rest + (morph @ flat).reshape(rest.shape) if self.n_targets else rest
+            frame[:] = np.einsum("vab,vb->va", blended[:, :, :3], points) + blended[:, :, 3]
+        return frames
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What the errors must not exceed, in percent.
+
+    Attributes
+    ----------
+    kg : float
+        KG error.
+    largest : float
+        Largest error of a vertex, of the diagonal of the box of all frames.
+    """
+
+    kg: float = DEFAULT_KG_PERCENT
+    largest: float = DEFAULT_LARGEST_PERCENT
+
+    def excess(self, kg: float, largest: float) -> float:
+        """Return the factor by which an error exceeds its bound; up to 1 if none does."""
+        return max(kg / self.kg, largest / self.largest)
+
+
+def fit_rig(
+    vertices: Vertices,
+    faces: Faces,
+    times_s: Floats,
+    *,
+    bones: int | None = None,
+    bounds: Bounds = Bounds(),
+    force: bool = False,
+    progress: Progress = silent,
+) -> Rig:
+    """Return a rig with few bones, and correctives where these do not suffice.
+
+    Parameters
+    ----------
+    vertices : float array of shape (T, V, 3)
+    faces : int32 array of shape (M, 3)
+    times_s : float64 array of shape (T,)
+    bones : int, optional
+        Maximum number of bones, up to 256, which is the default.
+    force : bool, default False
+        Whether a rig beyond the bounds is returned.
+
+    Raises
+    ------
+    InvalidInputError
+        If the bounds cannot be met, naming what was reached; or if an argument is out of range.
+    """
+    max_bones = MAX_BONES if bones is None else bones
+    if not 1 <= max_bones <= MAX_BONES:
+        raise InvalidInputError(
+            Keyword("rig"), f" takes 1 to {MAX_BONES} bones; got {max_bones}"
+        )
+    if not (bounds.kg > 0 and bounds.largest > 0):
+        raise InvalidInputError(
+            "the error bounds of a rig must be above 0; got "
+            f"{bounds.kg:g} % and {bounds.largest:g} %"
+        )
+    search = _Search(vertices, faces, times_s, bounds, progress)
+    rig = search.run(max_bones)
+    errors = rig.errors
+    if bounds.excess(errors.kg_percent, errors.largest_percent) > 1 and not force:
+        raise InvalidInputError(
+            f"{counted(rig.n_bones, 'bone')} and {counted(rig.n_targets, 'corrective target')} "
+            f"reach a KG error of {errors.kg_percent:.3g} % and a largest error of "
+            f"{errors.largest_percent:.3g} % of the diagonal; {bounds.kg:g} % and "
+            f"{bounds.largest:g} % are allowed; allow larger errors, write morph targets (omit ",
+            Keyword("rig"),
+            "), or accept this rig (",
+            Keyword("force"),
+            ")",
+        )
+    progress("rigging", 1.0)
+    return rig
+
+
+class _Search:
+    """The search for a rig within bounds; works in units of about the size of the box."""
+
+    def __init__(
+        self,
+        vertices: Vertices,
+        faces: Faces,
+        times_s: Floats,
+        bounds: Bounds,
+        progress: Progress,
+    ) -> None:
+        self._vertices, self._faces, self._times_s = vertices, faces, times_s
+        self._bounds, self._progress = bounds, progress
+        reference = bounding_box_reference(vertices)
+        # Files store the origin in float32.
+        self._origin = reference.center.astype(np.float32).astype(np.float64)
+        self._unit = 1 / reference.scale
+        n_frames, n_verts = vertices.shape[:2]
+        scaled = (vertices - self._origin) * reference.scale
+        self._frames = np.ascontiguousarray(scaled.transpose(0, 2, 1)).reshape(-1, n_verts)
+        spread = np.square(scaled - scaled.mean(axis=1, keepdims=True)).sum()
+        self._deviation = math.sqrt(spread / (n_frames * n_verts))
+        self._diagonal = reference.diagonal_scaled
+        self._components = components(faces, n_verts)
+        self._decomposition = Decomposition(
+            self._frames, self._frames[:3].T, self._components
+        )
+        self._initial_excess = 0.0
+
+    def run(self, max_bones: int) -> Rig:
+        """Return the first rig within the bounds, or the best one."""
+        fit = self._decomposition
+        allowed = self._allowed()
+        fit.add_bones(fit.component_seeds(max_bones, 0.1 * allowed))
+        n_rounds, target = GROWING_ROUNDS, FIT_SHARE
+        while True:
+            excess = self._rounds(n_rounds)
+            if excess <= target * NEAR and n_rounds == GROWING_ROUNDS or fit.n_bones == max_bones:
+                excess = self._rounds(FINAL_ROUNDS, target)
+            if excess <= target:
+                rig = self._quantized()
+                excess = self._excess(rig)
+                if excess <= 1:
+                    return rig
+                target *= 0.9
+            if fit.n_bones == max_bones:
+                break
+            growth = FINAL_GROWTH if excess <= NEAR else GROWTH
+            n_new = min(max(1, round(growth * fit.n_bones)), max_bones - fit.n_bones)
+            fit.add_bones(fit.seeds(fit.residuals(), n_new))
+        return self._with_correctives(self._quantized())
+
+    def _allowed(self) -> float:
+        """Return the root mean squared error that is allowed."""
+        return self._bounds.kg / 100 * self._deviation
+
+    def _rounds(self, n_rounds: int, target: float = 0.0) -> float:
+        """Fit for so many rounds, or until the target is met, and return the excess."""
+        fit = self._decomposition
+        bound = 0.9 * self._bounds.largest / 100 * self._diagonal
+        residuals = fit.residuals()
+        for _ in range(n_rounds):
+            if target:
+                fit.aim(residuals, bound)
+            fit.round(fits_rest=fit.n_bones >= N_RIGID_BONES)
+            if target:
+                residuals = fit.residuals()
+                if self._fit_excess(residuals) <= target:
+                    break
+        excess = self._fit_excess(fit.residuals())
+        self._initial_excess = max(self._initial_excess, excess, 1 + 1e-9)
+        share = 1 - math.log(max(excess, 1)) / math.log(self._initial_excess)
+        self._progress("rigging", 0.95 * share)
+        return excess
+
+    def _fit_excess(self, residuals: Floats) -> float:
+        squares = np.square(residuals.reshape(-1, 3, residuals.shape[1])).sum(axis=1)
+        kg = _percent(math.sqrt(squares.mean()), self._deviation)
+        return self._bounds.excess(kg, _percent(math.sqrt(squares.max()), self._diagonal))
+
+    def _excess(self, rig: Rig) -> float:
+        return self._bounds.excess(rig.errors.kg_percent, rig.errors.largest_percent)
+
+    def _quantized(self) -> Rig:
+        """Return the current skin as it is stored, with the coarsest rounding that suffices."""
+        fit = self._decomposition
+        residuals = fit.residuals()
+        reached = math.sqrt(np.square(residuals).sum() / (residuals.size / 3))
+        left = math.sqrt(max(self._allowed() ** 2 - reached**2, (0.1 * self._allowed()) ** 2))
+        rounding = min(ROUNDING_SHARE * left, MAX_ROUNDING * self._deviation)
+        best: Rig | None = None
+        for attempt in range(MAX_ATTEMPTS):
+            rig = self._stored(max(rounding / 2**attempt, 1e-7))
+            if best is None or self._excess(rig) < self._excess(best):
+                best = rig
+            if self._excess(best) <= 1:
+                break
+        assert best is not None
+        return best
+
+    def _stored(self, rounding: float) -> Rig:
+        fit = self._decomposition.copy()
+        skin, skeleton = build_skeleton(fit.skin)
+        weights = byte_weights(skin.weights)
+        skin = replace(skin, weights=weights / FULL)
+        dense = skin.dense_weights()
+        distances = np.linalg.norm(skin.rest[:, np.newaxis] - skeleton.joints, axis=2)
+        masses = np.maximum(dense.sum(axis=0), 1e-9)
+        radii = np.sqrt((dense * np.square(distances)).sum(axis=0) / masses)
+        radius = math.sqrt((dense * np.square(distances)).sum() / len(dense))
+        bits = math.ceil(math.log2(math.sqrt(0.5) * radius / rounding + 1)) + 1
+        exponent = math.floor(math.log2(2 * rounding * self._unit))
+        unit = self._unit
+        joints = skeleton.joints * unit
+        transforms = skin.transforms.copy()
+        transforms[..., 3] *= unit
+        tracks = fit_tracks(
+            transforms,
+            Skeleton(skeleton.parents, joints),
+            radii * unit,
+            self._times_s,
+            Steps(min(max(bits, MIN_BITS), MAX_BITS), exponent),
+            2 * rounding * unit,
+        )
+        rig = Rig(
+            self._faces,
+            self._times_s,
+            np.zeros((len(weights), 3), np.int16),
+            1.0,
+            np.zeros(3),
+            self._origin,
+            skin.bones.astype(np.uint8),
+            weights,
+            Skeleton(skeleton.parents, joints),
+            tracks,
+            Correctives.none(len(self._times_s), len(weights)),
+            RigErrors(0.0, 0.0, 0.0),
+        )
+        # What the rounded bones do to the rest pose: matrices from the rest pose, in scaled units.
+        stored = rig.matrices.astype(np.float64)
+        stored[..., 3] /= unit
+        fit.set_skin(Skin(skin.rest, skin.bones, skin.weights, stored))
+        fit.fit_rest()
+        rest = fit.rest * unit
+        low, high = rest.min(axis=0), rest.max(axis=0)
+        offset = (low + high) / 2
+        reach = max(float(np.abs(rest - offset).max()), 1e-30)
+        levels = min(max(MIN_LEVELS, math.ceil(reach / (rounding * unit))), SHORT)
+        scale = float(np.float32(reach / levels * SHORT))
+        coordinates = np.rint((rest - offset) / scale * SHORT).astype(np.int16)
+        return self._measured(
+            replace(rig, coordinates=coordinates, scale=scale, offset=offset)
+        )
+
+    def _measured(self, rig: Rig) -> Rig:
+        shown = rig.positions() + self._origin
+        positions = position_errors(self._vertices, shown)
+        angle = normal_angles(self._vertices, shown, self._faces).mean_deg
+        errors = RigErrors(positions.kg_error_percent, positions.max_error_percent, angle)
+        return replace(rig, errors=errors)
+
+    def _with_correctives(self, rig: Rig) -> Rig:
+        """Return the rig with as few correctives as meet the bounds, or with all of them."""
+        if self._excess(rig) <= 1 or len(self._times_s) < 2:
+            return rig
+        residuals = self._vertices - rig.positions() - self._origin
+        flat = residuals.transpose(0, 2, 1).reshape(-1, residuals.shape[1])
+        search = CorrectiveSearch(flat, rig.blended(), rig.scale)
+        share = (FIT_SHARE * self._bounds.kg / rig.errors.kg_percent) ** 2
+        n_targets = min(search.count_for(min(share, 1.0)), MAX_TARGETS)
+        while True:
+            candidate = self._measured(replace(rig, correctives=search.fit(n_targets)))
+            if self._excess(candidate) <= 1 or n_targets == MAX_TARGETS:
+                return candidate
+            n_targets = min(n_targets + max(1, n_targets // 8), MAX_TARGETS)
+            self._progress("rigging", 0.95 + 0.05 * n_targets / MAX_TARGETS)
+
+
+def _percent(value: float, whole: float) -> float:
+    if whole > 0:
+        return 100 * value / whole
+    return 0.0 if value <= 1e-12 else math.inf
+
+
+def byte_weights(weights: Floats) -> Bytes:
+    """Return weights of shape (V, 4) rounded to bytes with sum 255.
+
+    The largest weight takes the difference, which is at most 2.
+    """
+    rounded = np.rint(weights * FULL).astype(np.int64)
+    largest = weights.argmax(axis=1)
+    rounded[np.arange(len(weights)), largest] += FULL - rounded.sum(axis=1)
+    return rounded.astype(np.uint8)
+
+
+def components(faces: Faces, n_verts: int) -> Integers:
+    """Return the number of the connected component of each vertex, of shape (V,)."""
+    labels = np.arange(n_verts)
+    first, second = undirected_edges(faces).T
+    while True:
+        lowest = np.minimum(labels[first], labels[second])
+        new = labels.copy()
+        np.minimum.at(new, first, lowest)
+        np.minimum.at(new, second, lowest)
+        new = new[new]
+        if np.array_equal(new, labels):
+            return np.unique(labels, return_inverse=True)[1]
+        labels = new
