@@ -25,7 +25,16 @@ ReadOption = Literal[
     "keep_deleted",
 ]
 WriteOption = Literal[
-    "targets", "max_error", "normals", "compression", "meshopt", "lossless", "layout", "textures"
+    "targets",
+    "max_error",
+    "normals",
+    "compression",
+    "meshopt",
+    "lossless",
+    "layout",
+    "textures",
+    "rig",
+    "kg_error",
 ]
 
 NO_TRACKS: frozenset[Domain] = frozenset()

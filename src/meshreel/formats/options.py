@@ -123,6 +123,14 @@ class WriteOptions:
     textures : str, optional
         ``.vat``: "exr" (default) for half floats, or full floats if the error requires them; "png"
         for 8 bits, or 16 if the error requires them.
+    rig : bool or int, optional
+        glTF and USD: whether the mesh is moved by bones, at most so many (True: 256), and by
+        corrective morph targets where bones do not suffice, within `max_error` (default 1 percent)
+        and `kg_error`. See `meshreel.rig`.
+    kg_error : float, optional
+        With `rig`: largest KG error, in percent; default 0.5.
+    force : bool, default False
+        With `rig`: whether a rig that exceeds its error bounds is written.
     origin : Origin, optional
         Origin of decoded frames; None for original frames.
     """
@@ -135,4 +143,7 @@ class WriteOptions:
     lossless: bool = False
     layout: str | None = None
     textures: str | None = None
+    rig: bool | int | None = None
+    kg_error: float | None = None
+    force: bool = False
     origin: Origin | None = None

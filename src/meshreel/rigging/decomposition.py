@@ -30,6 +30,9 @@ CHUNK = 2048
 DAMPING = 1e-6
 """Share of the former transform, and of the former rest position, in a new one."""
 
+MAX_PULL = 2.0
+"""Largest distance, in error bounds, by which aims move beyond positions."""
+
 MONOMIALS = np.triu_indices(4)
 
 
@@ -118,7 +121,6 @@ class Decomposition:
     def __init__(self, frames: Floats, rest: Floats, components: Integers) -> None:
         self._frames, self._components = frames, components
         self._aims = frames
-        self._squares = np.square(frames).sum(axis=0)
         self._n_frames, n_verts = len(frames) // 3, len(rest)
         self.rest = rest.copy()
         self.bones = np.zeros((n_verts, MAX_INFLUENCES), np.int64)
@@ -145,6 +147,17 @@ class Decomposition:
         """Continue from another skin of the same animation."""
         self.rest, self.bones, self.weights = skin.rest.copy(), skin.bones.copy(), skin.weights.copy()
         self.transforms = skin.transforms
+
+    def prune(self, error: float) -> None:
+        """Leave out influences that hardly count, and update the transforms.
+
+        Parameters
+        ----------
+        error : float
+            Root mean squared error of a vertex that leaving out an influence may add.
+        """
+        self._update_weights(*self._products(), cost=self._n_frames * error**2)
+        self._update_transforms()
 
     def fit_rest(self) -> None:
         """Update the rest pose alone."""
@@ -208,7 +221,7 @@ class Decomposition:
             (self._aims.T @ matrices).reshape(-1, n_bones, 4),
         )
 
-    def _update_weights(self, squares: Floats, projections: Floats) -> None:
+    def _update_weights(self, squares: Floats, projections: Floats, cost: float = 0.0) -> None:
         n_bones = squares.shape[0]
         n_candidates = min(N_CANDIDATES, n_bones)
         symmetric = (squares + squares.transpose(0, 3, 2, 1)) / 2
@@ -227,7 +240,7 @@ class Decomposition:
             candidates = np.argpartition(distances, n_candidates - 1, axis=1)[:, :n_candidates]
             pairs = grams[candidates[:, :, np.newaxis], candidates[:, np.newaxis]]
             gram = np.einsum("vijm,vm->vij", pairs, monomials)
-            weights = convex_weights(gram, np.take_along_axis(matches, candidates, axis=1))
+            weights = convex_weights(gram, np.take_along_axis(matches, candidates, axis=1), cost)
             n_kept = min(MAX_INFLUENCES, n_candidates)
             kept = np.argsort(-weights, axis=1)[:, :n_kept]
             self.bones[part], self.weights[part] = 0, 0
@@ -271,12 +284,20 @@ class Decomposition:
         return self._frames - self.skin.frames()
 
     def aim(self, residuals: Floats, bound: float) -> None:
-        """Move the positions that are fitted beyond those with an error above a bound."""
+        """Move the positions that are fitted beyond those with an error above a bound.
+
+        They move farther in each call, up to `MAX_PULL` bounds; infinity moves them back.
+        """
+        if np.isinf(bound):
+            self._aims = self._frames
+            return
         by_axis = residuals.reshape(-1, 3, residuals.shape[1])
         lengths = np.linalg.norm(by_axis, axis=1, keepdims=True)
         excess = np.clip(1 - bound / np.maximum(lengths, 1e-30), 0, 1)
-        pull = (by_axis * excess).reshape(residuals.shape)
-        self._aims = np.where(pull != 0, self._aims + pull, self._aims)
+        pulls = (self._aims - self._frames).reshape(by_axis.shape) + by_axis * excess
+        lengths = np.linalg.norm(pulls, axis=1, keepdims=True)
+        pulls *= np.minimum(1, MAX_PULL * bound / np.maximum(lengths, 1e-30))
+        self._aims = self._frames + pulls.reshape(residuals.shape)
 
     def seeds(self, residuals: Floats, n_new: int) -> list[Integers]:
         """Return sets of vertices for new bones, where the error is largest."""
@@ -296,7 +317,7 @@ class Decomposition:
         return seeds
 
 
-def convex_weights(gram: Floats, matches: Floats) -> Floats:
+def convex_weights(gram: Floats, matches: Floats, cost: float = 0.0) -> Floats:
     """Return weights of at most four candidates, not negative with sum 1, per vertex.
 
     Minimize w A w - 2 w b by backward elimination: of the weights that solve the equations, the
@@ -306,6 +327,8 @@ def convex_weights(gram: Floats, matches: Floats) -> Floats:
     ----------
     gram : float64 array of shape (N, C, C)
     matches : float64 array of shape (N, C)
+    cost : float, default 0
+        Increase of the squared error up to which further candidates are removed.
     """
     n_verts, n_candidates = matches.shape
     weights = np.zeros((n_verts, n_candidates))
@@ -330,7 +353,8 @@ def convex_weights(gram: Floats, matches: Floats) -> Floats:
         is_negative = lowest.min(axis=1) < 0
         n_active = mask.sum(axis=1)
         removed = np.where(is_negative, lowest.argmin(axis=1), costs.argmin(axis=1))
-        is_done = ~is_negative & (n_active <= MAX_INFLUENCES) | (n_active == 1)
+        is_dear = costs.min(axis=1) * scale[pending, 0, 0] > cost
+        is_done = ~is_negative & (n_active <= MAX_INFLUENCES) & is_dear | (n_active == 1)
         done = pending[is_done]
         weights[done] = np.where(mask, solution, 0)[is_done]
         pending, removed = pending[~is_done], removed[~is_done]

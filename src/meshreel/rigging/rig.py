@@ -36,26 +36,32 @@ MAX_BONES = 256
 
 DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT = 0.5, 1.0
 
-GROWTH = 0.4
-"""Share of the bones that are added at a time while errors are far above the bound."""
+MIN_GROWTH, MAX_GROWTH = 0.05, 0.5
+"""Share of the bones that are added at a time: about that by which the KG error is too large."""
 
-FINAL_GROWTH = 0.12
-"""Share that is added after rounds at a number of bones that did not reach the bound."""
+AIM_SHARE = 0.8
+"""Share of the bound of the largest error above which vertices count more."""
 
-NEAR = 1.3
-"""Multiple of the bound that further rounds may reduce to it."""
+NEAR_KG, NEAR_LARGEST = 1.3, 2.0
+"""Multiples of the bounds that further rounds may reduce to them."""
 
 GROWING_ROUNDS, FINAL_ROUNDS = 3, 10
 N_RIGID_BONES = 8
 """Bones with which the rest pose is the first frame, as fewer would distort it."""
 
-FIT_SHARE = 0.94
-"""Share of the bound for the skin before quantization."""
+FIT_KG, FIT_LARGEST = 0.95, 0.985
+"""Shares of the bounds for the skin before quantization."""
 
 ROUNDING_SHARE, MAX_ROUNDING = 0.45, 1e-3
 """Root mean squared rounding error of rotations, translations and positions each: as share of the
 error that is left, and relative to the deviation of the vertices from the centroid of a frame, so
 that what rests does not tremble."""
+
+PRUNING = 1.0
+"""Error that leaving out an influence may add, in rounding errors."""
+
+KEY_TOLERANCE = 2.0
+"""Largest error by keys that are left out, in rounding errors."""
 
 MIN_LEVELS = 2047
 """Positive coordinates of the rest pose."""
@@ -296,32 +302,37 @@ class _Search:
         fit = self._decomposition
         allowed = self._allowed()
         fit.add_bones(fit.component_seeds(max_bones, 0.1 * allowed))
-        n_rounds, target = GROWING_ROUNDS, FIT_SHARE
+        target = 1.0
         while True:
-            excess = self._rounds(n_rounds)
-            if excess <= target * NEAR and n_rounds == GROWING_ROUNDS or fit.n_bones == max_bones:
-                excess = self._rounds(FINAL_ROUNDS, target)
-            if excess <= target:
+            kg, largest = self._rounds(GROWING_ROUNDS)
+            is_near = kg <= NEAR_KG * target and largest <= NEAR_LARGEST * target
+            if is_near or fit.n_bones == max_bones:
+                kg, largest = self._rounds(FINAL_ROUNDS, target)
+            if max(kg, largest) <= target:
                 rig = self._quantized()
-                excess = self._excess(rig)
-                if excess <= 1:
+                if self._excess(rig) <= 1:
                     return rig
-                target *= 0.9
+                target *= 0.95
             if fit.n_bones == max_bones:
                 break
-            growth = FINAL_GROWTH if excess <= NEAR else GROWTH
+            growth = min(max(0.9 * kg / target - 1, MIN_GROWTH), MAX_GROWTH)
             n_new = min(max(1, round(growth * fit.n_bones)), max_bones - fit.n_bones)
-            fit.add_bones(fit.seeds(fit.residuals(), n_new))
+            residuals = fit.residuals()
+            fit.add_bones(fit.seeds(residuals, n_new))
+            fit.aim(residuals, math.inf)
         return self._with_correctives(self._quantized())
 
     def _allowed(self) -> float:
         """Return the root mean squared error that is allowed."""
         return self._bounds.kg / 100 * self._deviation
 
-    def _rounds(self, n_rounds: int, target: float = 0.0) -> float:
-        """Fit for so many rounds, or until the target is met, and return the excess."""
+    def _rounds(self, n_rounds: int, target: float = 0.0) -> tuple[float, float]:
+        """Fit for so many rounds, or until the target is met, and return the errors.
+
+        They are multiples of what is allowed before quantization. With a target, the worst vertices count more.
+        """
         fit = self._decomposition
-        bound = 0.9 * self._bounds.largest / 100 * self._diagonal
+        bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal
         residuals = fit.residuals()
         for _ in range(n_rounds):
             if target:
@@ -329,18 +340,20 @@ class _Search:
             fit.round(fits_rest=fit.n_bones >= N_RIGID_BONES)
             if target:
                 residuals = fit.residuals()
-                if self._fit_excess(residuals) <= target:
+                if max(self._fit_errors(residuals)) <= target:
                     break
-        excess = self._fit_excess(fit.residuals())
+        errors = self._fit_errors(fit.residuals())
+        excess = max(*errors, 1.0)
         self._initial_excess = max(self._initial_excess, excess, 1 + 1e-9)
-        share = 1 - math.log(max(excess, 1)) / math.log(self._initial_excess)
+        share = 1 - math.log(excess) / math.log(self._initial_excess)
         self._progress("rigging", 0.95 * share)
-        return excess
+        return errors
 
-    def _fit_excess(self, residuals: Floats) -> float:
+    def _fit_errors(self, residuals: Floats) -> tuple[float, float]:
         squares = np.square(residuals.reshape(-1, 3, residuals.shape[1])).sum(axis=1)
         kg = _percent(math.sqrt(squares.mean()), self._deviation)
-        return self._bounds.excess(kg, _percent(math.sqrt(squares.max()), self._diagonal))
+        largest = _percent(math.sqrt(squares.max()), self._diagonal)
+        return kg / (FIT_KG * self._bounds.kg), largest / (FIT_LARGEST * self._bounds.largest)
 
     def _excess(self, rig: Rig) -> float:
         return self._bounds.excess(rig.errors.kg_percent, rig.errors.largest_percent)
@@ -364,6 +377,7 @@ class _Search:
 
     def _stored(self, rounding: float) -> Rig:
         fit = self._decomposition.copy()
+        fit.prune(PRUNING * rounding)
         skin, skeleton = build_skeleton(fit.skin)
         weights = byte_weights(skin.weights)
         skin = replace(skin, weights=weights / FULL)
@@ -375,7 +389,8 @@ class _Search:
         bits = math.ceil(math.log2(math.sqrt(0.5) * radius / rounding + 1)) + 1
         exponent = math.floor(math.log2(2 * rounding * self._unit))
         unit = self._unit
-        joints = skeleton.joints * unit
+        # Rounded joints are shorter in compressed files, and as good.
+        joints = round_to(skeleton.joints * unit, exponent)
         transforms = skin.transforms.copy()
         transforms[..., 3] *= unit
         tracks = fit_tracks(
@@ -384,7 +399,7 @@ class _Search:
             radii * unit,
             self._times_s,
             Steps(min(max(bits, MIN_BITS), MAX_BITS), exponent),
-            2 * rounding * unit,
+            KEY_TOLERANCE * rounding * unit,
         )
         rig = Rig(
             self._faces,
@@ -407,7 +422,7 @@ class _Search:
         fit.fit_rest()
         rest = fit.rest * unit
         low, high = rest.min(axis=0), rest.max(axis=0)
-        offset = (low + high) / 2
+        offset = round_to((low + high) / 2, exponent)
         reach = max(float(np.abs(rest - offset).max()), 1e-30)
         levels = min(max(MIN_LEVELS, math.ceil(reach / (rounding * unit))), SHORT)
         scale = float(np.float32(reach / levels * SHORT))
@@ -430,7 +445,7 @@ class _Search:
         residuals = self._vertices - rig.positions() - self._origin
         flat = residuals.transpose(0, 2, 1).reshape(-1, residuals.shape[1])
         search = CorrectiveSearch(flat, rig.blended(), rig.scale)
-        share = (FIT_SHARE * self._bounds.kg / rig.errors.kg_percent) ** 2
+        share = (FIT_KG * self._bounds.kg / rig.errors.kg_percent) ** 2
         n_targets = min(search.count_for(min(share, 1.0)), MAX_TARGETS)
         while True:
             candidate = self._measured(replace(rig, correctives=search.fit(n_targets)))
@@ -438,6 +453,11 @@ class _Search:
                 return candidate
             n_targets = min(n_targets + max(1, n_targets // 8), MAX_TARGETS)
             self._progress("rigging", 0.95 + 0.05 * n_targets / MAX_TARGETS)
+
+
+def round_to(values: Floats, exponent: int) -> Floats:
+    """Return values rounded to multiples of 2 to the power of an exponent."""
+    return np.asarray(np.ldexp(np.rint(np.ldexp(values, -exponent)), exponent) + 0.0)
 
 
 def _percent(value: float, whole: float) -> float:

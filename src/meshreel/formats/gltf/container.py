@@ -26,7 +26,8 @@ VERSION = 2
 MAX_BYTES = (1 << 32) - 1
 
 COMPONENT_TYPES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
-TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+JOINTS = "JOINTS_0"
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 ALIGNMENT = 4
 """Alignment of each vertex attribute and its stride, in bytes."""
@@ -170,12 +171,12 @@ class BufferWriter:
     def vertex_accessor(self, name: str, stored: VertexValues, verts: slice) -> int:
         """Add an accessor of an attribute on a range of vertices, and return its index.
 
-        Integers are normalized, except in application-specific attributes.
+        Integers are normalized, except joints and application-specific attributes.
         """
         values = stored.values[verts]
         start = stored.offset + verts.start * stored.stride
         properties: Json = {"byteOffset": start} if start else {}
-        if values.dtype.kind in "iu" and not name.startswith("_"):
+        if values.dtype.kind in "iu" and not name.startswith("_") and name != JOINTS:
             properties["normalized"] = True
         return self._add_accessor(stored.view, values, has_bounds=name == "POSITION", **properties)
 
@@ -201,6 +202,34 @@ class BufferWriter:
         view = self._add_elements(rows if rows[0].nbytes <= MAX_STRIDE else items)
         return self._add_accessor(view, items)
 
+    def add_matrices(self, matrices: npt.NDArray[np.floating]) -> int:
+        """Append matrices of shape (N, 4, 4), and return their accessor."""
+        values = matrices.transpose(0, 2, 1).reshape(-1, 16).astype("<f4")  # column by column
+        return self._add_accessor(self._add_elements(values), values)
+
+    def add_curves(
+        self,
+        curves: Sequence[npt.NDArray[Any]],
+        filtered: tuple[npt.NDArray[Any], str] | None = None,
+    ) -> list[int]:
+        """Append values of several animations, of shape (N, C), and return their accessors.
+
+        Parameters
+        ----------
+        filtered : tuple of array and str, optional
+            What a filter of this name decodes to the values, for compression.
+        """
+        values = np.concatenate(curves)
+        values = values.astype(values.dtype.newbyteorder("<"))
+        view = self._add_elements(values, filtered=filtered)
+        normalized: Json = {"normalized": True} if values.dtype.kind == "i" else {}
+        accessors, start = [], 0
+        for curve in curves:
+            offset = {"byteOffset": start} if start else {}
+            accessors.append(self._add_accessor(view, curve, **offset, **normalized))
+            start += curve.nbytes
+        return accessors
+
     def add_view(self, data: bytes, **properties: Any) -> int:
         """Append bytes, such as those of an image, and return the index of their buffer view."""
         view = {"buffer": 0, "byteOffset": self.size_bytes, "byteLength": len(data)}
@@ -210,12 +239,19 @@ class BufferWriter:
         return len(self.views) - 1
 
     def _add_elements(
-        self, elements: npt.NDArray[Any], mode: str = "ATTRIBUTES", **properties: Any
+        self,
+        elements: npt.NDArray[Any],
+        mode: str = "ATTRIBUTES",
+        filtered: tuple[npt.NDArray[Any], str] | None = None,
+        **properties: Any,
     ) -> int:
         """Append rows, compressed if that is shorter, and return the index of their view."""
         if self._meshopt is None:
             return self.add_view(elements.tobytes(), **properties)
-        data, kind = encode_view(elements, mode, ATTRIBUTES_VERSIONS[self._meshopt])
+        source, filter_kind = filtered or (elements, "NONE")
+        data, kind = encode_view(source, mode, ATTRIBUTES_VERSIONS[self._meshopt])
+        if filtered:
+            kind = filter_kind
         if len(data) + EXTENSION_BYTES > elements.nbytes:
             return self.add_view(elements.tobytes(), **properties)
         index = self.add_view(data)

@@ -1,7 +1,7 @@
 """Rows of glTF."""
 
 from meshreel.formats.gltf.read import list_animations, read_meshes
-from meshreel.formats.gltf.write import write_glb, write_gltf
+from meshreel.formats.gltf.rigged import write_any_glb, write_any_gltf
 from meshreel.formats.kinds import SequenceFormat
 
 FORMATS = tuple(
@@ -12,12 +12,14 @@ FORMATS = tuple(
         write=write,
         holds_segments=True,
         names_files=True,
-        writes=frozenset({"targets", "max_error", "normals", "compression", "meshopt"}),
+        writes=frozenset(
+            {"targets", "max_error", "normals", "compression", "meshopt", "rig", "kg_error"}
+        ),
         holds_materials=True,
         list_animations=list_animations,
     )
     for extension, title, write in (
-        (".glb", "glTF, binary", write_glb),
-        (".gltf", "glTF, text", write_gltf),
+        (".glb", "glTF, binary", write_any_glb),
+        (".gltf", "glTF, text", write_any_gltf),
     )
 )

@@ -213,6 +213,31 @@ def write_mesh(
         Receive the values and the materials of the mesh.
     """
     base, targets = _add_vertices(split, morph_mesh, buffer)
+    weights = None if morph_mesh.morphs is None else morph_mesh.morphs.weights[0]
+    return mesh_json(name, split, base, targets, weights, buffer, materials)
+
+
+StoredValues = dict[str, VertexValues]
+"""Buffer locations of vertex values, by attribute."""
+
+
+def mesh_json(
+    name: str,
+    split: SplitVertices,
+    base: StoredValues,
+    targets: list[StoredValues],
+    weights: npt.NDArray[np.floating] | None,
+    buffer: BufferWriter,
+    materials: Materials,
+) -> Json:
+    """Return the JSON of a mesh whose vertex values are in the buffer, and add its triangles.
+
+    Parameters
+    ----------
+    weights : float array of shape (K,), optional
+        Weights of the targets in the first frame, which viewers show when they do not play the
+        animation; None without targets.
+    """
     primitives = []
     for primitive in split.primitives:
         json: Json = {
@@ -224,17 +249,12 @@ def write_mesh(
             json["targets"] = [_accessors(values, primitive.verts, buffer) for values in targets]
         primitives.append(json)
     mesh: Json = {"name": name, "primitives": primitives}
-    if morph_mesh.morphs is None:
+    if weights is None:
         return mesh
-    # Viewers show the first frame when the animation is not played.
     return mesh | {
-        "weights": morph_mesh.morphs.weights[0].tolist(),
+        "weights": weights.tolist(),
         "extras": {"targetNames": [f"mode {number + 1}" for number in range(len(targets))]},
     }
-
-
-StoredValues = dict[str, VertexValues]
-"""Buffer locations of vertex values, by attribute."""
 
 
 def _accessors(values: StoredValues, verts: slice, buffer: BufferWriter) -> dict[str, int]:

@@ -91,7 +91,7 @@ def _write(
     stream: SegmentedStream, options: WriteOptions, write: Callable[[Json, BufferWriter], int]
 ) -> None:
     """Fit all segments, write them by a function that returns the size, and note the errors."""
-    _check_options(options)
+    check_options(options)
     notes = stream.notes
 
     def note_losses(mesh: FrameStream) -> None:
@@ -99,7 +99,7 @@ def _write(
         add_once(notes, filter(None, [*describe_losses(mesh.surface), cut]))
 
     sharing, _ = sharing_materials(stream, note_losses)
-    times_s = _times(stream)
+    times_s = frame_times(stream)
     segments: Iterable[MeshSequence]
     if stream.n_segments == 1:
         [segments] = [[segment.gather()] for segment in stream.segments()]
@@ -116,8 +116,9 @@ def _write(
         allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
     stream.progress("morph targets", 0.0)
-    meshopt = (options.meshopt or "ext") if options.compression else None
-    morph_options = MorphOptions(options.targets, budget.added, options.normals, meshopt)
+    morph_options = MorphOptions(
+        options.targets, budget.added, options.normals, extension_of(options)
+    )
     scene = SceneWriter(stream.name, times_s, morph_options, notes)
     for segment in segments:
         scene.add_segment(segment)
@@ -162,7 +163,13 @@ def _write(
         notes.append(f"compressed with {extension}: {COMPRESSED_ADVICE}")
 
 
-def _check_options(options: WriteOptions) -> None:
+def extension_of(options: WriteOptions) -> str | None:
+    """Return the key in `MESHOPT` of the extension for compression; None without compression."""
+    return (options.meshopt or "ext") if options.compression else None
+
+
+def check_options(options: WriteOptions) -> None:
+    """Raise InvalidInputError if options are out of range or contradict each other."""
     minimum = 2 if options.normals else 1
     if options.targets is not None and options.targets < minimum:
         reason = " with normals" if options.normals else ""
@@ -179,7 +186,7 @@ def _check_options(options: WriteOptions) -> None:
         )
 
 
-def _times(stream: SegmentedStream) -> Sequence[float]:
+def frame_times(stream: SegmentedStream) -> Sequence[float]:
     """Return the times of frames in seconds; glTF has no negative times."""
     notes = stream.notes if stream.n_frames > 1 else []
     times, start_s = written_times(stream.timing, stream.n_frames, notes), stream.timing.start_s

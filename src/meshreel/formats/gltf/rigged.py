@@ -1,0 +1,308 @@
+"""Writing glTF: a skinned mesh, its bones with their keys, and corrective morph targets."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.formats.frames.frame_stream import SegmentedStream
+from meshreel.formats.gltf.container import (
+    JOINTS,
+    BufferWriter,
+    Json,
+    write_container,
+    write_text,
+)
+from meshreel.formats.gltf.materials import Materials
+from meshreel.formats.gltf.mesh_writer import (
+    SplitVertices,
+    StoredValues,
+    describe_losses,
+    mesh_json,
+    split_at_seams,
+)
+from meshreel.formats.gltf.morph_mesh import static_normals, wants_normals
+from meshreel.formats.gltf.morphs import IDENTITY, check_range
+from meshreel.formats.gltf.write import (
+    COMPRESSED_ADVICE,
+    QUANTIZATION,
+    NodeTree,
+    assemble_document,
+    check_options,
+    extension_of,
+    frame_times,
+    path_of,
+    write_glb,
+    write_gltf,
+)
+from meshreel.formats.notes import add_once
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.rigs import is_rigged, rig_of
+from meshreel.formats.scenes.parts import PartMesh, split_parts
+from meshreel.formats.surfaces.polygons import describe_triangles
+from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.sequence import MeshSequence
+from meshreel.rigging.rig import Rig
+from meshreel.runtime.counting import counted
+
+NORMAL_LEVELS = 127
+POSE_DIGITS = 5
+"""Decimals of the first pose of animated nodes, which only shows while nothing plays."""
+
+Bytes = npt.NDArray[np.uint8]
+
+
+def write_any_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write a ``.glb`` file, with a rig if the options request one.
+
+    Raises
+    ------
+    InvalidInputError
+        As `write_glb`, and `meshreel.formats.rigs.rig_of`.
+    """
+    if not is_rigged(options):
+        write_glb(path, stream, options)
+        return
+    advice = "allow larger errors (max_error)"
+    _write(stream, options, lambda *content: write_container(path, *content, advice))
+
+
+def write_any_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write a ``.gltf`` file with the buffer as base64, with a rig if the options request one.
+
+    Raises
+    ------
+    InvalidInputError
+        As `write_any_glb`.
+    """
+    if not is_rigged(options):
+        write_gltf(path, stream, options)
+        return
+    _write(stream, options, lambda *content: write_text(path, *content))
+
+
+def _write(
+    stream: SegmentedStream, options: WriteOptions, write: Callable[[Json, BufferWriter], int]
+) -> None:
+    check_options(options)
+    times_s = np.asarray(frame_times(stream))
+    sequence, rig = rig_of(stream, options, times_s)
+    check_range(sequence.extent.low, sequence.extent.high)
+    cut = describe_triangles(sequence.surface.sizes(len(sequence.faces)))
+    add_once(stream.notes, filter(None, [*describe_losses(sequence.surface), cut]))
+    scene = _RiggedScene(stream.name, sequence, rig, options, stream.notes)
+    document = scene.document()
+    size_bytes = write(document, scene.buffer)
+    stream.notes.append(scene.describe_size(size_bytes))
+    for extension in scene.buffer.required:
+        stream.notes.append(f"compressed with {extension}: {COMPRESSED_ADVICE}")
+
+
+class _RiggedScene:
+    """Collects the nodes, meshes, skin, animation and buffer of a rigged sequence.
+
+    Attributes
+    ----------
+    sizes : dict of str to int
+        Bytes of the buffer by purpose.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sequence: MeshSequence,
+        rig: Rig,
+        options: WriteOptions,
+        notes: list[str],
+    ) -> None:
+        meshopt = extension_of(options)
+        self.buffer = BufferWriter(meshopt)
+        self.sizes: dict[str, int] = {}
+        self._name, self._rig, self._options, self._notes = name, rig, options, notes
+        self._tree = NodeTree()
+        self._materials = Materials(sequence.surface, self.buffer, notes)
+        self._meshes: list[Json] = []
+        self._mesh_nodes: list[int] = []
+        self._used = np.zeros(len(rig.coordinates), bool)
+        parts = split_parts(sequence.faces, sequence.surface, len(rig.coordinates), name)
+        for part in sorted(parts, key=lambda part: len(path_of(part.name))):
+            self._add_part(part)
+        n_isolated = int((~self._used).sum())
+        if n_isolated:
+            notes.append(f"left out {counted(n_isolated, 'vertex')} that no face uses")
+
+    def document(self) -> Json:
+        """Return the JSON of the file, without the buffer, after adding the bones."""
+        bones = self._add_bones()
+        binds = self.buffer.add_matrices(self._rig.inverse_binds)
+        animation = self._animation(bones)
+        self._count("bones and keys")
+        document = assemble_document(
+            self._name or "scene",
+            self._tree,
+            self._meshes,
+            self._materials,
+            self.buffer,
+            [animation] if animation else [],
+            [QUANTIZATION],
+        )
+        return document | {"skins": [{"inverseBindMatrices": binds, "joints": bones}]}
+
+    def describe_size(self, size_bytes: int) -> str:
+        """Return a sentence with the size of the file by purpose."""
+        parts = {**self.sizes, "description": size_bytes - sum(self.sizes.values())}
+        shown = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in parts.items() if size)
+        return f"{size_bytes / 1e3:.0f} kB: {shown}"
+
+    def _count(self, purpose: str) -> None:
+        """Count the bytes since the last count for a purpose."""
+        new = self.buffer.size_bytes - sum(self.sizes.values())
+        self.sizes[purpose] = self.sizes.get(purpose, 0) + new
+
+    def _add_part(self, part: PartMesh) -> None:
+        rig, buffer = self._rig, self.buffer
+        hard_edges = None if self._options.normals is False else part.surface.hard_edges
+        n_verts = part.verts.stop - part.verts.start
+        shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
+        split = split_at_seams(part, shading.rows.of_corner)
+        if extension_of(self._options):
+            split = split.along_edges()
+        if not len(split.sources):
+            return
+        sources = split.sources + part.verts.start
+        self._used[sources] = True
+        base: StoredValues = {}
+        self._add(base, "POSITION", rig.coordinates[sources])
+        rest = rig.rest[part.verts]
+        has_normals = wants_normals(self._options.normals, rest, part.faces)
+        if has_normals or hard_edges is not None:
+            normals = static_normals(rest[shading.rows.vertices], shading.triangles).base
+            rounded = np.rint(normals * NORMAL_LEVELS).astype(np.int8)
+            self._add(base, "NORMAL", rounded[split.rows])
+        for name, values in split.attributes.items():
+            self._add(base, name, values)
+        self._count("mesh")
+        joints, weights = align_influences(rig.joints[sources], rig.weights[sources])
+        self._add(base, JOINTS, joints)
+        self._add(base, "WEIGHTS_0", weights)
+        self._count("weights")
+        targets = self._add_targets(sources)
+        self._count("correctives")
+        first = rig.correctives.weights[0] if rig.n_targets else None
+        path = path_of(part.name)
+        self._mesh_nodes.append(self._tree.add(part.name, len(self._meshes), IDENTITY))
+        self._tree.nodes[self._mesh_nodes[-1]]["skin"] = 0
+        self._meshes.append(
+            mesh_json(path[-1], split, base, targets, first, buffer, self._materials)
+        )
+        self._count("mesh")
+
+    def _add(self, base: StoredValues, name: str, values: npt.NDArray[np.generic]) -> None:
+        [base[name]] = self.buffer.add_vertices([values])
+
+    def _add_targets(self, sources: npt.NDArray[np.int64]) -> list[StoredValues]:
+        targets = self._rig.correctives.targets
+        if not len(targets):
+            return []
+        stored = self.buffer.add_vertices([target[sources] for target in targets])
+        return [{"POSITION": values} for values in stored]
+
+    def _add_bones(self) -> list[int]:
+        """Add the nodes of the bones below one at the origin of the rig; return their indices."""
+        rig, nodes = self._rig, self._tree.nodes
+        armature = self._tree.group(f"{self._name or 'mesh'} skeleton".replace("/", "_"))
+        if rig.origin.any():
+            nodes[armature]["translation"] = rig.origin.tolist()
+        bones: list[int] = []
+        names, parents = rig.skeleton.names, rig.skeleton.parents.tolist()
+        for name, parent, track in zip(names, parents, rig.tracks, strict=True):
+            node: Json = {"name": name}
+            pose = {
+                "translation": (track.translations, track.translations),
+                "rotation": (unit_singles(track.rotations), track.codes),
+            }
+            for path, (values, stored) in pose.items():
+                is_exact = not moves(stored)
+                first = values[0].astype(np.float64)
+                node[path] = [
+                    float(str(np.float32(value))) if is_exact else round(value, POSE_DIGITS)
+                    for value in first.tolist()
+                ]
+            above = nodes[armature if parent < 0 else bones[parent]]
+            above.setdefault("children", []).append(len(nodes))
+            bones.append(len(nodes))
+            nodes.append(node)
+        return bones
+
+    def _animation(self, bones: list[int]) -> Json | None:
+        """Return the animation of the bones and correctives; None of a single frame."""
+        rig, buffer = self._rig, self.buffer
+        if len(rig.times_s) == 1:
+            return None
+        samplers: list[Json] = []
+        channels: list[Json] = []
+        inputs: dict[bytes, int] = {}
+
+        def animate(node: int, path: str, frames: npt.NDArray[np.int64], values: int) -> None:
+            key = frames.tobytes()
+            if key not in inputs:
+                inputs[key] = buffer.add_times(rig.times_s[frames])
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+            samplers.append({"input": inputs[key], "output": values})
+
+        pairs = [*zip(bones, rig.tracks, strict=True)]
+        # The root has keys in all frames, even if it rests, so that readers find all of them.
+        turning = [(node, one) for node, one in pairs if moves(one.codes) or node == bones[0]]
+        moving = [(node, one) for node, one in pairs if moves(one.translations)]
+        codes = np.concatenate([one.codes for _, one in turning])
+        rotations = buffer.add_curves([one.rotations for _, one in turning], (codes, "QUATERNION"))
+        for (node, one), values in zip(turning, rotations, strict=True):
+            animate(node, "rotation", one.frames, values)
+        if moving:
+            translations = buffer.add_curves([one.translations for _, one in moving])
+            for (node, one), values in zip(moving, translations, strict=True):
+                animate(node, "translation", one.frames, values)
+        if rig.n_targets:
+            self._count("bones and keys")
+            every = np.arange(len(rig.times_s))
+            weights = buffer.add_samples(rig.correctives.weights, width=1)
+            for node in self._mesh_nodes:
+                animate(node, "weights", every, weights)
+            self._count("correctives")
+        return {"name": self._name or "animation", "samplers": samplers, "channels": channels}
+
+
+def moves(keys: npt.NDArray[np.generic]) -> bool:
+    """Return whether keys of shape (N, C) differ."""
+    return bool((keys != keys[0]).any())
+
+
+def unit_singles(rotations: npt.NDArray[np.int16]) -> npt.NDArray[np.float64]:
+    """Return normalized integers as unit quaternions."""
+    values = rotations.astype(np.float64)
+    return np.asarray(values / np.linalg.norm(values, axis=1, keepdims=True))
+
+
+def align_influences(joints: Bytes, weights: Bytes) -> tuple[Bytes, Bytes]:
+    """Return the influences of vertices, of shape (V, 4), in an order that compresses well.
+
+    A bone stays in the column in which the last vertex had it. Unused joints are 0, as glTF
+    recommends.
+    """
+    columns = [0, 0, 0, 0]
+    aligned_joints, aligned_weights = np.zeros_like(joints), np.zeros_like(weights)
+    for row, (own, shares) in enumerate(zip(joints.tolist(), weights.tolist(), strict=True)):
+        influences = sorted(zip(shares, own, strict=True), reverse=True)
+        pending = {joint: share for share, joint in influences if share}
+        free = []
+        for column, joint in enumerate(columns):
+            if joint in pending:
+                aligned_joints[row, column] = joint
+                aligned_weights[row, column] = pending.pop(joint)
+            else:
+                free.append(column)
+        for column, (joint, share) in zip(free, pending.items(), strict=False):
+            columns[column] = joint
+            aligned_joints[row, column], aligned_weights[row, column] = joint, share
+    return aligned_joints, aligned_weights

@@ -1,0 +1,99 @@
+"""Rigs of the animations that writers receive, and sentences on them."""
+
+import numpy as np
+
+from meshreel.arrays import Floats
+from meshreel.codec.error_bounds import bound_of
+from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
+from meshreel.formats.error_budget import share_budget
+from meshreel.formats.frames.frame_stream import SegmentedStream
+from meshreel.formats.options import WriteOptions
+from meshreel.model.sequence import MeshSequence
+from meshreel.rigging.rig import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, Bounds, Rig, fit_rig
+from meshreel.runtime.counting import counted
+
+
+def is_rigged(options: WriteOptions) -> bool:
+    """Return whether a rig is to be written.
+
+    Raises
+    ------
+    InvalidInputError
+        If another option has no effect with this choice.
+    """
+    if not options.rig:
+        if options.kg_error is not None:
+            raise InvalidInputError(
+                Keyword("kg_error"), " is a bound of rigs; add ", Keyword("rig"), ", or omit it"
+            )
+        return False
+    if options.targets is not None:
+        raise InvalidInputError(
+            Keyword("targets"),
+            " is for animations without bones; a rig has as many corrective targets as its error "
+            "bounds require; omit it",
+        )
+    return True
+
+
+def rig_of(
+    stream: SegmentedStream, options: WriteOptions, times_s: Floats
+) -> tuple[MeshSequence, Rig]:
+    """Return the frames of a stream, and a rig within the error bounds; the notes gain its errors.
+
+    Raises
+    ------
+    ConnectivityChangeError
+        If the faces change.
+    InvalidInputError
+        As `meshreel.rigging.rig.fit_rig`.
+    """
+    if stream.n_segments > 1:
+        raise ConnectivityChangeError(
+            f"a rig needs the same faces in all frames; got {stream.n_segments} segments; register "
+            "the frames first (meshreel register), or write morph targets (omit ",
+            Keyword("rig"),
+            ")",
+        )
+    [sequence] = [segment.gather() for segment in stream.segments()]
+    diagonal = float(np.linalg.norm(sequence.extent.high - sequence.extent.low))
+    allowed = DEFAULT_LARGEST_PERCENT
+    if options.max_error is not None:
+        allowed = bound_of(options.max_error).percent(diagonal or 1.0)
+    budget = share_budget(
+        allowed,
+        diagonal,
+        options.origin,
+        is_total=options.max_error is not None,
+        consumer="the rig",
+    )
+    kg = DEFAULT_KG_PERCENT if options.kg_error is None else options.kg_error
+    largest = 100 * budget.added / (diagonal or 1.0)
+    rig = fit_rig(
+        sequence.vertices,
+        sequence.faces,
+        times_s,
+        bones=None if options.rig is True else options.rig,
+        bounds=Bounds(kg, largest),
+        force=options.force,
+        progress=stream.progress,
+    )
+    stream.notes.append(describe_rig(rig))
+    if rig.errors.kg_percent > kg or rig.errors.largest_percent > largest:
+        stream.notes.append(
+            f"the rig exceeds its error bounds: a KG error of {kg:g} % and a largest error of "
+            f"{largest:.4g} % of the diagonal"
+        )
+    stream.notes += budget.describe(rig.errors.largest_percent / 100 * diagonal)
+    return sequence, rig
+
+
+def describe_rig(rig: Rig) -> str:
+    """Return a sentence with the size and the errors of a rig."""
+    correctives = f" and {counted(rig.n_targets, 'corrective target')}" if rig.n_targets else ""
+    errors = rig.errors
+    return (
+        f"the rig has {counted(rig.n_bones, 'bone')}{correctives}: KG error "
+        f"{errors.kg_percent:.3g} %, largest error {errors.largest_percent:.3g} % of the diagonal, "
+        f"mean error of face normals {errors.normal_deg:.2g} degrees"
+    )
